@@ -1,0 +1,74 @@
+"""The pinhole camera: pixels, normalised coordinates, and where it is mounted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .errors import InvalidInput
+from .geometry import Pose, vector
+from .rows import Array, BoolArray
+
+LARGEST_IMAGE = 1e4
+"""Sides of an image beyond which boundaries in it are not looked for [px]."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera without distortion, carried by the end-effector.
+
+    Pixel coordinates (u, v) are measured from the centre of the image, u to the right and v down, as in eq. (20);
+    :meth:`from_corner` converts those measured from the top left corner.
+
+    Attributes
+    ----------
+    focal
+        (F_u, F_v): focal length divided by the size of a pixel [px].
+    size
+        (W, H): width and height of the image [px].
+    principal_point
+        (2,) where the optical axis meets the image, from the top left corner [px]; the centre if None.
+    mount
+        ᶜMₑ: end-effector (robot tip) coordinates to camera coordinates.
+    """
+
+    focal: tuple[float, float]
+    size: tuple[float, float]
+    principal_point: tuple[float, float] | None = None
+    mount: Pose = field(default_factory=Pose.identity)
+
+    def __post_init__(self) -> None:
+        for name in ("focal", "size"):
+            if (vector(getattr(self, name), 2, f"camera {name}") <= 0.0).any():
+                raise InvalidInput(f"camera {name} must be positive, not {getattr(self, name)}")
+        if max(self.size) > LARGEST_IMAGE:
+            raise InvalidInput(f"camera size is at most {LARGEST_IMAGE:g} px a side, not {self.size}")
+        if self.principal_point is not None:
+            vector(self.principal_point, 2, "camera principal_point")
+
+    @property
+    def offset(self) -> Array:
+        """(2,) principal point measured from the image's centre [px]."""
+        if self.principal_point is None:
+            return np.zeros(2)
+        return np.asarray(self.principal_point) - 0.5 * np.asarray(self.size)
+
+    def pixels(self, normalised: Array) -> Array:
+        """(..., 2) pixels from the image's centre, of normalised coordinates (x, y) = (X/Z, Y/Z)."""
+        pixels: Array = normalised * np.asarray(self.focal) + self.offset
+        return pixels
+
+    def normalised(self, pixels: Array) -> Array:
+        """(..., 2) normalised coordinates of pixels measured from the image's centre."""
+        normalised: Array = (pixels - self.offset) / np.asarray(self.focal)
+        return normalised
+
+    def from_corner(self, pixels: Array) -> Array:
+        """(..., 2) pixels from the image's centre, of pixels measured from the top left corner."""
+        centred: Array = np.asarray(pixels) - 0.5 * np.asarray(self.size)
+        return centred
+
+    def sees(self, pixels: Array) -> BoolArray:
+        """(...) whether pixels measured from the image's centre lie in the image."""
+        return np.asarray((np.abs(pixels) <= 0.5 * np.asarray(self.size)).all(axis=-1))

@@ -1,0 +1,86 @@
+"""Own controllers and constraints named in files as ``module:Class``."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import re
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import ModuleType
+from typing import TypeVar, cast
+
+from .errors import ConfigurationError
+
+Base = TypeVar("Base")
+
+
+def imported_class(name: str, base: Callable[..., Base], folder: Path | None = None) -> type[Base]:
+    """The class that ``module:Class`` names.
+
+    Parameters
+    ----------
+    name
+        For example ``"my_laws:Cautious"``.
+    base
+        What it must derive from.
+    folder
+        Where ``my_laws.py`` is looked for first: the folder of the file that names it.
+
+    Raises
+    ------
+    ConfigurationError
+        if the module cannot be imported, or holds no such class.
+    """
+    module_name, class_name = _parts(name)
+    file = plugin_file(name, folder)
+    try:
+        module = importlib.import_module(module_name) if file is None else _module_from(file)
+    except Exception as error:  # an own module can fail in any way while it is imported
+        raise ConfigurationError(f"{name!r}: cannot import {module_name!r}: {type(error).__name__}: {error}") from error
+    found = getattr(module, class_name, None)
+    kind = cast("type[Base]", base)
+    if not (isinstance(found, type) and issubclass(found, kind)):
+        raise ConfigurationError(f"{name!r}: {module_name} holds no {kind.__name__} of the name {class_name!r}")
+    return found
+
+
+def plugin_file(name: str, folder: Path | None) -> Path | None:
+    """The file in ``folder`` that ``module:Class`` means; None if it means an installed module."""
+    file = None if folder is None else folder / f"{_parts(name)[0].replace('.', '/')}.py"
+    return file if file is not None and file.is_file() else None
+
+
+def plugin_files(names: Iterable[str], folder: Path | None) -> list[Path]:
+    """The Python files that own parts of these names may be made of: all those beside them, for what they import."""
+    files = [plugin_file(name, folder) for name in names if ":" in name]
+    return sorted({beside for file in files if file is not None for beside in file.parent.glob("*.py")})
+
+
+def _parts(name: str) -> tuple[str, str]:
+    if not re.fullmatch(r"\w+(\.\w+)*:\w+", name):
+        raise ConfigurationError(f"{name!r} must be module:Class, for example my_laws:Cautious")
+    module_name, _, class_name = name.partition(":")
+    return module_name, class_name
+
+
+def _module_from(file: Path) -> ModuleType:
+    """Import a file under a name of its own, so that files of the same name in two folders stay apart."""
+    path = file.resolve()
+    unique = f"vsconstraints own file {path}"
+    if unique not in sys.modules:
+        spec = importlib.util.spec_from_file_location(unique, path)
+        if spec is None or spec.loader is None:
+            raise ImportError(f"{path} is not a Python file")
+        module = importlib.util.module_from_spec(spec)
+        # modules beside it can be imported by it
+        if str(path.parent) not in sys.path:
+            sys.path.append(str(path.parent))
+        sys.modules[unique] = module
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[unique]
+            raise
+    return sys.modules[unique]

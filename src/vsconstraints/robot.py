@@ -1,0 +1,300 @@
+"""Serial arms on Pinocchio: from a DH table or a URDF file, any number of joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from .errors import ConfigurationError, InvalidInput, unknown_name
+from .geometry import Pose, skew, vector
+from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint
+from .rows import Array
+from .urdf import UrdfSource, collision_geometry, read_urdf
+
+
+class Robot:
+    """A serial arm with n joints, each revolute or prismatic.
+
+    Build one with :meth:`from_dh` or :meth:`from_urdf`, or take a ready-made one from
+    :mod:`vsconstraints.robots`.
+
+    Attributes
+    ----------
+    name
+        For reports.
+    joint_names
+        n names, from base to tip.
+    q_min, q_max
+        (n,) joint ranges [rad or m]; infinite where there is none.
+    qd_min, qd_max
+        (n,) joint speed limits [rad/s or m/s]; infinite where there is none.
+    source
+        The URDF file it was read from; None for other robots.
+    """
+
+    def __init__(
+        self,
+        model: pin.Model,
+        tip_frame: int,
+        name: str,
+        q_min: Array,
+        q_max: Array,
+        qd_max: Array,
+        source: UrdfSource | None = None,
+    ) -> None:
+        wrong = [
+            f"{joint} [{low:g}, {high:g}], speed {speed:g}"
+            for joint, low, high, speed in zip(model.names[1:], q_min, q_max, qd_max, strict=True)
+            if low > high or speed <= 0.0
+        ]
+        if wrong:
+            raise ConfigurationError(f"limits of {name} must be lower ≤ upper and a positive speed: {'; '.join(wrong)}")
+        self.model = model
+        self.name = name
+        self.source = source
+        self.joint_names: tuple[str, ...] = tuple(model.names[1:])
+        self.q_min, self.q_max = q_min, q_max
+        self.qd_min, self.qd_max = -qd_max, qd_max
+        self._tip_frame = tip_frame
+        # scratch memory of the model's algorithms; every result is copied out of it
+        self._data = model.createData()
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.model.nv)
+
+    @property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Which of the n joints move along a line."""
+        return tuple("JointModelP" in joint.shortname() for joint in self.model.joints[1:])
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Names of the frames that points can be fixed to."""
+        return ("tip", *(frame.name for frame in self.model.frames if frame.name not in ("tip", "universe")))
+
+    @classmethod
+    def from_dh(
+        cls,
+        table: ArrayLike,
+        *,
+        prismatic: Sequence[int] = (),
+        q_min: ArrayLike | None = None,
+        q_max: ArrayLike | None = None,
+        qd_max: ArrayLike | None = None,
+        name: str = "robot",
+    ) -> Robot:
+        """From standard Denavit–Hartenberg parameters, as in Tables 1–3.
+
+        Link i is placed by Rz(θ) Tz(d) Tx(a) Rx(α), with θ = q_i + the table's θ offset (for a prismatic joint
+        d = q_i + the table's d). The link frames are called ``link 1`` … ``link n``; the last one is the tip.
+
+        Parameters
+        ----------
+        table
+            (n, 4) rows of θ offset [rad], d [m], a [m], α [rad].
+        prismatic
+            Numbers of the prismatic joints, counted from 1.
+        q_min, q_max, qd_max
+            (n,) limits; infinite if not given.
+        name
+            For reports.
+
+        Raises
+        ------
+        InvalidInput
+            if the table or a limit has a wrong shape or is not a number.
+        """
+        try:
+            rows = np.array(table, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InvalidInput(f"the DH table must be rows of four numbers (θ offset, d, a, α): {error}") from error
+        if rows.ndim != 2 or rows.shape[1] != 4 or len(rows) == 0:
+            raise InvalidInput(f"the DH table must be (n, 4): θ offset, d, a, α; it has the shape {rows.shape}")
+        if not np.isfinite(rows).all():
+            raise InvalidInput("the DH table must be finite")
+        numbers = list(prismatic) if isinstance(prismatic, Sequence) else [prismatic]
+        unknown = [number for number in numbers if number not in range(1, len(rows) + 1)]
+        if unknown:
+            raise InvalidInput(f"prismatic joints are numbers from 1 to {len(rows)}, not {unknown}")
+        model = pin.Model()
+        model.name = name
+        after = pin.SE3.Identity()
+        for i, (theta, d, a, alpha) in enumerate(rows, start=1):
+            turn = pin.SE3(np.asarray(pin.rpy.rpyToMatrix(0.0, 0.0, theta)), np.zeros(3))
+            joint = pin.JointModelPZ() if i in prismatic else pin.JointModelRZ()
+            joint_id = model.addJoint(i - 1, joint, after * turn, f"joint {i}")
+            after = pin.SE3(np.asarray(pin.rpy.rpyToMatrix(alpha, 0.0, 0.0)), np.array([a, 0.0, d]))
+            frame = model.addFrame(pin.Frame(f"link {i}", joint_id, after, pin.FrameType.BODY))
+        n = len(rows)
+        unlimited = np.full(n, np.inf)
+        return cls(
+            model,
+            frame,
+            name,
+            -unlimited if q_min is None else _limits(q_min, n, "q_min"),
+            unlimited if q_max is None else _limits(q_max, n, "q_max"),
+            unlimited if qd_max is None else _limits(qd_max, n, "qd_max"),
+        )
+
+    @classmethod
+    def from_urdf(
+        cls,
+        path: str | Path,
+        tip: str | None = None,
+        *,
+        locked: Mapping[str, float] | None = None,
+        name: str | None = None,
+        package_dirs: Sequence[str | Path] | None = None,
+    ) -> Robot:
+        """From a URDF file; joint ranges and speeds are the file's.
+
+        Parameters
+        ----------
+        path
+            The URDF file. Its meshes are read by :meth:`collision_geometry` only.
+        tip
+            Name of the link at the tip; the last link of the file if not given. Joints that do not move it (a
+            gripper's fingers) are locked at their neutral position.
+        locked
+            Joints to lock, with their coordinate [rad or m].
+        name
+            For reports; the robot's name in the file if not given.
+        package_dirs
+            Folders that ``package://`` paths of meshes start from; all folders above the file if not given.
+
+        Raises
+        ------
+        ConfigurationError
+            if the file is missing or not a URDF, or a link or joint is unknown or of a kind an arm does not have.
+        """
+        arm = read_urdf(path, tip, locked or {}, package_dirs)
+        return cls(arm.model, arm.tip_frame, name or arm.model.name, arm.q_min, arm.q_max, arm.qd_max, arm.source)
+
+    def collision_geometry(self) -> pin.GeometryModel:
+        """The collision geometry of the URDF's links, in this robot's model; read anew by every call.
+
+        Raises
+        ------
+        ConfigurationError
+            if the robot is not from a URDF file, or a mesh cannot be read; the message names the file.
+        """
+        if self.source is None:
+            raise ConfigurationError(
+                f"{self.name} is not from a URDF file, so its links have no collision geometry; "
+                "give radius, the links' radius around the lines between the joints"
+            )
+        return collision_geometry(self.source)
+
+    def frame_id(self, link: str) -> int:
+        """Index of a link's frame in the model; raises ConfigurationError that names the links there are."""
+        if link == "tip":
+            return self._tip_frame
+        if not self.model.existFrame(link):
+            raise unknown_name(f"link of {self.name}", link, self.links)
+        return int(self.model.getFrameId(link))
+
+    def configuration(self, q: object, what: str = "q") -> Array:
+        """``q`` as a finite (n,) array; raises InvalidInput that names ``what``."""
+        return vector(q, self.n, f"{what} of {self.name}")
+
+    def outside_ranges(self, q: Array) -> list[str]:
+        """One sentence for each joint of ``q`` outside its range; empty if there is none."""
+        return [
+            f"joint {i + 1} ({self.joint_names[i]}) is at {q[i]:.4g}, "
+            f"outside [{self.q_min[i]:.4g}, {self.q_max[i]:.4g}]"
+            for i in np.flatnonzero((q < self.q_min) | (q > self.q_max))
+        ]
+
+    def pose(self, q: ArrayLike, link: str = "tip") -> Pose:
+        """Pose of a link in the base frame at ``q`` (n,)."""
+        pin.forwardKinematics(self.model, self._data, self.configuration(q))
+        placement = pin.updateFramePlacement(self.model, self._data, self.frame_id(link))
+        return Pose(np.array(placement.rotation), np.array(placement.translation))
+
+    def jacobian(
+        self, q: ArrayLike, link: str = "tip", offset: Sequence[float] = (0.0, 0.0, 0.0), axes: str = "base"
+    ) -> Array:
+        """(6, n) Jacobian of the twist (v, ω) of a point fixed to a link.
+
+        Parameters
+        ----------
+        q
+            (n,) joint coordinates.
+        link
+            Name of the link, or ``"tip"``.
+        offset
+            (3,) the point in the link's frame [m].
+        axes
+            Whose axes v and ω are expressed in: ``"base"`` or ``"tip"``.
+
+        Raises
+        ------
+        ConfigurationError, InvalidInput
+            if the link or the axes are unknown, or a shape is wrong.
+        """
+        return self._point_motion(q, np.zeros(self.n), link, offset, axes)[0]
+
+    def drift(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        link: str = "tip",
+        offset: Sequence[float] = (0.0, 0.0, 0.0),
+        axes: str = "base",
+    ) -> Array:
+        """(6,) J̇ q̇ of :meth:`jacobian`, exactly: the derivative of that twist when q̈ = 0.
+
+        Parameters
+        ----------
+        q, qd
+            (n,) joint coordinates and speeds.
+        link, offset, axes
+            As for :meth:`jacobian`.
+        """
+        return self._point_motion(q, qd, link, offset, axes)[1]
+
+    def _point_motion(
+        self, q: ArrayLike, qd: ArrayLike, link: str, offset: Sequence[float], axes: str
+    ) -> tuple[Array, Array]:
+        if axes not in ("base", "tip"):
+            raise unknown_name("axes", axes, ("base", "tip"))
+        q, qd = self.configuration(q), self.configuration(qd, "qd")
+        x, y, z = vector(offset, 3, "offset")
+        motion = self.kinematics(q, qd, [RobotPoint(link, (x, y, z))])
+        data, frame, world = self._data, self.frame_id(link), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        angular_J = np.array(pin.getFrameJacobian(self.model, data, frame, world)).reshape(6, -1)[3:]
+        angular_drift = np.array(pin.getFrameAcceleration(self.model, data, frame, world).angular)
+        J = np.concatenate((motion.point_J[0], angular_J))
+        drift = np.concatenate((motion.point_drift[0], angular_drift))
+        if axes == "base":
+            return J, drift
+        # the tip's axes turn with it: d/dt (Rᵀ a) = Rᵀ (ȧ − ω × a)
+        R = motion.tip.R
+        spin = skew(R @ (motion.J[3:] @ qd))
+        turning = drift - np.concatenate((spin @ (J[:3] @ qd), spin @ (J[3:] @ qd)))
+        to_tip = np.kron(np.eye(2), R.T)
+        return to_tip @ J, to_tip @ turning
+
+    def kinematics(self, q: Array, qd: Array, points: Sequence[RobotPoint] = ()) -> Kinematics:
+        """Pose, Jacobian and exact J̇ q̇ of the tip and of any points, at ``q`` and ``qd`` (n,)."""
+        return self.evaluator(points)(q, qd)
+
+    def evaluator(self, points: Sequence[RobotPoint] = ()) -> KinematicsEvaluator:
+        """:meth:`kinematics` for a fixed set of points, with their names looked up once."""
+        return KinematicsEvaluator(self, points)
+
+
+def _limits(value: ArrayLike, n: int, what: str) -> Array:
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != (n,) or np.isnan(array).any():
+        raise InvalidInput(f"{what} must be {n} numbers (infinite where there is no limit), not {value!r}")
+    return array

@@ -1,0 +1,97 @@
+"""Ready-made robots: the paper's three, and two arms of example-robot-data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+import numpy as np
+
+from .errors import ConfigurationError, unknown_name
+from .robot import Robot
+
+PI = np.pi
+
+
+def planar_3r() -> Robot:
+    """Table 1: the planar arm of the first example, without joint limits."""
+    return Robot.from_dh([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, -PI]], name="planar 3R")
+
+
+def viper_s650() -> Robot:
+    """Table 2: the 6R arm of the case study, whose lengths are those of the Adept Viper s650.
+
+    Ranges and speeds are that arm's, turned into the table's angles: (q₁, q₂, q₃ − π, −q₄, q₅, ·).
+    """
+    return Robot.from_dh(
+        [
+            [0, 0.335, 0.075, -PI / 2],
+            [0, 0, 0.27, 0],
+            [0, 0, 0.09, PI / 2],
+            [0, -0.295, 0, -PI / 2],
+            [0, 0, 0, PI / 2],
+            [-PI / 2, -0.08, 0, PI],
+        ],
+        q_min=np.deg2rad([-170, -190, -209, -190, -120, -360]),
+        q_max=np.deg2rad([170, 45, 76, 190, 120, 360]),
+        qd_max=np.deg2rad([328, 300, 375, 375, 375, 600]),
+        name="6R (Viper s650)",
+    )
+
+
+def kuka_kr6() -> Robot:
+    """Table 3: the ceiling-mounted KUKA KR6 R900 sixx of the experiments.
+
+    Ranges and speeds are that arm's, turned into the table's angles: (q₁, q₂ + π, q₃ − π/2, q₄, q₅, ·).
+    """
+    return Robot.from_dh(
+        [
+            [0, -0.400, 0.025, PI / 2],
+            [0, 0, -0.455, 0],
+            [0, 0, -0.035, -PI / 2],
+            [0, -0.420, 0, PI / 2],
+            [0, 0, 0, -PI / 2],
+            [0, -0.080, 0, PI],
+        ],
+        q_min=np.deg2rad([-170, -10, -210, -185, -120, -350]),
+        q_max=np.deg2rad([170, 225, 66, 185, 120, 350]),
+        qd_max=np.deg2rad([360, 300, 360, 381, 388, 615]),
+        name="KUKA KR6 R900 sixx",
+    )
+
+
+def ur5() -> Robot:
+    """Universal Robots UR5 from its URDF; the tip is ``tool0``."""
+    return Robot.from_urdf(_example_robot("ur_description/urdf/ur5_robot.urdf"), tip="tool0", name="UR5")
+
+
+def panda() -> Robot:
+    """Franka Emika Panda from its URDF: seven joints, fingers locked; the tip is ``panda_hand``."""
+    return Robot.from_urdf(_example_robot("panda_description/urdf/panda.urdf"), tip="panda_hand", name="Panda")
+
+
+READY_MADE: dict[str, Callable[[], Robot]] = {
+    "planar-3r": planar_3r,
+    "viper-s650": viper_s650,
+    "kuka-kr6": kuka_kr6,
+    "ur5": ur5,
+    "panda": panda,
+}
+
+
+def ready_made(name: str) -> Robot:
+    """The ready-made robot of that name; raises ConfigurationError that names the candidates."""
+    if name not in READY_MADE:
+        raise unknown_name("robot", name, READY_MADE)
+    return READY_MADE[name]()
+
+
+def _example_robot(path: str) -> Path:
+    try:
+        package = distribution("example-robot-data")
+    except PackageNotFoundError as error:
+        raise ConfigurationError(
+            "this arm's URDF comes with the package example-robot-data: pip install example-robot-data"
+        ) from error
+    return Path(str(package.locate_file("cmeel.prefix/share/example-robot-data/robots"))) / path

@@ -1,0 +1,167 @@
+"""The language between a scene and a controller: rows, a task, and the command that answers them.
+
+Every constraint, whatever its kind, becomes rows φ ≤ 0 with φ̇ = L_fφ + L_gφ q̈ (eqs. 9, 17 and 18); every
+visual task becomes one equality J q̈ = b (eq. 14). A controller sees nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InvalidInput
+
+Array = NDArray[np.floating[Any]]
+BoolArray = NDArray[np.bool_]
+
+Status = Literal["ok", "relaxed", "rank-loss", "failed"]
+"""What a controller says of its command.
+
+``ok``: every row it handles is met as its law demands. ``relaxed``: the rows contradict each other; the command
+violates them least and says which, by how much. ``rank-loss``: the active rows have lost full row rank, so that
+their fulfilment is not guaranteed and the operation should be aborted (section 5.2). ``failed``: no command could
+be computed; ``qdd`` is zero.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Constraint rows at one instant: m rows for a robot with n joints.
+
+    Attributes
+    ----------
+    phi
+        (m,) constraint functions φ = σ + K σ̇ (eq. 19), or φ directly for speeds; allowed where φ ≤ 0.
+    Lg
+        (m, n) L_gφ = ∂φ/∂q̇ (eq. 17).
+    Lf
+        (m,) what is known of L_fφ + ∂φ/∂t (eq. 18, section 5.4), in units of φ per second.
+    switching_gain
+        (m,) u⁺ of each row (eq. 11), in units of φ per second.
+    labels
+        m names such as ``"fov[marker 2]"``.
+    scale
+        (m,) size of the allowed range in units of φ: 1 for normalised constraints, an obstacle's radius for
+        distances. Ones if not given.
+    """
+
+    phi: Array
+    Lg: Array
+    Lf: Array
+    switching_gain: Array
+    labels: tuple[str, ...]
+    scale: Array = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        if len(self.scale) == 0:
+            object.__setattr__(self, "scale", np.ones(len(self.labels)))
+
+    @classmethod
+    def none(cls, n: int) -> Rows:
+        """No constraint at all, for a robot with n joints."""
+        empty = np.empty(0)
+        return cls(empty, np.empty((0, n)), empty, empty, ())
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """The tracking equality J q̈ = b of eq. (41).
+
+    Attributes
+    ----------
+    J
+        (k, n) Jacobian J_s of the visual features.
+    b
+        (k,) s̈_c − J̇_s q̇ − ∂ṡ/∂t.
+    """
+
+    J: Array
+    b: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A controller's answer.
+
+    Attributes
+    ----------
+    qdd
+        (n,) commanded joint accelerations q̈_c, always finite [rad/s² or m/s²].
+    status
+        See :data:`Status`.
+    acted
+        (m,) which rows shaped the command.
+    labels
+        The m labels of the rows it was given.
+    reason
+        Why the status is not ``ok``; names the rows concerned. Empty otherwise.
+    slack
+        (m,) by how much the command leaves each row's demand unmet [units of φ per second]; None if the law has
+        no demand to measure.
+    solver, iterations
+        The QP solver that gave the answer and how often it iterated; empty and 0 for closed forms.
+    fallback
+        Why another solver than the one asked for gave the answer. Empty otherwise.
+    """
+
+    qdd: Array
+    status: Status
+    acted: BoolArray
+    labels: tuple[str, ...]
+    reason: str = ""
+    slack: Array | None = None
+    solver: str = ""
+    iterations: int = 0
+    fallback: str = ""
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Labels of the rows that shaped the command."""
+        return tuple(self.labels[i] for i in np.flatnonzero(self.acted))
+
+    @property
+    def slacks(self) -> dict[str, float]:
+        """Unmet demand by label, for the rows that have any."""
+        if self.slack is None:
+            return {}
+        return {self.labels[i]: float(self.slack[i]) for i in np.flatnonzero(self.slack > 0.0)}
+
+
+def check(rows: Rows, task: Task) -> None:
+    """Raise InvalidInput unless shapes agree and every number is finite; names the row or entry at fault."""
+    for name, array in (
+        ("task.J", task.J),
+        ("task.b", task.b),
+        *((f"rows.{name}", getattr(rows, name)) for name in ("phi", "Lg", "Lf", "switching_gain", "scale")),
+    ):
+        if not (isinstance(array, np.ndarray) and array.dtype == np.float64):
+            raise InvalidInput(f"{name} must be an array of floats, not {array!r}")
+    if task.J.ndim != 2 or task.b.shape != task.J.shape[:1]:
+        raise InvalidInput(
+            f"task.J must be (k, n) and task.b (k,): they have the shapes {task.J.shape} and {task.b.shape}"
+        )
+    m, n = len(rows.labels), task.J.shape[1]
+    for name, array, shape in (
+        ("phi", rows.phi, (m,)),
+        ("Lg", rows.Lg, (m, n)),
+        ("Lf", rows.Lf, (m,)),
+        ("switching_gain", rows.switching_gain, (m,)),
+        ("scale", rows.scale, (m,)),
+    ):
+        if array.shape != shape:
+            raise InvalidInput(
+                f"rows.{name} has the shape {array.shape}; with {m} labels and {n} joints it must be {shape}"
+            )
+        if not np.isfinite(array).all():
+            at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
+            raise InvalidInput(f"rows.{name} is not finite for {', '.join(rows.labels[i] for i in at)}")
+    for name, array in (("J", task.J), ("b", task.b)):
+        if not np.isfinite(array).all():
+            at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
+            raise InvalidInput(f"task.{name} is not finite in row {', '.join(map(str, at))}")
+    if (rows.switching_gain <= 0.0).any() or (rows.scale <= 0.0).any():
+        at = np.flatnonzero((rows.switching_gain <= 0.0) | (rows.scale <= 0.0))
+        raise InvalidInput(f"switching gain and scale must be positive: {', '.join(rows.labels[i] for i in at)} is not")

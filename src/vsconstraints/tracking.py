@@ -1,0 +1,135 @@
+"""The reference tracking of section 4.4: from a visual feature to the equality J_s q̈ = b of level 2."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from .errors import ConfigurationError, InvalidInput, unknown_name
+from .features import CameraPose, Feature, Goal
+from .rows import Array, Task
+from .scene import State
+
+DERIVATIVES = ("exact", "differences")
+Derivative = Literal["exact", "differences"]
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingGains:
+    """K_T,p and K_T,v of eq. (42), falling exponentially with the error.
+
+    K_p(‖e‖) = K_p(0) exp(−slope/K_p(0) ‖e‖₂), which has the value K_p(0) and the slope −``slope`` at zero error and
+    vanishes at infinity; K_v = ``damping`` √K_p.
+
+    Attributes
+    ----------
+    Kp0
+        Gain at zero error [1/s²].
+    slope
+        How fast it falls with the error's norm [1/s² per unit of the error].
+    damping
+        K_v / √K_p: 2 is critically damped, 3 is the paper's.
+    """
+
+    Kp0: float
+    slope: float = 0.0
+    damping: float = 3.0
+
+    def __post_init__(self) -> None:
+        for name, least in (("Kp0", 1e-300), ("slope", 0.0), ("damping", 0.0)):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= least):
+                raise InvalidInput(
+                    f"tracking gain {name} must be {'positive' if least else 'zero or more'}, not {value}"
+                )
+
+    def at(self, error: Array) -> tuple[float, float]:
+        """K_p and K_v for this error (k,)."""
+        Kp = self.Kp0 * float(np.exp(-self.slope / self.Kp0 * np.sqrt(error @ error)))
+        return Kp, self.damping * float(np.sqrt(Kp))
+
+
+@dataclass(slots=True)
+class TrackingMemory:
+    """What tracking remembers between samples: the goal it follows and the last sample's feature."""
+
+    goal: int = -1
+    time: float = 0.0
+    error: Array | None = None
+    J: Array | None = None
+
+
+class VisualTask:
+    """Tracks a visual feature towards goals that change at given times.
+
+    b = −K_p e − K_v ė − J̇_s q̇ (eqs. 41 and 42, for references that are constant between changes).
+
+    Attributes
+    ----------
+    feature
+        What is tracked.
+    goals
+        In the order of their times; the first holds from the start.
+    gains
+        K_p and K_v.
+    drift
+        Where J̇_s q̇ comes from: ``"exact"`` from the kinematics, or ``"differences"`` of J_s between samples, as in
+        line 5 of Appendix B. Differences start afresh at the first sample and where the goal changes.
+    velocity
+        Where ṡ comes from, likewise (line 2 of Appendix B).
+    memory
+        What is kept between samples; :meth:`reset` clears it.
+    """
+
+    def __init__(
+        self,
+        feature: Feature,
+        goals: Sequence[Goal],
+        gains: TrackingGains,
+        drift: Derivative = "exact",
+        velocity: Derivative = "exact",
+    ) -> None:
+        for name, value in (("drift", drift), ("velocity", velocity)):
+            if value not in DERIVATIVES:
+                raise unknown_name(name, value, DERIVATIVES)
+        if not goals:
+            raise ConfigurationError("a task needs at least one goal")
+        times = [goal.from_time for goal in goals]
+        if times != sorted(times) or len(set(times)) < len(times):
+            raise ConfigurationError(f"goals must be in the order of their times; from_time is {times}")
+        if isinstance(feature, CameraPose) and any(goal.camera is None for goal in goals):
+            raise ConfigurationError("a camera-pose task needs goals with a camera pose")
+        self.feature, self.goals, self.gains = feature, tuple(goals), gains
+        self.drift, self.velocity = drift, velocity
+        self.memory = TrackingMemory()
+
+    def reset(self) -> None:
+        """Forget the last sample."""
+        self.memory = TrackingMemory()
+
+    def goal_at(self, t: float) -> int:
+        """Index of the goal that holds at time t [s]; a goal's time is met up to rounding."""
+        holding = [i for i, goal in enumerate(self.goals) if goal.from_time <= t + 1e-9]
+        return holding[-1] if holding else 0
+
+    def evaluate(self, state: State) -> tuple[Task, Array]:
+        """The task now, and the feature's error (k,)."""
+        memory = self.memory
+        goal = self.goal_at(state.t)
+        continues = goal == memory.goal
+        motion = self.feature.evaluate(state, self.goals[goal], memory.error if continues else None)
+        velocity, drift = motion.velocity, motion.drift
+        if self.drift == "differences":
+            drift = np.zeros_like(drift)
+        if continues and memory.error is not None and memory.J is not None and state.t > memory.time:
+            Ts = state.t - memory.time
+            if self.drift == "differences":
+                drift = (motion.J - memory.J) @ state.robot.qd / Ts
+            if self.velocity == "differences":
+                velocity = (motion.error - memory.error) / Ts
+        self.memory = TrackingMemory(goal, state.t, motion.error, motion.J)
+        Kp, Kv = self.gains.at(motion.error)
+        return Task(motion.J, -Kp * motion.error - Kv * velocity - drift), motion.error

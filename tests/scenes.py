@@ -1,0 +1,282 @@
+"""Robots, cameras, constraints and numerical derivatives that several tests share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from vsconstraints import Camera, Robot
+from vsconstraints.constraints import Constraint, robot_points
+from vsconstraints.constraints.curves import SHAPES
+from vsconstraints.features import Goal
+from vsconstraints.geometry import Pose
+from vsconstraints.robots import READY_MADE
+from vsconstraints.rows import Array
+from vsconstraints.scenarios import CONSTRAINTS
+from vsconstraints.scenarios.section import Section
+from vsconstraints.scene import Scene, State
+
+
+def arm_with_prismatic_joints() -> Robot:
+    """Five joints, two of them prismatic, with a table and limits of random numbers."""
+    rng = np.random.default_rng(20)
+    table = np.column_stack(
+        (
+            rng.uniform(-1.0, 1.0, 5),
+            rng.uniform(-0.4, 0.4, 5),
+            rng.uniform(-0.4, 0.4, 5),
+            rng.uniform(-2.0, 2.0, 5),
+        )
+    )
+    limits = rng.uniform(0.5, 2.0, (3, 5))
+    return Robot.from_dh(table, prismatic=[2, 4], q_min=-limits[0], q_max=limits[1], qd_max=limits[2], name="mixed arm")
+
+
+def robot_names() -> list[str]:
+    """Every registered robot, and an arm with prismatic joints."""
+    return [*READY_MADE, "mixed-arm"]
+
+
+@cache
+def robot(name: str) -> Robot:
+    """A robot by its name, made once."""
+    return arm_with_prismatic_joints() if name == "mixed-arm" else READY_MADE[name]()
+
+
+def camera() -> Camera:
+    """A camera in which nothing is symmetric: focal lengths, size, principal point and mount all differ."""
+    mount = Pose.from_xyz_rpy((0.02, 0.07, -0.05), (0.1, -0.2, -1.5))
+    return Camera((543.7, 512.3), (640.0, 480.0), (310.5, 250.25), mount)
+
+
+def random_configuration(robot: Robot, rng: np.random.Generator) -> Array:
+    """Coordinates (n,) inside the ranges; between −π and π where there is no range."""
+    lower = np.maximum(robot.q_min, -np.pi)
+    upper = np.minimum(robot.q_max, np.pi)
+    return rng.uniform(lower, upper)
+
+
+def markers_seen(pose: Pose, camera: Camera, rng: np.random.Generator, count: int = 3) -> Array:
+    """Markers (count, 3) in the base frame that a camera at ``pose`` sees, up to its image's border."""
+    pixels = rng.uniform(-0.49, 0.49, (count, 2)) * camera.size
+    depth = rng.uniform(0.6, 1.6, (count, 1))
+    return pose.act(np.concatenate((camera.normalised(pixels) * depth, depth), axis=1))
+
+
+def random_scene(
+    robot: Robot, rng: np.random.Generator, constraints: list[Constraint] | None = None
+) -> tuple[Scene, Array, Array]:
+    """A scene with markers seen from a random configuration, that configuration, and random speeds."""
+    q, qd = random_configuration(robot, rng), rng.uniform(-1.0, 1.0, robot.n)
+    eye = camera()
+    pose = robot.pose(q) @ eye.mount.inverse
+    scene = Scene(robot, eye, markers_seen(pose, eye, rng), robot_points(constraints or []))
+    return scene, q, qd
+
+
+def random_goal(state: State, camera: Camera, rng: np.random.Generator, angle: float) -> Goal:
+    """A goal whose pose is turned from the camera's by ``angle``, and whose pixels are anywhere."""
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    turn = Pose(rotation_matrix(axis * angle), rng.uniform(-0.3, 0.3, 3))
+    pixels = rng.uniform(-200.0, 200.0, state.pixels.position.shape)
+    return Goal(0.0, pixels, camera.normalised(pixels), state.camera @ turn.inverse)
+
+
+def rotation_matrix(w: Array) -> Array:
+    """Rodrigues' formula, written out here so that it owes nothing to what is tested."""
+    angle = float(np.linalg.norm(w))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = np.asarray(w) / angle
+    W = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * W + (1.0 - np.cos(angle)) * (W @ W)
+
+
+# --- examples of every registered constraint type, as the tables of a scenario file ---
+
+SHAPE_PARAMETERS: dict[str, dict[str, float]] = {
+    "circle": {"radius": 70.0},
+    "hyperellipse": {"a": 100.0, "b": 60.0, "n": 4.0},
+    "bowl": {"radius": 45.0, "width": 0.7},
+    "heart": {"radius": 35.0, "width": 0.8},
+}
+"""Parameters for every registered shape."""
+
+
+def constraint_tables(type_name: str, robot: Robot) -> list[dict[str, Any]]:
+    """Tables that describe constraints of this type for this robot; empty if the tests know no example."""
+    n, middle = robot.n, robot.links[len(robot.links) // 2]
+    bodies = [
+        {"link": middle, "name": "flag", "shape": "sphere", "radius": 0.1, "xyz": [0.1, -0.3, 0.2]},
+        {"link": "tip", "shape": "capsule", "radius": 0.05, "length": 0.2, "xyz": [0.3, 0.1, 0.0]},
+    ]
+    points = [
+        {"link": robot.links[-1], "offset": [0.1, -0.2, 0.3], "name": "last link"},
+        {"link": middle, "offset": [-0.1, 0.0, 0.2], "name": "middle"},
+    ]
+    return {
+        "field-of-view": [
+            {"margin": 0.05, "n": 16, "K": 0.2, "switching_gain": 10.0},
+            {"margin_px": 30.0, "n": 3.5, "K": 1.5, "switching_gain": 1.0, "markers": [3, 1]},
+            {"n": 2, "K": 0.1, "switching_gain": 1.0},
+        ],
+        "occlusion": [
+            {
+                "curve": {"shape": name, "centre_px": centre, "rotation": turn, **SHAPE_PARAMETERS[name]},
+                "K": 0.2,
+                "switching_gain": 10.0,
+                **extra,
+            }
+            for name in SHAPES
+            if name in SHAPE_PARAMETERS
+            for centre, turn, extra in (
+                ([0.0, 0.0], 0.0, {}),
+                ([-52.5, 31.0], 0.7, {"margin": 0.1, "name": "turned"}),
+                ([17.0, -80.0], -2.2, {"markers": [2]}),
+            )
+        ],
+        "joint-range": [
+            {
+                "lower": [-1.0 - 0.1 * i for i in range(n)],
+                "upper": [0.5 + 0.2 * i for i in range(n)],
+                "margin": 0.1,
+                "K": 0.3,
+                "switching_gain": 2.0,
+            },
+            {"joints": [n, 1], "lower": [-2.0, -0.4], "upper": [0.3, 2.5], "K": 0.1, "switching_gain": 2.0},
+        ],
+        "joint-speed": [
+            {"upper": [0.4 + 0.1 * i for i in range(n)], "switching_gain": 1.0},
+            {
+                "joints": [n, 1],
+                "lower": [-2.0, -0.4],
+                "upper": [0.3, 2.5],
+                "margin": 0.1,
+                "switching_gain": 1.0,
+            },
+        ],
+        "forbidden-sphere": [
+            {"centre": [0.57, 0.2, 0.405], "radius": 0.05, "K": 0.1, "switching_gain": 0.2},
+            {
+                "centre": [-0.3, 0.4, -0.2],
+                "radius": 0.3,
+                "margin": 0.02,
+                "K": 0.5,
+                "switching_gain": 0.2,
+                "name": "pillar",
+                "points": [
+                    {"link": robot.links[-1], "offset": [0.1, -0.2, 0.3], "name": "last link"},
+                    {"link": "tip"},
+                    {
+                        "link": middle,
+                        "offset": [-0.1, 0.0, 0.2],
+                        "name": "middle",
+                    },
+                    {"link": robot.links[-1], "offset": [-0.3, 0.1, 0.1], "name": "last link, other end"},
+                ],
+            },
+        ],
+        "forbidden-box": [
+            {
+                "centre": [0.3, 0.2, 0.4],
+                "size": size,
+                "rpy": [0.3, -0.5, 1.2],
+                "margin": 0.02,
+                "K": 0.2,
+                "switching_gain": 0.2,
+                "points": points,
+            }
+            for size in ([0.3, 0.2, 0.1], [3.0, 5.0, 4.0])
+        ],
+        "forbidden-cylinder": [
+            {"start": start, "end": end, "radius": radius, "K": 0.2, "switching_gain": 0.2, "points": points}
+            for start, end, radius in (
+                ([0.5, 0.2, 0.1], [0.3, 0.4, 0.3], 0.1),
+                ([0.0, 0.1, -3.0], [0.3, 0.4, 3.0], 2.5),
+                ([0.2, 0.1, -0.1], [0.21, 0.12, 0.2], 3.0),
+            )
+        ],
+        "forbidden-capsule": [
+            {"start": [0.5, 0.2, 0.1], "end": [0.3, 0.4, 0.7], "radius": 0.1, "K": 0.2, "switching_gain": 0.2},
+            {
+                "start": [0.9, 0.2, -2.0],
+                "end": [0.8, 0.3, 2.0],
+                "radius": 1.0,
+                "margin": 0.01,
+                "K": 0.2,
+                "switching_gain": 0.2,
+                "name": "pipe",
+                "points": points,
+            },
+        ],
+        "forbidden-half-space": [
+            {
+                "point": [0.5, 0.0, 0.1],
+                "normal": [2.0, -1.0, 0.5],
+                "margin": 0.01,
+                "K": 0.2,
+                "switching_gain": 0.2,
+                "points": points,
+            },
+        ],
+        "manipulability": [
+            {"minimum": 0.05, "K": 0.2, "switching_gain": 1.0},
+            {"minimum": 0.1, "scale": 0.3, "part": "position", "K": 0.2, "switching_gain": 1.0},
+        ][: 1 if robot.n == 3 else 2],
+        "collision": [
+            {
+                "obstacle": {"shape": "sphere", "radius": 0.2, "xyz": [0.4, 0.3, 0.2]},
+                "bodies": bodies,
+                "links": ["flag", "tip"],
+                "margin": 0.01,
+                "K": 0.2,
+                "switching_gain": 0.2,
+            },
+            {
+                "obstacle": {"shape": "half-space", "xyz": [0.4, 0.3, 0.2], "rpy": [0.5, -0.3, 0.2]},
+                "link_radius": 0.05,
+                "name": "wall",
+                "K": 0.2,
+                "switching_gain": 0.2,
+            },
+        ],
+        "self-collision": [
+            {"bodies": bodies, "pairs": [["tip", "flag"]], "K": 0.2, "switching_gain": 0.2},
+        ],
+    }.get(type_name, [])
+
+
+def build_constraint(type_name: str, table: dict[str, Any], robot: Robot) -> Constraint:
+    """The constraint that a scenario file's table describes."""
+    section = Section(table, f"example of {type_name}")
+    constraint = CONSTRAINTS[type_name](section, robot, camera())
+    section.finish()
+    return constraint
+
+
+# --- numerical derivatives ---
+
+
+def slope(f: Callable[[float], Array], h: float) -> Array:
+    """f'(0) by central differences of fourth order."""
+    return (8.0 * (f(h) - f(-h)) - (f(2.0 * h) - f(-2.0 * h))) / (12.0 * h)
+
+
+def second_slope(f: Callable[[float], Array], h: float) -> Array:
+    """f''(0) by central differences of fourth order."""
+    return (16.0 * (f(h) + f(-h)) - (f(2.0 * h) + f(-2.0 * h)) - 30.0 * f(0.0)) / (12.0 * h * h)
+
+
+def gradient(f: Callable[[Array], Array], x: Array, h: float) -> Array:
+    """∂f/∂x by :func:`slope`; the last axis is that of x."""
+    return np.stack([slope(lambda s, e=e: f(x + s * e), h) for e in np.eye(len(x))], axis=-1)
+
+
+def states(name: str, count: int) -> Iterator[np.random.Generator]:
+    """Random generators for ``count`` states: the same on every run, others for every robot."""
+    for i in range(count):
+        yield np.random.default_rng([i, *name.encode()])
