@@ -1,0 +1,159 @@
+"""What a constraint is, and how its value and gradient become rows.
+
+A constraint gives σ ≤ 0 and ∂σ/∂y in the coordinates y it is about: marker pixels, robot points or joints. The
+chain rule to joint space is here, once:
+
+    φ = σ + K σ̇,  σ̇ = g·ẏ,  L_gφ = K g J,  L_fφ = g·ẏ + K (g·J̇q̇ + ẏᵀ H ẏ),   g = ∂σ/∂y, H = ∂²σ/∂y²
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import ClassVar
+
+import numpy as np
+
+from ..errors import ConfigurationError, InvalidInput
+from ..kinematics import RobotPoint
+from ..rows import Array
+from ..scene import PointMotion, Scene, State
+
+
+@dataclass(frozen=True, slots=True)
+class RowBlock:
+    """The rows of one constraint: σ, φ and L_fφ (r,), L_gφ (r, n)."""
+
+    sigma: Array
+    phi: Array
+    Lg: Array
+    Lf: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """Coordinates over time, for scoring: T samples.
+
+    Attributes
+    ----------
+    q, qd
+        (T, n) joint coordinates and speeds.
+    pixels
+        (T, m, 2) markers from the image's centre [px].
+    points
+        (T, k, 3) the scene's robot points in the base frame [m].
+    image_size
+        (W, H) of the image [px].
+    """
+
+    q: Array
+    qd: Array
+    pixels: Array
+    points: Array
+    image_size: tuple[float, float]
+
+
+class Constraint(ABC):
+    """A constraint with one or more rows.
+
+    Attributes
+    ----------
+    kind
+        First part of the labels, for example ``"fov"``.
+    unit
+        Natural unit of its clearance.
+    K
+        Approach time constant of eq. (19) [s].
+    switching_gain
+        u⁺ of eq. (11) [units of φ per second].
+    scale
+        Size of the allowed range in units of φ, for laws that need one: 1 for normalised constraints.
+    """
+
+    kind: ClassVar[str]
+    unit: ClassVar[str]
+    scale: float = 1.0
+
+    def __init__(self, *, K: float, switching_gain: float) -> None:
+        for name, value in (("K", K), ("switching_gain", switching_gain)):
+            demand_positive(value, f"{name} of {self.kind}")
+        self.K, self.switching_gain = float(K), float(switching_gain)
+
+    @property
+    def points(self) -> tuple[RobotPoint, ...]:
+        """Robot points whose motion the rows need."""
+        return ()
+
+    @abstractmethod
+    def labels(self, scene: Scene) -> tuple[str, ...]:
+        """Names of the rows, in their order."""
+
+    def units(self, scene: Scene) -> tuple[str, ...]:
+        """Natural unit of each row's clearance; :attr:`unit` for all unless rows differ."""
+        return (self.unit,) * len(self.labels(scene))
+
+    @abstractmethod
+    def rows(self, state: State, points: slice) -> RowBlock:
+        """The rows now; ``points`` is where this constraint's robot points stand among the scene's."""
+
+    @abstractmethod
+    def clearance(self, trace: Trace, points: slice) -> Array:
+        """(T, r) signed distance to each row's boundary in the natural unit; positive where allowed."""
+
+    @abstractmethod
+    def characteristic_length(self, scene: Scene) -> Array:
+        """(r,) length L by which usage is 1 − clearance/L: half an allowed range, or an obstacle's radius."""
+
+    def chain_rule(self, sigma: Array, gradient: Array, curvature: Array, motion: PointMotion) -> RowBlock:
+        """Rows from σ (r,), g (r, d), ẏᵀHẏ (r,) and the motion of the coordinates y (r, d)."""
+        g = gradient[:, None, :]
+        sigma_dot = (gradient * motion.velocity).sum(axis=1)
+        return RowBlock(
+            sigma,
+            sigma + self.K * sigma_dot,
+            self.K * (g @ motion.J)[:, 0, :],
+            sigma_dot + self.K * ((gradient * motion.drift).sum(axis=1) + curvature),
+        )
+
+
+class PositionConstraint(Constraint):
+    """σ and its gradient as functions of coordinates y: what own constraints derive from, through a subclass."""
+
+    @abstractmethod
+    def sigma(self, y: Array) -> Array:
+        """(...) σ at coordinates y (..., d): positive where forbidden."""
+
+    @abstractmethod
+    def gradient(self, y: Array) -> Array:
+        """(..., d) ∂σ/∂y at coordinates y (..., d)."""
+
+    def curvature(self, y: Array, velocity: Array) -> Array:
+        """(...) ẏᵀ H ẏ; by central differences of the gradient along the velocity unless a subclass knows it.
+
+        Only L_fφ depends on it, which the sliding-mode law does not use.
+        """
+        speed = np.sqrt((velocity * velocity).sum(axis=-1, keepdims=True))
+        step = self.difference_step / np.maximum(speed, 1e-300)
+        ahead, behind = self.gradient(y + step * velocity), self.gradient(y - step * velocity)
+        change: Array = ((ahead - behind) * velocity).sum(axis=-1) / (2.0 * step[..., 0])
+        return np.where(speed[..., 0] > 0.0, change, 0.0)
+
+    difference_step: ClassVar[float] = 1e-4
+    """How far :meth:`curvature` steps along the velocity, in units of y."""
+
+
+def demand_positive(value: object, what: str) -> None:
+    """Raise InvalidInput unless ``value`` is a positive finite number."""
+    if not (isinstance(value, Real) and 0.0 < float(value) < np.inf):
+        raise InvalidInput(f"{what} must be a positive number, not {value!r}")
+
+
+def demand_numbers(numbers: Sequence[int], what: str) -> tuple[int, ...]:
+    """The numbers, if they count from 1 without repetition; else raises ConfigurationError that names ``what``."""
+    given: list[object] = list(numbers)
+    counted = [int(i) for i in given if isinstance(i, Integral) and int(i) >= 1]
+    if not given or len(set(counted)) < len(given):
+        raise ConfigurationError(f"{what} are counted from 1, without repetition, not {given}")
+    return tuple(counted)

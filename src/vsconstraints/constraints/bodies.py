@@ -1,0 +1,130 @@
+"""Solid bodies that move with a robot's links, or stand still: what collision constraints measure between."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import coal  # type: ignore[import-untyped]
+import numpy as np
+import pinocchio as pin
+
+from ..errors import ConfigurationError
+from ..geometry import Pose, vector
+from ..robot import Robot
+from .base import demand_positive
+from .link_points import FIXED, segments
+
+SIDES = 32
+"""Of the prism that stands for a cylinder."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """Convex solids that move together.
+
+    Attributes
+    ----------
+    name
+        Used in labels.
+    joint
+        Index of the joint in the robot's model that moves it; 0 if it stands still in the base frame.
+    parts
+        Solids, each with its placement in the joint's frame.
+    """
+
+    name: str
+    joint: int
+    parts: tuple[tuple[pin.SE3, coal.CollisionGeometry], ...]
+
+
+def fixed_body(name: str, solid: coal.CollisionGeometry, pose: Pose) -> Body:
+    """A solid that stands still at a pose in the base frame."""
+    return Body(name, 0, ((pin.SE3(pose.R, pose.t), convex(solid, name)),))
+
+
+def attached_body(robot: Robot, link: str, solid: coal.CollisionGeometry, pose: Pose, name: str = "") -> Body:
+    """A solid fixed to a link, at a pose in that link's frame: a camera, a gripper."""
+    frame = robot.model.frames[robot.frame_id(link)]
+    placement = frame.placement * pin.SE3(pose.R, pose.t)
+    return Body(name or link, int(frame.parentJoint), ((placement, convex(solid, name or link)),))
+
+
+def link_bodies(robot: Robot, radius: float | None = None) -> tuple[Body, ...]:
+    """One body for each link, from base to tip.
+
+    Without ``radius`` from the URDF's collision geometry, made convex (see :func:`convex`). With it capsules of that
+    radius [m] around the straight lines between the joints' origins.
+
+    Raises
+    ------
+    ConfigurationError
+        if there is no collision geometry and no radius, or a mesh cannot be read.
+    """
+    parts: dict[str, tuple[int, list[tuple[pin.SE3, coal.CollisionGeometry]]]] = {}
+    if radius is None:
+        for found in robot.collision_geometry().geometryObjects:
+            link = robot.model.frames[found.parentFrame].name
+            solid = convex(found.geometry, found.name)
+            parts.setdefault(link, (int(found.parentJoint), []))[1].append((pin.SE3(found.placement), solid))
+    else:
+        demand_positive(radius, "radius of the links")
+        for segment in segments(robot):
+            if segment.length > FIXED:
+                turn = pin.Quaternion.FromTwoVectors(
+                    np.array([0.0, 0.0, 1.0]), (segment.end - segment.start) / segment.length
+                ).matrix()
+                placement = pin.SE3(turn, 0.5 * (segment.start + segment.end))
+                parts[segment.link] = (segment.joint, [(placement, coal.Capsule(radius, segment.length))])
+    return tuple(Body(link, joint, tuple(solids)) for link, (joint, solids) in parts.items())
+
+
+def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometry:
+    """A solid whose distances coal computes reliably, inside too, and which holds the given one.
+
+    A mesh becomes its convex hull: a mesh is hollow, a hull has an inside, so that a penetration has a depth. A
+    cylinder becomes the prism of :data:`SIDES` sides around it, which is 0.5 % wider: coal's iterations converge
+    slowly on a cylinder's round side, and inside it they often end at another than the shortest way out. Everything
+    else stays as it is.
+    """
+    if isinstance(geometry, coal.Cylinder):
+        angle = 2.0 * np.pi / SIDES * np.arange(SIDES)
+        radius, half = geometry.radius / np.cos(np.pi / SIDES), np.full(SIDES, geometry.halfLength)
+        x, y = radius * np.cos(angle), radius * np.sin(angle)
+        corners = np.concatenate((np.stack((x, y, half), axis=1), np.stack((x, y, -half), axis=1)))
+    elif isinstance(geometry, coal.BVHModelBase):
+        corners = np.asarray(geometry.vertices())
+    else:
+        return geometry
+    points = coal.StdVec_Vec3s()
+    for corner in corners:
+        points.append(corner)
+    try:
+        return coal.Convex.convexHull(points, True, "Qt")
+    except (RuntimeError, ValueError):
+        raise ConfigurationError(f"{name} has no convex hull: are its corners in one plane?") from None
+
+
+def mesh(path: str | Path, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> coal.CollisionGeometry:
+    """The convex hull of a mesh file [m after scaling]; raises ConfigurationError that names a file it cannot read."""
+    file = Path(path)
+    if not file.is_file():
+        raise ConfigurationError(f"no mesh file at {str(file)!r}")
+    try:
+        read = coal.MeshLoader().load(str(file), vector(scale, 3, "scale of a mesh"))
+    except (RuntimeError, ValueError) as error:
+        raise ConfigurationError(f"{str(file)!r} cannot be read as a mesh: {error}") from error
+    return convex(read, str(file))
+
+
+def disabled_pairs(srdf: str | Path) -> frozenset[frozenset[str]]:
+    """Pairs of links that an SRDF file says need no check; raises ConfigurationError if it cannot be read."""
+    try:
+        root = ElementTree.parse(srdf).getroot()
+    except (OSError, ElementTree.ParseError) as error:
+        raise ConfigurationError(f"{str(srdf)!r} cannot be read as an SRDF: {error}") from error
+    return frozenset(
+        frozenset((pair.get("link1", ""), pair.get("link2", ""))) for pair in root.iter("disable_collisions")
+    )

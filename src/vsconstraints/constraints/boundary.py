@@ -1,0 +1,104 @@
+"""Where an implicit curve in the image lies, and how far points are from it: for scores and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import contourpy
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..rows import Array
+
+STEP = 1.0
+"""Distance between the grid points on which a curve is looked for [px]; narrower parts of it may be missed."""
+
+SPACING = 0.25
+"""Greatest distance between the vertices of a polyline [px]."""
+
+ACCURACY = 1e-3
+"""How far a polyline may be from the curve between its vertices [px]."""
+
+AROUND = 1.25
+"""How far around the image a curve is looked for, relative to the image's half size."""
+
+
+def zero_lines(
+    sigma: Callable[[Array], Array], gradient: Callable[[Array], Array], image_size: tuple[float, float]
+) -> list[Array]:
+    """Polylines (p, 2) along σ = 0 in and around the image, their vertices moved onto the curve [px].
+
+    Parameters
+    ----------
+    sigma, gradient
+        σ (...) and ∂σ/∂(u, v) (..., 2) at pixels (..., 2) from the image's centre.
+    image_size
+        (W, H) [px].
+    """
+    half = 0.5 * AROUND * np.asarray(image_size)
+    u, v = (np.linspace(-h, h, int(np.ceil(2.0 * h / STEP)) + 1) for h in half)
+    grid = np.stack(np.meshgrid(u, v), axis=-1)
+    lines = contourpy.contour_generator(u, v, sigma(grid)).lines(0.0)
+    return [_refined(_onto_curve(np.asarray(line), sigma, gradient), sigma, gradient) for line in lines]
+
+
+def _refined(line: Array, sigma: Callable[[Array], Array], gradient: Callable[[Array], Array]) -> Array:
+    """Halve segments whose middle is off the curve, until none is or they are as short as :data:`ACCURACY`.
+
+    Where the curve is straight, points are added so that the nearest vertex is next to the nearest point.
+    """
+    for _ in range(int(np.ceil(np.log2(STEP / ACCURACY)))):
+        middle = 0.5 * (line[1:] + line[:-1])
+        moved = _onto_curve(middle, sigma, gradient)
+        off = np.flatnonzero(np.sqrt(((moved - middle) ** 2).sum(axis=1)) > ACCURACY)
+        if not len(off):
+            break
+        line = np.insert(line, off + 1, moved[off], axis=0)
+    along = np.concatenate(([0.0], np.cumsum(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)))))
+    dense = np.union1d(along, np.arange(0.0, along[-1], SPACING))
+    return np.stack([np.interp(dense, along, line[:, i]) for i in (0, 1)], axis=1)
+
+
+def _onto_curve(line: Array, sigma: Callable[[Array], Array], gradient: Callable[[Array], Array]) -> Array:
+    """Three Newton steps along the gradient; none longer than half the grid's, so that corners stay in place."""
+    for _ in range(3):
+        g = gradient(line)
+        squared = np.maximum((g * g).sum(axis=1), 1e-300)
+        step = -(sigma(line) / squared)[:, None] * g
+        length = np.sqrt((step * step).sum(axis=1, keepdims=True))
+        line = line + step * np.minimum(1.0, 0.5 * STEP / np.maximum(length, 1e-300))
+    return line
+
+
+def distance_to_lines(points: Array, lines: Sequence[Array]) -> Array:
+    """(...) distance of points (..., 2) to the nearest of some polylines [px]; infinite if there is none.
+
+    Exact for the two segments at the nearest vertex, which are those that matter on curves that are sampled densely
+    where they bend.
+    """
+    if not lines:
+        return np.full(points.shape[:-1], np.inf)
+    vertices = np.concatenate(lines)
+    ends = np.cumsum([len(line) for line in lines])
+    after = np.arange(1, len(vertices) + 1)
+    before = np.arange(-1, len(vertices) - 1)
+    # a polyline's ends have one neighbour only: the missing one is the vertex itself
+    after[ends - 1] = ends - 1
+    starts = np.concatenate(([0], ends[:-1]))
+    before[starts] = starts
+    flat = points.reshape(-1, 2)
+    _, nearest = cKDTree(vertices).query(flat)
+    distance = np.minimum(
+        _distance_to_segments(flat, vertices[nearest], vertices[after[nearest]]),
+        _distance_to_segments(flat, vertices[nearest], vertices[before[nearest]]),
+    )
+    return distance.reshape(points.shape[:-1])
+
+
+def _distance_to_segments(p: Array, a: Array, b: Array) -> Array:
+    along = b - a
+    length = np.maximum((along * along).sum(axis=1), 1e-300)
+    s = np.clip(((p - a) * along).sum(axis=1) / length, 0.0, 1.0)
+    away = p - a - s[:, None] * along
+    distance: Array = np.sqrt((away * away).sum(axis=1))
+    return distance

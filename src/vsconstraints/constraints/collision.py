@@ -1,0 +1,288 @@
+"""A robot's bodies keep clear of an obstacle and of each other: section 4.3.6 without characteristic points."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+
+import coal  # type: ignore[import-untyped]
+import numpy as np
+import pinocchio as pin
+
+from ..errors import ConfigurationError, SceneError, unknown_name
+from ..robot import Robot
+from ..rows import Array
+from ..scene import Scene, State
+from .base import Constraint, RowBlock, Trace, demand_positive
+from .bodies import Body, disabled_pairs
+
+TOLERANCES = (1e-9, 1e-6, 1e-4)
+"""Of coal's iterations [m]; a looser one is tried where they fail with a tighter one."""
+
+STEP = 3e-5
+"""How far q moves along q̇ for the differences of a gradient [rad or m]."""
+
+
+class BodyDistance(Constraint):
+    """Margin − d ≤ 0 for pairs of bodies, one row each, with d the signed distance of a pair as coal computes it.
+
+    d is negative where they penetrate: the shortest way out. Its gradient follows from the points where they are
+    nearest, p_a and p_b, and the direction n from the first to the second body: ∂d/∂q = nᵀ (J_b − J_a). Where the
+    nearest points are not unique (parallel faces, changing edges) d has kinks, and the gradient is that of one side.
+    The curvature is taken from differences of the gradient along q̇, and so is smeared over a kink.
+
+    Parameters
+    ----------
+    robot
+        Whose bodies these are.
+    pairs
+        Bodies, first and second of each row.
+    margin
+        Safety margin [m].
+    length
+        Characteristic length [m].
+    K, switching_gain
+        Approach time constant [s] and u⁺ [m/s].
+    """
+
+    unit = "m"
+
+    def __init__(
+        self,
+        robot: Robot,
+        pairs: Sequence[tuple[Body, Body]],
+        *,
+        K: float,
+        switching_gain: float,
+        margin: float,
+        length: float,
+    ) -> None:
+        super().__init__(K=K, switching_gain=switching_gain)
+        demand_positive(length, f"length of {self.kind}")
+        if not (np.isfinite(margin) and margin >= 0.0):
+            raise ConfigurationError(f"margin of {self.kind} must be zero or more metres, not {margin}")
+        self.robot, self.pairs = robot, tuple(pairs)
+        self.margin, self.length = float(margin), float(length)
+        self.scale = self.length
+        self._model, self._data = robot.model, robot.model.createData()
+        # joint j moves a body if the body's own joint comes after it
+        moves = [[np.arange(robot.n) < body.joint for body in pair] for pair in self.pairs]
+        self._motion = np.array([second * 1.0 - first * 1.0 for first, second in moves])
+        self._requests = []
+        for tolerance in TOLERANCES:
+            request = coal.DistanceRequest()
+            request.gjk_tolerance = request.epa_tolerance = tolerance
+            request.gjk_max_iterations = request.epa_max_iterations = 512
+            self._requests.append(request)
+
+    @abstractmethod
+    def pair_label(self, first: Body, second: Body) -> str:
+        """Label of the row for a pair."""
+
+    def labels(self, scene: Scene) -> tuple[str, ...]:
+        """One row per pair."""
+        return tuple(self.pair_label(first, second) for first, second in self.pairs)
+
+    def distances(self, q: Array) -> Array:
+        """(r,) signed distances [m] at q (n,)."""
+        return self._measure(q)[0]
+
+    def gradient(self, q: Array) -> Array:
+        """(r, n) ∂σ/∂q = −∂d/∂q at q (n,)."""
+        return self._measure(q)[1]
+
+    def curvature(self, q: Array, qd: Array) -> Array:
+        """(r,) q̇ᵀ (∂²σ/∂q²) q̇ by central differences of the gradient along q̇."""
+        speed = float(np.sqrt(qd @ qd))
+        if speed == 0.0:
+            return np.zeros(len(self.pairs))
+        step = STEP / speed
+        change: Array = (self.gradient(q + step * qd) - self.gradient(q - step * qd)) @ qd / (2.0 * step)
+        return change
+
+    def rows(self, state: State, points: slice) -> RowBlock:
+        """Rows from the distances and their gradients in joint space.
+
+        Raises
+        ------
+        SceneError
+            if coal finds no distance between two bodies.
+        """
+        q, qd = state.robot.q, state.robot.qd
+        distance, g = self._measure(q)
+        sigma, sigma_dot = self.margin - distance, g @ qd
+        return RowBlock(sigma, sigma + self.K * sigma_dot, self.K * g, sigma_dot + self.K * self.curvature(q, qd))
+
+    def clearance(self, trace: Trace, points: slice) -> Array:
+        """Distance less the margin."""
+        return np.array([self.distances(q) for q in trace.q]).reshape(-1, len(self.pairs)) - self.margin
+
+    def characteristic_length(self, scene: Scene) -> Array:
+        """The same length for every pair."""
+        return np.full(len(self.pairs), self.length)
+
+    def _measure(self, q: Array) -> tuple[Array, Array]:
+        """Distances (r,) and the gradients of σ (r, n)."""
+        J = np.asarray(pin.computeJointJacobians(self._model, self._data, q)).reshape(6, -1)
+        placed: dict[int, list[tuple[coal.CollisionGeometry, coal.Transform3s]]] = {}
+        for body in {id(body): body for pair in self.pairs for body in pair}.values():
+            at = self._data.oMi[body.joint]
+            placed[id(body)] = [(solid, _transform(at * placement)) for placement, solid in body.parts]
+        distances, wrenches = np.empty(len(self.pairs)), np.empty((len(self.pairs), 6))
+        for i, (first, second) in enumerate(self.pairs):
+            distances[i], n, p = min(
+                (self._nearest(a, b, i) for a in placed[id(first)] for b in placed[id(second)]), key=lambda x: x[0]
+            )
+            # n · (v + ω × p) for a twist (v, ω) at the base frame's origin
+            wrenches[i, :3] = n
+            wrenches[i, 3:] = p[1] * n[2] - p[2] * n[1], p[2] * n[0] - p[0] * n[2], p[0] * n[1] - p[1] * n[0]
+        return distances, -(wrenches @ J) * self._motion
+
+    def _nearest(
+        self,
+        a: tuple[coal.CollisionGeometry, coal.Transform3s],
+        b: tuple[coal.CollisionGeometry, coal.Transform3s],
+        row: int,
+    ) -> tuple[float, Array, Array]:
+        """Signed distance, direction from a to b, and the point of a nearest to b."""
+        for request in self._requests:
+            result = coal.DistanceResult()
+            distance = float(coal.distance(a[0], a[1], b[0], b[1], request, result))
+            p, n = np.array(result.getNearestPoint1()), np.array(result.normal)
+            # a failed iteration gives the greatest double, or not a number
+            if abs(distance) < 1e6 and np.isfinite(p).all() and np.isfinite(n).all():
+                # around one centre every direction leads out
+                return distance, n if n @ n > 0.5 else np.array([0.0, 0.0, 1.0]), p
+        raise SceneError(f"coal finds no distance for {self.pair_label(*self.pairs[row])}")
+
+
+class Collision(BodyDistance):
+    """Bodies of the robot keep clear of an obstacle; see :class:`BodyDistance` for value and gradient.
+
+    Parameters
+    ----------
+    robot
+        The arm.
+    bodies
+        Its bodies, for example ``link_bodies(robot)``; those that no joint moves are left out.
+    obstacle
+        What stands in the way, for example ``fixed_body("table", coal.Box(1, 1, 0.1), pose)``.
+    links
+        Names of the bodies concerned; all if not given.
+    K, switching_gain
+        Approach time constant [s] and u⁺ [m/s].
+    margin
+        Safety margin [m].
+    length
+        Characteristic length [m].
+    """
+
+    kind = "collision"
+
+    def __init__(
+        self,
+        robot: Robot,
+        bodies: Sequence[Body],
+        obstacle: Body,
+        *,
+        K: float,
+        switching_gain: float,
+        links: Sequence[str] | None = None,
+        margin: float = 0.0,
+        length: float = 0.1,
+    ) -> None:
+        moving = {name: body for name, body in _by_name(bodies, self.kind).items() if body.joint > 0}
+        chosen = [_named(moving, name, self.kind) for name in (moving if links is None else links)]
+        if not chosen:
+            raise ConfigurationError(f"{self.kind}: {robot.name} has no body that a joint moves")
+        super().__init__(
+            robot,
+            [(body, obstacle) for body in chosen],
+            K=K,
+            switching_gain=switching_gain,
+            margin=margin,
+            length=length,
+        )
+
+    def pair_label(self, first: Body, second: Body) -> str:
+        """For example ``collision[table, forearm_link]``."""
+        return f"{self.kind}[{second.name}, {first.name}]" if second.name else f"{self.kind}[{first.name}]"
+
+
+class SelfCollision(BodyDistance):
+    """Bodies of the robot keep clear of each other; see :class:`BodyDistance` for value and gradient.
+
+    Parameters
+    ----------
+    robot
+        The arm.
+    bodies
+        Its bodies, for example ``link_bodies(robot)``.
+    pairs
+        Names of the bodies of each pair. If not given, all pairs except those of one joint or of neighbouring ones,
+        which always touch, and those that the SRDF file disables.
+    srdf
+        Path of an SRDF file.
+    K, switching_gain
+        Approach time constant [s] and u⁺ [m/s].
+    margin
+        Safety margin [m].
+    length
+        Characteristic length [m].
+    """
+
+    kind = "self-collision"
+
+    def __init__(
+        self,
+        robot: Robot,
+        bodies: Sequence[Body],
+        *,
+        K: float,
+        switching_gain: float,
+        pairs: Sequence[Sequence[str]] | None = None,
+        srdf: str | Path | None = None,
+        margin: float = 0.0,
+        length: float = 0.1,
+    ) -> None:
+        named = _by_name(bodies, self.kind)
+        disabled = frozenset() if srdf is None else disabled_pairs(srdf)
+        if pairs is None:
+            chosen = [
+                (b, a)
+                for i, a in enumerate(bodies)
+                for b in bodies[i + 1 :]
+                if abs(a.joint - b.joint) > 1 and frozenset((a.name, b.name)) not in disabled
+            ]
+        else:
+            if any(isinstance(pair, str) or len(pair) != 2 for pair in pairs):
+                raise ConfigurationError(f"pairs of {self.kind} must be pairs of names, not {pairs}")
+            chosen = [(_named(named, a, self.kind), _named(named, b, self.kind)) for a, b in pairs]
+        still = [f"{a.name} and {b.name}" for a, b in chosen if a.joint == b.joint]
+        if still:
+            raise ConfigurationError(f"{self.kind}: no joint moves {', '.join(still)} relative to each other")
+        if not chosen:
+            raise ConfigurationError(f"{self.kind}: {robot.name} has no pair of bodies to keep apart")
+        super().__init__(robot, chosen, K=K, switching_gain=switching_gain, margin=margin, length=length)
+
+    def pair_label(self, first: Body, second: Body) -> str:
+        """For example ``self-collision[forearm_link, base_link]``."""
+        return f"{self.kind}[{first.name}, {second.name}]"
+
+
+def _by_name(bodies: Sequence[Body], kind: str) -> dict[str, Body]:
+    named = {body.name: body for body in bodies}
+    if len(named) < len(bodies):
+        raise ConfigurationError(f"bodies of {kind} must have different names: {[body.name for body in bodies]}")
+    return named
+
+
+def _named(bodies: dict[str, Body], name: str, kind: str) -> Body:
+    if name not in bodies:
+        raise unknown_name(f"body in {kind}", name, bodies)
+    return bodies[name]
+
+
+def _transform(placement: pin.SE3) -> coal.Transform3s:
+    return coal.Transform3s(placement.rotation, placement.translation)

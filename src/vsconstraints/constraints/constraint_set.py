@@ -1,0 +1,105 @@
+"""All constraints of a scene as one block of labelled rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from ..errors import ConfigurationError, InvalidInput
+from ..kinematics import RobotPoint
+from ..rows import Array, Rows
+from ..scene import Scene, State
+from .base import Constraint, RowBlock, Trace
+
+
+def robot_points(constraints: Sequence[Constraint]) -> tuple[RobotPoint, ...]:
+    """The robot points that these constraints need, one constraint after the other."""
+    return tuple(point for constraint in constraints for point in constraint.points)
+
+
+class ConstraintSet:
+    """Evaluates constraints together; what does not change from step to step is prepared once.
+
+    Attributes
+    ----------
+    labels
+        m names, unique.
+    kinds, units
+        (m,) what each row is about, and the natural unit of its clearance.
+    switching_gain, scale
+        (m,) u⁺ and scale of each row.
+    characteristic_length
+        (m,) L of each row, in its natural unit.
+
+    Raises
+    ------
+    ConfigurationError
+        if two rows have the same label, or the scene was not built with these constraints' robot points.
+    """
+
+    def __init__(self, constraints: Sequence[Constraint], scene: Scene) -> None:
+        self.constraints = tuple(constraints)
+        if robot_points(self.constraints) != scene.points:
+            raise ConfigurationError("build the scene with points=robot_points(constraints)")
+        labels = [constraint.labels(scene) for constraint in self.constraints]
+        self._counts = counts = [len(names) for names in labels]
+        self.labels: tuple[str, ...] = tuple(name for names in labels for name in names)
+        repeated = sorted({name for name in self.labels if self.labels.count(name) > 1})
+        if repeated:
+            raise ConfigurationError(
+                f"rows must have different labels: {', '.join(repeated)} appears more than once; give names"
+            )
+        ends = np.cumsum([0, *(len(constraint.points) for constraint in self.constraints)])
+        self._points = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        self.kinds = tuple(c.kind for c, k in zip(self.constraints, counts, strict=True) for _ in range(k))
+        self.units = tuple(unit for constraint in self.constraints for unit in constraint.units(scene))
+        self.switching_gain = np.repeat([c.switching_gain for c in self.constraints], counts).astype(np.float64)
+        self.scale = np.repeat([c.scale for c in self.constraints], counts).astype(np.float64)
+        self.characteristic_length = np.concatenate(
+            [np.empty(0), *(constraint.characteristic_length(scene) for constraint in self.constraints)]
+        )
+        # shared by the rows of every step: no controller may change them
+        self.switching_gain.setflags(write=False)
+        self.scale.setflags(write=False)
+        self._n = scene.robot.n
+
+    def rows(self, state: State) -> tuple[Rows, Array]:
+        """The rows now, and σ (m,) of each.
+
+        Raises
+        ------
+        InvalidInput
+            if a constraint gives blocks of the wrong shape; names the constraint.
+        """
+        if not self.constraints:
+            return Rows.none(self._n), np.empty(0)
+        blocks = [c.rows(state, at) for c, at in zip(self.constraints, self._points, strict=True)]
+        try:
+            sigma, phi, Lg, Lf = (np.concatenate(parts) for parts in zip(*map(_parts, blocks), strict=True))
+        except ValueError as error:
+            raise self._misshapen(blocks) from error
+        m = len(self.labels)
+        if not (sigma.shape == phi.shape == Lf.shape == (m,) and Lg.shape == (m, self._n)):
+            raise self._misshapen(blocks)
+        return Rows(phi, Lg, Lf, self.switching_gain, self.labels, self.scale), sigma
+
+    def _misshapen(self, blocks: Sequence[RowBlock]) -> InvalidInput:
+        wrong = [
+            f"{constraint.kind} has {r} labels for {self._n} joints, but the shapes {shapes}"
+            for constraint, r, shapes in zip(
+                self.constraints, self._counts, ([part.shape for part in _parts(b)] for b in blocks), strict=True
+            )
+            if shapes != [(r,), (r,), (r, self._n), (r,)]
+        ]
+        return InvalidInput(f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {'; '.join(wrong)}")
+
+    def clearance(self, trace: Trace) -> Array:
+        """(T, m) signed distance of each row to its boundary, in its natural unit; positive where allowed."""
+        parts = [c.clearance(trace, at) for c, at in zip(self.constraints, self._points, strict=True)]
+        return np.concatenate([np.empty((len(trace.q), 0)), *parts], axis=1)
+
+
+def _parts(block: RowBlock) -> tuple[Array, Array, Array, Array]:
+    return block.sigma, block.phi, block.Lg, block.Lf

@@ -1,0 +1,176 @@
+"""Implicit closed curves in the image that enclose an obstacle: value > 0 inside, 0 on the curve, < 0 outside.
+
+A shape is defined about its own origin; :class:`Curve` shifts and rotates it. Angles turn u towards v: seen on an
+image whose v points down, positive is clockwise.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ..errors import InvalidInput, unknown_name
+from ..geometry import vector
+from ..rows import Array
+
+
+class Shape(ABC):
+    """An implicit curve about its own origin, in pixels.
+
+    Attributes
+    ----------
+    name
+        For labels and scenario files.
+    radius
+        Characteristic length [px].
+    """
+
+    name: ClassVar[str]
+    radius: float
+
+    @abstractmethod
+    def value(self, p: Array) -> Array:
+        """(...) value at pixels p (..., 2) from the shape's origin."""
+
+    @abstractmethod
+    def gradient(self, p: Array) -> Array:
+        """(..., 2) ∂value/∂p."""
+
+
+class Circle(Shape):
+    """1 − ‖p‖²/r²."""
+
+    name = "circle"
+
+    def __init__(self, radius: float) -> None:
+        self.radius = _positive(radius, "radius")
+
+    def value(self, p: Array) -> Array:
+        """See the class."""
+        value: Array = 1.0 - (p * p).sum(axis=-1) / self.radius**2
+        return value
+
+    def gradient(self, p: Array) -> Array:
+        """Its derivative."""
+        return -2.0 * p / self.radius**2
+
+
+class Hyperellipse(Shape):
+    """1 − |u/a|ⁿ − |v/b|ⁿ: the forbidden area of experiment 2."""
+
+    name = "hyperellipse"
+
+    def __init__(self, a: float, b: float, n: float = 4.0) -> None:
+        self.half_size = np.array([_positive(a, "a"), _positive(b, "b")])
+        self.n = _positive(n, "n")
+        if n < 2.0:
+            raise InvalidInput(f"n of a hyperellipse must be 2 or more for a smooth boundary, not {n}")
+        self.radius = float(self.half_size.min())
+
+    def value(self, p: Array) -> Array:
+        """See the class."""
+        value: Array = 1.0 - (np.abs(p / self.half_size) ** self.n).sum(axis=-1)
+        return value
+
+    def gradient(self, p: Array) -> Array:
+        """Its derivative."""
+        x = p / self.half_size
+        gradient: Array = -self.n / self.half_size * np.sign(x) * np.abs(x) ** (self.n - 1.0)
+        return gradient
+
+
+class Bowl(Shape):
+    """1 − r⁻² (w² u² + (v − u²)²): the narrow U of eq. (45), whose parabola is in raw pixels; r = 45, w = 0.7."""
+
+    name = "bowl"
+
+    def __init__(self, radius: float = 45.0, width: float = 0.7) -> None:
+        self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
+
+    def value(self, p: Array) -> Array:
+        """See the class."""
+        u, v = p[..., 0], p[..., 1]
+        value: Array = 1.0 - ((self.width * u) ** 2 + (v - u * u) ** 2) / self.radius**2
+        return value
+
+    def gradient(self, p: Array) -> Array:
+        """Its derivative."""
+        u, v = p[..., 0], p[..., 1]
+        w = v - u * u
+        return np.stack((self.width**2 * u - 2.0 * u * w, w), axis=-1) * (-2.0 / self.radius**2)
+
+
+class Heart(Shape):
+    """1 − r⁻² (w² u² + (v − |u|)²): eq. (46); r = 35, w = 0.8.
+
+    Not differentiable at u = 0: its boundary has a concave corner at (0, r) and a convex one at (0, −r). There the
+    gradient is the mean of both sides.
+    """
+
+    name = "heart"
+
+    def __init__(self, radius: float = 35.0, width: float = 0.8) -> None:
+        self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
+
+    def value(self, p: Array) -> Array:
+        """See the class."""
+        u, v = p[..., 0], p[..., 1]
+        value: Array = 1.0 - ((self.width * u) ** 2 + (v - np.abs(u)) ** 2) / self.radius**2
+        return value
+
+    def gradient(self, p: Array) -> Array:
+        """Its derivative."""
+        u, v = p[..., 0], p[..., 1]
+        w = v - np.abs(u)
+        return np.stack((self.width**2 * u - np.sign(u) * w, w), axis=-1) * (-2.0 / self.radius**2)
+
+
+SHAPES: dict[str, type[Shape]] = {shape.name: shape for shape in (Circle, Hyperellipse, Bowl, Heart)}
+"""Shapes by the name scenario files use."""
+
+
+def shape(name: str, **parameters: float) -> Shape:
+    """The shape of that name; raises ConfigurationError that names the candidates."""
+    if name not in SHAPES:
+        raise unknown_name("shape", name, SHAPES)
+    return SHAPES[name](**parameters)
+
+
+class Curve:
+    """A shape put somewhere in the image.
+
+    Parameters
+    ----------
+    shape
+        What.
+    centre
+        (2,) where its origin is, from the image's centre [px].
+    rotation
+        By how much it is turned about its origin, u towards v [rad].
+    """
+
+    def __init__(self, shape: Shape, centre: Sequence[float] = (0.0, 0.0), rotation: float = 0.0) -> None:
+        self.shape, self.centre = shape, vector(centre, 2, f"centre of {shape.name}")
+        if not np.isfinite(rotation):
+            raise InvalidInput(f"rotation of {shape.name} must be finite")
+        self.rotation = float(rotation)
+        c, s = np.cos(rotation), np.sin(rotation)
+        self._R = np.array([[c, -s], [s, c]])
+
+    def value(self, pixels: Array) -> Array:
+        """(...) value at pixels (..., 2) from the image's centre."""
+        return self.shape.value((pixels - self.centre) @ self._R)
+
+    def gradient(self, pixels: Array) -> Array:
+        """(..., 2) ∂value/∂(u, v)."""
+        gradient: Array = self.shape.gradient((pixels - self.centre) @ self._R) @ self._R.T
+        return gradient
+
+
+def _positive(value: float, what: str) -> float:
+    if not (np.isfinite(value) and value > 0.0):
+        raise InvalidInput(f"{what} of a shape must be positive, not {value}")
+    return float(value)

@@ -1,0 +1,76 @@
+"""Robot points stay on one side of a plane, above a table or before a wall: section 4.3.6."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import ConfigurationError
+from ..geometry import Pose, vector
+from ..kinematics import RobotPoint
+from ..rows import Array
+from .forbidden_region import SMALL, ForbiddenRegion, frame_along
+
+
+class ForbiddenHalfSpace(ForbiddenRegion):
+    """Margin − n·(p − a) ≤ 0: points stay on the side of a plane that its normal n points to.
+
+    Parameters
+    ----------
+    point
+        (3,) a, a point of the plane, in the base frame [m].
+    normal
+        (3,) n, out of the forbidden side; of any length.
+    K, switching_gain
+        Approach time constant [s] and u⁺ [m/s].
+    margin
+        Safety margin [m].
+    length
+        Characteristic length [m]: a half-space has no size of its own.
+    robot_points
+        Points that must stay out; the tip if not given.
+    name
+        Name of the obstacle, for labels when there are several.
+    """
+
+    kind = "half-space"
+
+    def __init__(
+        self,
+        *,
+        point: Sequence[float],
+        normal: Sequence[float],
+        K: float,
+        switching_gain: float,
+        margin: float = 0.0,
+        length: float = 0.1,
+        robot_points: Sequence[RobotPoint] = (RobotPoint(),),
+        name: str = "",
+    ) -> None:
+        n = vector(normal, 3, "normal of a half-space")
+        size = float(np.sqrt(n @ n))
+        if size < SMALL:
+            raise ConfigurationError(f"normal of a half-space must have a direction, not {n}")
+        self.point, self.normal = vector(point, 3, "point of a half-space"), n / size
+        super().__init__(
+            Pose(frame_along(self.normal), self.point),
+            length=length,
+            K=K,
+            switching_gain=switching_gain,
+            margin=margin,
+            robot_points=robot_points,
+            name=name,
+        )
+
+    def distance(self, x: Array) -> Array:
+        """Height above the plane."""
+        return x[..., 2]
+
+    def outwards(self, x: Array) -> Array:
+        """The normal."""
+        return np.broadcast_to(np.array([0.0, 0.0, 1.0]), x.shape)
+
+    def bending(self, x: Array, velocity: Array) -> Array:
+        """Zero: the plane is flat."""
+        return np.zeros(x.shape[:-1])

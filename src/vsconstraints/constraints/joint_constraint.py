@@ -1,0 +1,82 @@
+"""Constraints on joint coordinates and joint speeds."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+
+from ..rows import Array
+from ..scene import State
+from .base import Constraint, RowBlock, Trace
+
+
+class JointConstraint(Constraint):
+    """Constraints on joint coordinates y = q (n,): r values of one vector.
+
+    An own one gives ``kind``, :meth:`labels`, :meth:`sigma`, :meth:`gradient` and :meth:`characteristic_length`.
+    """
+
+    unit = "rad"
+
+    @abstractmethod
+    def sigma(self, q: Array) -> Array:
+        """(..., r) σ at q (..., n): positive where forbidden."""
+
+    @abstractmethod
+    def gradient(self, q: Array) -> Array:
+        """(..., r, n) ∂σ/∂q at q (..., n)."""
+
+    def curvature(self, q: Array, qd: Array) -> Array:
+        """(r,) q̇ᵀ H q̇ for each row; by central differences of the gradient unless a subclass knows it."""
+        speed = float(np.sqrt(qd @ qd))
+        if speed == 0.0:
+            return np.zeros(len(self.sigma(q)))
+        step = 1e-6 / speed
+        change: Array = (self.gradient(q + step * qd) - self.gradient(q - step * qd)) @ qd / (2.0 * step)
+        return change
+
+    def rows(self, state: State, points: slice) -> RowBlock:
+        """Joint coordinates need no chain rule (eqs. 26 and 37)."""
+        q, qd = state.robot.q, state.robot.qd
+        sigma, g = self.sigma(q), self.gradient(q)
+        sigma_dot = g @ qd
+        return RowBlock(sigma, sigma + self.K * sigma_dot, self.K * g, sigma_dot + self.K * self.curvature(q, qd))
+
+    def clearance(self, trace: Trace, points: slice) -> Array:
+        """−σ / ‖∂σ/∂q‖: exact for linear rows, to first order elsewhere [rad]."""
+        g = self.gradient(trace.q)
+        clearance: Array = -self.sigma(trace.q) / np.sqrt((g * g).sum(axis=-1))
+        return clearance
+
+
+class SpeedConstraint(Constraint):
+    """Constraints on joint speeds y = q̇ (n,), which have relative degree one as they are: φ(q̇) ≤ 0.
+
+    An own one gives ``kind``, :meth:`labels`, :meth:`phi`, :meth:`gradient` and :meth:`characteristic_length`.
+    """
+
+    unit = "rad/s"
+
+    def __init__(self, *, switching_gain: float) -> None:
+        super().__init__(K=1.0, switching_gain=switching_gain)
+
+    @abstractmethod
+    def phi(self, qd: Array) -> Array:
+        """(..., r) φ at q̇ (..., n): positive where forbidden."""
+
+    @abstractmethod
+    def gradient(self, qd: Array) -> Array:
+        """(..., r, n) ∂φ/∂q̇ at q̇ (..., n)."""
+
+    def rows(self, state: State, points: slice) -> RowBlock:
+        """L_gφ = ∂φ/∂q̇ (eq. 38) and L_fφ = 0 (eq. 34)."""
+        qd = state.robot.qd
+        phi = self.phi(qd)
+        return RowBlock(phi, phi, self.gradient(qd), np.zeros_like(phi))
+
+    def clearance(self, trace: Trace, points: slice) -> Array:
+        """−φ / ‖∂φ/∂q̇‖: exact for linear rows, to first order elsewhere [rad/s]."""
+        g = self.gradient(trace.qd)
+        clearance: Array = -self.phi(trace.qd) / np.sqrt((g * g).sum(axis=-1))
+        return clearance

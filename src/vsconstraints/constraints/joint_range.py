@@ -1,0 +1,145 @@
+"""Joints stay in their range: section 4.3.4."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import ConfigurationError
+from ..robot import Robot
+from ..rows import Array
+from ..scene import Scene
+from .base import demand_numbers
+from .joint_constraint import JointConstraint
+
+
+class JointRange(JointConstraint):
+    """±q̃_i − 1 + margin ≤ 0 with q̃_i = (q_i − mid) / half the range (eqs. 25 to 27), one row for each side.
+
+    The paper writes one row with |q̃_i|, which has a kink at the middle; two linear rows have none, and are the same
+    where it matters. Their gradient is the true derivative of σ, ±2/Δq_max.
+
+    Parameters
+    ----------
+    robot
+        Whose ranges are used where none are given.
+    K, switching_gain
+        Approach time constant [s] and u⁺ [1/s].
+    joints
+        Numbers of the joints concerned, counted from 1; if None all that have a range.
+    lower, upper
+        Ranges of those joints [rad or m], instead of the robot's.
+    margin
+        Safety margin as a fraction of half the range.
+    """
+
+    kind = "range"
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        K: float,
+        switching_gain: float,
+        joints: Sequence[int] | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+        margin: float = 0.0,
+    ) -> None:
+        super().__init__(K=K, switching_gain=switching_gain)
+        self.joints, lower_limits, upper_limits = select_limits(
+            robot, joints, (lower, robot.q_min), (upper, robot.q_max), self.kind
+        )
+        if not 0.0 <= margin < 1.0:
+            raise ConfigurationError(f"margin of {self.kind} must be in [0, 1), not {margin}")
+        self.margin = float(margin)
+        self.mid = 0.5 * (lower_limits + upper_limits)
+        self.half = 0.5 * (upper_limits - lower_limits)
+        self._at = np.array(self.joints) - 1
+        self._gradient = signed_selector(self._at, 1.0 / self.half, 1.0 / self.half, robot.n)
+
+    def labels(self, scene: Scene) -> tuple[str, ...]:
+        """All upper rows, then all lower ones."""
+        return two_sided_labels(self.kind, self.joints)
+
+    def units(self, scene: Scene) -> tuple[str, ...]:
+        """Radians, or metres for prismatic joints."""
+        return joint_units(scene.robot, self.joints, "rad", "m")
+
+    def sigma(self, q: Array) -> Array:
+        """Eq. (25), one row for each side."""
+        x = (q[..., self._at] - self.mid) / self.half
+        return np.concatenate((x, -x), axis=-1) - (1.0 - self.margin)
+
+    def gradient(self, q: Array) -> Array:
+        """±1/half range."""
+        return self._gradient
+
+    def curvature(self, q: Array, qd: Array) -> Array:
+        """Zero: the rows are linear."""
+        return np.zeros(2 * len(self.joints))
+
+    def characteristic_length(self, scene: Scene) -> Array:
+        """Half the allowed range [rad or m]."""
+        return np.tile(self.half * (1.0 - self.margin), 2)
+
+
+def select_limits(
+    robot: Robot,
+    joints: Sequence[int] | None,
+    lower: tuple[ArrayLike | None, Array],
+    upper: tuple[ArrayLike | None, Array],
+    kind: str,
+) -> tuple[tuple[int, ...], Array, Array]:
+    """Numbers of the joints concerned and their finite limits, given ones (first) or the robot's (second)."""
+    if joints is None:
+        given = lower[0] is not None or upper[0] is not None
+        limited = np.isfinite(lower[1]) & np.isfinite(upper[1])
+        numbers = tuple(range(1, robot.n + 1)) if given else tuple(int(i) + 1 for i in np.flatnonzero(limited))
+    else:
+        numbers = demand_numbers(joints, f"joints of {kind}")
+        if max(numbers) > robot.n:
+            raise ConfigurationError(f"joints of {kind} are numbers from 1 to {robot.n}, not {list(numbers)}")
+    if not numbers:
+        raise ConfigurationError(f"{robot.name} has no limits for {kind}: give lower and upper")
+    at = np.array(numbers) - 1
+    limits = []
+    for side, (own, robots) in (("lower", lower), ("upper", upper)):
+        limit = robots[at] if own is None else limit_array(own, f"{side} of {kind}")
+        if limit.shape != (len(numbers),) or not np.isfinite(limit).all():
+            raise ConfigurationError(
+                f"{side} of {kind} must be a finite number for each of the joints {list(numbers)}, not {limit}"
+            )
+        limits.append(limit)
+    if (limits[0] >= limits[1]).any():
+        raise ConfigurationError(f"lower of {kind} must be below upper: {limits[0]} and {limits[1]}")
+    return numbers, limits[0], limits[1]
+
+
+def limit_array(value: ArrayLike, what: str) -> Array:
+    """``value`` as a float array; raises ConfigurationError that names ``what`` if it is none."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ConfigurationError(f"{what} must be numbers, not {value!r}") from None
+
+
+def two_sided_labels(kind: str, joints: Sequence[int]) -> tuple[str, ...]:
+    """All upper rows, then all lower ones."""
+    return tuple(f"{kind}[joint {i}].{side}" for side in ("upper", "lower") for i in joints)
+
+
+def joint_units(robot: Robot, joints: Sequence[int], revolute: str, prismatic: str) -> tuple[str, ...]:
+    """Units of two-sided rows on these joints."""
+    return tuple(prismatic if robot.prismatic[i - 1] else revolute for i in joints) * 2
+
+
+def signed_selector(at: Array, upper: Array, lower: Array, n: int) -> Array:
+    """(2k, n) rows that pick k joints, times ``upper`` in the first k rows and −``lower`` in the others."""
+    rows = np.zeros((2 * len(at), n))
+    k = np.arange(len(at))
+    rows[k, at] = upper
+    rows[len(at) + k, at] = -lower
+    return rows

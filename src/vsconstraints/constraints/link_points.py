@@ -1,0 +1,291 @@
+"""Robot characteristic points: finitely many points that stand for the links' whole surface (section 4.3.6)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import coal  # type: ignore[import-untyped]
+import numpy as np
+import pinocchio as pin
+
+from ..errors import ConfigurationError, unknown_name
+from ..kinematics import RobotPoint
+from ..robot import Robot
+from ..rows import Array
+from .base import demand_positive
+
+FACETS = 32
+"""Into how many facets a cylinder's side is cut."""
+
+FIXED = 1e-9
+"""A point that no joint moves faster than this [m per rad or m] does not move."""
+
+
+@dataclass(frozen=True)
+class LinkPoints:
+    """Characteristic points of a robot's links.
+
+    Attributes
+    ----------
+    points
+        The points, link by link.
+    enlargement
+        [m] no point of a link's surface is farther from the nearest characteristic point, so that obstacles enlarged
+        by it keep the whole links out; except around points that were left out because nothing moves them.
+    """
+
+    points: tuple[RobotPoint, ...]
+    enlargement: float
+
+
+def link_points(
+    robot: Robot, *, spacing: float = 0.1, radius: float | None = None, links: Sequence[str] | None = None
+) -> LinkPoints:
+    """Characteristic points along a robot's links, and by how much obstacles must be enlarged for them.
+
+    Without ``radius`` the links are those of the URDF's collision geometry: each is cut across its longest direction
+    into slices as thick as the spacing, with a point in the middle of each. With it they are capsules of that radius
+    around the straight lines between the joints' origins (and the tip's), with points along these lines; what slides
+    out of a prismatic joint is not covered.
+
+    Links that no joint moves are left out, and so are points that no joint moves (on the first axis), for which no
+    command could do anything.
+
+    Parameters
+    ----------
+    robot
+        The arm.
+    spacing
+        Greatest distance between points along a link [m].
+    radius
+        Of the links [m], for arms without collision geometry.
+    links
+        Names of the links concerned; all if not given.
+
+    Raises
+    ------
+    ConfigurationError
+        if there is no collision geometry and no radius, a mesh cannot be read, or no point of a link moves.
+    """
+    demand_positive(spacing, "spacing of points along the links")
+    if radius is not None:
+        demand_positive(radius, "radius of the links")
+    found = _along_geometry(robot, spacing) if radius is None else _along_segments(robot, spacing, radius, links)
+    if links is not None:
+        for link in links:
+            if link not in found:
+                raise unknown_name(f"link with characteristic points of {robot.name}", link, found)
+        found = {link: found[link] for link in found if link in links}
+    points: list[RobotPoint] = []
+    enlargement = 0.0
+    for link, (offsets, reach) in found.items():
+        own = [RobotPoint(link, (float(x), float(y), float(z))) for x, y, z in offsets]
+        own = [point for point in own if _moves(robot, point)]
+        if own:
+            enlargement = max(enlargement, reach)
+        points += [
+            RobotPoint(link, point.offset, f"{link} point {i}" if len(own) > 1 else link)
+            for i, point in enumerate(own, start=1)
+        ]
+    if not points:
+        raise ConfigurationError(f"no joint of {robot.name} moves a point of the links {', '.join(found) or 'it has'}")
+    return LinkPoints(tuple(points), enlargement)
+
+
+def _moves(robot: Robot, point: RobotPoint) -> bool:
+    rng = np.random.default_rng(0)
+    qs = rng.uniform(-1.0, 1.0, (3, robot.n))
+    return max(float(np.abs(robot.kinematics(q, q, [point]).point_J).max()) for q in qs) > FIXED
+
+
+# --- capsules around the lines between the joints ---
+
+
+@dataclass(frozen=True)
+class Segment:
+    """The straight part of a link between two joints' origins, in the axes of its joint.
+
+    Attributes
+    ----------
+    link
+        Name of a frame that moves with it.
+    joint
+        Index of the joint that moves it.
+    start, end
+        (3,) [m].
+    shared
+        Whether the start is also the end of the link before, in every configuration.
+    """
+
+    link: str
+    joint: int
+    start: Array
+    end: Array
+    shared: bool
+
+    @property
+    def length(self) -> float:
+        """[m]."""
+        return float(np.linalg.norm(self.end - self.start))
+
+
+def segments(robot: Robot) -> Iterator[Segment]:
+    """The straight lines between joints' origins, from base to tip; the last ends at the tip."""
+    model = robot.model
+    tip = model.frames[robot.frame_id("tip")]
+    before = False
+    for joint in range(1, model.njoints):
+        last = joint == model.njoints - 1
+        end = np.array(tip.placement.translation if last else model.jointPlacements[joint + 1].translation)
+        link = next((f.name for f in model.frames if f.parentJoint == joint and f.type == pin.FrameType.BODY), tip.name)
+        slides = model.joints[joint].shortname().startswith("JointModelP")
+        yield Segment(link, joint, np.zeros(3), end, before and not slides)
+        before = True
+
+
+def _along_segments(
+    robot: Robot, spacing: float, radius: float, links: Sequence[str] | None
+) -> dict[str, tuple[Array, float]]:
+    found: dict[str, tuple[Array, float]] = {}
+    # whether the last point of a wanted link is also the first of the next one, and so needs no second point
+    covered = False
+    for segment in segments(robot):
+        covered = covered and segment.shared
+        if segment.length < FIXED:
+            continue
+        count = int(np.ceil(segment.length / spacing - 1e-9))
+        parts = np.arange(1 if covered else 0, count + 1) / count
+        covered = links is None or segment.link in links
+        frame = robot.model.frames[robot.model.getFrameId(segment.link)]
+        inverse = frame.placement.inverse()
+        ends = [np.asarray(inverse.act(point)) for point in (segment.start, segment.end)]
+        gap = segment.length / count
+        reach = float(np.hypot(radius, 0.5 * gap))
+        found[segment.link] = (ends[0] + parts[:, None] * (ends[1] - ends[0]), reach)
+    return found
+
+
+# --- collision geometry ---
+
+
+def _along_geometry(robot: Robot, spacing: float) -> dict[str, tuple[Array, float]]:
+    patches: dict[str, list[tuple[Array, float]]] = {}
+    model = robot.model
+    for body in robot.collision_geometry().geometryObjects:
+        if body.parentJoint == 0:
+            continue
+        frame = model.frames[body.parentFrame]
+        placement = frame.placement.inverse() * body.placement
+        R, t = np.array(placement.rotation), np.array(placement.translation)
+        corners, slack = surface(body.geometry, 0.5 * spacing)
+        patches.setdefault(frame.name, []).append((corners @ R.T + t, slack))
+    return {link: _moving_slices(robot, link, own, spacing) for link, own in patches.items()}
+
+
+def _moving_slices(robot: Robot, link: str, patches: list[tuple[Array, float]], spacing: float) -> tuple[Array, float]:
+    """The fewest slices of a link whose middles all move, since a wrist's may stand where its axes meet."""
+    for more in range(3):
+        found = _slices(patches, spacing, more)
+        if all(_moves(robot, RobotPoint(link, (float(x), float(y), float(z)))) for x, y, z in found[0]):
+            return found
+    return _slices(patches, spacing, 0)
+
+
+def _slices(patches: list[tuple[Array, float]], spacing: float, more: int) -> tuple[Array, float]:
+    """Points (k, 3) in the middle of slices across the longest direction, and how far the surface is from them.
+
+    ``more`` is by how many there are more slices than the spacing asks for.
+    """
+    vertices = np.concatenate([corners.reshape(-1, 3) for corners, _ in patches])
+    middle = vertices.mean(axis=0)
+    axes = np.linalg.svd(vertices - middle, full_matrices=False)[2] if len(vertices) > 1 else np.eye(3)
+    x = (vertices - middle) @ axes.T
+    low, high = x.min(axis=0), x.max(axis=0)
+    main = int(np.argmax(high - low))
+    count = max(1, int(np.ceil((high[main] - low[main]) / spacing))) + more
+    part = (x[:, main] - low[main]) / max(high[main] - low[main], 1e-300)
+    slice_of = np.minimum((part * count).astype(int), count - 1)
+    slices = [x[slice_of == i] for i in np.unique(slice_of)]
+    points: Array = np.array([0.5 * (own.min(axis=0) + own.max(axis=0)) for own in slices]) @ axes + middle
+    # the distance to one point is convex: on a patch it is greatest at a corner
+    reach = max(
+        float(np.linalg.norm(corners[:, :, None] - points, axis=3).max(axis=1).min(axis=1).max()) + slack
+        for corners, slack in patches
+    )
+    return points, reach
+
+
+def surface(geometry: coal.CollisionGeometry, longest: float) -> tuple[Array, float]:
+    """Patches (p, c, 3), each the hull of c corners, and a distance [m] within which they cover the surface.
+
+    Parameters
+    ----------
+    geometry
+        Triangles of a mesh are used as they are, cylinders are cut into facets, everything else into the boxes around
+        it.
+    longest
+        Edges longer than this [m] are divided.
+    """
+    if isinstance(geometry, coal.BVHModelBase):
+        return _divided(triangles(geometry), longest), 0.0
+    if isinstance(geometry, coal.Sphere):
+        return np.zeros((1, 1, 3)), float(geometry.radius)
+    if isinstance(geometry, coal.Cylinder):
+        return _divided(_cylinder(geometry.radius, geometry.halfLength), longest), geometry.radius * (
+            1.0 - float(np.cos(np.pi / FACETS))
+        )
+    if isinstance(geometry, coal.Capsule):
+        z = np.linspace(-geometry.halfLength, geometry.halfLength, 2 + int(2.0 * geometry.halfLength / longest))
+        line = np.stack((np.zeros_like(z), np.zeros_like(z), z), axis=1)
+        return np.stack((line[:-1], line[1:]), axis=1), float(geometry.radius)
+    geometry.computeLocalAABB()
+    box = geometry.aabb_local
+    low, high = np.array(box.min_), np.array(box.max_)
+    steps = [np.linspace(a, b, 1 + max(1, int(np.ceil((b - a) / longest)))) for a, b in zip(low, high, strict=True)]
+    # the lower or the upper end of every step, along each axis: the eight corners of all cells
+    ends = [(step[:-1], step[1:]) for step in steps]
+    corners = [
+        np.stack(np.meshgrid(*(pair[i] for pair, i in zip(ends, corner, strict=True)), indexing="ij"), axis=-1)
+        for corner in np.ndindex(2, 2, 2)
+    ]
+    return np.stack([corner.reshape(-1, 3) for corner in corners], axis=1), 0.0
+
+
+def triangles(mesh: coal.BVHModelBase) -> Array:
+    """(t, 3, 3) corners of a mesh's triangles [m]."""
+    indices = [mesh.tri_indices(i) for i in range(mesh.num_tris)]
+    corners: Array = np.asarray(mesh.vertices())[np.array([[t[0], t[1], t[2]] for t in indices])]
+    return corners
+
+
+def _cylinder(radius: float, half: float) -> Array:
+    """(t, 3, 3) triangles between corners on a cylinder's rims and its ends' centres."""
+    angle = 2.0 * np.pi / FACETS * np.arange(FACETS + 1)
+    rim = radius * np.stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)), axis=1)
+    up = np.array([0.0, 0.0, half])
+    low, high, centre = rim - up, rim + up, np.zeros((FACETS, 3))
+    return np.concatenate(
+        [
+            np.stack((low[:-1], low[1:], high[:-1]), axis=1),
+            np.stack((low[1:], high[1:], high[:-1]), axis=1),
+            np.stack((low[:-1], low[1:], centre - up), axis=1),
+            np.stack((high[:-1], high[1:], centre + up), axis=1),
+        ]
+    )
+
+
+def _divided(corners: Array, longest: float) -> Array:
+    """The same triangles (t, 3, 3) with those halved, again and again, that have an edge longer than ``longest``."""
+    done = []
+    while len(corners):
+        edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        long = edges.max(axis=1) > longest
+        done.append(corners[~long])
+        corners, edges = corners[long], edges[long]
+        # turned so that the longest edge is from the first to the second corner
+        order = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(corners, order[:, :, None], axis=1).transpose(1, 0, 2)
+        middle = 0.5 * (a + b)
+        corners = np.concatenate((np.stack((a, middle, c), axis=1), np.stack((middle, b, c), axis=1)))
+    return np.concatenate(done)

@@ -1,0 +1,78 @@
+"""Constraints on where robot points are in space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import ConfigurationError
+from ..kinematics import RobotPoint
+from ..rows import Array
+from ..scene import PointMotion, Scene, State
+from .base import PositionConstraint, RowBlock, Trace, demand_positive
+
+
+class PointConstraint(PositionConstraint):
+    """A constraint on the position y = p (3,) of robot points, in the base frame [m].
+
+    An own one gives ``kind``, :meth:`sigma` in metres and :meth:`gradient`.
+
+    Parameters
+    ----------
+    robot_points
+        The points concerned; their names are used in labels.
+    length
+        Characteristic length [m].
+    name
+        Name of the obstacle, for labels when there are several.
+    """
+
+    unit = "m"
+    difference_step = 1e-6
+
+    def __init__(
+        self,
+        *,
+        K: float,
+        switching_gain: float,
+        length: float,
+        robot_points: Sequence[RobotPoint] = (RobotPoint(),),
+        name: str = "",
+    ) -> None:
+        super().__init__(K=K, switching_gain=switching_gain)
+        demand_positive(length, f"length of {self.kind}")
+        if not robot_points:
+            raise ConfigurationError(f"{self.kind} needs at least one robot point")
+        self.length, self.name = float(length), name
+        self.scale = self.length
+        self._points = tuple(robot_points)
+
+    @property
+    def points(self) -> tuple[RobotPoint, ...]:
+        """The points concerned."""
+        return self._points
+
+    def labels(self, scene: Scene) -> tuple[str, ...]:
+        """One row per point."""
+        prefix = f"{self.name}, " if self.name else ""
+        return tuple(f"{self.kind}[{prefix}{point.label}]" for point in self._points)
+
+    def rows(self, state: State, points: slice) -> RowBlock:
+        """Chain rule from Cartesian positions to joints (eqs. 30 and 31)."""
+        robot = state.robot
+        J = robot.point_J[points]
+        motion = PointMotion(robot.points[points], J, J @ robot.qd, robot.point_drift[points])
+        y = motion.position
+        return self.chain_rule(self.sigma(y), self.gradient(y), self.curvature(y, motion.velocity), motion)
+
+    def clearance(self, trace: Trace, points: slice) -> Array:
+        """−σ / ‖∂σ/∂p‖: exact where σ is a signed distance, to first order elsewhere [m]."""
+        y = trace.points[:, points]
+        g = self.gradient(y)
+        clearance: Array = -self.sigma(y) / np.sqrt((g * g).sum(axis=-1))
+        return clearance
+
+    def characteristic_length(self, scene: Scene) -> Array:
+        """The same length for every point."""
+        return np.full(len(self._points), self.length)
