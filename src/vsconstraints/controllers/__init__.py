@@ -1,0 +1,74 @@
+"""Controllers: functions of rows and a task, interchangeable and importable one by one."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import ConfigurationError, VsconstraintsError, unknown_name
+from ..plugins import imported_class
+from .base import Controller
+from .hierarchical_qp import HierarchicalQP
+from .potential_field import PotentialField
+from .sliding_mode import SlidingMode
+from .tracking import Tracking
+
+__all__ = [
+    "CONTROLLERS",
+    "Controller",
+    "HierarchicalQP",
+    "PotentialField",
+    "SlidingMode",
+    "Tracking",
+    "controller_class",
+    "make_controller",
+]
+
+CONTROLLERS: dict[str, type[Controller]] = {
+    law.name: law for law in (SlidingMode, PotentialField, HierarchicalQP, Tracking)
+}
+"""Controllers by the name files and the command line use."""
+
+
+def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
+    """The controller of a registered name, or the one that ``module:Class`` names.
+
+    Parameters
+    ----------
+    name
+        For example ``"sliding-mode"`` or ``"my_laws:Cautious"``.
+    folder
+        Where such a module may also be.
+    """
+    if ":" in name:
+        return imported_class(name, Controller, folder)
+    if name not in CONTROLLERS:
+        raise unknown_name("controller", name, [*CONTROLLERS, "module:Class"])
+    return CONTROLLERS[name]
+
+
+def make_controller(name: str, options: Mapping[str, Any] | None = None, folder: Path | None = None) -> Controller:
+    """The controller of that name with these options; names the candidates if either is unknown.
+
+    Parameters
+    ----------
+    name, folder
+        As for :func:`controller_class`.
+    options
+        Keyword arguments of the controller.
+    """
+    law, options = controller_class(name, folder), options or {}
+    known = list(inspect.signature(law).parameters)
+    for key in options:
+        if key not in known:
+            raise unknown_name(f"option of {name}", key, known)
+    try:
+        return law(**options)
+    except VsconstraintsError:
+        raise
+    except Exception as error:  # an own law may fail in any way
+        raise ConfigurationError(
+            f"controller {name!r} cannot be made with {options}: {type(error).__name__}: {error}"
+        ) from error

@@ -1,0 +1,70 @@
+"""What every controller is: a function of rows and task, whose answer is always finite."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar, get_args
+
+import numpy as np
+
+from ..errors import SolverError
+from ..rows import Command, Rows, Status, Task, check
+
+
+class Controller(ABC):
+    """A law that turns rows and a task into joint accelerations.
+
+    A new controller gives :attr:`name` and :meth:`solve`. Input is checked before and the answer after, so that
+    ``solve`` may assume finite arrays of matching shapes, and no number that is not finite ever reaches a robot.
+    """
+
+    name: ClassVar[str]
+
+    def command(self, rows: Rows, task: Task) -> Command:
+        """Joint accelerations for these rows and this task.
+
+        Raises
+        ------
+        InvalidInput
+            if shapes disagree or a number is not finite. What goes wrong inside the law itself does not raise:
+            the command's status is then ``failed``, with the reason, and its accelerations are zero.
+        """
+        check(rows, task)
+        try:
+            command: object = self.solve(rows, task)  # own laws are not type-checked
+        except (np.linalg.LinAlgError, SolverError) as error:
+            return self._failure(rows, task, f"{type(error).__name__}: {error}")
+        n, m = task.J.shape[1], len(rows.labels)
+        if not isinstance(command, Command):
+            return self._failure(rows, task, f"the law gave {command!r}, not a Command")
+        for name, array, kind in (("qdd", command.qdd, np.floating), ("acted", command.acted, np.bool_)):
+            if not (isinstance(array, np.ndarray) and np.issubdtype(array.dtype, kind)):
+                return self._failure(rows, task, f"{name} must be an array of {kind.__name__}, not {array!r}")
+        if command.status not in get_args(Status):
+            known = ", ".join(get_args(Status))
+            return self._failure(rows, task, f"the law gave the status {command.status!r}, which is none of {known}")
+        if command.qdd.shape != (n,) or command.acted.shape != (m,):
+            shapes = f"{command.qdd.shape} and {command.acted.shape}"
+            return self._failure(
+                rows, task, f"the law gave qdd and acted of the shapes {shapes}, not {(n,)} and {(m,)}"
+            )
+        if not np.isfinite(command.qdd).all():
+            return self._failure(rows, task, "the law gave accelerations that are not finite")
+        return command
+
+    @abstractmethod
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """Compute the command; rows and task are known to be finite and of matching shapes."""
+
+    def reset(self) -> None:
+        """Forget everything kept between calls (warm starts); a law without memory has nothing to do."""
+
+    @staticmethod
+    def _failure(rows: Rows, task: Task, reason: str) -> Command:
+        return Command(
+            qdd=np.zeros(task.J.shape[1]),
+            status="failed",
+            acted=np.zeros(len(rows.labels), dtype=np.bool_),
+            labels=rows.labels,
+            reason=reason,
+        )

@@ -1,0 +1,238 @@
+"""A hierarchical quadratic program: the same rows as inequalities, with strict priorities."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from numbers import Real
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ConfigurationError, InvalidInput, SolverError, unknown_name
+from ..qp import Cost, SolverChain, lexicographic
+from ..rows import Array, BoolArray, Command, Rows, Task
+from .base import Controller
+from .tracking import RANK_TOLERANCE, LeastNorm, check_rank_tolerance, least_norm
+
+ROUNDING = 1e-12
+"""A demand exceeded by less than this fraction of its terms is met: it is the rounding of A q̈ − c."""
+
+ZERO_GRADIENT = 1e-12
+"""A row with ‖L_gφ‖ below this times its scale is one that no acceleration can influence."""
+
+IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HierarchicalQP(Controller):
+    """Strict priorities: (1) rows, (2) task, (3) least acceleration, as a lexicographic quadratic program.
+
+    With the demands A q̈ ≤ c of the rows, of all q̈ in the box |q̈| ≤ q̈_max (level 0, always met)
+
+    1. those with the least ‖W max(0, A q̈ − c)‖;
+    2. of these, those with the least ‖J q̈ − b‖;
+    3. of these, the one with the least ‖q̈‖.
+
+    Where no row resists, the command is that of :class:`~vsconstraints.controllers.Tracking`, bit by bit.
+    Where rows contradict each other the command has the status ``relaxed`` and says which demands are unmet
+    and by how much. Level 1 measures every demand in the unit of its φ per second: how rows of different
+    kinds share an unavoidable violation depends on these units; nothing is normalised silently, ``weights``
+    change it.
+
+    How it is computed: levels 2 and 3 are one strictly convex QP, min ½Σⱼ(gⱼ² + damping)vⱼ² in the
+    coordinates v = Vᵀ(q̈ − J†b) of the singular vectors of J with relative gains g, with hard rows. Its
+    minimiser differs from the strict one by the order of the damping, except where a direction's relative
+    gain is below √damping: there level 3 wins on purpose, since the task would ask for excessive
+    accelerations. Only if the hard rows are incompatible is level 1 computed, exactly; the violated rows then
+    become equalities, which are eliminated with an orthonormal basis, and the QP is solved in the remaining
+    coordinates. A large weight or soft rows in place of this were measured to be wrong.
+
+    Parameters
+    ----------
+    rows
+        The demands. ``"barrier"``: L_fφ + L_gφ q̈ ≤ −αφ for every row, so that φ decays exponentially to its
+        bound and never crosses it. ``"active"``: L_gφ q̈ ≤ −u⁺ for the rows with φ ≥ 0 only, the inequality
+        twin of eq. (15).
+    alpha
+        Rate α of the barrier [1/s].
+    solver
+        Name of the QP solver, see :func:`vsconstraints.qp.solver_names`; if its answer fails the check of the
+        optimality conditions, others are asked (:data:`vsconstraints.qp.FALLBACKS`) and the command says so.
+    weights
+        Diagonal of W by the beginning of the label, for example ``{"fov": 2.0, "range[joint 6]": 5.0}``; the
+        longest matching beginning counts, 1 where none matches.
+    max_acceleration
+        q̈_max [rad/s² or m/s²]; None for no box.
+    damping
+        Weight of level 3 within the QP, relative to ‖J‖². Much smaller ones make the QP hard to solve.
+    rank_tolerance
+        Singular values of J below this fraction of the largest one count as zero.
+
+    Attributes
+    ----------
+    solvers
+        The solver asked and those behind it, with their warm starts and the count of their failures;
+        :meth:`reset` clears both.
+
+    Raises
+    ------
+    ConfigurationError
+        at construction, if an option cannot be used or if the solver is unknown or not installed.
+    """
+
+    name = "hierarchical-qp"
+
+    rows: Literal["barrier", "active"] = "barrier"
+    alpha: float = 20.0
+    solver: str = "daqp"
+    weights: Mapping[str, float] | None = None
+    max_acceleration: float | None = None
+    damping: float = 1e-8
+    rank_tolerance: float = RANK_TOLERANCE
+    solvers: SolverChain = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.rows not in ("barrier", "active"):
+            raise unknown_name("form of rows", self.rows, ("barrier", "active"))
+        _require_positive("alpha", self.alpha)
+        _require_positive("damping", self.damping)
+        if self.max_acceleration is not None:
+            _require_positive("max_acceleration", self.max_acceleration)
+        if not (self.weights is None or isinstance(self.weights, Mapping)):
+            raise ConfigurationError(f"weights must map beginnings of labels to numbers, not {self.weights!r}")
+        for prefix, weight in (self.weights or {}).items():
+            _require_positive(f"weights[{prefix!r}]", weight)
+        check_rank_tolerance(self.rank_tolerance)
+        object.__setattr__(self, "solvers", SolverChain(self.solver))
+
+    def reset(self) -> None:
+        """Forget the solvers' warm starts and the count of their failures."""
+        self.solvers.reset()
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """See the class."""
+        # Numbers beyond the range of floating point are found by checks.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            tracking = least_norm(task.J, task.b, self.rank_tolerance)
+            which, A, c = demands(rows, self.rows, self.alpha)
+            excess = A @ tracking.qdd - c
+            bound = math.inf if self.max_acceleration is None else self.max_acceleration
+            inside = bound == math.inf or bool(np.abs(tracking.qdd).max() <= bound)
+            if inside and (excess <= 0.0).all():
+                return self._tracks(rows, tracking)
+            norms = np.sqrt(np.einsum("ij,ij->i", A, A))
+            fixed = norms <= ZERO_GRADIENT * rows.scale[which]
+            met = excess <= ROUNDING * (norms * np.linalg.norm(tracking.qdd) + np.abs(c))
+            if inside and (met & ~fixed | (c >= 0.0) & fixed).all():
+                return self._tracks(rows, tracking)
+            return self._resist(rows, tracking, bound, (which, A, c, fixed))
+
+    @staticmethod
+    def _tracks(rows: Rows, tracking: LeastNorm) -> Command:
+        """No row resists."""
+        m = len(rows.labels)
+        return Command(tracking.qdd, "ok", np.zeros(m, dtype=np.bool_), rows.labels, slack=np.zeros(m))
+
+    def _resist(
+        self,
+        rows: Rows,
+        tracking: LeastNorm,
+        bound: float,
+        demand: tuple[IntArray, Array, Array, BoolArray],
+    ) -> Command:
+        """Answer where some row, or the box, does not allow the tracking command."""
+        which, A, c, fixed = demand
+        free = which[~fixed]
+        labels = [rows.labels[i] for i in free]
+        weights = row_weights(labels, self.weights or {})
+        cost = task_cost(tracking, self.damping)
+        try:
+            optimum = lexicographic(A[~fixed], c[~fixed], weights, cost, self.solvers, bound)
+        except InvalidInput as error:
+            raise SolverError(f"beyond the range of floating point: {error}") from error
+        acted = np.zeros(len(rows.labels), dtype=np.bool_)
+        acted[free] = optimum.holding
+        slack = np.zeros(len(rows.labels))
+        slack[free] = optimum.violation
+        slack[which[fixed]] = np.maximum(-c[fixed], 0.0)
+        verified = optimum.verified
+        return Command(
+            optimum.x,
+            "relaxed" if slack.any() else "ok",
+            acted,
+            rows.labels,
+            reason=_unmet(rows.labels, slack, which[fixed]),
+            slack=slack,
+            solver=verified.solver if verified else "",
+            iterations=verified.answer.iterations if verified else 0,
+            fallback=verified.fallback if verified else "",
+        )
+
+
+def demands(rows: Rows, form: Literal["barrier", "active"], alpha: float) -> tuple[IntArray, Array, Array]:
+    """Collect what the rows ask of the acceleration, A q̈ ≤ c.
+
+    Parameters
+    ----------
+    rows
+        m constraint rows.
+    form
+        ``"barrier"``: A = L_g, c = −αφ − L_f for all rows. ``"active"``: A = L_g, c = −u⁺ where φ ≥ 0.
+    alpha
+        α [1/s].
+
+    Returns
+    -------
+    tuple
+        The (p,) indices of the rows that demand something, A (p, n) and c (p,) in units of φ per second.
+    """
+    if form == "barrier":
+        return np.arange(rows.phi.size), rows.Lg, -alpha * rows.phi - rows.Lf
+    which = np.flatnonzero(rows.phi >= 0.0)
+    return which, rows.Lg[which], -rows.switching_gain[which]
+
+
+def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
+    """(m,) level-1 weight of each label: that of the longest key the label begins with, or 1."""
+    values = np.ones(len(labels))
+    if weights:
+        for i, label in enumerate(labels):
+            matching = [prefix for prefix in weights if label.startswith(prefix)]
+            if matching:
+                values[i] = weights[max(matching, key=len)]
+    return values
+
+
+def task_cost(tracking: LeastNorm, damping: float) -> Cost:
+    """State levels 2 and 3 as one cost, ½Σⱼ(gⱼ² + damping)vⱼ² with v = Vᵀ(q̈ − J†b).
+
+    g are the gains of J relative to the largest. With Jq̈ fixed, q̈ − J†b differs from q̈ by a constant
+    that is orthogonal to the null space of J, so that the damping term minimises ‖q̈‖ there; and without rows
+    the minimiser is J†b itself, whatever the damping.
+    """
+    largest = tracking.gains[0]
+    relative = tracking.gains / largest if largest > 0.0 else tracking.gains
+    return Cost(tracking.qdd, tracking.directions, np.sqrt(relative * relative + damping))
+
+
+def _unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
+    """Say which demands are unmet and by how much; empty if none is."""
+    unmet = np.flatnonzero(slack > 0.0)
+    if not unmet.size:
+        return ""
+    amounts = ", ".join(f"{labels[i]} by {slack[i]:.3g}" for i in unmet)
+    why = (
+        ""
+        if not np.isin(unmet, fixed).any()
+        else "; no acceleration influences " + ", ".join(labels[i] for i in unmet if i in fixed)
+    )
+    return f"no acceleration meets every demand; unmet, in units of φ per second: {amounts}{why}"
+
+
+def _require_positive(name: str, value: object) -> None:
+    """Raise ConfigurationError unless the value is a positive, finite number."""
+    if isinstance(value, bool) or not isinstance(value, Real) or not 0.0 < float(value) < math.inf:
+        raise ConfigurationError(f"{name} must be a positive, finite number, not {value!r}")

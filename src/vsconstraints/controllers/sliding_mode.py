@@ -1,0 +1,32 @@
+"""The paper's law: sliding mode on the active rows, tracking in their null space."""
+
+from __future__ import annotations
+
+from ..rows import Command, Rows, Task
+from .base import Controller
+from .task_priority import prioritise
+from .tracking import RANK_TOLERANCE, check_rank_tolerance
+
+
+class SlidingMode(Controller):
+    """The paper's law: a sliding mode on the active rows, tracking in their null space.
+
+    Eqs. (10), (11) and (15): the rows with φ ≥ 0 demand A₁ q̈ = −u⁺, the task acts in the null space of A₁.
+    L_fφ is not used. If the active rows have lost full row rank the status is ``rank-loss``: the command then meets
+    their demands in the least-squares sense, and section 5.2 advises to abort.
+
+    Parameters
+    ----------
+    rank_tolerance
+        Singular values below this fraction of the largest one count as zero (see
+        :func:`vsconstraints.controllers.task_priority.resolve`).
+    """
+
+    name = "sliding-mode"
+
+    def __init__(self, *, rank_tolerance: float = RANK_TOLERANCE) -> None:
+        self.rank_tolerance = check_rank_tolerance(rank_tolerance)
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """See the class."""
+        return prioritise(rows, task, rows.phi >= 0.0, -rows.switching_gain, self.rank_tolerance)

@@ -1,0 +1,81 @@
+"""Task-priority redundancy resolution, eq. (15), with the rank decisions it needs to be exact."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..rows import Array, BoolArray, Command, Rows, Task
+from .tracking import track
+
+
+def resolve(A1: Array, b1: Array, A2: Array, b2: Array, rank_tolerance: float) -> tuple[Array, Array]:
+    """q̈ = A₁† b₁ + (A₂(I − A₁†A₁))† (b₂ − A₂A₁†b₁).
+
+    A₂(I − A₁†A₁) loses ranks by construction, so that a cut-off relative to its own largest singular value can keep
+    pure rounding. The rank of A₁ is therefore decided on A₁; the null space is spanned by an orthonormal basis Z; and
+    A₂Z is cut relative to the largest singular value of A₂.
+
+    Parameters
+    ----------
+    A1, b1
+        (b, n) and (b,): level 1, b ≥ 1.
+    A2, b2
+        (k, n) and (k,): level 2.
+    rank_tolerance
+        Singular values below this fraction of the largest one count as zero, at both levels.
+
+    Returns
+    -------
+    tuple
+        q̈ (n,), and the combinations of the rows of A₁ that vanish, (b, b − rank).
+    """
+    U, s, Vt = np.linalg.svd(A1)
+    rank = int((s > rank_tolerance * s[0]).sum())
+    qdd = Vt[:rank].T @ ((U[:, :rank].T @ b1) / s[:rank])
+    Z = Vt[rank:].T
+    if Z.shape[1]:
+        U2, s2, V2t = np.linalg.svd(A2 @ Z, full_matrices=False)
+        kept = s2 > rank_tolerance * np.linalg.norm(A2, 2)
+        qdd = qdd + Z @ (V2t[kept].T @ ((U2[:, kept].T @ (b2 - A2 @ qdd)) / s2[kept]))
+    return qdd, U[:, rank:]
+
+
+def prioritise(rows: Rows, task: Task, acts: BoolArray, demand: Array, rank_tolerance: float) -> Command:
+    """The command in which the acting rows have the first level and the task the second.
+
+    Parameters
+    ----------
+    rows, task
+        What the controller was given.
+    acts
+        (m,) rows that act.
+    demand
+        (m,) what L_gφ q̈ of those rows must be.
+    rank_tolerance
+        As for :func:`resolve`.
+
+    Returns
+    -------
+    Command
+        ``rank-loss`` if rows with φ ≥ 0 depend on each other (section 5.2), with the names of those that do. Rows
+        that act before their boundary is reached are then met in the least-squares sense.
+    """
+    if not acts.any():
+        return Command(track(task, rank_tolerance), "ok", acts, rows.labels)
+    qdd, dependent = resolve(rows.Lg[acts], demand[acts], task.J, task.b, rank_tolerance)
+    reached = rows.phi >= 0.0
+    if dependent.shape[1] and not reached[acts].all():
+        dependent = dependent_rows(rows.Lg[reached], rank_tolerance)
+    if not dependent.shape[1]:
+        return Command(qdd, "ok", acts, rows.labels)
+    involved = np.flatnonzero(reached)[np.abs(dependent).max(axis=1) > 1e-3]
+    names = ", ".join(rows.labels[i] for i in involved)
+    return Command(qdd, "rank-loss", acts, rows.labels, f"the active rows have lost full row rank; dependent: {names}")
+
+
+def dependent_rows(A: Array, rank_tolerance: float) -> Array:
+    """(b, b − rank) combinations of the rows of A (b, n) that vanish."""
+    if not len(A):
+        return np.empty((0, 0))
+    U, s, _ = np.linalg.svd(A)
+    return U[:, int((s > rank_tolerance * s[0]).sum()) :]

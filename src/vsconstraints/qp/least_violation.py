@@ -1,0 +1,116 @@
+"""Level 1 of the hierarchy: the points that violate rows least, found exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import SolverError
+from ..rows import Array
+
+ROUNDING = 1e-13
+"""Below this fraction of its terms a row counts as met while iterating."""
+
+CONVERGED = 1e-12
+"""A step that would change no violation by more than this fraction of their norm, or by more than rounding, is none."""
+
+
+def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: float = np.inf) -> Array:
+    """Find a minimiser of ½‖max(0, W(Ax − c))‖² in the box |x| ≤ bound, W = diag(weights).
+
+    The function is convex and piecewise quadratic: Newton's method on the rows that are violated, with an
+    exact line search, ends after finitely many steps with an exact minimiser. Coordinates that the box holds
+    are kept in a working set and released when the gradient pulls them inward. The minimiser need not be
+    unique, but its violations are. Weighted rows whose norms are up to 1e6 apart were measured to be resolved;
+    beyond that, small rows are lost in the rounding of large ones.
+
+    Parameters
+    ----------
+    A, c
+        (m, n) and (m,).
+    weights
+        (m,) positive.
+    start
+        (n,) where to begin; clipped to the box.
+    bound
+        Half the width of the box.
+
+    Returns
+    -------
+    x
+        (n,) the minimiser reached from ``start``.
+
+    Raises
+    ------
+    SolverError
+        if the limit of iterations is reached, which only rounding could bring about.
+    """
+    B = weights[:, None] * A
+    d = weights * c
+    row_norms = np.sqrt(np.einsum("ij,ij->i", B, B))
+    x = np.clip(start, -bound, bound)
+    held = np.zeros(x.size, dtype=np.bool_)
+    last = released_at = np.inf
+    fruitless = 0
+    for _ in range(20 + 10 * (x.size + c.size)):
+        residual = B @ x - d
+        rounding = ROUNDING * (row_norms * np.sqrt(x @ x) + np.abs(d))
+        if (residual <= rounding).all():
+            return x
+        # Rows exceeded by rounding alone count here: a row of large scale holds small ones by just that much.
+        violated = residual > 0.0
+        excess = residual[violated]
+        free = ~held
+        step = np.zeros(x.size)
+        step[free] = np.linalg.lstsq(B[violated][:, free], -excess, rcond=1e-14)[0]
+        change = B @ step
+        value = float(excess @ excess)
+        still = CONVERGED * np.sqrt(value) + rounding[violated]
+        if (np.abs(change[violated]) <= still).all() or value >= last:
+            # Stationary on this face of the box. Which held coordinate is pulled inward the most?
+            pull = np.where(held, np.sign(x) * (excess @ B[violated]), 0.0)
+            worst = int(np.argmax(pull))
+            # In a corner several releases may be needed before there is descent; more than n are a cycle of rounding.
+            fruitless = fruitless + 1 if value >= released_at else 0
+            if pull[worst] <= np.abs(B[violated, worst]) @ still or fruitless > x.size:
+                return x
+            released_at = value
+            held[worst] = False
+            last = np.inf
+            continue
+        longest = np.full(x.size, np.inf)
+        moving = step != 0.0
+        if np.isfinite(bound):
+            longest[moving] = (bound - np.sign(step[moving]) * x[moving]) / np.abs(step[moving])
+        limit = max(0.0, float(longest.min()))
+        length = _exact_line_search(residual, change, limit)
+        x = x + length * step
+        # A step of exact line search descends, unless rounding is all that is left or the box has cut it short.
+        last = value
+        if length >= limit:
+            last = np.inf
+            blocked = longest <= limit
+            held |= blocked
+            x[blocked] = np.sign(step[blocked]) * bound
+    raise SolverError("the least violation of the rows was not found within the limit of iterations")
+
+
+def _exact_line_search(residual: Array, change: Array, limit: float) -> float:
+    """Length t in [0, limit] that minimises ½‖max(0, residual + t·change)‖².
+
+    The derivative is continuous, nondecreasing and piecewise linear in t, with kinks where a row is just met. It is
+    evaluated afresh at every kink: sums that are updated from kink to kink end in differences that are pure rounding.
+    """
+    moving = change != 0.0
+    r, s = residual[moving], change[moving]
+    kinks = -r / s
+    kinks = np.sort(kinks[(kinks > 0.0) & (kinks < limit)])
+    derivatives = np.maximum(r + kinks[:, None] * s, 0.0) @ s
+    right = int(np.searchsorted(derivatives >= 0.0, True))
+    lower = float(kinks[right - 1]) if right > 0 else 0.0
+    upper = float(kinks[right]) if right < kinks.size else limit
+    middle = 0.5 * (lower + upper) if np.isfinite(upper) else lower + 1.0
+    active = r + middle * s > 0.0
+    curvature = float(s[active] @ s[active])
+    if curvature == 0.0:
+        return lower
+    return min(max(-float(r[active] @ s[active]) / curvature, lower), upper)

@@ -1,0 +1,603 @@
+"""One contract for every registered controller, and what distinguishes each law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vsconstraints.controllers import (
+    CONTROLLERS,
+    Controller,
+    HierarchicalQP,
+    PotentialField,
+    SlidingMode,
+    Tracking,
+    make_controller,
+)
+from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
+from vsconstraints.rows import Array, Command, Rows, Task
+
+VARIANTS: dict[str, list[dict[str, Any]]] = {
+    "sliding-mode": [{}],
+    "potential-field": [
+        {"blend": "additive"},
+        {"blend": "additive", "exponent": 2.0, "strength": 3.0},
+        {"blend": "priority"},
+        {"blend": "priority", "region": 0.7, "exponent": 0.5},
+    ],
+    "hierarchical-qp": [{"rows": "barrier"}, {"rows": "active"}, {"rows": "barrier", "max_acceleration": 5.0}],
+    "tracking": [{}],
+}
+"""Options with which each registered controller is put through the contract."""
+
+LAWS = [
+    pytest.param(name, options, id="-".join([name, *(f"{key}={value}" for key, value in options.items())]))
+    for name in CONTROLLERS
+    for options in VARIANTS.get(name, [{}])
+]
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_every_registered_controller_has_variants(name: str) -> None:
+    assert name in VARIANTS, (
+        f"the controller {name!r} is registered in CONTROLLERS: list the options it is to be tested with in VARIANTS"
+    )
+
+
+# --- problems ---
+
+
+@dataclass(frozen=True)
+class Size:
+    """How a random problem is made: n joints, m rows, k task equations, and how large its numbers are."""
+
+    seed: int
+    n: int
+    m: int
+    k: int
+    rows_scale: float = 1.0
+    task_scale: float = 1.0
+    singular: bool = False
+
+
+def problem(size: Size) -> tuple[Rows, Task]:
+    """Rows and task of random numbers; ``singular`` puts zeros, repetitions and opposites among them."""
+    rng = np.random.default_rng(size.seed)
+    n, m, k = size.n, size.m, size.k
+    Lg, J = rng.normal(size=(m, n)), rng.normal(size=(k, n))
+    if size.singular:
+        for i in range(m):
+            Lg[i] = (Lg[i], np.zeros(n), Lg[i - 1], -Lg[i - 1], Lg[i] * 1e-9)[int(rng.integers(5))]
+        for i in range(k):
+            J[i] = (J[i], np.zeros(n), J[i - 1])[int(rng.integers(3))]
+    rows = Rows(
+        phi=rng.normal(size=m) * size.rows_scale,
+        Lg=Lg * size.rows_scale,
+        Lf=rng.normal(size=m) * size.rows_scale,
+        switching_gain=rng.uniform(0.1, 10.0, m) * size.rows_scale,
+        labels=tuple(f"row[{i}]" for i in range(m)),
+        scale=rng.uniform(0.1, 2.0, m) * size.rows_scale,
+    )
+    return rows, Task(J * size.task_scale, rng.normal(size=k) * size.task_scale)
+
+
+sizes = st.builds(
+    Size,
+    seed=st.integers(0, 2**32 - 1),
+    n=st.integers(1, 8),
+    m=st.integers(0, 12),
+    k=st.integers(0, 8),
+    rows_scale=st.sampled_from([1.0, 1.0, 1e-6, 1e6]),
+    task_scale=st.sampled_from([1.0, 1.0, 1e-6, 1e6]),
+    singular=st.booleans(),
+)
+
+
+def far_inside(rows: Rows) -> Rows:
+    """The same rows with φ so far below zero that none can act."""
+    return replace(rows, phi=-1e9 * np.maximum(1.0, rows.scale))
+
+
+# --- the contract ---
+
+
+def assert_is_an_answer(command: Command, rows: Rows, task: Task) -> None:
+    assert command.qdd.shape == (task.J.shape[1],)
+    assert np.isfinite(command.qdd).all()
+    assert command.status in ("ok", "relaxed", "rank-loss", "failed")
+    assert (command.status == "ok") == (command.reason == "")
+    assert command.labels == rows.labels
+    assert command.acted.shape == (len(rows.labels),)
+    assert command.acted.dtype == np.bool_
+    assert set(command.active) <= set(rows.labels)
+    assert set(command.slacks) <= set(rows.labels)
+    if command.status == "failed":
+        np.testing.assert_array_equal(command.qdd, 0.0)
+
+
+@pytest.mark.parametrize(("name", "options"), LAWS)
+@given(size=sizes)
+def test_any_finite_problem_has_a_finite_answer(name: str, options: dict[str, Any], size: Size) -> None:
+    rows, task = problem(size)
+    command = make_controller(name, options).command(rows, task)
+    assert_is_an_answer(command, rows, task)
+    if size.rows_scale == size.task_scale == 1.0 and not size.singular:
+        assert command.status != "failed", command.reason
+
+
+@pytest.mark.parametrize(("name", "options"), LAWS)
+@given(size=sizes)
+def test_rows_that_do_not_act_leave_the_tracking_command_as_it_is(
+    name: str, options: dict[str, Any], size: Size
+) -> None:
+    """Bit by bit, so that differences between controllers in a report are differences between laws."""
+    rows, task = problem(replace(size, rows_scale=1.0, task_scale=1.0))
+    rows = far_inside(rows)
+    expected = Tracking().command(rows, task).qdd
+    limit = options.get("max_acceleration", np.inf)
+    if np.abs(expected).max() > limit or (options.get("rows") == "barrier" and np.abs(expected).max() > 1e6):
+        return  # the box acts, or a singular task asks for more than even distant rows allow
+    command = make_controller(name, options).command(rows, task)
+    assert command.status == "ok"
+    assert command.active == ()
+    np.testing.assert_array_equal(command.qdd, expected)
+    without = make_controller(name, options).command(Rows.none(size.n), task)
+    np.testing.assert_array_equal(without.qdd, expected)
+
+
+@pytest.mark.parametrize(("name", "options"), LAWS)
+@given(size=sizes)
+def test_answers_are_repeatable_and_leave_the_question_alone(name: str, options: dict[str, Any], size: Size) -> None:
+    rows, task = problem(size)
+    kept = [array.copy() for array in (rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b)]
+    law = make_controller(name, options)
+    first = law.command(rows, task)
+    law.reset()
+    again = law.command(rows, task)
+    np.testing.assert_array_equal(first.qdd, again.qdd)
+    np.testing.assert_array_equal(first.acted, again.acted)
+    assert first.status == again.status
+    now = (rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b)
+    for before, after in zip(kept, now, strict=True):
+        np.testing.assert_array_equal(before, after)
+
+
+def sound() -> tuple[Rows, Task]:
+    rows, task = problem(Size(seed=1, n=6, m=3, k=6))
+    return replace(rows, labels=("fov[marker 2]", "range[joint 6].upper", "sphere[tip]")), task
+
+
+def with_entry(array: Array, value: float, at: int) -> Array:
+    changed = array.copy()
+    changed.reshape(len(changed), -1)[at, -1] = value
+    return changed
+
+
+@pytest.mark.parametrize(("name", "options"), LAWS)
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("what", ["phi", "Lg", "Lf", "switching_gain", "scale"])
+def test_a_row_that_is_not_finite_is_named(name: str, options: dict[str, Any], what: str, value: float) -> None:
+    rows, task = sound()
+    broken = replace(rows, **{what: with_entry(getattr(rows, what), value, 1)})
+    with pytest.raises(InvalidInput, match=rf"rows\.{what} is not finite for range\[joint 6\]\.upper$"):
+        make_controller(name, options).command(broken, task)
+
+
+@pytest.mark.parametrize(("name", "options"), LAWS)
+def test_a_task_that_is_not_finite_is_named(name: str, options: dict[str, Any]) -> None:
+    rows, task = sound()
+    law = make_controller(name, options)
+    with pytest.raises(InvalidInput, match=r"task\.b is not finite in row 4"):
+        law.command(rows, replace(task, b=with_entry(task.b, np.nan, 4)))
+    with pytest.raises(InvalidInput, match=r"task\.J is not finite in row 2"):
+        law.command(rows, replace(task, J=with_entry(task.J, np.inf, 2)))
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0])
+@pytest.mark.parametrize("what", ["switching_gain", "scale"])
+def test_gains_and_scales_must_be_positive(what: str, value: float) -> None:
+    rows, task = sound()
+    broken = replace(rows, **{what: with_entry(getattr(rows, what), value, 2)})
+    with pytest.raises(InvalidInput, match=r"positive: sphere\[tip\] is not"):
+        SlidingMode().command(broken, task)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"phi": np.zeros(2)}, r"rows\.phi has the shape \(2,\)"),
+        ({"Lg": np.zeros((3, 5))}, r"rows\.Lg has the shape \(3, 5\).*\(3, 6\)"),
+        ({"Lg": np.zeros((2, 6))}, r"rows\.Lg has the shape \(2, 6\)"),
+        ({"Lf": np.zeros((3, 1))}, r"rows\.Lf has the shape"),
+        ({"switching_gain": np.ones(4)}, r"rows\.switching_gain has the shape"),
+        ({"scale": np.ones(1)}, r"rows\.scale has the shape"),
+        ({"labels": ("a", "b")}, "with 2 labels"),
+    ],
+)
+def test_rows_of_the_wrong_shape_are_refused(changes: dict[str, Any], words: str) -> None:
+    rows, task = sound()
+    for name in CONTROLLERS:
+        with pytest.raises(InvalidInput, match=words):
+            make_controller(name).command(replace(rows, **changes), task)
+
+
+WRONG_TASKS = [(np.ones(6), np.ones(1)), (np.ones((2, 6)), np.ones(3)), (np.ones((2, 6)), np.ones((2, 1)))]
+
+
+@pytest.mark.parametrize(("J", "b"), WRONG_TASKS)
+def test_tasks_of_the_wrong_shape_are_refused(J: Array, b: Array) -> None:
+    rows, _ = sound()
+    for name in CONTROLLERS:
+        with pytest.raises(InvalidInput, match=r"task\.J must be \(k, n\) and task\.b \(k,\)"):
+            make_controller(name).command(rows, Task(J, b))
+
+
+def test_rows_without_a_scale_have_ones() -> None:
+    rows, _ = sound()
+    plain = Rows(rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.labels)
+    np.testing.assert_array_equal(plain.scale, np.ones(3))
+    assert Rows.none(4).Lg.shape == (0, 4)
+
+
+# --- own controllers ---
+
+
+class Own(Controller):
+    """A controller whose answer or failure a test decides."""
+
+    name = "own"
+
+    def __init__(self, answer: object) -> None:
+        self.answer = answer
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return Command(np.asarray(self.answer), "ok", np.ones(len(rows.labels), dtype=np.bool_), rows.labels)
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (np.full(6, np.nan), "not finite"),
+        (np.array([0, 0, 0, 0, 0, np.inf]), "not finite"),
+        (np.linalg.LinAlgError("SVD did not converge"), "LinAlgError: SVD did not converge"),
+        (SolverError("no solver agrees"), "SolverError: no solver agrees"),
+    ],
+)
+def test_a_law_that_goes_wrong_fails_with_its_reason_and_rests(answer: object, words: str) -> None:
+    rows, task = sound()
+    command = Own(answer).command(rows, task)
+    assert command.status == "failed"
+    assert words in command.reason
+    assert command.active == ()
+    np.testing.assert_array_equal(command.qdd, np.zeros(6))
+    assert_is_an_answer(command, rows, task)
+
+
+def test_a_law_that_answers_is_believed() -> None:
+    rows, task = sound()
+    command = Own(np.arange(6.0)).command(rows, task)
+    assert (command.status, command.active) == ("ok", rows.labels)
+    np.testing.assert_array_equal(command.qdd, np.arange(6.0))
+
+
+def test_a_slip_in_an_own_law_is_not_hidden() -> None:
+    rows, task = sound()
+    with pytest.raises(KeyError):
+        Own(KeyError("typo")).command(rows, task)
+
+
+# --- by name ---
+
+
+def test_controllers_are_made_by_name() -> None:
+    assert isinstance(make_controller("sliding-mode"), SlidingMode)
+    field = make_controller("potential-field", {"blend": "priority", "region": 0.3})
+    assert isinstance(field, PotentialField)
+    assert (field.blend, field.region) == ("priority", 0.3)
+    assert {law.name for law in CONTROLLERS.values()} == set(CONTROLLERS)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("sliding", {}, "unknown controller 'sliding'. Did you mean 'sliding-mode'"),
+        (
+            "sliding-mode",
+            {"rank_tol": 1e-3},
+            "option of sliding-mode 'rank_tol'. Did you mean 'rank_tolerance'",
+        ),
+        ("potential-field", {"blend": "add"}, "unknown blend 'add'.*additive, priority"),
+        ("potential-field", {"region": 0.0}, "region of a potential field must be positive"),
+        ("potential-field", {"region": np.nan}, "region of a potential field must be positive"),
+        ("potential-field", {"exponent": -1.0}, "exponent of a potential field must be positive"),
+        ("potential-field", {"strength": np.inf}, "strength of a potential field must be positive"),
+        ("hierarchical-qp", {"rows": "soft"}, "soft.*barrier"),
+        ("hierarchical-qp", {"solver": "daqq"}, "Did you mean 'daqp'"),
+        ("sliding-mode", {"rank_tolerance": 0.0}, "rank_tolerance must be between 0 and 1"),
+        ("tracking", {"rank_tolerance": 1.0}, "rank_tolerance must be between 0 and 1"),
+    ],
+)
+def test_names_and_options_that_are_none_are_refused(name: str, options: dict[str, Any], words: str) -> None:
+    with pytest.raises((ConfigurationError, InvalidInput), match=words):
+        make_controller(name, options)
+
+
+# --- tracking ---
+
+
+@given(size=sizes)
+def test_tracking_is_the_pseudoinverse(size: Size) -> None:
+    rows, task = problem(replace(size, singular=False, task_scale=1.0))
+    expected = np.linalg.pinv(task.J, rcond=1e-6) @ task.b if size.k else np.zeros(size.n)
+    found = Tracking().command(rows, task).qdd
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-8 * max(1.0, np.abs(expected).max()))
+
+
+def test_tracking_leaves_singular_directions_alone() -> None:
+    J = np.diag([1.0, 1e-3, 1e-8])
+    rows = Rows.none(3)
+    np.testing.assert_allclose(Tracking().command(rows, Task(J, np.ones(3))).qdd, [1.0, 1e3, 0.0])
+    finer = Tracking(rank_tolerance=1e-10)
+    np.testing.assert_allclose(finer.command(rows, Task(J, np.ones(3))).qdd, [1.0, 1e3, 1e8])
+    np.testing.assert_array_equal(Tracking().command(rows, Task(np.zeros((2, 3)), np.ones(2))).qdd, 0.0)
+
+
+# --- the sliding mode ---
+
+
+def equation_15(rows: Rows, task: Task) -> Array:
+    """q̈ = A₁† b₁ + (A₂(I − A₁†A₁))† (b₂ − A₂A₁†b₁), with a tolerance that keeps rounding out of it."""
+    active = rows.phi >= 0.0
+    A1, b1, A2, b2 = rows.Lg[active], -rows.switching_gain[active], task.J, task.b
+    A1_inverse = np.linalg.pinv(A1)
+    first = A1_inverse @ b1
+    null_space = np.eye(A2.shape[1]) - A1_inverse @ A1
+    # what A₂(I − A₁†A₁) loses by construction is rounding of ‖A₂‖, not of its own largest singular value
+    projected = A2 @ null_space
+    own = np.linalg.norm(projected, 2)
+    tolerance = 1e-8 * np.linalg.norm(A2, 2) / own if own > 0.0 else 0.0
+    second = np.linalg.pinv(projected, rcond=tolerance) if tolerance < 1.0 else np.zeros(projected.T.shape)
+    return first + second @ (b2 - A2 @ first)
+
+
+well_posed = st.builds(
+    Size, seed=st.integers(0, 2**32 - 1), n=st.integers(2, 8), m=st.integers(1, 12), k=st.integers(1, 8)
+)
+
+
+def with_active(rows: Rows, count: int) -> Rows:
+    """The same rows with φ ≥ 0 for the first ``count`` of them."""
+    signs = np.where(np.arange(len(rows.labels)) < count, 1.0, -1.0)
+    return replace(rows, phi=signs * (np.abs(rows.phi) + 0.1))
+
+
+def condition(rows: Rows) -> float:
+    return float(np.linalg.cond(rows.Lg[rows.phi >= 0.0]))
+
+
+@given(size=well_posed, share=st.floats(0.0, 1.0))
+def test_the_sliding_mode_is_equation_15(size: Size, share: float) -> None:
+    rows, task = problem(size)
+    rows = with_active(rows, min(size.m, 1 + int(share * (size.n - 1))))
+    if condition(rows) > 1e3:
+        return  # two correct programs differ by the condition number times rounding
+    command = SlidingMode().command(rows, task)
+    assert command.status == "ok"
+    assert command.active == tuple(np.array(rows.labels)[rows.phi >= 0.0])
+    expected = equation_15(rows, task)
+    np.testing.assert_allclose(command.qdd, expected, atol=1e-7 * max(1.0, np.abs(expected).max()))
+
+
+@given(size=well_posed, share=st.floats(0.0, 1.0), demand=st.sampled_from([1.0, 1e3, 1e6]))
+def test_level_2_never_leaks_into_level_1(size: Size, share: float, demand: float) -> None:
+    """A₁ q̈ = −u⁺ holds however much the task asks for, in a singular configuration too."""
+    rows, task = problem(size)
+    rows = with_active(rows, min(size.m, 1 + int(share * (size.n - 1))))
+    if condition(rows) > 1e3:
+        return
+    repeated = np.repeat(task.J[:1], size.k, axis=0)
+    fading = np.diag(10.0 ** -np.arange(size.n))[: size.k]
+    for J in (task.J, repeated, fading):
+        asking = Task(J, demand * np.ones(len(J)))
+        qdd = SlidingMode().command(rows, asking).qdd
+        A1, u = rows.Lg[rows.phi >= 0.0], rows.switching_gain[rows.phi >= 0.0]
+        # rounding of A₁ q̈
+        allowed = 1e-13 * condition(rows) * np.linalg.norm(A1, 2) * max(np.linalg.norm(qdd), 1.0) + 1e-12
+        assert np.abs(A1 @ qdd + u).max() <= allowed
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_as_many_active_rows_as_joints_leave_the_task_nothing(seed: int) -> None:
+    """A₂(I − A₁†A₁) is then all rounding, which a tolerance relative to itself would invert."""
+    rows, task = problem(Size(seed=seed, n=6, m=6, k=6))
+    rows = with_active(rows, 6)
+    command = SlidingMode().command(rows, replace(task, b=1e3 * task.b))
+    expected = np.linalg.solve(rows.Lg, -rows.switching_gain)
+    np.testing.assert_allclose(command.qdd, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    assert command.status == "ok"
+
+
+def test_a_row_on_its_boundary_is_active() -> None:
+    """φ ≥ 0 as in eq. (9), not φ > 0 as in Appendix B."""
+    rows, task = sound()
+    rows = replace(rows, phi=np.array([0.0, -1e-12, -1.0]))
+    command = SlidingMode().command(rows, task)
+    assert command.active == ("fov[marker 2]",)
+    assert rows.Lg[0] @ command.qdd == pytest.approx(-rows.switching_gain[0])
+
+
+def test_l_f_phi_and_the_amount_of_phi_do_not_matter_to_the_sliding_mode() -> None:
+    rows, task = sound()
+    rows = with_active(rows, 2)
+    other = replace(rows, Lf=100.0 * rows.Lf, phi=50.0 * rows.phi, scale=7.0 * rows.scale)
+    np.testing.assert_array_equal(SlidingMode().command(rows, task).qdd, SlidingMode().command(other, task).qdd)
+
+
+def test_rank_loss_names_the_dependent_rows_and_no_other() -> None:
+    rng = np.random.default_rng(3)
+    Lg = rng.normal(size=(5, 6))
+    Lg[3] = 2.0 * Lg[0] - Lg[2]
+    labels = ("a", "b", "c", "d", "e")
+    rows = Rows(np.array([1.0, 1.0, 1.0, 1.0, -1.0]), Lg, np.zeros(5), np.ones(5), labels)
+    task = Task(rng.normal(size=(6, 6)), rng.normal(size=6))
+    command = SlidingMode().command(rows, task)
+    assert command.status == "rank-loss"
+    assert command.reason.endswith("dependent: a, c, d")
+    # its demands are met in the least-squares sense
+    A1 = Lg[:4]
+    np.testing.assert_allclose(A1.T @ (A1 @ command.qdd + 1.0), 0.0, atol=1e-9)
+    # an inactive row that depends on active ones is none of the law's business
+    inactive = replace(rows, phi=np.array([1.0, 1.0, 1.0, -1.0, -1.0]))
+    assert SlidingMode().command(inactive, task).status == "ok"
+
+
+def test_opposite_rows_and_rows_without_gradient_are_named() -> None:
+    Lg = np.zeros((3, 2))
+    Lg[0], Lg[1] = [1.0, 0.0], [-1.0, 0.0]
+    rows = Rows(np.ones(3), Lg, np.zeros(3), np.ones(3), ("upper", "lower", "nowhere"))
+    task = Task(np.eye(2), np.array([5.0, 7.0]))
+    command = SlidingMode().command(rows, task)
+    assert command.status == "rank-loss"
+    assert command.reason.endswith("dependent: upper, lower, nowhere")
+    # both sides cannot be met: the least squares stay in between, and the task has the rest
+    np.testing.assert_allclose(command.qdd, [0.0, 7.0], atol=1e-12)
+    alone = Rows(np.ones(1), np.zeros((1, 2)), np.zeros(1), np.ones(1), ("nowhere",))
+    command = SlidingMode().command(alone, task)
+    assert command.status == "rank-loss"
+    assert "nowhere" in command.reason
+    np.testing.assert_allclose(command.qdd, [5.0, 7.0])
+
+
+def test_more_active_rows_than_joints_are_a_loss_of_rank() -> None:
+    rows, task = problem(Size(seed=5, n=3, m=5, k=3))
+    command = SlidingMode().command(with_active(rows, 5), task)
+    assert command.status == "rank-loss"
+    assert all(label in command.reason for label in rows.labels)
+
+
+# --- potential fields ---
+
+
+@given(size=sizes, region=st.sampled_from([1e-9, 1e-3, 0.2]))
+def test_the_priority_blend_is_the_sliding_mode_outside_its_region(size: Size, region: float) -> None:
+    """The limit of a shrinking region: where no φ is in (−δ, 0) the commands are the same, bit by bit."""
+    rows, task = problem(replace(size, rows_scale=1.0))
+    depth = region * rows.scale
+    phi = np.where((rows.phi > -depth) & (rows.phi < 0.0), -2.0 * depth, rows.phi)
+    rows = replace(rows, phi=phi)
+    field = PotentialField(blend="priority", region=region).command(rows, task)
+    sliding = SlidingMode().command(rows, task)
+    np.testing.assert_array_equal(field.qdd, sliding.qdd)
+    assert (field.status, field.active, field.reason) == (sliding.status, sliding.active, sliding.reason)
+
+
+def one_row(phi: float) -> tuple[Rows, Task]:
+    rows, task = sound()
+    only = Rows(np.array([phi]), rows.Lg[:1], rows.Lf[:1], rows.switching_gain[:1], rows.labels[:1], np.array([0.5]))
+    return only, task
+
+
+@pytest.mark.parametrize("blend", ["additive", "priority"])
+@pytest.mark.parametrize("exponent", [1.0, 2.0])
+def test_repulsion_sets_in_continuously(blend: str, exponent: float) -> None:
+    """At the entry of the region, of depth 0.2 × the row's scale, there is no jump; nor on the boundary."""
+    law = PotentialField(blend=blend, exponent=exponent)
+    free = Tracking().command(*one_row(-1.0)).qdd
+    np.testing.assert_array_equal(law.command(*one_row(-0.1)).qdd, free)
+    assert law.command(*one_row(-0.1)).active == ()
+    entered = law.command(*one_row(-0.1 + 1e-9))
+    assert entered.active == ("fov[marker 2]",)
+    np.testing.assert_allclose(entered.qdd, free, atol=1e-6)
+    below, above = law.command(*one_row(-1e-9)).qdd, law.command(*one_row(1e-9)).qdd
+    np.testing.assert_allclose(below, above, atol=1e-6)
+    # and in between it is not constant
+    assert np.abs(law.command(*one_row(-0.05)).qdd - free).max() > 1e-3
+    phis = np.linspace(-0.12, 0.02, 1401)
+    commands = np.array([law.command(*one_row(float(phi))).qdd for phi in phis])
+    assert np.abs(np.diff(commands, axis=0)).max() < 0.01 * np.abs(commands[-1] - commands[0]).max() * 2 * exponent
+
+
+def test_the_additive_blend_is_khatibs_sum() -> None:
+    """q̈ = J†b − Σ ψ u⁺ L_gφ†, with ψ = (1 + φ/δ)^exponent, which goes on growing beyond the boundary."""
+    rows, task = sound()
+    rows = replace(rows, phi=np.array([-0.05, 0.3, -5.0]), scale=np.array([0.5, 1.0, 1.0]))
+    law = PotentialField(blend="additive", region=0.2, exponent=2.0, strength=1.5)
+    psi = np.array([(1.0 - 0.05 / 0.1) ** 2, (1.0 + 0.3 / 0.2) ** 2, 0.0])
+    expected = np.linalg.pinv(task.J) @ task.b
+    for i in range(3):
+        expected = expected - 1.5 * psi[i] * rows.switching_gain[i] * np.linalg.pinv(rows.Lg[i : i + 1])[:, 0]
+    found = law.command(rows, task)
+    np.testing.assert_allclose(found.qdd, expected, rtol=1e-9)
+    assert found.active == ("fov[marker 2]", "range[joint 6].upper")
+
+
+def test_the_priority_blend_demands_a_share_of_the_switching_gain() -> None:
+    """L_gφ q̈ goes from what tracking does to −u⁺ as ψ goes from 0 to 1, and stays there beyond the boundary."""
+    law = PotentialField(blend="priority", region=0.2)
+    rows, task = one_row(-0.025)
+    free = float(rows.Lg[0] @ Tracking().command(rows, task).qdd)
+    u = float(rows.switching_gain[0])
+    for phi, psi in ((-0.1, 0.0), (-0.075, 0.25), (-0.025, 0.75), (0.0, 1.0), (3.0, 1.0)):
+        rows, _ = one_row(phi)
+        demand = (1.0 - psi) * free - psi * u
+        assert float(rows.Lg[0] @ law.command(rows, task).qdd) == pytest.approx(demand, rel=1e-9)
+
+
+def test_a_row_without_gradient_is_not_pushed() -> None:
+    rows, task = sound()
+    rows = replace(rows, phi=np.ones(3), Lg=np.zeros((3, 6)))
+    command = PotentialField().command(rows, task)
+    np.testing.assert_array_equal(command.qdd, Tracking().command(rows, task).qdd)
+
+
+# --- the hierarchical QP: what it shares with the others; its own tests go deeper ---
+
+
+def feasible(size: Size, form: str) -> tuple[Rows, Task]:
+    """Rows that some acceleration meets with room to spare."""
+    rows, task = problem(replace(size, rows_scale=1.0, task_scale=1.0, singular=False))
+    rng = np.random.default_rng(size.seed + 1)
+    target = rng.normal(size=size.n)
+    alpha = HierarchicalQP().alpha
+    bound = -rows.switching_gain if form == "active" else -alpha * rows.phi - rows.Lf
+    # scale the gradients so that the target meets each bound: L_gφ target = bound − 0.1
+    reached = rows.Lg @ target
+    Lg = rows.Lg + np.outer((bound - 0.1 - reached) / (target @ target), target)
+    return replace(rows, Lg=Lg), task
+
+
+@pytest.mark.parametrize("form", ["barrier", "active"])
+@given(size=sizes)
+def test_demands_that_can_be_met_are_met(form: str, size: Size) -> None:
+    rows, task = feasible(size, form)
+    law = HierarchicalQP(rows=form)
+    command = law.command(rows, task)
+    assert command.status == "ok", command.reason
+    if form == "active":
+        demanding, bound = rows.phi >= 0.0, -rows.switching_gain
+    else:
+        demanding, bound = np.ones(size.m, dtype=bool), -law.alpha * rows.phi - rows.Lf
+    excess = (rows.Lg @ command.qdd - bound)[demanding]
+    # the solvers' tolerance, relative to the terms of each row
+    allowed = 1e-6 * (np.abs(rows.Lg) @ np.abs(command.qdd) + np.abs(bound) + 1.0)[demanding]
+    assert (excess <= allowed).all()
+    assert command.slacks == {}
+
+
+def test_demands_that_contradict_each_other_are_relaxed_by_name() -> None:
+    rows = Rows(
+        np.ones(3), np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]]), np.zeros(3), np.ones(3), ("up", "down", "side")
+    )
+    command = HierarchicalQP(rows="active").command(rows, Task(np.eye(2), np.array([5.0, 7.0])))
+    assert command.status == "relaxed"
+    assert set(command.slacks) == {"up", "down"}
+    assert "up" in command.reason
+    assert "side" not in command.reason
+    np.testing.assert_allclose(command.qdd, [0.0, -1.0], atol=1e-6)
