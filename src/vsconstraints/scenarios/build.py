@@ -1,0 +1,183 @@
+"""From a scenario's tables to what is simulated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from ..camera import Camera
+from ..constraints import (
+    ConstraintSet,
+    robot_points,
+)
+from ..constraints.base import demand_positive
+from ..errors import ConfigurationError, SceneError
+from ..features import FEATURES, Goal
+from ..geometry import Pose
+from ..robot import Robot
+from ..robots import ready_made
+from ..rows import Array
+from ..scene import Scene
+from ..simulation import Setup, Tolerances
+from ..tracking import DERIVATIVES, Derivative, TrackingGains, VisualTask
+from .constraint_types import make_constraint
+from .section import Section
+
+
+def build(tables: dict[str, Any], where: str, folder: Path, deviation: Array | None = None) -> Setup:
+    """The setup that a scenario's tables describe.
+
+    Parameters
+    ----------
+    tables
+        What the file says.
+    where
+        Name of the scenario, for messages.
+    folder
+        What paths in the scenario are relative to.
+    deviation
+        Numbers in [−1, 1], one per joint, that the start deviates by, times ``start_deviation``.
+
+    Raises
+    ------
+    ConfigurationError, InvalidInput
+        for unknown keys and unusable values; the message names them.
+    """
+    top = Section(tables, where)
+    top.take("title", str, "")
+    top.take("description", str, "")
+    robot = _robot(top, folder)
+    camera = _camera(top.section("camera"))
+    markers = _markers(top.section("target"))
+    q0 = robot.configuration(top.array("q0"), "q0")
+    qd0 = robot.configuration(top.array("qd0", [0.0] * robot.n), "qd0")
+    spread = float(top.number("start_deviation", 0.0))
+    if deviation is not None:
+        q0 = q0 + spread * deviation[: robot.n]
+    constraints = [make_constraint(section, robot, camera, folder) for section in top.sections("constraints")]
+    scene = Scene(robot, camera, markers, robot_points(constraints))
+    task = _task(top.section("task"), scene)
+    setup = Setup(
+        scene,
+        ConstraintSet(constraints, scene),
+        task,
+        q0,
+        qd0,
+        Ts=float(top.number("sampling_time")),
+        duration=float(top.number("duration")),
+        abort_on_rank_loss=top.choice("on_rank_loss", ("abort", "continue"), "abort") == "abort",
+        tolerances=_tolerances(top.section("tolerances", {})),
+    )
+    top.finish()
+    return setup
+
+
+def _robot(top: Section, folder: Path) -> Robot:
+    value = top.take("robot", (str, dict))
+    if isinstance(value, str):
+        return ready_made(value)
+    section = Section(value, f"{top.where}.robot")
+    name = section.take("name", str, None)
+    if "urdf" in section:
+        robot = Robot.from_urdf(
+            folder / section.take("urdf", str),
+            section.take("tip", str, None),
+            locked=section.take("locked", dict, None),
+            name=name,
+        )
+    else:
+        table = section.array("dh", shape=(None, 4))
+        n = len(table)
+        robot = Robot.from_dh(
+            table,
+            prismatic=section.take("prismatic", list, []),
+            q_min=section.array("q_min", None, (n,)),
+            q_max=section.array("q_max", None, (n,)),
+            qd_max=section.array("qd_max", None, (n,)),
+            name=name or "robot",
+        )
+    section.finish()
+    return robot
+
+
+def _camera(section: Section) -> Camera:
+    mount = section.section("mount", {})
+    camera = Camera(
+        tuple(section.array("focal_px", shape=(2,))),
+        tuple(section.array("size_px", shape=(2,))),
+        section.array("principal_point_px", None, (2,)),
+        Pose.from_xyz_rpy(mount.array("xyz", np.zeros(3), (3,)), mount.array("rpy", np.zeros(3), (3,))),
+    )
+    mount.finish()
+    section.finish()
+    return camera
+
+
+def _markers(section: Section) -> Array:
+    if "square" in section:
+        square = section.section("square")
+        side = square.number("side")
+        demand_positive(side, f"{square.where}: side")
+        half = 0.5 * side
+        pose = Pose.from_xyz_rpy(square.array("xyz", shape=(3,)), square.array("rpy", np.zeros(3), (3,)))
+        square.finish()
+        corners = half * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+        markers = pose.act(corners)
+    else:
+        markers = section.array("markers", shape=(None, 3))
+    section.finish()
+    return np.asarray(markers)
+
+
+def _task(section: Section, scene: Scene) -> VisualTask:
+    feature = FEATURES[section.choice("feature", FEATURES)]()
+    gains = TrackingGains(
+        float(section.number("Kp0")),
+        float(section.number("Kp_slope0", 0.0)),
+        float(section.number("Kv_over_sqrt_Kp", 3.0)),
+    )
+    drift = cast("Derivative", section.choice("drift", DERIVATIVES, "exact"))
+    velocity = cast("Derivative", section.choice("velocity", DERIVATIVES, "exact"))
+    goals = [_goal(goal, scene) for goal in section.sections("goals")]
+    section.finish()
+    return VisualTask(feature, goals, gains, drift, velocity)
+
+
+def _goal(section: Section, scene: Scene) -> Goal:
+    time = float(section.number("from_time", 0.0))
+    kinds = [key for key in ("camera_at_q", "camera_pose", "markers_px") if key in section]
+    if len(kinds) != 1:
+        raise ConfigurationError(
+            f"{section.where} needs one of camera_at_q, camera_pose and markers_px; it has {kinds or 'none'}"
+        )
+    if kinds == ["markers_px"]:
+        pixels = section.array("markers_px", shape=(len(scene.markers), 2))
+        section.finish()
+        return Goal(time, pixels, scene.camera.normalised(pixels))
+    if kinds == ["camera_at_q"]:
+        camera = scene.camera_pose(section.array("camera_at_q", shape=(scene.robot.n,)))
+    else:
+        pose = section.section("camera_pose")
+        camera = Pose.from_xyz_rpy(pose.array("xyz", shape=(3,)), pose.array("rpy", shape=(3,)))
+        pose.finish()
+    section.finish()
+    try:
+        pixels = scene.project(camera)
+    except SceneError as error:
+        raise ConfigurationError(f"{section.where}: at the goal, {error}") from error
+    return Goal(time, pixels, scene.camera.normalised(pixels), camera)
+
+
+def _tolerances(section: Section) -> Tolerances:
+    defaults = Tolerances()
+    tolerances = Tolerances(
+        translation=float(section.number("translation_m", defaults.translation)),
+        rotation=float(section.number("rotation_rad", defaults.rotation)),
+        feature=float(section.number("feature_px", defaults.feature)),
+        dwell=float(section.number("dwell_s", defaults.dwell)),
+        rest=float(section.number("rest_s", defaults.rest)),
+    )
+    section.finish()
+    return tolerances

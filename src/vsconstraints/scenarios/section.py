@@ -1,0 +1,164 @@
+"""Reading a TOML table key by key, so that every key is known, typed, and named when it is wrong."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import ConfigurationError, unknown_name
+from ..rows import Array
+
+REQUIRED: Any = object()
+"""Default of a key that must be given."""
+
+
+class Section:
+    """One table of a file; each key is taken once, and :meth:`finish` refuses what is left.
+
+    Parameters
+    ----------
+    table
+        What TOML gave.
+    where
+        File and table, for messages.
+    """
+
+    def __init__(self, table: object, where: str) -> None:
+        if not isinstance(table, Mapping):
+            raise ConfigurationError(f"{where} must be a table, not {table!r}")
+        self._table, self._where = dict(table), where
+        self._known: list[str] = []
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._table
+
+    def take(self, key: str, kind: type | tuple[type, ...], default: Any = REQUIRED) -> Any:
+        """The value of a key, of one of these types; ``default`` if it is absent."""
+        self._known.append(key)
+        if key not in self._table:
+            if default is REQUIRED:
+                raise ConfigurationError(f"{self._where}: the key {key!r} is missing")
+            return default
+        value = self._table.pop(key)
+        kinds = kind if isinstance(kind, tuple) else (kind,)
+        if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
+            names = " or ".join(_NAMES.get(k, k.__name__) for k in kinds)
+            raise ConfigurationError(f"{self._where}: {key} must be {names}, not {value!r}")
+        return value
+
+    def number(self, key: str, default: Any = REQUIRED) -> Any:
+        """A finite number, as float; the default as it is."""
+        value = self.take(key, (int, float), default)
+        if value is default:
+            return value
+        try:
+            number = float(value)
+        except OverflowError:
+            number = np.inf
+        if not np.isfinite(number):
+            raise ConfigurationError(f"{self._where}: {key} must be finite, and less than 1e308")
+        return number
+
+    def array(self, key: str, default: Any = REQUIRED, shape: tuple[int | None, ...] = (None,)) -> Any:
+        """A finite float array; None in ``shape`` stands for any length."""
+        value = self.take(key, list, default)
+        if value is default:
+            return value
+        try:
+            array: Array = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ConfigurationError(f"{self._where}: {key} must be numbers, not {value!r}") from error
+        fits = array.ndim == len(shape) and all(
+            wanted in (None, length) for wanted, length in zip(shape, array.shape, strict=True)
+        )
+        if not fits:
+            wanted = " × ".join("any" if length is None else str(length) for length in shape)
+            raise ConfigurationError(f"{self._where}: {key} must be {wanted} numbers; it has the shape {array.shape}")
+        if not np.isfinite(array).all():
+            raise ConfigurationError(f"{self._where}: {key} must be finite")
+        return array
+
+    def section(self, key: str, default: Any = REQUIRED) -> Section:
+        """A table inside this one."""
+        return Section(self.take(key, dict, default), f"{self._where}.{key}")
+
+    def sections(self, key: str) -> list[Section]:
+        """A list of tables inside this one; empty if absent."""
+        tables = self.take(key, list, [])
+        return [Section(table, f"{self._where}.{key}[{i}]") for i, table in enumerate(tables)]
+
+    def choice(self, key: str, candidates: object, default: Any = REQUIRED) -> str:
+        """A name out of some candidates."""
+        value = self.take(key, str, default)
+        names = [str(name) for name in candidates]  # type: ignore[attr-defined]
+        if value not in names:
+            raise unknown_name(f"{key} in {self._where}", value, names)
+        return str(value)
+
+    def rest(self) -> dict[str, Any]:
+        """All keys not taken yet, for something that checks them itself."""
+        left, self._table = self._table, {}
+        return left
+
+    def finish(self) -> None:
+        """Raise ConfigurationError if a key was not taken; it names the keys there are."""
+        if self._table:
+            raise unknown_name(f"key in {self._where}", next(iter(self._table)), self._known)
+
+    @property
+    def where(self) -> str:
+        """File and table, for messages."""
+        return self._where
+
+
+_NAMES = {
+    int: "an integer",
+    float: "a number",
+    str: "a string",
+    list: "a list",
+    dict: "a table",
+    bool: "true or false",
+}
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file; raises ConfigurationError that names the file if it cannot be read."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{os.fspath(path)} is not TOML: {error}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"cannot read {os.fspath(path)}: {error}") from error
+
+
+def override(table: dict[str, Any], key: str, value: object, where: str) -> None:
+    """Set a dotted key such as ``task.Kp0`` or ``constraints.0.K`` in nested tables, in place.
+
+    A table on the way must exist; whether the last key is known is decided by whoever reads the table.
+    """
+    at: Any = table
+    *way, last = key.split(".")
+    for name in way:
+        at = _child(at, name, where)
+    if isinstance(at, list):
+        _child(at, last, where)
+        at[int(last)] = value
+    elif isinstance(at, dict):
+        at[last] = value
+    else:
+        raise ConfigurationError(f"{where}: {key!r} does not lead to a table")
+
+
+def _child(at: Any, name: str, where: str) -> Any:
+    if isinstance(at, list):
+        if not (name.isascii() and name.isdecimal()) or int(name) >= len(at):
+            raise unknown_name(f"entry of a list in {where}", name, [str(i) for i in range(len(at))])
+        return at[int(name)]
+    if not isinstance(at, dict) or name not in at:
+        raise unknown_name(f"table in {where}", name, at if isinstance(at, dict) else [])
+    return at[name]

@@ -1,0 +1,189 @@
+"""The closed loop: state → rows and task → controller → double integrator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from ..constraints import Trace
+from ..controllers import Controller
+from ..errors import SceneError
+from ..geometry import Pose, distance
+from ..rows import Array, Command
+from ..scene import State
+from .outcome import judge
+from .plant import step
+from .setup import Setup
+from .trajectory import Trajectory
+
+BETWEEN = (0.25, 0.5, 0.75)
+"""Where inside a sampling period clearances are looked at, as fractions of it."""
+
+NEAR = 0.05
+"""Clearance, as a fraction of the characteristic length, below which the inside of a period is looked at."""
+
+
+def simulate(setup: Setup, controller: Controller) -> Trajectory:
+    """Run a controller on a setup, from t = 0 to its duration or until it cannot go on.
+
+    A scene that can no longer be evaluated, a controller that fails, and own parts that raise anything end the run with
+    the status ``failed``; what was simulated until then is kept. The command of the last sample is computed but not
+    carried out. The reason also names rows violated at the start, and says how often another QP solver had to answer.
+
+    Raises
+    ------
+    ConfigurationError
+        if the robot cannot start (see :meth:`Setup.check_start`).
+    """
+    violated = setup.check_start()
+    setup.task.reset()
+    controller.reset()
+    scene, constraints, task, Ts = setup.scene, setup.constraints, setup.task, setup.Ts
+    log = _Log(setup)
+    q, qd = setup.q0, setup.qd0
+    ended, reason = "", ""
+    for k in range(setup.samples):
+        t = k * Ts
+        started = perf_counter()
+        try:
+            state = scene.evaluate(t, q, qd)
+            rows, sigma = constraints.rows(state)
+            demand, error_now = task.evaluate(state)
+            ready = perf_counter()
+            # before the call: a law may use its rows as it likes
+            log.state(k, state, error_now, sigma, rows.phi)
+            called = perf_counter()
+            command = controller.command(rows, demand)
+            done = perf_counter()
+        except SceneError as error:
+            ended, reason = "failed", f"t = {t:.4g} s: {error}"
+            break
+        except Exception as error:  # own constraints and laws may raise anything; what was simulated is kept
+            ended, reason = "failed", f"t = {t:.4g} s: {type(error).__name__}: {error}"
+            break
+        log.command(k, command, ready - started, done - called)
+        if command.status == "failed" or (command.status == "rank-loss" and setup.abort_on_rank_loss):
+            ended = "failed" if command.status == "failed" else "aborted"
+            reason = f"t = {t:.4g} s: {command.reason}"
+            break
+        q, qd = step(q, qd, command.qdd, Ts)
+    trajectory = log.finish(ended, reason)
+    remarks = [*violated]
+    if trajectory.fallbacks:
+        remarks.append(f"another QP solver than the one asked for answered in {trajectory.fallbacks} samples")
+    return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *remarks))))
+
+
+class _Log:
+    """Arrays that a run fills, sample by sample."""
+
+    def __init__(self, setup: Setup) -> None:
+        N, n, m = setup.samples, setup.scene.robot.n, len(setup.constraints.labels)
+        self.setup = setup
+        self.length = 0
+        self.t = np.arange(N) * setup.Ts
+        self.q, self.qd, self.qdd = np.empty((N, n)), np.empty((N, n)), np.empty((N, n))
+        self.error: list[Array] = []
+        self.camera: list[Pose] = []
+        self.goal = np.empty(N, dtype=np.int64)
+        self.pixels = np.empty((N, len(setup.scene.markers), 2))
+        self.points = np.empty((N, len(setup.scene.points), 3))
+        self.phi, self.sigma = np.empty((N, m)), np.empty((N, m))
+        self.active = np.zeros((N, m), dtype=np.bool_)
+        self.rows_time, self.step_time = np.empty(N), np.empty(N)
+        self.fallbacks = 0
+
+    def state(self, k: int, state: State, error: Array, sigma: Array, phi: Array) -> None:
+        self.q[k], self.qd[k] = state.robot.q, state.robot.qd
+        self.error.append(error)
+        self.camera.append(state.camera)
+        self.goal[k] = self.setup.task.goal_at(state.t)
+        self.pixels[k], self.points[k] = state.pixels.position, state.robot.points
+        self.sigma[k], self.phi[k] = sigma, phi
+
+    def command(self, k: int, command: Command, rows_time: float, step_time: float) -> None:
+        self.length = k + 1
+        self.active[k], self.qdd[k] = command.acted, command.qdd
+        self.rows_time[k], self.step_time[k] = rows_time, step_time
+        self.fallbacks += bool(command.fallback)
+
+    def finish(self, ended: str, reason: str) -> Trajectory:
+        setup, N = self.setup, self.length
+        del self.error[N:], self.camera[N:]
+        q, qd, qdd = self.q[:N], self.qd[:N], self.qdd[:N]
+        image_size = setup.scene.camera.size
+        trace = Trace(q, qd, self.pixels[:N], self.points[:N], image_size)
+        clearance = setup.constraints.clearance(trace)
+        between = _between(setup, q, qd, qdd, clearance)
+        camera_error, feature_error = self._errors(N)
+        position = np.array([pose.t for pose in self.camera]).reshape(N, 3)
+        status, why = judge(setup, ended, reason, self.t[:N], self.goal[:N], camera_error, feature_error, self.camera)
+        return Trajectory(
+            status,
+            why,
+            self.t[:N],
+            q,
+            qd,
+            qdd,
+            np.array(self.error) if N else np.empty((0, 0)),
+            camera_error,
+            feature_error,
+            position,
+            self.pixels[:N],
+            self.points[:N],
+            setup.constraints.labels,
+            self.phi[:N],
+            self.sigma[:N],
+            clearance,
+            self.active[:N],
+            between,
+            self.rows_time[:N],
+            self.step_time[:N],
+            self.fallbacks,
+        )
+
+    def _errors(self, N: int) -> tuple[Array, Array]:
+        goals = self.setup.task.goals
+        camera_error = np.full((N, 2), np.nan)
+        wanted = np.array([goal.pixels for goal in goals])[self.goal[:N]]
+        feature_error: Array = np.sqrt(((self.pixels[:N] - wanted) ** 2).sum(axis=2)).max(axis=1, initial=0.0)
+        for k, pose in enumerate(self.camera):
+            goal = goals[self.goal[k]].camera
+            if goal is not None:
+                camera_error[k] = distance(goal, pose)
+        return camera_error, feature_error
+
+
+def _between(setup: Setup, q: Array, qd: Array, qdd: Array, clearance: Array) -> Array:
+    """(m,) least clearance inside the sampling periods in which some row is near its boundary."""
+    m = clearance.shape[1]
+    least = np.full(m, np.inf)
+    if m == 0 or len(q) < 2:
+        return least
+    near = np.asarray((clearance < NEAR * setup.constraints.characteristic_length).any(axis=1))
+    periods = np.flatnonzero(near[:-1] | near[1:])
+    if not len(periods):
+        return least
+    tau = np.repeat(np.array(BETWEEN) * setup.Ts, len(periods))
+    at = np.tile(periods, len(BETWEEN))
+    q_in = q[at] + tau[:, None] * qd[at] + 0.5 * tau[:, None] ** 2 * qdd[at]
+    qd_in = qd[at] + tau[:, None] * qdd[at]
+    glances = [_glance(setup, configuration) for configuration in q_in]
+    seen = [i for i, glance in enumerate(glances) if glance is not None]
+    if not seen:
+        return least
+    q_in, qd_in = q_in[seen], qd_in[seen]
+    pixels, points = (np.array(parts) for parts in zip(*filter(None, glances), strict=True))
+    trace = Trace(q_in, qd_in, pixels, points, setup.scene.camera.size)
+    inside: Array = setup.constraints.clearance(trace).min(axis=0)
+    return inside
+
+
+def _glance(setup: Setup, q: Array) -> tuple[Array, Array] | None:
+    """Pixels and points at q; None where a marker is not in front of the camera, so that it has no pixels."""
+    try:
+        return setup.scene.glance(q)
+    except SceneError:
+        return None

@@ -1,0 +1,66 @@
+"""How a simulation ended, judged from what it did and not from what a controller says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry import Pose, distance
+from ..rows import Array
+from .setup import Setup
+from .trajectory import Outcome
+
+
+def judge(
+    setup: Setup,
+    ended: str,
+    reason: str,
+    t: Array,
+    goal: NDArray[np.int64],
+    camera_error: Array,
+    feature_error: Array,
+    camera: Sequence[Pose],
+) -> tuple[Outcome, str]:
+    """Status and reason of a run.
+
+    Parameters
+    ----------
+    setup
+        What was run.
+    ended, reason
+        ``"failed"`` or ``"aborted"`` and why, if the loop ended early.
+    t, goal
+        (N,) time [s] and index of the goal.
+    camera_error, feature_error
+        As in :class:`Trajectory`.
+    camera
+        N poses.
+    """
+    if ended == "failed":
+        return "failed", reason
+    if ended == "aborted":
+        return "aborted", reason
+    tolerances = setup.tolerances
+    reached = setup.reached(camera_error, feature_error)
+    last = goal == len(setup.task.goals) - 1
+    dwelling = t >= t[-1] - tolerances.dwell
+    if last[dwelling].all() and reached[dwelling].all():
+        return "converged", ""
+    distance_now, angle_now = camera_error[-1]
+    final = (
+        f"ends {_amount(distance_now * 1e3)} mm and {_amount(angle_now * 1e3)} mrad from the goal"
+        if np.isfinite(distance_now)
+        else f"ends {_amount(feature_error[-1])} px from the goal"
+    )
+    resting = [distance(camera[-1], pose) for pose in camera[int(np.argmax(t >= t[-1] - tolerances.rest)) :]]
+    moved, turned = np.max(resting, axis=0)
+    if t[-1] >= tolerances.rest and moved < tolerances.translation and turned < tolerances.rotation:
+        return "trapped", f"at rest, {final}"
+    return "unfinished", f"still moving, {final}"
+
+
+def _amount(value: float) -> str:
+    """Three significant digits, never with an exponent."""
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}" if value >= 0.001 else "less than 0.001"

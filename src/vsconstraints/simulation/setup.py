@@ -1,0 +1,141 @@
+"""What is simulated: a scene, its constraints, a task, and when to stop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..constraints import ConstraintSet
+from ..errors import ConfigurationError, InvalidInput, SceneError
+from ..features import CameraPose
+from ..rows import Array, BoolArray
+from ..scene import Scene
+from ..tracking import VisualTask
+
+MOST_SAMPLES = 1e7
+"""More than this are not simulated: a run is kept in memory whole."""
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """When a motion counts as settled or at rest.
+
+    Attributes
+    ----------
+    translation, rotation
+        Error of the camera's pose below which a goal counts as reached [m], [rad]; where the goal is a pose.
+    feature
+        Greatest error of a marker in the image likewise [px]; where the goal is an image only, or the task is one.
+    dwell
+        How long it must stay there until the end [s].
+    rest
+        How long the camera must have moved by less than ``translation`` and ``rotation`` to count as at rest [s].
+    """
+
+    translation: float = 0.005
+    rotation: float = 0.005
+    feature: float = 2.0
+    dwell: float = 0.2
+    rest: float = 2.0
+
+    def __post_init__(self) -> None:
+        for name in ("translation", "rotation", "feature", "dwell", "rest"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InvalidInput(f"tolerance {name} must be positive, not {getattr(self, name)}")
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A complete simulation, except for the controller.
+
+    Attributes
+    ----------
+    scene, constraints, task
+        What is seen, what must hold, and what is wanted.
+    q0, qd0
+        (n,) where the robot starts, and how fast.
+    Ts
+        Sampling time [s].
+    duration
+        [s].
+    abort_on_rank_loss
+        Whether to stop where the active rows lose full row rank (section 5.2).
+    tolerances
+        When a motion counts as settled or at rest.
+    """
+
+    scene: Scene
+    constraints: ConstraintSet
+    task: VisualTask
+    q0: Array
+    qd0: Array
+    Ts: float
+    duration: float
+    abort_on_rank_loss: bool = True
+    tolerances: Tolerances = field(default_factory=Tolerances)
+
+    def __post_init__(self) -> None:
+        for name in ("Ts", "duration"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InvalidInput(f"{name} must be a positive number of seconds, not {getattr(self, name)}")
+        for name in ("q0", "qd0"):
+            self.scene.robot.configuration(getattr(self, name), name)
+        if self.duration / self.Ts > MOST_SAMPLES:
+            raise ConfigurationError(
+                f"{self.duration} s in steps of {self.Ts} s are {self.duration / self.Ts:.3g} samples; "
+                f"at most {MOST_SAMPLES:g} can be kept"
+            )
+        if self.duration < self.Ts:
+            raise ConfigurationError(f"the duration {self.duration} s is shorter than one sample, {self.Ts} s")
+
+    @property
+    def samples(self) -> int:
+        """Number of samples from t = 0 to the end, which is the last whole period within the duration."""
+        return int(np.floor(self.duration / self.Ts + 1e-6)) + 1
+
+    def reached(self, camera_error: Array, feature_error: Array) -> BoolArray:
+        """(N,) whether the goal is reached, by the camera's pose or, for image tasks, by the markers.
+
+        Parameters
+        ----------
+        camera_error
+            (N, 2) distance [m] and angle [rad] of the camera from the goal.
+        feature_error
+            (N,) greatest distance of a marker from the goal [px].
+        """
+        tolerances = self.tolerances
+        if isinstance(self.task.feature, CameraPose):
+            return np.asarray((camera_error <= (tolerances.translation, tolerances.rotation)).all(axis=1))
+        return np.asarray(feature_error <= tolerances.feature)
+
+    def check_start(self) -> list[str]:
+        """Raise if the robot cannot start; return the constraints it starts outside of.
+
+        A constraint violated at the start is no error: every controller is built to come back. It is returned, one
+        sentence each, so that reports can say so.
+
+        Raises
+        ------
+        ConfigurationError
+            if a joint is outside its range, or a marker is behind the camera or outside the image.
+        """
+        robot, camera = self.scene.robot, self.scene.camera
+        outside = robot.outside_ranges(self.q0)
+        if outside:
+            raise ConfigurationError(f"{robot.name} starts outside its ranges: {'; '.join(outside)}")
+        try:
+            state = self.scene.evaluate(0.0, self.q0, self.qd0)
+        except SceneError as error:
+            raise ConfigurationError(f"at the start, {error}") from error
+        pixels = state.pixels.position
+        unseen = [
+            f"marker {i + 1} at ({u:.0f}, {v:.0f}) px" for i, (u, v) in enumerate(pixels) if not camera.sees(pixels[i])
+        ]
+        if unseen:
+            raise ConfigurationError(
+                f"at the start, outside the image of {camera.size[0]:g} × {camera.size[1]:g} px: {', '.join(unseen)} "
+                "from its centre"
+            )
+        rows, sigma = self.constraints.rows(state)
+        return [f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in np.flatnonzero(sigma > 0.0)]

@@ -1,0 +1,93 @@
+"""What a simulation leaves behind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..rows import Array, BoolArray
+
+Outcome = Literal["converged", "trapped", "aborted", "failed", "unfinished"]
+"""How a simulation ended.
+
+``converged``: the last goal is reached and held. ``trapped``: at rest, away from it. ``aborted``: the controller
+reported a loss of rank and the scenario stops there. ``failed``: the scene or the controller could not go on.
+``unfinished``: still moving at the end.
+"""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """N samples of a simulation with m rows, M markers, n joints, k features and p robot points.
+
+    Attributes
+    ----------
+    status, reason
+        How it ended, why if not ``converged``, and which rows it started outside of.
+    t
+        (N,) [s].
+    q, qd, qdd_command
+        (N, n) state and command.
+    error
+        (N, k) feature error.
+    camera_error
+        (N, 2) distance [m] and angle [rad] between the camera and the goal's pose; NaN where there is none.
+    feature_error_px
+        (N,) greatest distance of a marker from where the goal wants it [px].
+    camera_position
+        (N, 3) in the base frame [m].
+    features_px
+        (N, M, 2) markers from the image's centre [px].
+    points
+        (N, p, 3) robot points in the base frame [m].
+    labels
+        m row labels.
+    phi, sigma, clearance
+        (N, m).
+    active
+        (N, m) rows that shaped the command.
+    between_clearance
+        (m,) least clearance at instants inside the sampling periods; infinite where none was looked at.
+    rows_time, step_time
+        (N,) wall time for rows and task, and for the controller's call [s].
+    fallbacks
+        How often another solver than the one asked for gave the answer.
+    """
+
+    status: Outcome
+    reason: str
+    t: Array
+    q: Array
+    qd: Array
+    qdd_command: Array
+    error: Array
+    camera_error: Array
+    feature_error_px: Array
+    camera_position: Array
+    features_px: Array
+    points: Array
+    labels: tuple[str, ...]
+    phi: Array
+    sigma: Array
+    clearance: Array
+    active: BoolArray
+    between_clearance: Array
+    rows_time: Array
+    step_time: Array
+    fallbacks: int
+
+    def active_intervals(self, label: str, gap: float = 0.6) -> list[tuple[float, float]]:
+        """When φ of a row was at or above zero [s]: first and last sample, intervals closer than ``gap`` merged."""
+        return intervals(self.t, self.phi[:, self.labels.index(label)] >= 0.0, gap)
+
+
+def intervals(t: Array, flags: BoolArray, gap: float) -> list[tuple[float, float]]:
+    """First and last time of each run of flags; runs closer than ``gap`` [s] are one."""
+    times = t[flags]
+    if not len(times):
+        return []
+    breaks = np.flatnonzero(np.diff(times) > gap)
+    firsts, lasts = np.concatenate(([0], breaks + 1)), np.concatenate((breaks, [len(times) - 1]))
+    return [(float(times[a]), float(times[b])) for a, b in zip(firsts, lasts, strict=True)]
