@@ -1,0 +1,139 @@
+"""The command line: ``vsconstraints compare``, ``list`` and ``report``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from . import __version__
+from .errors import VsconstraintsError
+
+app = typer.Typer(
+    help="Compare controllers that keep visual servoing inside its limits.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+# no markup: names and paths may contain square brackets
+console = Console(highlight=False, markup=False, soft_wrap=True)
+errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+
+USAGE_ERROR, INTERRUPTED = 2, 130
+
+
+@app.command()
+def compare(
+    suite: Annotated[Path | None, typer.Argument(help="A suite file; the default comparison if not given.")] = None,
+    scenario: Annotated[
+        list[str] | None, typer.Option(help="Only this scenario: a name or a path. Can be repeated.")
+    ] = None,
+    controller: Annotated[list[str] | None, typer.Option(help="Only this controller. Can be repeated.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for results; runs stored there are not run again.")] = Path(
+        "vsconstraints-results"
+    ),
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; all cores if not given.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Instead of the suite's.")] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Change a setting, e.g. scenario.sampling_time=0.004, case-study-6r.task.Kp0=30, "
+            "hierarchical-qp.solver=osqp or trials=5. Can be repeated.",
+        ),
+    ] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Run again what is stored.")] = False,
+) -> None:
+    """Run every scenario with every controller, and write a report."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from .comparisons import Job, Suite
+    from .comparisons import compare as run
+    from .comparisons.metrics import Score
+    from .reports import write_report
+
+    chosen = Suite.load(suite).select(scenario or (), controller or (), seed, settings or ())
+    total = len(chosen.with_baseline().jobs())
+    progress = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=errors,
+    )
+    with progress:
+        bar = progress.add_task("comparing", total=total)
+
+        def finished(job: Job, score: Score, stored: bool) -> None:
+            progress.advance(bar)
+            status = score.result["status"]
+            if status in ("failed", "aborted"):
+                progress.console.print(
+                    f"{job.scenario.name} · {job.entry.name} · trial {job.trial}: {status}, {score.result['reason']}"
+                )
+
+        result = run(
+            chosen,
+            out,
+            workers=jobs,
+            fresh=fresh,
+            command=["vsconstraints", *sys.argv[1:]],
+            on_finished=finished,
+        )
+    if result.stored_before:
+        console.print(f"{result.stored_before} of {total} runs were stored in {out} already; --fresh runs them again.")
+    if result.interrupted:
+        errors.print(
+            f"Interrupted: {len(result.scores)} of {total} runs are stored in {out}; the same command goes on."
+        )
+        raise typer.Exit(INTERRUPTED)
+    with errors.status("writing the report"):
+        report = write_report(out)
+    console.print(f"{total} runs in {result.wall_time:.1f} s. Report: {report}")
+
+
+@app.command("list")
+def list_() -> None:
+    """Show the scenarios, controllers, solvers, robots and constraints there are."""
+    from .listing import print_listing
+
+    print_listing(console)
+
+
+@app.command()
+def report(folder: Annotated[Path, typer.Argument(help="Folder of a comparison.")]) -> None:
+    """Write a comparison's report again from what is stored."""
+    from .reports import write_report
+
+    console.print(f"Report: {write_report(folder)}")
+
+
+def _version(value: bool) -> None:
+    if value:
+        console.print(f"vsconstraints {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Compare controllers that keep visual servoing inside its limits."""
+
+
+def main() -> None:
+    """Run the command line; errors this package raises on purpose end it with exit code 2 and one message."""
+    try:
+        app()
+    except VsconstraintsError as error:
+        errors.print(f"error: {error}")
+        sys.exit(USAGE_ERROR)
+    except KeyboardInterrupt:
+        errors.print("Interrupted.")
+        sys.exit(INTERRUPTED)

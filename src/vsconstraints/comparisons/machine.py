@@ -1,0 +1,70 @@
+"""What a comparison ran on: read when it runs, kept in the manifest."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+PACKAGES = (
+    "numpy",
+    "scipy",
+    "pin",
+    "qpsolvers",
+    "daqp",
+    "proxsuite",
+    "osqp",
+    "quadprog",
+    "example-robot-data",
+    "matplotlib",
+)
+
+
+def machine() -> dict[str, str | int]:
+    """Processor, cores, system and Python."""
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count() or 0,
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": f"{platform.python_implementation()} {platform.python_version()}",
+    }
+
+
+def package_versions() -> dict[str, str]:
+    """Versions of the packages that results can depend on, as installed."""
+    versions = {}
+    for name in PACKAGES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = "not installed"
+    return versions
+
+
+def git_commit() -> str:
+    """Commit of the package's source, with ``+`` if it was changed; empty where it is not in a git checkout."""
+    # an installed copy can lie inside the checkout of another project: only where git knows this file it is its commit
+    if _git("ls-files", "--error-unmatch", Path(__file__).name) is None:
+        return ""
+    return _git("describe", "--always", "--abbrev=12", "--dirty=+", "--exclude=*") or ""
+
+
+def _git(*arguments: str) -> str | None:
+    folder = Path(__file__).parent
+    try:
+        answer = subprocess.run(["git", *arguments], cwd=folder, capture_output=True, text=True, timeout=5, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return answer.stdout.strip() if answer.returncode == 0 else None
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

@@ -1,0 +1,304 @@
+"""A suite: which scenarios are run with which controllers, how often, and with what seed."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import re
+import tomllib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..controllers import CONTROLLERS, controller_class, make_controller
+from ..controllers.base import Controller
+from ..errors import ConfigurationError, unknown_name
+from ..plugins import plugin_files
+from ..scenarios import Scenario
+from ..scenarios.section import Section, read_toml
+from .machine import package_versions
+
+DEFAULT = Path(__file__).parent / "default.toml"
+
+BASELINE = "tracking"
+"""The controller that tells which rows a scenario challenges; every comparison runs it."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A controller as a suite names it.
+
+    Attributes
+    ----------
+    name
+        What results call it.
+    law
+        Registered name of the controller.
+    options
+        What it is made with.
+    folder
+        Where the module of an own controller is looked for first.
+    """
+
+    name: str
+    law: str
+    options: dict[str, Any] = field(default_factory=dict)
+    folder: Path | None = None
+
+    def controller(self) -> Controller:
+        """A new controller; raises ConfigurationError or InvalidInput that names what is wrong."""
+        return make_controller(self.law, self.options, self.folder)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run: a scenario, a controller, a trial."""
+
+    scenario: Scenario
+    entry: Entry
+    trial: int
+    seed: int
+
+    @property
+    def key(self) -> tuple[str, str, int]:
+        """Scenario, controller and trial, as results name them."""
+        return self.scenario.name, self.entry.name, self.trial
+
+    @property
+    def fingerprint(self) -> str:
+        """Identifies what is run, the code included: a stored result with the same one is this job's."""
+        entry = self.entry
+        what = (
+            self.scenario.tables,
+            entry.law,
+            entry.options,
+            self.trial,
+            self.seed,
+            __version__,
+            _code(),
+            _packages(),
+        )
+        digest = hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode())
+        for file in (*self.scenario.files, *plugin_files([entry.law], entry.folder)):
+            digest.update(file.read_bytes())
+        return digest.hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class Suite:
+    """What is compared.
+
+    Attributes
+    ----------
+    name
+        The file's name without its ending.
+    title
+        For reports.
+    scenarios, controllers
+        Every scenario is run with every controller.
+    trials
+        How often; trial 0 starts where the scenario says, others deviate from it.
+    seed
+        Of those deviations.
+    """
+
+    name: str
+    title: str
+    scenarios: tuple[Scenario, ...]
+    controllers: tuple[Entry, ...]
+    trials: int = 1
+    seed: int = 0
+
+    @classmethod
+    def load(cls, path: Path | None = None) -> Suite:
+        """The suite of a TOML file; without a path the default one: the paper's scenarios and two real arms."""
+        source = path or DEFAULT
+        top = Section(read_toml(source), source.name)
+        title = top.take("title", str, source.stem)
+        scenarios = tuple(Scenario.load(name, source.parent) for name in _names(top.take("scenarios", list), top.where))
+        tables = top.take("controllers", dict)
+        entries = tuple(
+            _entry(name, table, f"{top.where}.controllers.{name}", source.parent) for name, table in tables.items()
+        )
+        trials, seed = top.take("trials", int, 1), top.take("seed", int, 0)
+        top.finish()
+        return cls(source.stem, title, scenarios, entries, trials, seed).checked()
+
+    def select(
+        self,
+        scenarios: Sequence[str] = (),
+        controllers: Sequence[str] = (),
+        seed: int | None = None,
+        settings: Sequence[str] = (),
+    ) -> Suite:
+        """The suite a command line asks for.
+
+        Parameters
+        ----------
+        scenarios
+            Names of the suite's scenarios, of shipped ones, or paths; all of the suite's if empty.
+        controllers
+            Names of the suite's controllers or registered ones; all of the suite's if empty.
+        seed
+            Instead of the suite's.
+        settings
+            ``KEY=VALUE`` with KEY ``scenario.…`` (every scenario), a scenario's name and a key in it, or a
+            controller's name and an option; ``trials``. VALUE as in TOML, or plain text.
+        """
+        suite = self
+        if scenarios:
+            own = {scenario.name: scenario for scenario in self.scenarios}
+            suite = replace(suite, scenarios=tuple(own.get(name) or Scenario.load(name) for name in _unique(scenarios)))
+        if controllers:
+            entries = {entry.name: entry for entry in self.controllers}
+            for name in controllers:
+                if name not in entries and name not in CONTROLLERS:
+                    raise unknown_name("controller", name, {*entries, *CONTROLLERS, "or name own ones in a suite"})
+            suite = replace(
+                suite,
+                controllers=tuple(entries.get(name) or Entry(name, name) for name in _unique(controllers)),
+            )
+        if seed is not None:
+            suite = replace(suite, seed=seed)
+        for setting in settings:
+            suite = suite._with_setting(setting)
+        return suite.checked()
+
+    def _with_setting(self, setting: str) -> Suite:
+        key, equals, text = setting.partition("=")
+        if not equals:
+            raise ConfigurationError(f"--set takes KEY=VALUE, not {setting!r}")
+        key, value = key.strip(), _value(text.strip())
+        if key in ("trials", "seed"):
+            if not isinstance(value, int) or isinstance(value, bool):
+                raise ConfigurationError(f"{key} must be an integer, not {text!r}")
+            return replace(self, trials=value) if key == "trials" else replace(self, seed=value)
+        names = {scenario.name for scenario in self.scenarios}
+        entries = {entry.name for entry in self.controllers}
+        # names may contain dots: the longest one that the key begins with is meant
+        begins = [name for name in names | entries | {"scenario"} if f"{key}.".startswith(f"{name}.")]
+        if not begins:
+            raise unknown_name("setting", key.partition(".")[0], {*names, *entries, "scenario", "trials", "seed"})
+        target = max(begins, key=len)
+        rest = key[len(target) + 1 :]
+        if not rest:
+            raise ConfigurationError(f"--set {target} needs a key in it: {target}.KEY=VALUE")
+        if target in entries:
+            return replace(
+                self,
+                controllers=tuple(
+                    replace(entry, options={**entry.options, rest: value}) if entry.name == target else entry
+                    for entry in self.controllers
+                ),
+            )
+        return replace(
+            self,
+            scenarios=tuple(
+                scenario.with_override(rest, value) if target in (scenario.name, "scenario") else scenario
+                for scenario in self.scenarios
+            ),
+        )
+
+    def checked(self) -> Suite:
+        """The suite itself, if everything in it can be built and started; raises what is wrong otherwise."""
+        if not self.scenarios or not self.controllers:
+            raise ConfigurationError(f"suite {self.name}: there is nothing to compare")
+        if self.trials < 1 or self.seed < 0:
+            raise ConfigurationError(f"trials must be 1 or more and seed 0 or more: {self.trials}, {self.seed}")
+        for what, names in (
+            ("scenario", [scenario.name for scenario in self.scenarios]),
+            ("controller", [entry.name for entry in self.controllers]),
+        ):
+            for name in names:
+                if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._+=,-]*", name) or "--" in name:
+                    raise ConfigurationError(
+                        f"{what} name {name!r} is used in file names: letters, digits, '.', '_', '+', '=', ',' and "
+                        "single '-'"
+                    )
+                if names.count(name) > 1:
+                    raise ConfigurationError(f"{what} {name!r} appears more than once; give each its own name")
+        for entry in self.controllers:
+            entry.controller()
+        for scenario in self.scenarios:
+            scenario.setup().check_start()
+        return self
+
+    def with_baseline(self) -> Suite:
+        """The same suite with tracking alone in it, first."""
+        others = tuple(entry for entry in self.controllers if entry.law != BASELINE)
+        own = [entry for entry in self.controllers if entry.law == BASELINE]
+        if any(entry.name == BASELINE for entry in others):
+            raise ConfigurationError(f"the name {BASELINE!r} is that of the baseline; give the controller another one")
+        baseline = next((entry for entry in own if entry.name == BASELINE), Entry(BASELINE, BASELINE))
+        rest = tuple(entry for entry in self.controllers if entry is not baseline)
+        return replace(self, controllers=(baseline, *rest))
+
+    def jobs(self) -> list[Job]:
+        """All runs, in the order of the results."""
+        return [
+            Job(scenario, entry, trial, self.seed)
+            for scenario in self.scenarios
+            for entry in self.controllers
+            for trial in range(self.trials)
+        ]
+
+    def resolved(self) -> dict[str, Any]:
+        """Everything that determines the results, as data."""
+        return {
+            "suite": self.name,
+            "title": self.title,
+            "trials": self.trials,
+            "seed": self.seed,
+            "controllers": {entry.name: {"type": entry.law, **entry.options} for entry in self.controllers},
+            "scenarios": {
+                scenario.name: {
+                    "folder": "" if scenario.shipped else str(scenario.folder.resolve()),
+                    "tables": copy.deepcopy(scenario.tables),
+                }
+                for scenario in self.scenarios
+            },
+        }
+
+
+def _names(values: list[Any], where: str) -> list[str]:
+    if not all(isinstance(value, str) for value in values):
+        raise ConfigurationError(f"{where}: scenarios must be names or paths, not {values}")
+    return values
+
+
+def _entry(name: str, table: object, where: str, folder: Path) -> Entry:
+    section = Section(table, where)
+    law = section.take("type", str, name)
+    controller_class(law, folder)
+    return Entry(name, law, section.rest(), folder)
+
+
+def _unique(names: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(names))
+
+
+def _value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+@cache
+def _packages() -> dict[str, str]:
+    return package_versions()
+
+
+@cache
+def _code() -> str:
+    """Hash of the package's own source, so that results of other code are never taken for this one's."""
+    digest = hashlib.sha256()
+    package = Path(__file__).parent.parent
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.relative_to(package).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,56 @@
+"""What `vsconstraints list` shows: everything that can be named in files and on the command line."""
+
+from __future__ import annotations
+
+import inspect
+
+from rich.console import Console
+from rich.table import Table
+
+from .constraints.curves import SHAPES
+from .controllers import CONTROLLERS
+from .errors import ConfigurationError
+from .features import FEATURES
+from .qp import make_solver, solver_names
+from .robots import READY_MADE
+from .scenarios import CONSTRAINTS, Scenario, shipped_scenarios
+
+
+def print_listing(console: Console) -> None:
+    """Print tables of scenarios, controllers, solvers, robots, constraints, features and shapes."""
+    scenarios = [Scenario.load(name) for name in shipped_scenarios()]
+    _print(console, "Scenarios", [(scenario.name, scenario.title) for scenario in scenarios])
+    _print(console, "Controllers", [(name, _controller_line(name)) for name in CONTROLLERS])
+    _print(console, "QP solvers (for hierarchical-qp)", [(name, _solver_line(name)) for name in solver_names()])
+    _print(console, "Robots", [(name, _first_line(make)) for name, make in READY_MADE.items()])
+    _print(console, "Constraints", [(name, _first_line(make)) for name, make in CONSTRAINTS.items()])
+    _print(console, "Features", [(name, _first_line(feature)) for name, feature in FEATURES.items()])
+    _print(console, "Shapes (for occlusion)", [(name, _first_line(shape)) for name, shape in SHAPES.items()])
+
+
+def _controller_line(name: str) -> str:
+    law = CONTROLLERS[name]
+    options = ", ".join(f"{p.name}={p.default!r}" for p in inspect.signature(law).parameters.values())
+    return f"{_first_line(law)}\noptions: {options}"
+
+
+def _solver_line(name: str) -> str:
+    try:
+        make_solver(name)
+    except ConfigurationError as error:
+        return str(error)
+    return "installed"
+
+
+def _first_line(thing: object) -> str:
+    return (inspect.getdoc(thing) or "").partition("\n")[0]
+
+
+def _print(console: Console, title: str, lines: list[tuple[str, str]]) -> None:
+    table = Table(title=title, title_justify="left", show_header=False, box=None, padding=(0, 2, 0, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column()
+    for name, text in lines:
+        table.add_row(name, text)
+    console.print(table)
+    console.print()
