@@ -1,0 +1,51 @@
+"""What a scenario challenges, and how much room each controller left there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from ..comparisons.suite import BASELINE
+from .best import Cell, comparable, marked
+from .markdown import code, table
+from .numbers import DASH, error, median, over_trials
+from .results import Line, Results
+
+FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s": ("mm/s", 1e3)}
+"""Units in which margins are printed instead of the stored ones."""
+
+
+def challenges(results: Results, scenario: str) -> str:
+    """A table with one line per challenged row and one column per controller."""
+    labels = results.challenged(scenario)
+    if not labels:
+        if not results.labels(scenario):
+            return "This scenario has no constraint rows that could be scored."
+        return "Tracking alone violates no row here: nothing is challenged, and utilization has no value."
+    names = results.controllers
+    may = comparable(
+        [[] if name == BASELINE else [line["status"] for line in results.runs(scenario, name)] for name in names]
+    )
+    lines = []
+    for label in labels:
+        rows = {name: results.rows(scenario, name, label) for name in names}
+        unit = next((line["unit"] for own in rows.values() for line in own), "")
+        shown, factor = FINER.get(unit, (unit, 1.0))
+        kept = [
+            ok and bool(own) and all(line["violation_depth"] == 0.0 for line in own)
+            for ok, own in zip(may, rows.values(), strict=True)
+        ]
+        cells = [_cell(own, factor) for own in rows.values()]
+        lines.append([code(label), shown, *marked(cells, kept, "less")])
+    return table(["challenged row", "unit", *names], lines, text_columns=2)
+
+
+def _cell(lines: Sequence[Line], factor: float) -> Cell:
+    if not lines:
+        return Cell(DASH)
+    # a violation between samples is in the least clearance, too
+    clearance = [factor * line["clearance_min"] for line in lines]
+    margin = [factor * line["mean_unused_margin"] for line in lines]
+    middle = median(margin)
+    text = f"{over_trials(clearance, error)} / {over_trials(margin, error)}"
+    return Cell(text, middle, error(middle)) if math.isfinite(middle) else Cell(text)

@@ -1,0 +1,92 @@
+"""The last parts of a report: definitions, fairness, limitations, machine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..comparisons.metrics import DEFINITIONS
+from .markdown import bullets, code, plain, table
+from .numbers import DASH, number
+from .results import Results
+
+FAIR = (
+    "Every controller gets the same rows φ ≤ 0 and the same task, evaluated by the same code, and nothing else: it "
+    "knows no robot, no camera and no scenario.",
+    "The same start, the same goals, the same exact double integration of the command and, in further trials, the same "
+    "random deviations of the start (seed below) for all.",
+    "What counts as challenged is decided by tracking alone, which is not compared.",
+    "Status, violations and errors are measured on the simulated motion; no controller's own word is used, except "
+    "that a run ends where its controller reports that it cannot go on.",
+    "The time of the controller's call is measured apart from that of the rows and the task, in processes that use one "
+    "thread each.",
+    "Options are those of the suite, the same in every scenario, listed below and in [manifest.json](manifest.json).",
+)
+
+LIMITATIONS = (
+    "Simulation only: a kinematic arm that carries out every command exactly, perfect perception, no delay, no noise.",
+    "No controller's options are tuned to a scenario; another choice can change the order. A few scenarios are no "
+    "sample of all tasks, and means over them weigh each alike.",
+    "The rows, with their switching gains and approach times, are those of the sliding-mode law's publication; other "
+    "laws might choose others.",
+    "Times are those of Python calls on this machine, while other runs use its other cores; they say little about "
+    "an implementation in another language, and differ somewhat from run to run.",
+    "Utilization looks at the greatest usage only: a run that touches the boundary once counts as much as one that "
+    "slides along it. The mean unused margin says more, but compares equal times at which runs may be at different "
+    "places. In a scenario with several challenged rows utilization averages over them, however different they are.",
+    "Between samples clearances are looked at three times per period, and only near a boundary: deviations that are "
+    "shorter than that can be missed.",
+    "The φ band mixes what switching causes with what tracking and drift cause. A large ratio is a reason to look at "
+    "the figure, not a measure of switching alone; it has no value where no row slides, which is no merit by itself.",
+    "Acceleration variation and jerk add rad and m where an arm has prismatic joints.",
+    "Where runs end in different places (trapped, unfinished), their other values are not values of the same motion.",
+)
+
+
+def closing(results: Results) -> str:
+    """Everything that a reader needs to judge or repeat the comparison."""
+    manifest = results.stored.manifest
+    parts = [
+        "## Definitions",
+        bullets([f"**{name}**: {text}" for name, text in DEFINITIONS.items()]),
+        "## What makes the comparison fair",
+        bullets(FAIR),
+        _options(manifest),
+        "## Known limitations",
+        bullets(LIMITATIONS),
+        "## Machine and versions",
+        _machine(results, manifest),
+    ]
+    return "\n\n".join(parts)
+
+
+def _options(manifest: dict[str, Any]) -> str:
+    lines = []
+    for name, entry in manifest["configuration"]["controllers"].items():
+        options = [f"{key} = {value}" for key, value in entry.items() if key != "type"]
+        lines.append([name, plain(str(entry.get("type", name))), plain(", ".join(options)) or "defaults"])
+    return table(["controller", "type", "options"], lines, text_columns=3)
+
+
+def _machine(results: Results, manifest: dict[str, Any]) -> str:
+    machine, packages = manifest.get("machine", {}), manifest.get("packages", {})
+    wall = manifest.get("wall_time_s")
+    kept = manifest.get("stored_before") or 0
+    facts = {
+        "processor": machine.get("processor"),
+        "cores": machine.get("cores"),
+        "system": machine.get("system"),
+        "python": machine.get("python"),
+        **packages,
+        "version": manifest.get("version"),
+        "git commit": manifest.get("git_commit"),
+        "command": code(" ".join(manifest["command"])) if manifest.get("command") else None,
+        "started": manifest.get("started"),
+        "seed": manifest.get("seed"),
+        "wall time [s]": None if wall is None else number(float(wall)),
+        "runs": f"{results.finished} of {results.planned}" + (f", {kept} of them stored before" if kept else ""),
+    }
+    lines = [
+        [name, DASH if value in (None, "") else str(value) if name == "command" else plain(str(value))]
+        for name, value in facts.items()
+    ]
+    return table(["what", "value"], lines, text_columns=2)

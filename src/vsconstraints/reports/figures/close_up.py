@@ -1,0 +1,127 @@
+"""Where in the image controllers differ most at a boundary: what a close-up shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...comparisons import RunRecord
+from ...comparisons.metrics import NEGLIGIBLE
+from ...rows import Array
+from .view import View
+
+SHARE = 0.025
+"""Half the side of the close-up, relative to the image's larger side; more where a violation is deeper."""
+
+DEEP = 0.05
+"""A violation deeper than this share of the image needs no close-up."""
+
+INSET = 0.34
+"""Side of the close-up's frame, relative to the panel's."""
+
+
+@dataclass(frozen=True)
+class CloseUp:
+    """A square of the image, and the corner of the panel where it is shown.
+
+    Attributes
+    ----------
+    centre
+        (2,) [px].
+    half
+        Half its side [px].
+    corner
+        (2,) lower left corner of the inset, as fractions of the panel.
+    """
+
+    centre: Array
+    half: float
+    corner: tuple[float, float]
+
+    def place(self, ax: Any) -> Any:
+        """Axes of the close-up within a panel."""
+        inset = ax.inset_axes((*self.corner, INSET, INSET), zorder=9)
+        inset.set_xlim(self.centre[0] - self.half, self.centre[0] + self.half)
+        inset.set_ylim(self.centre[1] + self.half, self.centre[1] - self.half)
+        inset.set_xticks([])
+        inset.set_yticks([])
+        inset.grid(False)
+        return inset
+
+
+def marker_of(label: str) -> int | None:
+    """Index of the marker that a row of an image constraint is about, from its label."""
+    digits = label.rpartition("marker ")[2].rstrip("]")
+    return int(digits) - 1 if digits.isdecimal() else None
+
+
+def close_up(view: View, size: tuple[float, float], half_size: Array) -> CloseUp | None:
+    """The same close-up for all panels, or None where no row in the image matters.
+
+    Around the deepest violation of a competitor if there is one; otherwise where the first
+    controller that acts on such a row comes nearest to its boundary.
+    """
+    found = _deepest(view, DEEP * max(size)) or _nearest(view)
+    if found is None:
+        return None
+    centre, depth = found
+    half = max(SHARE * max(size), 1.6 * depth)
+    tracks = np.concatenate([view.runs[name].trajectory.features_px.reshape(-1, 2) for name in view.competitors])
+    return CloseUp(centre, half, _free_corner(tracks, centre, half_size))
+
+
+def _rows_in_image(view: View, run: RunRecord) -> list[tuple[int, int]]:
+    """Index of each row in the image whose φ is shown, and of its marker."""
+    labels, count = run.trajectory.labels, run.trajectory.features_px.shape[1]
+    pairs = [(i, marker_of(labels[i])) for i in range(len(labels)) if run.units[i] == "px"]
+    return [(i, m) for i, m in pairs if m is not None and m < count and labels[i] in view.phi_rows]
+
+
+def _deepest(view: View, most: float) -> tuple[Array, float] | None:
+    """Where a competitor is farthest outside, and how far [px]; violations by more than ``most`` are plain anyway."""
+    found, worst = None, NEGLIGIBLE
+    for name in view.competitors:
+        run = view.runs[name]
+        for i, marker in _rows_in_image(view, run):
+            clearance = run.trajectory.clearance[:, i]
+            k = int(np.argmin(clearance))
+            if clearance[k] > -most and -clearance[k] / run.length[i] > worst:
+                worst = float(-clearance[k] / run.length[i])
+                found = run.trajectory.features_px[k, marker], float(-clearance[k])
+    return found
+
+
+def _nearest(view: View) -> tuple[Array, float] | None:
+    """Where the first controller that acts on a row in the image comes nearest to the boundary of such a row."""
+    for name in view.competitors:
+        run = view.runs[name]
+        acting = [(i, m) for i, m in _rows_in_image(view, run) if run.trajectory.active[:, i].any()]
+        if acting:
+            i, marker = min(acting, key=lambda pair: float(run.trajectory.clearance[:, pair[0]].min()))
+            return run.trajectory.features_px[int(np.argmin(run.trajectory.clearance[:, i])), marker], 0.0
+    return None
+
+
+def _free_corner(tracks: Array, centre: Array, half_size: Array) -> tuple[float, float]:
+    """Where an inset covers least of the tracks, and not the place that it magnifies."""
+    edge = 0.03
+    places = [(edge, edge), (1.0 - INSET - edge, edge), (edge, 1.0 - INSET - edge), (1.0 - INSET - edge,) * 2]
+    # the middle of the sides and of the panel are better than a corner full of tracks
+    half = 0.5 - 0.5 * INSET
+    places += [(edge, half), (1.0 - INSET - edge, half), (half, edge), (half, 1.0 - INSET - edge), (half, half)]
+    costs = [_covered(place, tracks, half_size) + 1e6 * _covered(place, centre[None], half_size) for place in places]
+    return places[int(np.argmin(costs))]
+
+
+def _covered(place: Sequence[float], points: Array, half_size: Array) -> int:
+    """How many points an inset at that place hides; v points down."""
+    across = (points[:, 0] + half_size[0]) / (2.0 * half_size[0])
+    up = (half_size[1] - points[:, 1]) / (2.0 * half_size[1])
+    margin = 0.02
+    hidden = (np.abs(across - place[0] - 0.5 * INSET) < 0.5 * INSET + margin) & (
+        np.abs(up - place[1] - 0.5 * INSET) < 0.5 * INSET + margin
+    )
+    return int(hidden.sum())

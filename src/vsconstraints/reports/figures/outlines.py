@@ -1,0 +1,63 @@
+"""Boundaries and forbidden sides of the constraints in the image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...constraints import ImageConstraint
+from ...rows import Array
+from ...simulation import Setup
+
+AROUND = 1.12
+"""How much of the image plane figures show, relative to the image; what lies beyond is cut off."""
+
+FORBIDDEN = "#DCDCDC"
+HATCH = "#B0B0B0"
+GRID_STEP = 2.0
+"""Of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is exact."""
+
+
+@dataclass(frozen=True)
+class Outlines:
+    """What constrains markers in the image.
+
+    Attributes
+    ----------
+    constraints
+        Those on pixels.
+    lines
+        Polylines (p, 2) along their boundaries [px].
+    half_size
+        (2,) of the part of the image plane that is shown [px].
+    """
+
+    constraints: tuple[ImageConstraint, ...]
+    lines: list[Array]
+    half_size: Array
+
+    @classmethod
+    def of(cls, setup: Setup | None, size: tuple[float, float]) -> Outlines:
+        """Those of a setup; none if it is not known."""
+        every = setup.constraints.constraints if setup is not None else ()
+        image = tuple(c for c in every if isinstance(c, ImageConstraint))
+        return cls(image, [line for c in image for line in c.boundary(size)], 0.5 * AROUND * np.asarray(size))
+
+    def draw(self, ax: Any, centre: Array | None = None, half: float = 0.0) -> None:
+        """Shade the forbidden side and draw the boundary on top, everywhere or within ``half`` of a centre [px]."""
+        middle = np.zeros(2) if centre is None else centre
+        reach = self.half_size if centre is None else np.full(2, half)
+        count = int(min(max(2.0 * reach.max() / GRID_STEP, 80.0), 600.0))
+        u, v = (np.linspace(m - r, m + r, count) for m, r in zip(middle, reach, strict=True))
+        if self.constraints:
+            grid = np.stack(np.meshgrid(u, v), axis=-1)
+            # only the sign is wanted: far from a boundary values may be huge, which spoils interpolation
+            sigma = np.max([np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0)
+            if (sigma > 0.0).any():
+                filled = ax.contourf(u, v, sigma, levels=[0.0, 1.0], colors=[FORBIDDEN], hatches=["/////"], zorder=0.6)
+                filled.set_edgecolor(HATCH)
+                filled.set_linewidth(0.0)
+        for line in self.lines:
+            ax.plot(line[:, 0], line[:, 1], color="#222222", linewidth=0.9, zorder=3)

@@ -1,0 +1,157 @@
+"""The first lines of a report: what it is, and what was found, computed from the data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from ..comparisons.suite import BASELINE
+from .best import keeps_rows
+from .markdown import bold, bullets, code, enumeration, plain
+from .numbers import Format, median, number, percent
+from .results import CARRIED_THROUGH, Line, Results, violated
+
+NOT_CONVERGED = {
+    "trapped": "was trapped",
+    "aborted": "was aborted",
+    "failed": "failed",
+    "unfinished": "was still moving at the end",
+}
+"""What a controller did in runs that did not converge."""
+
+
+def opening(results: Results) -> str:
+    """Title, what this is, and the findings."""
+    configuration = results.stored.manifest["configuration"]
+    title = plain(str(configuration.get("title") or configuration.get("suite") or "Comparison"))
+    scenarios, controllers = len(results.scenarios), len(results.controllers)
+    trials = f", {results.trials} trials" if results.trials > 1 else ""
+    what = (
+        "This report compares controllers that keep visual servoing inside its limits. Every scenario was simulated "
+        f"with every controller ({_n(scenarios, 'scenario')}, {_n(controllers, 'controller')}{trials}): the same "
+        "robot, camera, task, start and constraint rows, and only the control law differs. "
+        f"*{BASELINE}* knows no constraints; it is the baseline that tells which rows a scenario challenges at all. "
+        "The numbers are in [results.csv](results.csv) and [constraints.csv](constraints.csv), what was run is in "
+        "[manifest.json](manifest.json); [definitions](#definitions), "
+        "[what makes the comparison fair](#what-makes-the-comparison-fair) and "
+        "[its limitations](#known-limitations) are at the end."
+    )
+    parts = [f"# {title}", what]
+    if results.finished < results.planned:
+        parts.append(
+            f"**Incomplete: {results.finished} of {results.planned} runs finished.** What is missing is blank below; "
+            "counts and means are over the runs that finished."
+        )
+    parts += ["## Findings", bullets(_findings(results))]
+    parts.append("Scenarios: " + ", ".join(f"[{name}](#{anchor(name)})" for name in results.scenarios) + ".")
+    return "\n\n".join(parts)
+
+
+def anchor(scenario: str) -> str:
+    """Where a scenario's section is, in links."""
+    return f"scenario-{scenario}"
+
+
+def _findings(results: Results) -> list[str]:
+    if not results.competitors:
+        return [f"Only {BASELINE} alone was run: there is nothing to compare."]
+    clean = {
+        name: sum(line["status"] == "converged" and not violated(line) for line in results.all_runs(name))
+        for name in results.competitors
+    }
+    ranked_names = sorted(clean, key=lambda name: -clean[name])
+    found = [
+        "Runs that converged without violating a row: "
+        + ", ".join(f"{bold(name)} {clean[name]} of {len(results.all_runs(name))}" for name in ranked_names)
+        + "."
+    ]
+    found += [_of_controller(results, name) for name in results.competitors]
+    ranked = [
+        ("Most of the challenged space used", "utilization", max, percent, "{} %"),
+        ("Least chattering (acceleration variation)", "acceleration_variation", min, number, "{} rad/s³"),
+    ]
+    if len(results.competitors) > 1:
+        found += [text for choice in ranked if (text := _winners(results, *choice))]
+    nobody = [name for name in results.scenarios if _ran(results, name) and not _clean(results, name)]
+    if nobody:
+        found.append(
+            "Nobody converged without violating a row in "
+            + enumeration([f"[{name}](#{anchor(name)})" for name in nobody])
+            + "."
+        )
+    return found
+
+
+def _of_controller(results: Results, name: str) -> str:
+    lines = results.all_runs(name)
+    if not lines:
+        return f"{bold(name)}: no run finished."
+    converged = sum(line["status"] == "converged" for line in lines)
+    text = f"{bold(name)} converged in {converged} of {_n(len(lines), 'run')}"
+    for status, did in NOT_CONVERGED.items():
+        where = list(dict.fromkeys(line["scenario"] for line in lines if line["status"] == status))
+        if where:
+            text += f", {did} in {enumeration(where)}"
+    outside = [line for line in lines if violated(line)]
+    carried = sum(line["status"] in CARRIED_THROUGH for line in lines)
+    if not outside:
+        return f"{text}; it violated no row." if carried == len(lines) else f"{text}; until then it violated no row."
+    worst = max(outside, key=lambda line: float(line["violation_depth"]))
+    where = list(dict.fromkeys(line["scenario"] for line in outside))
+    return (
+        f"{text}; it violated rows in {_n(len(outside), 'run')} ({', '.join(where)}), at worst by "
+        f"{number(100.0 * worst['violation_depth'])} % of L ({_worst_row(results, worst)}, {worst['scenario']})."
+    )
+
+
+def _worst_row(results: Results, run: Line) -> str:
+    """The row that is outside by the greatest share of its characteristic length."""
+    rows = [
+        row
+        for row in results.rows(run["scenario"], run["controller"])
+        if row["trial"] == run["trial"] and row["violation_depth"] > 0.0
+    ]
+    worst = max(rows, key=lambda row: float(row["usage_max"]), default=None)
+    return code(worst["constraint"]) if worst else "row unknown"
+
+
+def _winners(results: Results, what: str, column: str, best: Callable[..., float], show: Format, unit: str) -> str:
+    """In which scenarios each controller is the best of those that converged without violating a row."""
+    won: dict[str, list[str]] = {}
+    for scenario in results.scenarios:
+        values = {
+            name: median([line[column] for line in results.runs(scenario, name)]) for name in _clean(results, scenario)
+        }
+        values = {name: value for name, value in values.items() if math.isfinite(value)}
+        if not values:
+            continue
+        top = show(best(values.values()))
+        for name, value in values.items():
+            if show(value) == top:
+                won.setdefault(name, []).append(f"{scenario} ({unit.format(top)})")
+    if not won:
+        return ""
+    ranked = sorted(won.items(), key=lambda item: -len(item[1]))
+    return (
+        f"{what}, among the controllers that converged and violated no row: "
+        + "; ".join(f"{bold(name)} in {', '.join(where)}" for name, where in ranked)
+        + "."
+    )
+
+
+def _clean(results: Results, scenario: str) -> list[str]:
+    """Controllers that converged and violated nothing, in every trial."""
+    runs = {name: list(results.runs(scenario, name)) for name in results.competitors}
+    return [
+        name
+        for name, lines in runs.items()
+        if keeps_rows(lines) and all(line["status"] == "converged" for line in lines)
+    ]
+
+
+def _ran(results: Results, scenario: str) -> bool:
+    return any(results.runs(scenario, name) for name in results.competitors)
+
+
+def _n(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

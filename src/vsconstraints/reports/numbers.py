@@ -1,0 +1,72 @@
+"""Numbers as a report prints them: three significant digits, a dash where there is none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+DASH = "–"
+"""Stands where a value does not exist."""
+
+Format = Callable[[float], str]
+
+
+def number(value: float) -> str:
+    """Three significant digits; powers of ten only where plain digits would be hard to read."""
+    if not math.isfinite(value):
+        return DASH
+    rounded = float(f"{value:.3g}")
+    size = abs(rounded)
+    if size == 0.0:
+        return "0"
+    if size < 1e-3 or size >= 1e6:
+        mantissa, exponent = f"{rounded:.2e}".split("e")
+        return _signed(f"{mantissa}e{int(exponent)}")
+    return _signed(f"{rounded:.{max(0, 2 - math.floor(math.log10(size)))}f}")
+
+
+def error(value: float) -> str:
+    """Three significant digits; of positive values below a thousandth of their unit only that."""
+    return "<0.001" if 0.0 < value < 1e-3 else number(value)
+
+
+def percent(value: float) -> str:
+    """A share as per cent with two decimals: the distance from 100 is what matters."""
+    return f"{100.0 * value:.2f}" if math.isfinite(value) else DASH
+
+
+def count(value: float) -> str:
+    """A whole number."""
+    return str(round(value)) if math.isfinite(value) else DASH
+
+
+def median(values: Sequence[float]) -> float:
+    """Median of the values that exist; NaN if none does."""
+    exist = [value for value in values if math.isfinite(value)]
+    return float(np.median(exist)) if exist else math.nan
+
+
+def mean(values: Sequence[float]) -> float:
+    """Mean of the values that exist; NaN if none does."""
+    exist = [value for value in values if math.isfinite(value)]
+    return math.fsum(exist) / len(exist) if exist else math.nan
+
+
+def largest(values: Sequence[float]) -> float:
+    """Greatest of the values that exist; NaN if none does."""
+    return max((value for value in values if math.isfinite(value)), default=math.nan)
+
+
+def over_trials(values: Sequence[float], show: Format = number) -> str:
+    """One value as it is, several as ``median [least–greatest]`` if they differ as shown; a dash if none exists."""
+    exist = [value for value in values if math.isfinite(value)]
+    middle = show(median(exist))
+    if not exist or show(min(exist)) == show(max(exist)):
+        return middle
+    return f"{middle} [{show(min(exist))}–{show(max(exist))}]"
+
+
+def _signed(text: str) -> str:
+    return text.replace("-", "−", 1) if text.startswith("-") else text

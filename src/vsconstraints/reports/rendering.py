@@ -1,0 +1,62 @@
+"""Draws figures, in several processes when there are many."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from pathlib import Path
+
+from ..comparisons.record import run_file
+from .jobs import Drawn, ScenarioJob
+
+FEW = 2
+"""Up to this many scenarios are drawn in this process: starting others takes about as long."""
+
+KINDS = ("tracks", "phi", "errors", "acceleration")
+"""Figures of each scenario, in the order in which a report shows them."""
+
+
+def draw_all(jobs: Sequence[ScenarioJob]) -> dict[str, Drawn]:
+    """Draw the figures of every scenario; a scenario whose process dies is reported, not raised."""
+    workers = min(len(jobs), os.cpu_count() or 1)
+    if len(jobs) <= FEW or workers < 2:
+        return {job.scenario.name: draw(job) for job in jobs}
+    # the longest first, so that no process is left with one at the end
+    order = sorted(jobs, key=_stored_size, reverse=True)
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        waiting = [(job, pool.submit(draw, job)) for job in order]
+        drawn = {}
+        for job, future in waiting:
+            try:
+                drawn[job.scenario.name] = future.result()
+            except BrokenProcessPool:
+                drawn[job.scenario.name] = Drawn(
+                    job.scenario.name, problems=["The process that draws its figures died."]
+                )
+    return drawn
+
+
+def draw(job: ScenarioJob) -> Drawn:
+    """Draw the figures of one scenario; matplotlib is loaded here and not before."""
+    from .figures.drawing import draw_scenario
+
+    return draw_scenario(job)
+
+
+def remove_stale(folder: Path, kept: set[str]) -> None:
+    """Remove figures that an earlier report of the same folder left and this one does not show."""
+    for kind in KINDS:
+        for path in folder.glob(f"*--{kind}.png"):
+            if path.name not in kept:
+                path.unlink()
+    for path in folder.glob("trade-off.png"):
+        if path.name not in kept:
+            path.unlink()
+
+
+def _stored_size(job: ScenarioJob) -> int:
+    files = (run_file(job.folder, job.scenario.name, name, job.trial) for name in job.controllers)
+    return sum(path.stat().st_size for path in files if path.is_file())

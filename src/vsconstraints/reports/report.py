@@ -1,0 +1,86 @@
+"""The report of a comparison: report.md and the figures it shows."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ..comparisons import StoredComparison
+from .closing import closing
+from .failures import failures
+from .headlines import opening
+from .jobs import ScenarioJob
+from .rendering import draw_all, remove_stale
+from .results import Results
+from .rows_shown import lane_rows, phi_rows
+from .scenario_section import scenarios_section
+from .style import looks
+from .summary import summary
+from .trade_off import trade_off
+
+TRIAL_SHOWN = 0
+"""The trial that figures show: the one that starts where the scenario says."""
+
+
+def write_report(folder: Path) -> Path:
+    """Write report.md and its figures from what a comparison left in its folder.
+
+    The same comparison gives the same text, byte for byte. Whatever is missing in the folder, a trajectory or a run,
+    is named in the report and left out of its figures.
+
+    Parameters
+    ----------
+    folder
+        Where the comparison is stored.
+
+    Returns
+    -------
+    Where the report is.
+
+    Raises
+    ------
+    ConfigurationError
+        if there is no comparison in the folder.
+    """
+    results = Results(StoredComparison.load(folder))
+    figures = folder / "figures"
+    figures.mkdir(exist_ok=True)
+    drawn = draw_all(_jobs(results))
+    overview = trade_off(results, figures)
+    used = {name for one in drawn.values() for name in one.files.values()}
+    remove_stale(figures, used | ({overview.file} if overview.file else set()))
+    parts = [
+        opening(results),
+        summary(results),
+        overview.text,
+        scenarios_section(results, drawn),
+        failures(results, drawn),
+        closing(results),
+    ]
+    report = folder / "report.md"
+    part = folder / "report.md.part"
+    part.write_text("\n\n".join(text for text in parts if text) + "\n", encoding="utf-8")
+    os.replace(part, report)
+    return report
+
+
+def _jobs(results: Results) -> list[ScenarioJob]:
+    stored = results.stored
+    return [
+        ScenarioJob(
+            stored.folder,
+            scenario,
+            results.controllers,
+            tuple(
+                controller
+                for controller in results.controllers
+                if any(line["trial"] == TRIAL_SHOWN for line in results.runs(name, controller))
+            ),
+            TRIAL_SHOWN,
+            int(stored.manifest["configuration"].get("seed", 0)),
+            looks(results.controllers),
+            phi_rows(results, name),
+            lane_rows(results, name),
+        )
+        for name, scenario in stored.scenarios.items()
+    ]

@@ -1,0 +1,93 @@
+"""A stored comparison as reports look at it: by scenario, controller and row."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+from ..comparisons import StoredComparison
+from ..comparisons.suite import BASELINE
+
+Line = dict[str, Any]
+
+CARRIED_THROUGH = ("converged", "trapped", "unfinished")
+"""Statuses of runs that went on to the end of their time."""
+
+
+class Results:
+    """Lines of results.csv and constraints.csv, looked up by scenario and controller.
+
+    Attributes
+    ----------
+    stored
+        Where they come from.
+    controllers
+        All, in the suite's order, tracking alone first.
+    competitors
+        Those that are compared: all but tracking alone.
+    """
+
+    def __init__(self, stored: StoredComparison) -> None:
+        self.stored = stored
+        self.controllers = stored.controllers
+        self.competitors = tuple(name for name in self.controllers if name != BASELINE)
+        self._runs: dict[tuple[str, str], list[Line]] = defaultdict(list)
+        self._rows: dict[tuple[str, str], list[Line]] = defaultdict(list)
+        for line in stored.results:
+            self._runs[line["scenario"], line["controller"]].append(line)
+        for line in stored.constraints:
+            self._rows[line["scenario"], line["controller"]].append(line)
+        for lines in self._runs.values():
+            lines.sort(key=lambda line: line["trial"])
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """Names of the scenarios, in the suite's order."""
+        return tuple(self.stored.scenarios)
+
+    @cached_property
+    def trials(self) -> int:
+        """How often everything was to be run."""
+        return int(self.stored.manifest["configuration"].get("trials", 1))
+
+    @property
+    def planned(self) -> int:
+        """How many runs there were to be."""
+        return len(self.scenarios) * len(self.controllers) * self.trials
+
+    @property
+    def finished(self) -> int:
+        """How many runs there are."""
+        return sum(len(self.runs(s, c)) for s in self.scenarios for c in self.controllers)
+
+    def runs(self, scenario: str, controller: str) -> Sequence[Line]:
+        """Lines of results.csv, one for each trial there is."""
+        return self._runs.get((scenario, controller), [])
+
+    def all_runs(self, controller: str) -> list[Line]:
+        """Lines of results.csv of a controller, over all scenarios."""
+        return [line for scenario in self.scenarios for line in self.runs(scenario, controller)]
+
+    def rows(self, scenario: str, controller: str, label: str | None = None) -> list[Line]:
+        """Lines of constraints.csv, of one row or of all."""
+        lines = self._rows.get((scenario, controller), [])
+        return [line for line in lines if label is None or line["constraint"] == label]
+
+    def labels(self, scenario: str) -> tuple[str, ...]:
+        """Labels of a scenario's rows, in their order."""
+        names = (line["constraint"] for name in self.controllers for line in self.rows(scenario, name))
+        return tuple(dict.fromkeys(names))
+
+    def challenged(self, scenario: str) -> tuple[str, ...]:
+        """Labels of the rows that a scenario challenges, in any trial."""
+        hit = {
+            line["constraint"] for name in self.controllers for line in self.rows(scenario, name) if line["challenged"]
+        }
+        return tuple(label for label in self.labels(scenario) if label in hit)
+
+
+def violated(line: Line) -> list[str]:
+    """Labels of the rows that a run violated."""
+    return [label for label in str(line["violated"] or "").split("; ") if label]

@@ -1,0 +1,188 @@
+"""The part of a report about one scenario."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from ..comparisons.metrics import NEGLIGIBLE
+from ..comparisons.suite import BASELINE
+from ..scenarios import Scenario
+from .best import Better, Cell, comparable, keeps_rows, marked
+from .challenges import challenges
+from .headlines import anchor
+from .jobs import Drawn
+from .markdown import bullets, code, plain, table
+from .numbers import DASH, Format, count, error, number, percent
+from .results import Line, Results, violated
+from .rows_shown import lanes_left_out
+from .summary import band_ratio
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a scenario's tables: what it is called, which value it shows, and what is better."""
+
+    header: str
+    value: Callable[[Line], float]
+    better: Better | None = "less"
+    show: Format = number
+    only_kept: bool = False
+
+
+def _of(name: str, factor: float = 1.0) -> Callable[[Line], float]:
+    return lambda line: factor * float(line[name])
+
+
+TASK = (
+    Column("settling time [s]", _of("settling_time_s")),
+    Column("position error [mm]", _of("final_translation_error_m", 1e3), show=error),
+    Column("orientation error [mrad]", _of("final_rotation_error_rad", 1e3), show=error),
+    Column("image error [px]", _of("final_feature_error_px"), show=error),
+    Column("utilization [%]", _of("utilization"), "more", percent, only_kept=True),
+    Column("worst depth [% of L]", _of("violation_depth", 100.0)),
+    Column("time outside [s]", _of("violation_time_s")),
+)
+CHATTERING = (
+    Column("φ band", _of("phi_band"), None),
+    Column("bound T_s u⁺", _of("phi_band_bound"), None),
+    Column("band / bound", band_ratio),
+    Column("switching rate [Hz]", _of("switching_rate_hz")),
+    Column("acceleration variation [rad/s³]", _of("acceleration_variation")),
+    Column("RMS jerk [rad/s³]", _of("jerk_rms")),
+    Column("step time, median [µs]", _of("step_time_median_us")),
+    Column("p99 [µs]", _of("step_time_p99_us")),
+    Column("max [µs]", _of("step_time_max_us"), None),
+    Column("rows and task, median [µs]", _of("rows_time_median_us"), None),
+    Column("missed periods", _of("missed_periods"), show=count),
+)
+
+CAPTIONS = {
+    "tracks": "Tracks of the markers in the image.",
+    "phi": "φ of the rows that matter, and when each row shapes the command.",
+    "errors": "Errors over time.",
+    "acceleration": "Commanded joint acceleration.",
+}
+
+HOW_TO_READ = (
+    "**Bold** is the best of a column, judged by the digits shown; ties are all bold. Only controllers that converged "
+    "are judged or, where nobody did, those that neither failed nor were aborted; utilization only where no row was "
+    f"violated. More utilization is better, of everything else less. {BASELINE} is never marked. {DASH} stands where "
+    "there is no value.",
+    "**Challenged rows**: least clearance / mean unused margin. The mean is over the time in which tracking alone is "
+    "outside. A negative clearance is how far the row was outside, which counts as a violation from "
+    f"{100.0 * NEGLIGIBLE:g} % of L on. Bold: the smallest mean among the controllers that did not violate the row.",
+    "**Tracks**: what is far outside the image is cut off. The square is shown enlarged in the same panel: it is where "
+    "a controller is deepest outside by less than 5 % of the image or, if none is, where the first one is nearest to "
+    "a boundary.",
+    "**φ** is drawn relative to one switching step T_s u⁺, linear up to ±2 and logarithmic beyond; lines show the "
+    "greatest value in short windows, shades the range. Allowed is below 0; the yellow band is ± one step. The bars "
+    "below show when each row shapes the command of each controller, with short gaps closed. Rows are shown that are "
+    "challenged or violated, and bars for rows that act.",
+    "**Errors** are drawn on a logarithmic axis. Where lines coincide, the later ones lie as thinner lines on the "
+    "earlier ones.",
+    "**Commanded acceleration**: mean (lines) and range (shades) in short windows, linear up to ±1 rad/s² and "
+    "logarithmic beyond, with the same axis for all controllers.",
+    "Dashed vertical lines: the goal changes.",
+)
+
+
+def scenarios_section(results: Results, drawn: Mapping[str, Drawn]) -> str:
+    """How to read tables and figures, then one part per scenario."""
+    several = (
+        [
+            "Each scenario was run several times: values are the median of the trials, with the least and the greatest "
+            "in brackets where they differ; figures show the first trial."
+        ]
+        if results.trials > 1
+        else []
+    )
+    parts = [scenario_section(results, name, drawn[name]) for name in results.scenarios]
+    return "\n\n".join(["## Scenarios", bullets([*HOW_TO_READ, *several]), *parts])
+
+
+def scenario_section(results: Results, name: str, drawn: Drawn) -> str:
+    """Title, tables and figures of a scenario."""
+    scenario = results.stored.scenarios[name]
+    parts = [f'<a id="{anchor(name)}"></a>\n\n### {name}: {plain(scenario.title)}']
+    parts += [text for text in (" ".join(scenario.description.split()), _facts(scenario)) if text]
+    if not any(results.runs(name, controller) for controller in results.controllers):
+        return "\n\n".join([*parts, "No run of this scenario finished."])
+    parts += [_table(results, name, TASK, with_status=True), _table(results, name, CHATTERING, with_status=False)]
+    parts.append(challenges(results, name))
+    for kind, file in drawn.files.items():
+        parts.append(f"![{name}: {kind}](figures/{file})\n\n*{CAPTIONS[kind]}{_addition(results, name, kind)}*")
+    if drawn.problems:
+        parts.append(bullets([plain(problem) for problem in drawn.problems]))
+    return "\n\n".join(parts)
+
+
+def _addition(results: Results, name: str, kind: str) -> str:
+    left_out = lanes_left_out(results, name)
+    if kind == "phi" and left_out:
+        return f" {left_out} further rows acted for a shorter time and are not shown."
+    return ""
+
+
+def _facts(scenario: Scenario) -> str:
+    """What the scenario's tables say about robot, time and task, as far as they do."""
+    tables = scenario.tables
+    robot, task = tables.get("robot"), tables.get("task")
+    facts = []
+    if isinstance(robot, str):
+        facts.append(f"Robot: {plain(robot)}")
+    elif isinstance(robot, dict) and robot.get("name"):
+        facts.append(f"Robot: {plain(str(robot['name']))}")
+    if isinstance(task, dict):
+        goals = task.get("goals")
+        number_of = f", {len(goals)} goals" if isinstance(goals, list) and len(goals) > 1 else ""
+        facts.append(f"task: {task.get('feature', '?')}{number_of}")
+    if isinstance(tables.get("sampling_time"), (int, float)):
+        facts.append(f"T_s = {1e3 * tables['sampling_time']:g} ms")
+    if isinstance(tables.get("duration"), (int, float)):
+        facts.append(f"{tables['duration']:g} s")
+    return "; ".join(facts) + "." if facts else ""
+
+
+def _table(results: Results, scenario: str, columns: Sequence[Column], *, with_status: bool) -> str:
+    runs = {name: list(results.runs(scenario, name)) for name in results.controllers}
+    may = comparable([[] if name == BASELINE else [line["status"] for line in own] for name, own in runs.items()])
+    kept = [ok and keeps_rows(own) for ok, own in zip(may, runs.values(), strict=True)]
+    header, parts = ["controller"], [list(runs)]
+    if with_status:
+        header += ["status", "violated rows"]
+        parts += [[_status(own) for own in runs.values()], [_violated(own) for own in runs.values()]]
+    for column in columns:
+        cells = [Cell.of([column.value(line) for line in own], column.show) for own in runs.values()]
+        if all(not math.isfinite(cell.value) for cell in cells):
+            continue
+        header.append(column.header)
+        parts.append(marked(cells, kept if column.only_kept else may, column.better))
+    lines = [[part[i] for part in parts] for i in range(len(runs))]
+    return table(header, lines, text_columns=3 if with_status else 1)
+
+
+def _status(lines: Sequence[Line]) -> str:
+    """Status with its time where the run ended early; counts where there are several trials."""
+    if not lines:
+        return "not run"
+    if len(lines) > 1:
+        statuses = [line["status"] for line in lines]
+        return ", ".join(f"{statuses.count(status)} {status}" for status in dict.fromkeys(statuses))
+    status, end = lines[0]["status"] or "unknown", lines[0]["duration_s"]
+    early = status in ("aborted", "failed") and math.isfinite(end)
+    return f"{status} at {number(end)} s" if early else str(status)
+
+
+def _violated(lines: Sequence[Line]) -> str:
+    if not lines or all(not math.isfinite(line["violation_depth"]) for line in lines):
+        return DASH
+    names = [label for line in lines for label in violated(line)]
+    if not names:
+        return "none"
+    several = len(lines) > 1
+    return ", ".join(
+        f"{code(label)} ({names.count(label)} of {len(lines)})" if several else code(label)
+        for label in dict.fromkeys(names)
+    )

@@ -1,0 +1,66 @@
+"""How controllers look in every figure: the same colour, marker and line wherever they appear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+OWN_COLOURS = {
+    "tracking": "#8A8A8A",
+    "sliding-mode": "#0072B2",
+    "potential-field": "#E69F00",
+    "potential-field-priority": "#D55E00",
+    "hierarchical-qp": "#009E73",
+    "hierarchical-qp-active": "#CC79A7",
+}
+"""Colours of the controllers that come with the package: Okabe and Ito's palette, safe for colour-blind readers."""
+
+SPARE_COLOURS = ("#56B4E9", "#000000", "#9C8A00", "#7B4B2A")
+"""For controllers of other names."""
+
+LINES = ("-", "--", "-.", ":")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "*")
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colour, marker and line style of a controller."""
+
+    colour: str
+    marker: str
+    line: str
+
+
+def looks(controllers: Sequence[str]) -> dict[str, Look]:
+    """A look for each controller; when colours run out they come again with another line style.
+
+    Parameters
+    ----------
+    controllers
+        Names, in the comparison's order. Names that the package knows keep their colour in every comparison.
+    """
+    taken = [OWN_COLOURS[name] for name in controllers if name in OWN_COLOURS]
+    free = [*SPARE_COLOURS, *(colour for colour in OWN_COLOURS.values() if colour not in taken)]
+    every = [*SPARE_COLOURS, *OWN_COLOURS.values()]
+    result, spare = {}, 0
+    for i, name in enumerate(controllers):
+        colour, line = OWN_COLOURS.get(name), LINES[0]
+        if colour is None:
+            extra = spare - len(free)
+            colour = free[spare] if extra < 0 else every[extra % len(every)]
+            line = LINES[0] if extra < 0 else LINES[1 + (extra // len(every)) % (len(LINES) - 1)]
+            spare += 1
+        result[name] = Look(colour, MARKERS[i % len(MARKERS)], line)
+    return result
+
+
+def darker(colour: str) -> str:
+    """A shade of a colour ``#RRGGBB`` that is dark enough for text on white."""
+    parts = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+    return "#" + "".join(f"{int(0.8 * part):02X}" for part in parts)
+
+
+def shortened(name: str, most: int = 25) -> str:
+    """A name that fits into a title or legend: a long one loses its middle."""
+    half = (most - 1) // 2
+    return name if len(name) <= most else f"{name[:half]}…{name[-half:]}"

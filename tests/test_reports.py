@@ -1,0 +1,470 @@
+"""Reports: every number comes from results.csv, the best is marked, and whatever is missing is said."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from vsconstraints.comparisons import RunRecord, StoredComparison, Suite, compare
+from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
+from vsconstraints.comparisons.record import run_file
+from vsconstraints.comparisons.tables import write_table
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.reports import write_report
+from vsconstraints.reports.best import Cell, comparable, marked
+from vsconstraints.reports.figures.decimate import extremes, window_means, zigzag
+from vsconstraints.reports.markdown import code, plain, table
+from vsconstraints.reports.numbers import error, number, over_trials, percent
+from vsconstraints.reports.results import Results
+from vsconstraints.reports.rows_shown import MOST_LANES, MOST_PHI, lane_rows, lanes_left_out, phi_rows
+from vsconstraints.reports.style import OWN_COLOURS, looks, shortened
+
+COMPETITORS = ("sliding-mode", "potential-field")
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small comparison with its report: 3.5 s, long enough for tracking alone to leave the image."""
+    folder = tmp_path_factory.mktemp("real")
+    suite = Suite.load().select(["example-2d-fov"], COMPETITORS, settings=["scenario.duration=3.5"])
+    compare(suite, folder, workers=1, command=["vsconstraints", "compare"])
+    write_report(folder)
+    return folder
+
+
+@pytest.fixture
+def copy(real: Path, tmp_path: Path) -> Path:
+    """The same comparison, to be damaged."""
+    return shutil.copytree(real, tmp_path / "copy")
+
+
+def result(controller: str, scenario: str = "one", trial: int = 0, **changes: Any) -> dict[str, Any]:
+    """A line of results.csv of a run without fault."""
+    line = dict.fromkeys(RESULT_COLUMNS, 1.0)
+    line.update(suite="made", scenario=scenario, controller=controller, trial=trial, status="converged", reason="")
+    line.update(violated="", violation_depth=0.0, violation_time_s=0.0, utilization=0.9)
+    return {**line, **changes}
+
+
+def row(controller: str, label: str = "fov[marker 1]", scenario: str = "one", **changes: Any) -> dict[str, Any]:
+    """A line of constraints.csv of a challenged row that is kept."""
+    line = dict.fromkeys(CONSTRAINT_COLUMNS, 1.0)
+    line.update(
+        suite="made", scenario=scenario, controller=controller, trial=0, constraint=label, kind="fov", unit="px"
+    )
+    line.update(challenged=True, violation_depth=0.0, violation_time_s=0.0)
+    return {**line, **changes}
+
+
+def made(
+    folder: Path,
+    results: list[dict[str, Any]],
+    rows: list[dict[str, Any]] | None = None,
+    tables: dict[str, Any] | None = None,
+    trials: int = 1,
+) -> Path:
+    """A comparison that was never run: tables without trajectories."""
+    folder.mkdir(exist_ok=True)
+    names = dict.fromkeys(["tracking", *(line["controller"] for line in results)])
+    scenarios = dict.fromkeys(line["scenario"] for line in results)
+    configuration = {
+        "suite": "made",
+        "title": "Made up",
+        "trials": trials,
+        "seed": 0,
+        "controllers": {name: {"type": name} for name in names},
+        "scenarios": {name: {"folder": ".", "tables": tables or {}} for name in scenarios},
+    }
+    (folder / "manifest.json").write_text(json.dumps({"configuration": configuration}), encoding="utf-8")
+    write_table(folder / "results.csv", RESULT_COLUMNS, results)
+    write_table(folder / "constraints.csv", CONSTRAINT_COLUMNS, rows or [])
+    return folder
+
+
+def tables_of(text: str) -> list[list[dict[str, str]]]:
+    """All tables of a report, each line by column."""
+    found = []
+    for block in re.findall(r"(?:^\|.*\n?)+", text, flags=re.MULTILINE):
+        lines = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in block.splitlines()]
+        found.append([dict(zip(lines[0], line, strict=True)) for line in lines[2:]])
+    return found
+
+
+def column(text: str, header: str, which: int = 0) -> dict[str, str]:
+    """A column of the which-th table that has it, by controller."""
+    tables = [t for t in tables_of(text) if header in t[0] and "controller" in t[0]]
+    return {line["controller"]: line[header] for line in tables[which]}
+
+
+def value(text: str) -> float:
+    """What a printed number stands for."""
+    bare = text.strip("*").replace("−", "-")
+    return math.nan if bare == "–" else float(bare)
+
+
+# the columns of a scenario's tables, and where in results.csv their numbers come from
+SOURCES: dict[str, Callable[[dict[str, str]], str | float]] = {
+    "settling time [s]": lambda line: line["settling_time_s"],
+    "position error [mm]": lambda line: 1e3 * float(line["final_translation_error_m"]),
+    "orientation error [mrad]": lambda line: 1e3 * float(line["final_rotation_error_rad"]),
+    "image error [px]": lambda line: line["final_feature_error_px"],
+    "utilization [%]": lambda line: 100.0 * float(line["utilization"]),
+    "worst depth [% of L]": lambda line: 100.0 * float(line["violation_depth"]),
+    "time outside [s]": lambda line: line["violation_time_s"],
+    "φ band": lambda line: line["phi_band"],
+    "bound T_s u⁺": lambda line: line["phi_band_bound"],
+    "band / bound": lambda line: float(line["phi_band"] or "nan") / float(line["phi_band_bound"] or "nan"),
+    "switching rate [Hz]": lambda line: line["switching_rate_hz"],
+    "acceleration variation [rad/s³]": lambda line: line["acceleration_variation"],
+    "RMS jerk [rad/s³]": lambda line: line["jerk_rms"],
+    "step time, median [µs]": lambda line: line["step_time_median_us"],
+    "p99 [µs]": lambda line: line["step_time_p99_us"],
+    "max [µs]": lambda line: line["step_time_max_us"],
+    "rows and task, median [µs]": lambda line: line["rows_time_median_us"],
+    "missed periods": lambda line: line["missed_periods"],
+}
+
+
+def test_every_number_of_a_scenario_is_one_of_results_csv(real: Path) -> None:
+    with (real / "results.csv").open(encoding="utf-8", newline="") as file:
+        stored = {line["controller"]: line for line in csv.DictReader(file)}
+    checked = 0
+    tables = [t for t in tables_of((real / "report.md").read_text(encoding="utf-8")) if set(SOURCES) & set(t[0])]
+    for line in (line for t in tables if "runs" not in t[0] for line in t):
+        source = stored[line["controller"]]
+        for header, text in line.items():
+            if header in ("controller", "status", "violated rows"):
+                continue
+            raw = SOURCES[header](source)
+            expected = float(raw) if raw != "" else math.nan
+            if text.strip("*") == "<0.001":
+                assert 0.0 < expected < 1e-3
+            elif header == "utilization [%]":
+                assert value(text) == pytest.approx(expected, abs=0.00501)
+            else:
+                assert value(text) == pytest.approx(expected, rel=0.00501, abs=1e-12, nan_ok=True), header
+            checked += 1
+        if "status" in line:
+            assert line["status"] == source["status"]
+            assert line["violated rows"].replace("`", "") == (source["violated"].replace("; ", ", ") or "none")
+    assert checked >= 3 * 12
+
+
+def test_challenged_rows_show_clearance_and_margin_of_constraints_csv(real: Path) -> None:
+    stored = StoredComparison.load(real)
+    (line,) = next(t for t in tables_of((real / "report.md").read_text(encoding="utf-8")) if "challenged row" in t[0])
+    assert line["challenged row"] == "`fov[marker 2]`"
+    assert line["unit"] == "px"
+    for name in ("tracking", *COMPETITORS):
+        (expected,) = (r for r in stored.constraints if r["controller"] == name and r["constraint"] == "fov[marker 2]")
+        clearance, margin = (value(part) for part in line[name].strip("*").split(" / "))
+        assert clearance == pytest.approx(expected["clearance_min"], rel=0.00501)
+        assert margin == pytest.approx(expected["mean_unused_margin"], rel=0.00501)
+    assert value(line["tracking"].split(" / ")[0]) < 0.0
+
+
+def test_the_summary_counts_and_averages(tmp_path: Path) -> None:
+    lines = [
+        result("a", "one", utilization=0.9, acceleration_variation=2.0, step_time_median_us=10.0),
+        result("a", "two", utilization=math.nan, acceleration_variation=4.0, step_time_median_us=30.0),
+        result("b", "one", status="trapped", violated="fov[marker 1]", violation_depth=0.25, phi_band=math.nan),
+        result("b", "two", status="failed", reason="it broke", utilization=math.nan, phi_band=6.0, phi_band_bound=2.0),
+    ]
+    text = write_report(made(tmp_path, lines)).read_text(encoding="utf-8")
+    (summary,) = (t for t in tables_of(text) if "runs" in t[0])
+    a, b = summary[1], summary[2]
+    assert (a["converged"], b["trapped"], b["failed"], b["aborted"]) == ("**2**", "1", "1", "0")
+    assert a["mean utilization [%]"] == "**90.00**"
+    assert a["acceleration variation [rad/s³]"] == "**3.00**"
+    assert a["median step time [µs]"] == "**20.0**"
+    assert b["worst depth [% of L]"] == "25.0"
+    assert b["worst φ band / bound"] == "3.00"
+    # one run of b failed: it is not compared, although its acceleration varies less
+    assert b["acceleration variation [rad/s³]"] == "1.00"
+
+
+@pytest.mark.parametrize(
+    ("values", "eligible", "better", "expected"),
+    [
+        ([1.0, 2.0], [True, True], "less", [True, False]),
+        ([1.0, 2.0], [True, True], "more", [False, True]),
+        ([1.0, 1.0, 2.0], [True, True, True], "less", [True, True, False]),
+        ([1.0001, 1.0002, 2.0], [True, True, True], "less", [True, True, False]),
+        ([math.nan, 2.0, 3.0], [True, True, True], "less", [False, True, False]),
+        ([math.nan, 2.0], [True, True], "more", [False, True]),
+        ([math.nan, math.nan], [True, True], "less", [False, False]),
+        ([1.0, 2.0, 3.0], [False, True, True], "less", [False, True, False]),
+        ([2.0, 2.0], [False, True], "less", [False, True]),
+        ([1.0, 2.0], [True, True], None, [False, False]),
+    ],
+)
+def test_the_best_is_marked(values: list[float], eligible: list[bool], better: Any, expected: list[bool]) -> None:
+    texts = marked([Cell.of([v]) for v in values], eligible, better)
+    assert [text.startswith("**") for text in texts] == expected
+
+
+@pytest.mark.parametrize(
+    ("statuses", "expected"),
+    [
+        ([[], ["converged"], ["trapped"]], [False, True, False]),
+        ([["trapped"], ["failed"], ["unfinished"], ["aborted"]], [True, False, True, False]),
+        ([["converged", "converged"], ["converged", "failed"]], [True, False]),
+        ([["failed"], ["aborted"]], [False, False]),
+        ([[], ["converged"]], [False, False]),
+    ],
+)
+def test_only_runs_that_did_the_task_are_compared(statuses: list[list[str]], expected: list[bool]) -> None:
+    assert comparable(statuses) == expected
+
+
+def test_marks_in_a_report(tmp_path: Path) -> None:
+    lines = [
+        result("tracking", jerk_rms=0.1, utilization=1.0, violated="fov[marker 1]", violation_depth=0.5),
+        result("a", jerk_rms=5.0, utilization=0.95),
+        result("b", jerk_rms=5.001, utilization=0.9),
+        result("c", jerk_rms=7.0, utilization=1.0, violated="fov[marker 1]", violation_depth=0.1),
+        result("d", jerk_rms=math.nan, utilization=math.nan, settling_time_s=math.nan),
+        result("e", jerk_rms=1.0, utilization=0.99, status="aborted", reason="rank"),
+    ]
+    text = write_report(made(tmp_path, lines)).read_text(encoding="utf-8")
+    assert column(text, "RMS jerk [rad/s³]") == {
+        "tracking": "0.100", "a": "**5.00**", "b": "**5.00**", "c": "7.00", "d": "–", "e": "1.00"
+    }  # fmt: skip
+    # more is better, but not by leaving the allowed space
+    assert column(text, "utilization [%]") == {
+        "tracking": "100.00", "a": "**95.00**", "b": "90.00", "c": "100.00", "d": "–", "e": "99.00"
+    }  # fmt: skip
+    assert "**a** in one (95.00 %)" in text
+    assert "aborted at 1.00 s" in column(text, "status")["e"]
+
+
+def test_several_trials_show_median_and_range(tmp_path: Path) -> None:
+    lines = [result("a", trial=k, jerk_rms=v) for k, v in enumerate([3.0, 1.0, 2.0])]
+    lines += [result("b", trial=0, jerk_rms=5.0), result("b", trial=1, jerk_rms=5.0, status="trapped")]
+    text = write_report(made(tmp_path, lines, trials=3)).read_text(encoding="utf-8")
+    assert column(text, "RMS jerk [rad/s³]") == {"tracking": "–", "a": "**2.00 [1.00–3.00]**", "b": "5.00"}
+    assert column(text, "status") == {"tracking": "not run", "a": "3 converged", "b": "1 converged, 1 trapped"}
+    assert "**Incomplete: 5 of 9 runs finished.**" in text
+    assert "- **b**, trial 1: Trapped." in text
+
+
+def test_without_challenged_rows_there_is_no_utilization(tmp_path: Path) -> None:
+    lines = [result(name, utilization=math.nan) for name in ("tracking", "a", "b")]
+    rows = [row(name, challenged=False) for name in ("tracking", "a", "b")]
+    text = write_report(made(tmp_path, lines, rows)).read_text(encoding="utf-8")
+    assert "nothing is challenged" in text
+    assert all("utilization [%]" not in t[0] for t in tables_of(text))
+    assert "trade-off" not in text
+    text = write_report(made(tmp_path, lines)).read_text(encoding="utf-8")
+    assert "no constraint rows" in text
+
+
+def test_failures_name_row_depth_time_and_reason(tmp_path: Path) -> None:
+    lines = [
+        result("tracking"),
+        result("a", violated="range[joint 6].upper", violation_depth=0.02),
+        result("b", status="trapped", reason="at rest, ends 9 mm | away", duration_s=6.0),
+    ]
+    rows = [
+        row("a", "range[joint 6].upper", unit="rad", violation_depth=0.012, violation_time_s=0.5),
+        row("b", last_active_s=5.9),
+        row("b", "fov[marker 2]", last_active_s=1.0),
+    ]
+    text = write_report(made(tmp_path, lines, rows)).read_text(encoding="utf-8")
+    assert "**a**: Converged. Outside `range[joint 6].upper` by up to 12.0 mrad for 0.500 s." in text
+    assert r"**b**: Trapped: at rest, ends 9 mm \| away. Acting in the last 0.5 s: `fov[marker 1]`." in text
+
+
+def links(text: str) -> set[str]:
+    return set(re.findall(r"!\[[^\]]*\]\((figures/[^)]+)\)", text))
+
+
+def test_figures_are_all_there_and_all_shown(real: Path) -> None:
+    text = (real / "report.md").read_text(encoding="utf-8")
+    files = {path.relative_to(real).as_posix() for path in (real / "figures").iterdir()}
+    assert links(text) == files
+    assert len(files) == 5
+    for name in files:
+        assert (real / name).stat().st_size < 250_000
+        picture = Image.open(real / name)
+        assert picture.width == 1200
+        assert picture.getcolors(20) is None  # more than an empty frame
+
+
+def test_a_report_has_no_traces_of_missing_values(real: Path) -> None:
+    text = (real / "report.md").read_text(encoding="utf-8")
+    assert not re.search(r"\b(nan|NaN|None|inf)\b", text)
+    for anchor in re.findall(r"\]\(#([^)]+)\)", text):
+        headings = {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in re.findall(r"^## (.+)$", text, re.M)}
+        assert anchor in headings or f'<a id="{anchor}">' in text
+
+
+def test_the_same_comparison_gives_the_same_bytes(copy: Path) -> None:
+    first = (copy / "report.md").read_bytes()
+    pictures = {path.name: path.read_bytes() for path in (copy / "figures").iterdir()}
+    write_report(copy)
+    assert (copy / "report.md").read_bytes() == first
+    assert {path.name: path.read_bytes() for path in (copy / "figures").iterdir()} == pictures
+
+
+def test_missing_and_failed_runs_are_said_and_left_out(copy: Path) -> None:
+    run_file(copy, "example-2d-fov", "sliding-mode", 0).unlink()
+    RunRecord.failed("it broke", "x").save(run_file(copy, "example-2d-fov", "potential-field", 0))
+    (copy / "figures" / "gone--phi.png").write_bytes(b"of an earlier report")
+    (copy / "figures" / "mine.png").write_bytes(b"not ours")
+    text = write_report(copy).read_text(encoding="utf-8")
+    assert "The trajectory of sliding-mode is missing; the figures leave it out." in text
+    assert "The run of potential-field left no trajectory" in text
+    assert "figures/example-2d-fov--errors.png" in links(text)
+    assert not (copy / "figures" / "gone--phi.png").exists()
+    assert (copy / "figures" / "mine.png").exists()
+
+
+def test_without_any_trajectory_there_are_tables_only(copy: Path) -> None:
+    shutil.rmtree(copy / "trajectories")
+    text = write_report(copy).read_text(encoding="utf-8")
+    assert text.count("is missing; the figures leave it out") == 3
+    assert links(text) == {"figures/trade-off.png"}
+    assert value(column(text, "utilization [%]")["tracking"]) == 100.0
+
+
+def test_bad_numbers_in_one_run_spoil_nothing(copy: Path) -> None:
+    path = run_file(copy, "example-2d-fov", "sliding-mode", 0)
+    record = RunRecord.load(path)
+    assert record is not None
+    record.trajectory.qdd_command[10:] = np.nan
+    record.trajectory.phi[20:30] = np.inf
+    record.trajectory.camera_error[:] = np.nan
+    record.save(path)
+    text = write_report(copy).read_text(encoding="utf-8")
+    assert "could not be drawn" not in text
+    assert len(links(text)) == 5
+
+
+def test_a_scenario_that_cannot_be_built_costs_its_boundaries_only(copy: Path) -> None:
+    manifest = json.loads((copy / "manifest.json").read_text(encoding="utf-8"))
+    manifest["configuration"]["scenarios"]["example-2d-fov"]["tables"].update(
+        robot={"urdf": "lost.urdf"}, title="ü | <b>"
+    )
+    (copy / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    text = write_report(copy).read_text(encoding="utf-8")
+    assert "The scenario cannot be built here" in text
+    assert r"### example-2d-fov: ü \| &lt;b&gt;" in text
+    assert len(links(text)) == 5
+
+
+def test_a_figure_that_fails_costs_itself_only(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from vsconstraints.reports.figures import drawing
+
+    def fails(*_: object) -> None:
+        raise ValueError("on purpose")
+
+    monkeypatch.setattr(drawing, "draw_errors", fails)
+    text = write_report(copy).read_text(encoding="utf-8")
+    assert "The figure of the errors could not be drawn: ValueError: on purpose" in text
+    assert len(links(text)) == 4
+    assert not (copy / "figures" / "example-2d-fov--errors.png").exists()
+
+
+def test_a_folder_without_a_comparison_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"manifest\.json is missing"):
+        write_report(tmp_path)
+
+
+def test_figures_keep_the_rows_that_matter_most(tmp_path: Path) -> None:
+    labels = [f"range[joint {k}]" for k in range(20)]
+    rows = [
+        row(name, label, challenged=k in (3, 17), active_time_s=float(k))
+        for name in ("tracking", "a")
+        for k, label in enumerate(labels)
+    ]
+    results = Results(StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], rows)))
+    assert phi_rows(results, "one") == (labels[3], labels[17])
+    assert lane_rows(results, "one") == (labels[3], *labels[9:])
+    assert lanes_left_out(results, "one") == 19 - MOST_LANES
+    unchallenged = [{**line, "challenged": False} for line in rows]
+    results = Results(StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], unchallenged)))
+    assert phi_rows(results, "one") == tuple(labels[-MOST_PHI:])
+
+
+def test_looks_are_distinct_and_those_of_known_controllers_fixed() -> None:
+    few = looks(["tracking", "mine", "sliding-mode"])
+    many = looks(["tracking", *(f"mine-{k}" for k in range(30)), "sliding-mode"])
+    for chosen in (few, many):
+        assert chosen["sliding-mode"].colour == OWN_COLOURS["sliding-mode"]
+        assert len({(look.colour, look.line) for look in chosen.values()}) == len(chosen)
+    assert shortened("potential-field-priority") == "potential-field-priority"
+    assert shortened("x" * 40) == "x" * 12 + "…" + "x" * 12
+
+
+@given(
+    st.lists(st.floats(-1e3, 1e3) | st.just(math.nan), min_size=1, max_size=400),
+    st.integers(1, 50),
+)
+def test_decimation_keeps_peaks(values: list[float], bins: int) -> None:
+    t, y = np.arange(float(len(values))), np.array(values)
+    _, least, greatest = extremes(t, y, bins)
+    shorter_t, shorter = zigzag(t, y, bins)
+    assert len(least) <= bins
+    assert len(shorter) <= 4 * max(bins, 1)
+    assert (np.diff(shorter_t) > 0.0).all()
+    if np.isfinite(y).any():
+        for line in (greatest, shorter):
+            assert np.nanmax(line) == np.nanmax(y)
+        for line in (least, shorter):
+            assert np.nanmin(line) == np.nanmin(y)
+
+
+def test_window_means_leave_out_what_is_no_number() -> None:
+    t, mean = window_means(np.arange(6.0), np.array([1.0, 3.0, np.nan, 5.0, np.nan, np.nan]), 3)
+    assert t.tolist() == [0.5, 2.5, 4.5]
+    np.testing.assert_array_equal(mean, [2.0, 5.0, np.nan])
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False, width=32))
+def test_numbers_keep_three_digits(x: float) -> None:
+    assert float(number(x).replace("−", "-")) == pytest.approx(x, rel=0.00501, abs=1e-40)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (number(0.9996), "1.00"),
+        (number(-1234.0), "−1230"),
+        (number(4.9e-5), "4.90e-5"),
+        (number(999999.0), "1.00e6"),
+        (number(math.nan), "–"),
+        (number(-0.0), "0"),
+        (error(4e-7), "<0.001"),
+        (error(-4e-7), "−4.00e-7"),
+        (error(0.0), "0"),
+        (percent(0.99876), "99.88"),
+        (over_trials([math.nan, 2.0, 4.0]), "3.00 [2.00–4.00]"),
+        (over_trials([2.0, 2.0001]), "2.00"),
+        (over_trials([]), "–"),
+    ],
+)
+def test_numbers_as_printed(text: str, expected: str) -> None:
+    assert text == expected
+
+
+def test_tables_are_aligned_and_their_cells_safe() -> None:
+    text = table(["name", "q̈ [rad/s²]"], [["a|b", "1"], [code("x`y"), "10"]])
+    lines = text.splitlines()
+    # the accent of q̈ is a character of its own that takes no space
+    assert len({len(line.replace("̈", "")) for line in lines}) == 1
+    assert lines[2].startswith(r"| a\|b ")
+    assert "``x`y``" in lines[3]
+    assert plain("a*b_c_ <i>\n[x](y)") == r"a\*b_c\_ &lt;i&gt; \[x\](y)"
