@@ -1,0 +1,43 @@
+"""A controller in an own loop: replace the lines marked `robot` by a real arm's interface."""
+
+import numpy as np
+
+from vsconstraints import Camera, RobotPoint
+from vsconstraints.constraints import ConstraintSet, FieldOfView, ForbiddenSphere, JointSpeed, robot_points
+from vsconstraints.controllers import SlidingMode
+from vsconstraints.features import CameraPose, Goal
+from vsconstraints.robots import ur5
+from vsconstraints.scene import Scene
+from vsconstraints.tracking import TrackingGains, VisualTask
+
+Ts = 0.002
+robot, camera = ur5(), Camera(focal=(600.0, 600.0), size=(640.0, 480.0))
+markers = np.array([[0.35, -0.05, 0.0], [0.45, -0.05, 0.0], [0.45, 0.05, 0.0], [0.35, 0.05, 0.0]])
+constraints = [
+    FieldOfView(camera, margin=0.05, K=0.15, switching_gain=5.0),
+    JointSpeed(robot, switching_gain=3.0),
+    ForbiddenSphere(
+        centre=(0.1, 0.1, 0.2), radius=0.1, K=0.15, switching_gain=0.5, robot_points=[RobotPoint("forearm_link")]
+    ),
+]
+scene = Scene(robot, camera, markers, robot_points(constraints))
+rows_of = ConstraintSet(constraints, scene)
+q, qd = np.array([-0.24, -1.8, 2.0, -1.77, -1.57, -0.24]), np.zeros(6)
+desired = scene.camera_pose(q + np.array([0.1, 0.05, -0.05, 0.0, 0.05, 0.6]))
+pixels = scene.project(desired)
+task_of = VisualTask(
+    CameraPose(), [Goal(0.0, pixels, camera.normalised(pixels), desired)], TrackingGains(Kp0=10.0, slope=5.0)
+)
+controller = SlidingMode()
+
+for k in range(3000):
+    state = scene.evaluate(k * Ts, q, qd)
+    rows, _ = rows_of.rows(state)
+    task, error = task_of.evaluate(state)
+    command = controller.command(rows, task)
+    if command.status != "ok":
+        raise SystemExit(f"{command.status}: {command.reason}")
+    q, qd = q + Ts * qd + 0.5 * Ts**2 * command.qdd, qd + Ts * command.qdd  # robot
+print(
+    f"error after {k * Ts:.1f} s: {np.linalg.norm(error[:3]) * 1e3:.2f} mm, {np.linalg.norm(error[3:]) * 1e3:.2f} mrad"
+)
