@@ -79,6 +79,16 @@ def test_bad_input_ends_with_2_and_writes_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_what_a_reader_should_know_of_a_scenario_is_noted(tmp_path: Path) -> None:
+    done = run(
+        "compare", "--scenario", "example-2d-fov", "--set", "scenario.constraints.0.margin=0.2",
+        "--set", "scenario.duration=0.1", "--jobs", "1", "--out", str(tmp_path / "out"),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "note: example-2d-fov: fov[marker 2] is violated at the start" in done.stderr
+    assert "note: example-2d-fov: goal 1 is forbidden by fov[marker 2]" in done.stderr
+
+
 def test_an_output_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     done = run("compare", "--scenario", "example-2d-fov", "--out", str(tmp_path / "file" / "out"))

@@ -525,3 +525,15 @@ def test_a_law_cannot_change_what_is_logged() -> None:
 def test_a_run_too_long_to_keep_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="samples"):
         setup(sampling_time=1e-9)
+
+
+def test_a_goal_that_no_controller_can_reach_is_remarked() -> None:
+    scenario = Scenario.load("example-2d-fov")
+    narrow = scenario.with_override("constraints.0.margin_px", 40.0).with_override("constraints.0.markers", [2])
+    del narrow.tables["constraints"][0]["margin"]
+    remarks = narrow.setup().check_start()
+    # it starts and ends 217.5 px above or below the centre; 216 are allowed
+    assert "goal 1 is forbidden by fov[marker 2]" in remarks
+    assert any(remark.startswith("fov[marker 2] is violated at the start") for remark in remarks)
+    reason = simulate(replace(narrow.setup(), duration=0.1), SlidingMode()).reason
+    assert "goal 1 is forbidden by fov[marker 2]" in reason

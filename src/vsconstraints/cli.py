@@ -57,6 +57,9 @@ def compare(
     from .reports import write_report
 
     chosen = Suite.load(suite).select(scenario or (), controller or (), seed, settings or ())
+    for one in chosen.scenarios:
+        for remark in one.setup().check_start():
+            errors.print(f"note: {one.name}: {remark}")
     total = len(chosen.with_baseline().jobs())
     progress = Progress(
         TextColumn("{task.description}"),

@@ -36,6 +36,11 @@ class ImageConstraint(PositionConstraint):
         self.markers = None if markers is None else demand_numbers(markers, f"markers of {self.kind}")
         self._at: slice | Array = slice(None) if self.markers is None else np.array(self.markers) - 1
 
+    def of_markers(self, pixels: Array) -> Array:
+        """(r, 2) pixels of the markers concerned, of those of all markers (m, 2)."""
+        chosen: Array = pixels[self._at]
+        return chosen
+
     def marker_label(self, number: int) -> str:
         """Label of the row for the marker of that number."""
         return f"{self.kind}[marker {number}]"

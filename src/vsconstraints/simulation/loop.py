@@ -30,14 +30,15 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
 
     A scene that can no longer be evaluated, a controller that fails, and own parts that raise anything end the run with
     the status ``failed``; what was simulated until then is kept. The command of the last sample is computed but not
-    carried out. The reason also names rows violated at the start, and says how often another QP solver had to answer.
+    carried out. The reason also holds the remarks of :meth:`Setup.check_start`, and how often another QP solver had to
+    answer.
 
     Raises
     ------
     ConfigurationError
         if the robot cannot start (see :meth:`Setup.check_start`).
     """
-    violated = setup.check_start()
+    remarks = setup.check_start()
     setup.task.reset()
     controller.reset()
     scene, constraints, task, Ts = setup.scene, setup.constraints, setup.task, setup.Ts
@@ -70,7 +71,6 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
             break
         q, qd = step(q, qd, command.qdd, Ts)
     trajectory = log.finish(ended, reason)
-    remarks = [*violated]
     if trajectory.fallbacks:
         remarks.append(f"another QP solver than the one asked for answered in {trajectory.fallbacks} samples")
     return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *remarks))))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..constraints import ConstraintSet
+from ..constraints import ConstraintSet, ImageConstraint
 from ..errors import ConfigurationError, InvalidInput, SceneError
 from ..features import CameraPose
 from ..rows import Array, BoolArray
@@ -110,10 +110,11 @@ class Setup:
         return np.asarray(feature_error <= tolerances.feature)
 
     def check_start(self) -> list[str]:
-        """Raise if the robot cannot start; return the constraints it starts outside of.
+        """Raise if the robot cannot start; return what a reader of the results should know.
 
-        A constraint violated at the start is no error: every controller is built to come back. It is returned, one
-        sentence each, so that reports can say so.
+        A constraint violated at the start is no error: every controller is built to come back. Nor is a goal that puts
+        markers where a constraint forbids them, which no controller can reach. Both are returned, one sentence each,
+        so that reports can say so.
 
         Raises
         ------
@@ -138,4 +139,17 @@ class Setup:
                 "from its centre"
             )
         rows, sigma = self.constraints.rows(state)
-        return [f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in np.flatnonzero(sigma > 0.0)]
+        violated = [
+            f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in np.flatnonzero(sigma > 0.0)
+        ]
+        return violated + self._forbidden_goals()
+
+    def _forbidden_goals(self) -> list[str]:
+        remarks = []
+        for number, goal in enumerate(self.task.goals, start=1):
+            for constraint in self.constraints.constraints:
+                if isinstance(constraint, ImageConstraint):
+                    forbidden = constraint.sigma(constraint.of_markers(goal.pixels)) > 0.0
+                    labels = constraint.labels(self.scene)
+                    remarks += [f"goal {number} is forbidden by {labels[i]}" for i in np.flatnonzero(forbidden)]
+        return remarks
