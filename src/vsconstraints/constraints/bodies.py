@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import coal  # type: ignore[import-untyped]
+import coal
 import numpy as np
 import pinocchio as pin
 

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 
-import coal  # type: ignore[import-untyped]
+import coal
 import numpy as np
 import pinocchio as pin
 

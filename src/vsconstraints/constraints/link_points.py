@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import coal  # type: ignore[import-untyped]
+import coal
 import numpy as np
 import pinocchio as pin
 

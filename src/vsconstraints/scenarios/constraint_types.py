@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast, get_args
 
-import coal  # type: ignore[import-untyped]
+import coal
 import numpy as np
 
 from ..camera import Camera

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -92,10 +92,10 @@ class Section:
         tables = self.take(key, list, [])
         return [Section(table, f"{self._where}.{key}[{i}]") for i, table in enumerate(tables)]
 
-    def choice(self, key: str, candidates: object, default: Any = REQUIRED) -> str:
+    def choice(self, key: str, candidates: Iterable[str], default: Any = REQUIRED) -> str:
         """A name out of some candidates."""
         value = self.take(key, str, default)
-        names = [str(name) for name in candidates]  # type: ignore[attr-defined]
+        names = list(candidates)
         if value not in names:
             raise unknown_name(f"{key} in {self._where}", value, names)
         return str(value)
