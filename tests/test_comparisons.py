@@ -321,9 +321,18 @@ def test_settings_reach_what_they_name() -> None:
     assert Scenario.load("example-2d-fov").tables["constraints"][0]["K"] == 0.2  # the file's own stays as it is
 
 
+# A program started in the background of a script inherits an ignored SIGINT; at a terminal it does not.
+INTERRUPTIBLE = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from vsconstraints.cli import main
+main()
+"""
+
+
 def test_an_interrupt_keeps_what_was_finished_and_the_same_command_goes_on(tmp_path: Path) -> None:
     command = [
-        sys.executable, "-c", "from vsconstraints.cli import main; main()", "compare", "--scenario", "case-study-6r",
+        sys.executable, "-c", INTERRUPTIBLE, "compare", "--scenario", "case-study-6r",
         "--controller", "sliding-mode", "--controller", "potential-field", "--jobs", "1", "--out", str(tmp_path / "o"),
     ]  # fmt: skip
     process = subprocess.Popen(
