@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from ..style import darker, shortened
 from .decimate import extremes, window_means
@@ -73,6 +74,8 @@ def _panel(ax: Any, view: View, name: str, colours: list[Any], limit: float) -> 
     for time in view.goal_changes:
         ax.axvline(time, color="#222222", linestyle=(0, (4, 3)), linewidth=0.9, zorder=1.5)
     ax.set_xlim(0.0, view.end)
+    # few and short labels: those of neighbouring panels must not meet
+    ax.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
     ax.set_ylim(-limit, limit)
     decades = [10.0**k for k in range(int(np.log10(limit)) + 1)]
     ticks = [*(-d for d in reversed(decades)), 0.0, *decades]
