@@ -13,6 +13,7 @@ from vsconstraints.constraints import Constraint, robot_points
 from vsconstraints.constraints.curves import SHAPES
 from vsconstraints.features import Goal
 from vsconstraints.geometry import Pose
+from vsconstraints.motion import Motion, TargetMotion
 from vsconstraints.robots import READY_MADE
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import CONSTRAINTS
@@ -66,15 +67,29 @@ def markers_seen(pose: Pose, camera: Camera, rng: np.random.Generator, count: in
     return pose.act(np.concatenate((camera.normalised(pixels) * depth, depth), axis=1))
 
 
+WORLDS = ("eye-in-hand", "eye-to-hand", "moving-target")
+"""Who carries the camera, and whether the target moves."""
+
+NOW = 0.7
+"""Time at which scenes are looked at [s]."""
+
+
 def random_scene(
-    robot: Robot, rng: np.random.Generator, constraints: list[Constraint] | None = None
+    robot: Robot, rng: np.random.Generator, constraints: list[Constraint] | None = None, world: str = WORLDS[0]
 ) -> tuple[Scene, Array, Array]:
-    """A scene with markers seen from a random configuration, that configuration, and random speeds."""
+    """A scene with markers seen from a random configuration at :data:`NOW`, that configuration, and random speeds."""
     q, qd = random_configuration(robot, rng), rng.uniform(-1.0, 1.0, robot.n)
-    eye = camera()
+    eye, points = camera(), robot_points(constraints or [])
     pose = robot.pose(q) @ eye.mount.inverse
-    scene = Scene(robot, eye, markers_seen(pose, eye, rng), robot_points(constraints or []))
-    return scene, q, qd
+    markers = markers_seen(pose, eye, rng)
+    if world == "eye-to-hand":
+        fixed = Camera(eye.focal, eye.size, eye.principal_point, fixed=pose)
+        return Scene(robot, fixed, robot.pose(q).inverse.act(markers), points), q, qd
+    if world == "moving-target":
+        swing = Motion(rng.uniform(-0.3, 0.3, 3), amplitude=rng.uniform(-0.1, 0.1, 3), frequency=0.4, phase=0.3)
+        motion = TargetMotion(swing, rng.uniform(-0.5, 0.5, 3), rng.uniform(-1.0, 1.0, 3))
+        return Scene(robot, eye, motion.pose(NOW).inverse.act(markers), points, motion), q, qd
+    return Scene(robot, eye, markers, points), q, qd
 
 
 def random_goal(state: State, camera: Camera, rng: np.random.Generator, angle: float) -> Goal:

@@ -55,7 +55,7 @@ def one_scene(*constraints: Constraint, seed: int = 3) -> tuple[Scene, State]:
 def trace_of_pixels(pixels: Array, image_size: tuple[float, float] = (512, 512)) -> Trace:
     """A trace in which one marker is at each of some pixels (T, 2)."""
     T = len(pixels)
-    return Trace(np.zeros((T, 6)), np.zeros((T, 6)), pixels[:, None, :], np.empty((T, 0, 3)), image_size)
+    return Trace(np.zeros(T), np.zeros((T, 6)), np.zeros((T, 6)), pixels[:, None, :], np.empty((T, 0, 3)), image_size)
 
 
 # --- labels ---
@@ -141,7 +141,7 @@ def test_no_constraint_at_all() -> None:
     assert rows.labels == ()
     assert rows.Lg.shape == (0, 6)
     assert sigma.shape == (0,)
-    trace = Trace(np.zeros((4, 6)), np.zeros((4, 6)), np.zeros((4, 3, 2)), np.empty((4, 0, 3)), (640, 480))
+    trace = Trace(np.zeros(4), np.zeros((4, 6)), np.zeros((4, 6)), np.zeros((4, 3, 2)), np.empty((4, 0, 3)), (640, 480))
     assert nothing.clearance(trace).shape == (4, 0)
 
 
@@ -456,7 +456,7 @@ def test_ranges_and_their_gradient_are_the_true_derivative() -> None:
         q[5] = edge
         assert row.sigma(q)[side] == pytest.approx(0.1)
     # clearance in rad, from the range less its margin
-    trace = Trace(np.zeros((1, 6)), np.zeros((1, 6)), np.empty((1, 0, 2)), np.empty((1, 0, 3)), (1, 1))
+    trace = Trace(np.zeros(1), np.zeros((1, 6)), np.zeros((1, 6)), np.empty((1, 0, 2)), np.empty((1, 0, 3)), (1, 1))
     np.testing.assert_allclose(row.clearance(trace, slice(0, 0)), [[0.04 - 0.0, 0.04 + 1.0]])
 
 
@@ -465,7 +465,7 @@ def test_speeds_have_their_own_limit_on_each_side() -> None:
     qd = np.array([0, 0.2, 0, 0, 0, 0])
     np.testing.assert_allclose(row.phi(qd), [0.2 / 0.4 - 0.9, -0.2 / 0.5 - 0.9])
     np.testing.assert_allclose(row.gradient(qd)[:, 1], [1 / 0.4, -1 / 0.5])
-    trace = Trace(np.zeros((1, 6)), qd[None], np.empty((1, 0, 2)), np.empty((1, 0, 3)), (1, 1))
+    trace = Trace(np.zeros(1), np.zeros((1, 6)), qd[None], np.empty((1, 0, 2)), np.empty((1, 0, 3)), (1, 1))
     np.testing.assert_allclose(row.clearance(trace, slice(0, 0)), [[0.36 - 0.2, 0.45 + 0.2]])
     symmetric = JointSpeed(viper(), joints=[2], upper=[0.4], switching_gain=1.0)
     np.testing.assert_array_equal(symmetric.lower, [-0.4])
@@ -521,7 +521,7 @@ def test_a_sphere_is_eq_47() -> None:
     p = np.array([[0.57, 0.2, 0.505], [0.57, 0.14, 0.405], [0.57, 0.2, 0.405]])
     np.testing.assert_allclose(sphere.sigma(p), [0.06 - 0.1, 0.0, 0.06], atol=1e-16)
     np.testing.assert_allclose(sphere.gradient(p)[:2], [[0, 0, -1], [0, 1, 0]], atol=1e-15)
-    trace = Trace(np.zeros((3, 6)), np.zeros((3, 6)), np.empty((3, 0, 2)), p[:, None], (1, 1))
+    trace = Trace(np.zeros(3), np.zeros((3, 6)), np.zeros((3, 6)), np.empty((3, 0, 2)), p[:, None], (1, 1))
     np.testing.assert_allclose(sphere.clearance(trace, slice(0, 1))[:, 0], [0.04, 0.0, -0.06], atol=1e-16)
 
 
@@ -685,6 +685,7 @@ def test_own_constraints_work_through_a_constraint_set(make) -> None:
     np.testing.assert_allclose(rows.Lf, slope(lambda t: along(t)[1], 2e-4), rtol=1e-6, atol=1e-7)
     assert rows.labels == constraint.labels(scene)
     trace = Trace(
+        np.zeros(3),
         np.tile(q, (3, 1)),
         np.tile(qd, (3, 1)),
         np.tile(scene.glance(q)[0], (3, 1, 1)),
@@ -717,7 +718,7 @@ def test_default_clearances_of_own_constraints() -> None:
     elbow = Elbow(**GAINS)
     q = np.zeros((1, 6))
     q[0, 3] = 0.99
-    trace = Trace(q, q, np.empty((1, 0, 2)), np.empty((1, 0, 3)), (1, 1))
+    trace = Trace(np.zeros(1), q, q, np.empty((1, 0, 2)), np.empty((1, 0, 3)), (1, 1))
     with np.errstate(divide="ignore"):  # at q = 0 the first row has no gradient
         clearance = elbow.clearance(trace, slice(0, 0))
     assert clearance[0, 1] == pytest.approx(0.01, rel=0.01)
@@ -773,5 +774,7 @@ def test_the_clearance_to_a_sharp_bend_is_that_of_the_curve() -> None:
     pixels = np.stack((rng.uniform(-60.0, -40.0, 60), rng.uniform(-40.0, 90.0, 60)), axis=1)
     nearest = np.array([np.sqrt(((outline - p) ** 2).sum(axis=1)).min() for p in pixels])
     true = np.where(bowl.sigma(pixels) > 0.0, -nearest, nearest)
-    trace = Trace(np.zeros((60, 3)), np.zeros((60, 3)), pixels[:, None], np.empty((60, 0, 3)), (512.0, 512.0))
+    trace = Trace(
+        np.zeros(60), np.zeros((60, 3)), np.zeros((60, 3)), pixels[:, None], np.empty((60, 0, 3)), (512.0, 512.0)
+    )
     np.testing.assert_allclose(bowl.clearance(trace, slice(0))[:, 0], true, atol=3e-3)

@@ -15,7 +15,7 @@ from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.features import FEATURES
 from vsconstraints.geometry import Pose, distance
 from vsconstraints.robots import READY_MADE
-from vsconstraints.scenarios import CONSTRAINTS, Scenario, shipped_scenarios
+from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate
 
 REFUSED = (ConfigurationError, InvalidInput)
@@ -343,6 +343,44 @@ def test_trials_deviate_by_their_seed_and_number_alone() -> None:
         assert not np.array_equal(own.setup(trial, seed).q0, first)
     # without a deviation all trials are the same
     np.testing.assert_array_equal(scenario().setup(3, seed=5).q0, start)
+
+
+# --- scenarios that extend others ---
+
+
+def test_a_scenario_says_only_what_is_different(tmp_path: Path) -> None:
+    (tmp_path / "base.toml").write_text((SHIPPED / "case-study-6r.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / "middle.toml").write_text(
+        'extends = "base.toml"\ntitle = "Middle"\n[task]\nKp0 = 5.0\n', encoding="utf-8"
+    )
+    (tmp_path / "own.toml").write_text(
+        'extends = "middle.toml"\nduration = 3.0\n[camera.mount]\nxyz = [0.0, 0.0, 0.01]\n'
+    )
+    own, base = Scenario.load(tmp_path / "own.toml"), Scenario.load("case-study-6r")
+    assert own.title == "Middle"
+    assert "extends" not in own.tables
+    assert own.tables["task"] == {**base.tables["task"], "Kp0": 5.0}
+    assert own.tables["camera"] == {**base.tables["camera"], "mount": {"xyz": [0.0, 0.0, 0.01]}}
+    assert own.tables["constraints"] == base.tables["constraints"]
+    assert own.setup().duration == 3.0
+    (tmp_path / "shipped.toml").write_text('extends = "case-study-6r"\nconstraints = []\n')
+    assert Scenario.load(tmp_path / "shipped.toml").tables["constraints"] == []
+
+
+@pytest.mark.parametrize(
+    ("files", "words"),
+    [
+        ({"own": 'extends = "case-study"'}, "scenario 'case-study'.*case-study-6r"),
+        ({"own": 'extends = "nowhere.toml"'}, "cannot read .*nowhere.toml"),
+        ({"own": "extends = 3"}, "extends must be the name or the path of a scenario, not 3"),
+        ({"own": 'extends = "other.toml"', "other": 'extends = "own.toml"'}, "extend each other in a circle"),
+    ],
+)
+def test_what_cannot_be_extended_is_refused(files: dict[str, str], words: str, tmp_path: Path) -> None:
+    for name, text in files.items():
+        (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=words):
+        Scenario.load(tmp_path / "own.toml")
 
 
 # --- overrides ---

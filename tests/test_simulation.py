@@ -13,11 +13,13 @@ import pytest
 from vsconstraints.constraints import Trace
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput, SceneError
+from vsconstraints.features import FeatureMotion
 from vsconstraints.geometry import distance
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Tolerances, Trajectory, intervals, simulate
-from vsconstraints.simulation.plant import step
+from vsconstraints.simulation.disturbances import Disturbances
+from vsconstraints.simulation.plant import Plant
 from vsconstraints.tracking import TrackingMemory
 
 START = [0.3179, -1.5414, 1.2426, -1.826, 0.4289, 0.0633]
@@ -77,9 +79,11 @@ def columns(trajectory: Trajectory) -> dict[str, Array]:
 @pytest.mark.parametrize("Ts", [0.002, 0.05, 0.7])
 def test_one_step_is_the_motion_of_constant_acceleration(Ts: float) -> None:
     q, qd, qdd = np.random.default_rng(1).normal(size=(3, 6))
-    moved, faster = step(q, qd, qdd, Ts)
-    np.testing.assert_allclose(moved, q + qd * Ts + qdd * Ts**2 / 2, rtol=1e-14)
-    np.testing.assert_allclose(faster, qd + qdd * Ts, rtol=1e-14)
+    plant = Plant(q, qd, Ts, "acceleration", Disturbances())
+    plant.hold(qdd)
+    plant.step()
+    np.testing.assert_allclose(plant.q, q + qd * Ts + qdd * Ts**2 / 2, rtol=1e-13, atol=1e-14)
+    np.testing.assert_allclose(plant.qd, qd + qdd * Ts, rtol=1e-13, atol=1e-14)
 
 
 @pytest.mark.parametrize("Ts", [0.005, 0.01, 0.05])
@@ -138,7 +142,7 @@ def test_what_is_logged_is_what_the_scene_says() -> None:
         apart = np.linalg.norm(trajectory.error[k, :3])
         assert trajectory.camera_error[k, 0] == pytest.approx(apart, rel=1e-12)
     run, size = trajectory, there.scene.camera.size
-    trace = Trace(run.q, run.qd, run.features_px, run.points, size)
+    trace = Trace(run.t, run.q, run.qd, run.features_px, run.points, size)
     np.testing.assert_array_equal(there.constraints.clearance(trace), trajectory.clearance)
     assert (trajectory.rows_time > 0.0).all()
     assert (trajectory.step_time > 0.0).all()
@@ -164,7 +168,9 @@ def test_a_run_starts_afresh_whatever_its_task_remembers() -> None:
     short = Scenario.load("case-study-6r").with_override("duration", 0.02)
     there = short.with_override("task.velocity", "differences").setup()
     expected = simulate(there, SlidingMode())
-    there.task.memory = TrackingMemory(goal=0, time=-0.002, error=np.ones(6), J=np.ones((6, 6)))
+    there.task.memory = TrackingMemory(
+        0, -0.002, FeatureMotion(np.ones(6), np.ones((6, 6)), np.ones(6), np.ones(6), np.ones(6))
+    )
     np.testing.assert_array_equal(simulate(there, SlidingMode()).qdd_command, expected.qdd_command)
 
 
@@ -192,7 +198,7 @@ def test_a_marker_that_gets_behind_the_camera_ends_the_run_and_keeps_what_was_si
             assert len(values) == samples, name
             assert np.isfinite(values).all(), name
     # the next state is the one that cannot be seen
-    q, _ = step(trajectory.q[-1], trajectory.qd[-1], spin[0], 0.005)
+    q = trajectory.q[-1] + 0.005 * trajectory.qd[-1] + 0.5 * 0.005**2 * spin[0]
     with pytest.raises(SceneError):
         there.scene.glance(q)
 
@@ -406,7 +412,7 @@ def fine_clearance(there: Setup, trajectory: Trajectory, parts: int = 64) -> Arr
         qd = trajectory.qd[k] + tau * trajectory.qdd_command[k]
         seen = [there.scene.glance(x) for x in q]
         pixels, points = np.array([s[0] for s in seen]), np.array([s[1] for s in seen])
-        trace = Trace(q, qd, pixels, points, there.scene.camera.size)
+        trace = Trace(trajectory.t[k] + tau[:, 0], q, qd, pixels, points, there.scene.camera.size)
         least = np.minimum(least, there.constraints.clearance(trace).min(axis=0))
     return least
 

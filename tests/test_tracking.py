@@ -219,7 +219,7 @@ def test_reset_forgets_the_last_sample() -> None:
     task.evaluate(early)
     continued, _ = task.evaluate(late)
     task.reset()
-    assert task.memory.error is None
+    assert task.memory.last is None
     assert task.memory.goal == -1
     afresh, _ = task.evaluate(late)
     alone, _ = VisualTask(

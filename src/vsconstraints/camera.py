@@ -16,7 +16,7 @@ LARGEST_IMAGE = 1e4
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera without distortion, carried by the end-effector.
+    """A pinhole camera without distortion, carried by the end-effector or fixed in space.
 
     Pixel coordinates (u, v) are measured from the centre of the image, u to the right and v down, as in eq. (20);
     :meth:`from_corner` converts those measured from the top left corner.
@@ -30,13 +30,16 @@ class Camera:
     principal_point
         (2,) where the optical axis meets the image, from the top left corner [px]; the centre if None.
     mount
-        ᶜMₑ: end-effector (robot tip) coordinates to camera coordinates.
+        ᶜMₑ: end-effector (robot tip) coordinates to camera coordinates, for a camera that the robot carries.
+    fixed
+        Pose in the base frame of a camera that looks at the robot instead (eye-to-hand); None if the robot carries it.
     """
 
     focal: tuple[float, float]
     size: tuple[float, float]
     principal_point: tuple[float, float] | None = None
     mount: Pose = field(default_factory=Pose.identity)
+    fixed: Pose | None = None
 
     def __post_init__(self) -> None:
         for name in ("focal", "size"):
@@ -46,6 +49,8 @@ class Camera:
             raise InvalidInput(f"camera size is at most {LARGEST_IMAGE:g} px a side, not {self.size}")
         if self.principal_point is not None:
             vector(self.principal_point, 2, "camera principal_point")
+        if self.fixed is not None and (self.mount.t.any() or not np.array_equal(self.mount.R, np.eye(3))):
+            raise InvalidInput("a camera is mounted on the robot or fixed in space, not both: give mount or fixed")
 
     @property
     def offset(self) -> Array:

@@ -8,16 +8,20 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import cached_property
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
+from .errors import ConfigurationError, unknown_name
 from .geometry import Pose, rotation_vector, rotation_vector_rate, skew
 from .rows import Array
-from .scene import State
+from .scene import State, interaction_matrix
+
+InteractionMatrix = Literal["current", "desired", "mean"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Goal:
     """What the camera should see, from a given time on.
 
@@ -30,13 +34,26 @@ class Goal:
     normalised
         The same in normalised coordinates.
     camera
-        Desired pose of the camera in the base frame; None if only the image is given.
+        Desired pose of the camera in the target's frame; None if only the image is given.
+    depth
+        (m,) Z of the markers there [m]; None if not known.
     """
 
     from_time: float
     pixels: Array
     normalised: Array
     camera: Pose | None = None
+    depth: Array | None = None
+
+    @cached_property
+    def interaction(self) -> Array:
+        """(2m, 6) the markers' interaction matrix at the goal; raises ConfigurationError if the depth is not known."""
+        if self.depth is None:
+            raise ConfigurationError(
+                "the interaction matrix at a goal needs the markers' depths there: give a goal as a pose or a "
+                "configuration, or depth_m with markers_px"
+            )
+        return interaction_matrix(self.normalised, self.depth).reshape(-1, 6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +69,16 @@ class FeatureMotion:
     velocity
         (k,) ṡ.
     drift
-        (k,) J̇_s q̇, exactly.
+        (k,) s̈ when q̈ = 0, exactly: J̇_s q̇ + ∂ṡ/∂t.
+    partial
+        (k,) ∂s/∂t of eq. (2): zero unless the target is known to move.
     """
 
     error: Array
     J: Array
     velocity: Array
     drift: Array
+    partial: Array
 
 
 class Feature(ABC):
@@ -85,7 +105,8 @@ class Feature(ABC):
 class CameraPose(Feature):
     """Position-based servoing: s = (c*t_C, θu of c*R_C) of eq. (44), in metres and radians; its reference is zero.
 
-    J_s = blkdiag(c*R_C, L_θu) J with J the Jacobian of the camera's twist in the camera frame.
+    Both poses are relative to the target. J_s = blkdiag(c*R_C, L_θu) J with J the Jacobian of the camera's twist
+    relative to the target, in the camera frame.
     """
 
     name = "camera-pose"
@@ -96,32 +117,53 @@ class CameraPose(Feature):
             raise ValueError("a camera-pose task needs a goal with a camera pose")
         relative = goal.camera.inverse @ state.camera
         w = rotation_vector(relative.R, None if previous is None else previous[3:])
-        twist = state.camera_J @ state.robot.qd
-        v, omega = twist[:3], twist[3:]
+        v, omega = state.camera_twist[:3], state.camera_twist[3:]
         L, L_dot = rotation_vector_rate(w, omega)
         R, drift = relative.R, state.camera_drift
+        J = np.concatenate((R @ state.camera_J[:3], L @ state.camera_J[3:]))
+        velocity = np.concatenate((R @ v, L @ omega))
         return FeatureMotion(
             np.concatenate((relative.t, w)),
-            np.concatenate((R @ state.camera_J[:3], L @ state.camera_J[3:])),
-            np.concatenate((R @ v, L @ omega)),
+            J,
+            velocity,
             np.concatenate((R @ (drift[:3] + skew(omega) @ v), L @ drift[3:] + L_dot @ omega)),
+            velocity - J @ state.robot.qd,
         )
 
 
 class ImagePoints(Feature):
-    """Image-based servoing: s = the normalised coordinates (x₁, y₁, x₂, …) of the markers, 2m numbers."""
+    """Image-based servoing: s = the normalised coordinates (x₁, y₁, x₂, …) of the markers, 2m numbers.
+
+    Parameters
+    ----------
+    interaction_matrix
+        Which one makes J_s: that of the ``current`` image, as in eq. (24), that of the ``desired`` one, or the
+        ``mean`` of both. ṡ is the true one in any case.
+
+    Raises
+    ------
+    ConfigurationError
+        if there is no interaction matrix of that name.
+    """
 
     name = "image-points"
+
+    def __init__(self, interaction_matrix: InteractionMatrix = "current") -> None:
+        if interaction_matrix not in get_args(InteractionMatrix):
+            raise unknown_name("interaction_matrix", interaction_matrix, get_args(InteractionMatrix))
+        self.interaction_matrix = interaction_matrix
 
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
         """Error (2m,), Jacobian (2m, n) and drift of the markers' normalised coordinates."""
         image = state.normalised
-        return FeatureMotion(
-            (image.position - goal.normalised).ravel(),
-            image.J.reshape(-1, image.J.shape[2]),
-            image.velocity.ravel(),
-            image.drift.ravel(),
-        )
+        J, velocity, drift = image.J.reshape(-1, image.J.shape[2]), image.velocity.ravel(), image.drift.ravel()
+        partial = velocity - J @ state.robot.qd
+        if self.interaction_matrix != "current":
+            share = 1.0 if self.interaction_matrix == "desired" else 0.5
+            L = goal.interaction
+            J = (1.0 - share) * J + share * (L @ state.camera_J)
+            drift = (1.0 - share) * drift + share * (L @ state.camera_drift)
+        return FeatureMotion((image.position - goal.normalised).ravel(), J, velocity, drift, partial)
 
 
 FEATURES: dict[str, type[Feature]] = {feature.name: feature for feature in (CameraPose, ImagePoints)}

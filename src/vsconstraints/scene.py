@@ -1,9 +1,14 @@
-"""What a robot's camera sees, and how that changes: evaluated once per control step, used by tasks and rows."""
+"""What a camera sees, and how that changes: evaluated once per control step, used by tasks and rows.
+
+All of it follows from how the camera moves relative to the target. The target's frame is the base frame where the
+target stands still, moves with it where it moves, and is the robot's tip frame where the robot carries it in front of
+a fixed camera (eye-to-hand).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +16,7 @@ from .camera import Camera
 from .errors import InvalidInput, SceneError
 from .geometry import Pose, skew
 from .kinematics import Kinematics, RobotPoint
+from .motion import TargetMotion
 from .robot import Robot
 from .rows import Array
 
@@ -57,7 +63,7 @@ class PointMotion:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One instant of a scene.
+    """One instant of a scene, as it is or as a controller believes it to be.
 
     Attributes
     ----------
@@ -66,58 +72,98 @@ class State:
     robot
         Kinematics of the tip and of the robot points that constraints ask for, in the base frame.
     camera
-        Pose of the camera in the base frame.
-    camera_J, camera_drift
-        (6, n) and (6,): Jacobian and J̇ q̇ of the camera's twist (v, ω), expressed in the camera frame.
+        Pose of the camera in the target's frame.
+    camera_J
+        (6, n) ∂(v, ω)/∂q̇ of the camera's twist relative to the target, expressed in the camera frame.
+    camera_twist
+        (6,) that twist: J q̇, less the target's own motion.
+    camera_drift
+        (6,) its derivative when q̈ = 0.
     depth
         (m,) Z of the markers in the camera frame [m].
     normalised, pixels
         The markers in the image: normalised coordinates, and pixels from the image's centre.
+    believed
+        Whether this is what a controller believes: then motions that it is not told of count as none.
     """
 
     t: float
     robot: Kinematics
     camera: Pose
     camera_J: Array
+    camera_twist: Array
     camera_drift: Array
     depth: Array
     normalised: PointMotion
     pixels: PointMotion
+    believed: bool = False
 
 
 class Scene:
-    """A robot that carries a camera and looks at markers.
+    """A robot and a camera, one of which carries it or the markers that it looks at.
 
     Attributes
     ----------
     robot, camera
-        Who looks, and through what.
+        Who moves, and through what it is seen.
     markers
-        (m, 3) positions of the target's markers in the base frame [m].
+        (m, 3) positions of the target's markers in the target's frame [m]: the base frame at t = 0 or, for a camera
+        that is fixed in space, the robot's tip frame.
     points
         Robot points whose motion constraints need.
+    motion
+        How the target moves; None if it stands still, or is carried by the robot.
     """
 
-    def __init__(self, robot: Robot, camera: Camera, markers: Array, points: Sequence[RobotPoint] = ()) -> None:
-        self.robot, self.camera = robot, camera
+    def __init__(
+        self,
+        robot: Robot,
+        camera: Camera,
+        markers: Array,
+        points: Sequence[RobotPoint] = (),
+        motion: TargetMotion | None = None,
+    ) -> None:
+        self.robot, self.camera, self.motion = robot, camera, motion
         self.markers = np.array(markers, dtype=np.float64)
         if self.markers.ndim != 2 or self.markers.shape[1] != 3 or not np.isfinite(self.markers).all():
             raise InvalidInput(f"markers must be (m, 3) finite numbers; the shape is {self.markers.shape}")
+        if motion is not None and camera.fixed is not None:
+            raise InvalidInput("a target that the robot carries before a fixed camera has no motion of its own")
         self.points = tuple(points)
         self._evaluate_robot = robot.evaluator(self.points)
         self._mount_twist = camera.mount.twist_matrix
         self._mount_inverse = camera.mount.inverse
-        self._focal = np.array(camera.focal)
 
-    def camera_pose(self, q: object) -> Pose:
-        """Pose of the camera in the base frame at ``q`` (n,)."""
-        return self.robot.pose(self.robot.configuration(q)) @ self._mount_inverse
+    def camera_pose(self, q: object, t: float = 0.0) -> Pose:
+        """Pose of the camera in the target's frame at ``q`` (n,) and time ``t`` [s]."""
+        return self._camera(self.robot.pose(self.robot.configuration(q)), t)
+
+    def _camera(self, tip: Pose, t: float) -> Pose:
+        if self.camera.fixed is not None:
+            return tip.inverse @ self.camera.fixed
+        camera = tip @ self._mount_inverse
+        return camera if self.motion is None else self.motion.pose(t).inverse @ camera
+
+    def markers_at(self, q: object, t: float) -> Array:
+        """(m, 3) markers in the base frame at ``q`` (n,) and time ``t`` [s]."""
+        if self.camera.fixed is not None:
+            return self.robot.pose(self.robot.configuration(q)).act(self.markers)
+        return self.markers if self.motion is None else self.motion.pose(t).act(self.markers)
 
     def project(self, camera: Pose) -> Array:
-        """(m, 2) pixels of the markers seen from a camera pose; raises SceneError if one is not in front."""
-        P = (self.markers - camera.t) @ camera.R
-        self._demand_in_front(P[:, 2])
+        """(m, 2) pixels of the markers seen from a pose in the target's frame.
+
+        Raises
+        ------
+        SceneError
+            if a marker is not in front of the camera.
+        """
+        P = self._in_camera(camera)
         return self.camera.pixels(P[:, :2] / P[:, 2:])
+
+    def depth(self, camera: Pose) -> Array:
+        """(m,) Z of the markers [m] seen from a pose in the target's frame; raises as :meth:`project` does."""
+        return self._in_camera(camera)[:, 2]
 
     def evaluate(self, t: float, q: Array, qd: Array) -> State:
         """Everything that tasks and rows need, at time ``t`` [s], ``q`` and ``qd`` (n,).
@@ -128,41 +174,93 @@ class Scene:
             if a marker is not in front of the camera.
         """
         robot = self._evaluate_robot(q, qd)
-        camera = robot.tip @ self._mount_inverse
-        J, drift = self._mount_twist @ robot.J, self._mount_twist @ robot.drift
-        twist = J @ qd
-        v, omega = twist[:3], twist[3:]
-        P = (self.markers - camera.t) @ camera.R
-        Z = P[:, 2]
-        self._demand_in_front(Z)
-        xy = P[:, :2] / P[:, 2:]
-        J_xy = interaction_matrix(xy, Z) @ J
-        xy_dot = J_xy @ qd
-        # a fixed point seen from a moving frame: Ṗ = −v − ω × P and P̈ = −v̇ − ω̇ × P − ω × Ṗ
-        turn = skew(omega)
-        P_dot = P @ turn - v
-        P_ddot = P @ skew(drift[3:]) - drift[:3] + P_dot @ turn
-        # twice the derivative of x Z = X
-        xy_ddot = (P_ddot[:, :2] - xy * P_ddot[:, 2:] - 2.0 * xy_dot * P_dot[:, 2:]) / P[:, 2:]
-        F = self._focal
-        return State(
-            t,
-            robot,
-            camera,
-            J,
-            drift,
-            Z,
-            PointMotion(xy, J_xy, xy_dot, xy_ddot),
-            PointMotion(self.camera.pixels(xy), J_xy * F[:, None], xy_dot * F, xy_ddot * F),
-        )
+        camera = self._camera(robot.tip, t)
+        J, twist, drift = self._relative_motion(robot, t)
+        return _state(t, robot, camera, J, twist, drift, self._in_camera(camera), self.camera)
 
-    def glance(self, q: Array) -> tuple[Array, Array]:
+    def believed(
+        self, state: State, camera: Pose | None = None, seen: tuple[Camera, Array, Array] | None = None
+    ) -> State:
+        """The state as a controller believes it to be.
+
+        It knows the target's motion only if told, and may have measured the image wrongly.
+
+        Parameters
+        ----------
+        state
+            As it is.
+        camera
+            Believed pose of the camera in the target's frame; the true one if None.
+        seen
+            The camera it believes to look through, the markers' pixels (m, 2) and depths (m,) [m]; the true ones if
+            None.
+        """
+        twist, drift = state.camera_twist, state.camera_drift
+        if self.motion is not None and not self.motion.known:
+            twist, drift = state.camera_J @ state.robot.qd, self._mount_twist @ state.robot.drift
+        believed_camera = camera or state.camera
+        eye, pixels, Z = seen or (self.camera, state.pixels.position, state.depth)
+        P = np.concatenate((eye.normalised(pixels) * Z[:, None], Z[:, None]), axis=1)
+        believed = _state(state.t, state.robot, believed_camera, state.camera_J, twist, drift, P, eye)
+        return replace(believed, believed=True)
+
+    def glance(self, q: Array, t: float = 0.0) -> tuple[Array, Array]:
         """(m, 2) pixels of the markers and (k, 3) robot points at ``q`` (n,), without their motion."""
         robot = self._evaluate_robot(q, np.zeros(self.robot.n))
-        return self.project(robot.tip @ self._mount_inverse), robot.points
+        return self.project(self._camera(robot.tip, t)), robot.points
 
-    @staticmethod
-    def _demand_in_front(Z: Array) -> None:
+    def _relative_motion(self, robot: Kinematics, t: float) -> tuple[Array, Array, Array]:
+        """Jacobian, twist and drift of the camera relative to the target, in the camera frame."""
+        if self.camera.fixed is not None:
+            # the tip's twist seen from the camera, reversed; Ad varies with q, but ad(ξ) ξ = 0
+            V = -(self.camera.fixed.inverse @ robot.tip).twist_matrix
+            J = V @ robot.J
+            return J, J @ robot.qd, V @ robot.drift
+        J, drift = self._mount_twist @ robot.J, self._mount_twist @ robot.drift
+        twist = J @ robot.qd
+        if self.motion is None:
+            return J, twist, drift
+        target = self.motion.pose(t)
+        V = ((robot.tip @ self._mount_inverse).inverse @ target).twist_matrix
+        own, own_rate = self.motion.twist(t)
+        theirs = V @ own
+        v, omega = skew(twist[:3]), skew(twist[3:])
+        # d/dt (Ad ξ_o) = Ad ξ̇_o − ad(ξ_c) Ad ξ_o
+        turning = np.concatenate((omega @ theirs[:3] + v @ theirs[3:], omega @ theirs[3:]))
+        return J, twist - theirs, drift + turning - V @ own_rate
+
+    def _in_camera(self, camera: Pose) -> Array:
+        P: Array = (self.markers - camera.t) @ camera.R
+        Z = P[:, 2]
         if (Z < MINIMUM_DEPTH).any():
             which = ", ".join(f"marker {i + 1} (depth {Z[i]:.3g} m)" for i in np.flatnonzero(Z < MINIMUM_DEPTH))
             raise SceneError(f"not in front of the camera: {which}")
+        return P
+
+
+def _state(
+    t: float, robot: Kinematics, camera: Pose, J: Array, twist: Array, drift: Array, P: Array, eye: Camera
+) -> State:
+    """The state in which a camera with that relative motion has the markers at P (m, 3) in its frame."""
+    Z = P[:, 2]
+    xy = P[:, :2] / P[:, 2:]
+    L = interaction_matrix(xy, Z)
+    J_xy, xy_dot = L @ J, L @ twist
+    # a fixed point seen from a moving frame: Ṗ = −v − ω × P and P̈ = −v̇ − ω̇ × P − ω × Ṗ
+    turn = skew(twist[3:])
+    P_dot = P @ turn - twist[:3]
+    P_ddot = P @ skew(drift[3:]) - drift[:3] + P_dot @ turn
+    # twice the derivative of x Z = X
+    xy_ddot = (P_ddot[:, :2] - xy * P_ddot[:, 2:] - 2.0 * xy_dot * P_dot[:, 2:]) / P[:, 2:]
+    F = np.asarray(eye.focal)
+    return State(
+        t,
+        robot,
+        camera,
+        J,
+        twist,
+        drift,
+        Z,
+        PointMotion(xy, J_xy, xy_dot, xy_ddot),
+        PointMotion(eye.pixels(xy), J_xy * F[:, None], xy_dot * F, xy_ddot * F),
+    )

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from .errors import ConfigurationError, InvalidInput, unknown_name
-from .features import CameraPose, Feature, Goal
+from .features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
 from .rows import Array, Task
 from .scene import State
 
@@ -58,14 +58,14 @@ class TrackingMemory:
 
     goal: int = -1
     time: float = 0.0
-    error: Array | None = None
-    J: Array | None = None
+    last: FeatureMotion | None = None
 
 
 class VisualTask:
     """Tracks a visual feature towards goals that change at given times.
 
-    b = −K_p e − K_v ė − J̇_s q̇ (eqs. 41 and 42, for references that are constant between changes).
+    b = −K_p e − K_v ė − J̇_s q̇ − ∂ṡ/∂t (eqs. 41 and 42, for references that are constant between changes). ∂s/∂t, in ė
+    and in the last term, is that of a target whose motion is known (section 5.4).
 
     Attributes
     ----------
@@ -102,6 +102,9 @@ class VisualTask:
             raise ConfigurationError(f"goals must be in the order of their times; from_time is {times}")
         if isinstance(feature, CameraPose) and any(goal.camera is None for goal in goals):
             raise ConfigurationError("a camera-pose task needs goals with a camera pose")
+        if isinstance(feature, ImagePoints) and feature.interaction_matrix != "current":
+            for goal in goals:
+                _ = goal.interaction
         self.feature, self.goals, self.gains = feature, tuple(goals), gains
         self.drift, self.velocity = drift, velocity
         self.memory = TrackingMemory()
@@ -119,17 +122,17 @@ class VisualTask:
         """The task now, and the feature's error (k,)."""
         memory = self.memory
         goal = self.goal_at(state.t)
-        continues = goal == memory.goal
-        motion = self.feature.evaluate(state, self.goals[goal], memory.error if continues else None)
+        last = memory.last if goal == memory.goal else None
+        motion = self.feature.evaluate(state, self.goals[goal], None if last is None else last.error)
         velocity, drift = motion.velocity, motion.drift
         if self.drift == "differences":
             drift = np.zeros_like(drift)
-        if continues and memory.error is not None and memory.J is not None and state.t > memory.time:
+        if last is not None and state.t > memory.time:
             Ts = state.t - memory.time
             if self.drift == "differences":
-                drift = (motion.J - memory.J) @ state.robot.qd / Ts
+                drift = ((motion.J - last.J) @ state.robot.qd + motion.partial - last.partial) / Ts
             if self.velocity == "differences":
-                velocity = (motion.error - memory.error) / Ts
-        self.memory = TrackingMemory(goal, state.t, motion.error, motion.J)
+                velocity = (motion.error - last.error) / Ts
+        self.memory = TrackingMemory(goal, state.t, motion)
         Kp, Kv = self.gains.at(motion.error)
         return Task(motion.J, -Kp * motion.error - Kv * velocity - drift), motion.error

@@ -12,12 +12,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
 from ..errors import ConfigurationError, InvalidInput
 from ..kinematics import RobotPoint
+from ..motion import Motion
 from ..rows import Array
 from ..scene import PointMotion, Scene, State
 
@@ -38,6 +39,8 @@ class Trace:
 
     Attributes
     ----------
+    t
+        (T,) time [s].
     q, qd
         (T, n) joint coordinates and speeds.
     pixels
@@ -48,6 +51,7 @@ class Trace:
         (W, H) of the image [px].
     """
 
+    t: Array
     q: Array
     qd: Array
     pixels: Array
@@ -119,7 +123,50 @@ class Constraint(ABC):
 
 
 class PositionConstraint(Constraint):
-    """σ and its gradient as functions of coordinates y: what own constraints derive from, through a subclass."""
+    """σ and its gradient as functions of coordinates y: what own constraints derive from, through a subclass.
+
+    What it forbids may move (section 5.4): see :meth:`moving`.
+
+    Attributes
+    ----------
+    motion
+        How what it forbids moves; None if it stands still.
+    """
+
+    coordinates: ClassVar[int]
+    """Number of coordinates d of y."""
+
+    motion: Motion | None = None
+
+    def moving(self, motion: Motion) -> Self:
+        """The same constraint, with what it forbids displaced by d(t): σ(y − d(t)).
+
+        φ = σ + K σ̇ and L_fφ then contain ∂σ/∂t = −g·ḋ and what follows from it, if the motion is known; otherwise only
+        σ knows where the thing is.
+
+        Raises
+        ------
+        InvalidInput
+            if the motion has not as many coordinates as y.
+        """
+        if motion.size != self.coordinates:
+            raise InvalidInput(f"{self.kind} moves by {self.coordinates} coordinates, not {motion.size}")
+        self.motion = motion
+        return self
+
+    def relative(self, motion: PointMotion, state: State) -> PointMotion:
+        """Motion of coordinates y (r, d) relative to what is forbidden, as far as a controller knows it."""
+        if self.motion is None:
+            return motion
+        position = motion.position - self.motion.displacement(state.t)
+        if state.believed and not self.motion.known:
+            return PointMotion(position, motion.J, motion.velocity, motion.drift)
+        velocity, acceleration = self.motion.rates(state.t)
+        return PointMotion(position, motion.J, motion.velocity - velocity, motion.drift - acceleration)
+
+    def displaced(self, y: Array, t: Array) -> Array:
+        """Coordinates y (T, r, d) at times t (T,), relative to what is forbidden."""
+        return y if self.motion is None else y - self.motion.displacement(t)[:, None, :]
 
     @abstractmethod
     def sigma(self, y: Array) -> Array:

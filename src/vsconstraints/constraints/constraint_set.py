@@ -28,8 +28,8 @@ class ConstraintSet:
         m names, unique.
     kinds, units
         (m,) what each row is about, and the natural unit of its clearance.
-    switching_gain, scale
-        (m,) u⁺ and scale of each row.
+    switching_gain, scale, K
+        (m,) u⁺, scale and approach time constant of each row.
     characteristic_length
         (m,) L of each row, in its natural unit.
 
@@ -57,6 +57,7 @@ class ConstraintSet:
         self.units = tuple(unit for constraint in self.constraints for unit in constraint.units(scene))
         self.switching_gain = np.repeat([c.switching_gain for c in self.constraints], counts).astype(np.float64)
         self.scale = np.repeat([c.scale for c in self.constraints], counts).astype(np.float64)
+        self.K = np.repeat([c.K for c in self.constraints], counts).astype(np.float64)
         self.characteristic_length = np.concatenate(
             [np.empty(0), *(constraint.characteristic_length(scene) for constraint in self.constraints)]
         )

@@ -28,6 +28,7 @@ class ImageConstraint(PositionConstraint):
     """
 
     unit = "px"
+    coordinates = 2
 
     def __init__(self, *, K: float, switching_gain: float, length: float, markers: Sequence[int] | None = None) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
@@ -59,17 +60,18 @@ class ImageConstraint(PositionConstraint):
         if self.markers is not None:
             at = self._at
             image = PointMotion(image.position[at], image.J[at], image.velocity[at], image.drift[at])
-        y = image.position
-        return self.chain_rule(self.sigma(y), self.gradient(y), self.curvature(y, image.velocity), image)
+        motion = self.relative(image, state)
+        y = motion.position
+        return self.chain_rule(self.sigma(y), self.gradient(y), self.curvature(y, motion.velocity), motion)
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Distance to the curve σ = 0 in the image [px], with the sign of −σ."""
-        pixels = trace.pixels[:, self._at]
+        pixels = self.displaced(trace.pixels[:, self._at], trace.t)
         distance = distance_to_lines(pixels, self.boundary(trace.image_size))
         return np.where(self.sigma(pixels) > 0.0, -distance, distance)
 
     def boundary(self, image_size: tuple[float, float]) -> list[Array]:
-        """The curve σ = 0 in the image and around it, as polylines (p, 2) [px]."""
+        """The curve σ = 0 at t = 0 in the image and around it, as polylines (p, 2) [px]."""
         return zero_lines(self.sigma, self.gradient, image_size)
 
     def characteristic_length(self, scene: Scene) -> Array:

@@ -29,6 +29,7 @@ class PointConstraint(PositionConstraint):
     """
 
     unit = "m"
+    coordinates = 3
     difference_step = 1e-6
 
     def __init__(
@@ -62,13 +63,13 @@ class PointConstraint(PositionConstraint):
         """Chain rule from Cartesian positions to joints (eqs. 30 and 31)."""
         robot = state.robot
         J = robot.point_J[points]
-        motion = PointMotion(robot.points[points], J, J @ robot.qd, robot.point_drift[points])
+        motion = self.relative(PointMotion(robot.points[points], J, J @ robot.qd, robot.point_drift[points]), state)
         y = motion.position
         return self.chain_rule(self.sigma(y), self.gradient(y), self.curvature(y, motion.velocity), motion)
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """−σ / ‖∂σ/∂p‖: exact where σ is a signed distance, to first order elsewhere [m]."""
-        y = trace.points[:, points]
+        y = self.displaced(trace.points[:, points], trace.t)
         g = self.gradient(y)
         clearance: Array = -self.sigma(y) / np.sqrt((g * g).sum(axis=-1))
         return clearance

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import numpy as np
 
@@ -14,19 +14,29 @@ from ..constraints import (
 )
 from ..constraints.base import demand_positive
 from ..errors import ConfigurationError, SceneError
-from ..features import FEATURES, Goal
+from ..features import FEATURES, Feature, Goal, ImagePoints, InteractionMatrix
 from ..geometry import Pose
+from ..motion import TargetMotion
 from ..robot import Robot
 from ..robots import ready_made
 from ..rows import Array
-from ..scene import Scene
+from ..scene import MINIMUM_DEPTH, Scene
 from ..simulation import Setup, Tolerances
+from ..simulation.plant import Actuation
+from ..simulation.sensing import believed_camera
 from ..tracking import DERIVATIVES, Derivative, TrackingGains, VisualTask
 from .constraint_types import make_constraint
+from .motion_tables import read_disturbances, read_target_motion
 from .section import Section
 
 
-def build(tables: dict[str, Any], where: str, folder: Path, deviation: Array | None = None) -> Setup:
+def build(
+    tables: dict[str, Any],
+    where: str,
+    folder: Path,
+    deviation: Array | None = None,
+    seed: tuple[int, ...] = (0,),
+) -> Setup:
     """The setup that a scenario's tables describe.
 
     Parameters
@@ -39,6 +49,8 @@ def build(tables: dict[str, Any], where: str, folder: Path, deviation: Array | N
         What paths in the scenario are relative to.
     deviation
         Numbers in [−1, 1], one per joint, that the start deviates by, times ``start_deviation``.
+    seed
+        Of everything random in the disturbances.
 
     Raises
     ------
@@ -50,15 +62,16 @@ def build(tables: dict[str, Any], where: str, folder: Path, deviation: Array | N
     top.take("description", str, "")
     robot = _robot(top, folder)
     camera = _camera(top.section("camera"))
-    markers = _markers(top.section("target"))
+    markers, motion = _target(top.section("target"))
     q0 = robot.configuration(top.array("q0"), "q0")
     qd0 = robot.configuration(top.array("qd0", [0.0] * robot.n), "qd0")
     spread = float(top.number("start_deviation", 0.0))
     if deviation is not None:
         q0 = q0 + spread * deviation[: robot.n]
     constraints = [make_constraint(section, robot, camera, folder) for section in top.sections("constraints")]
-    scene = Scene(robot, camera, markers, robot_points(constraints))
-    task = _task(top.section("task"), scene)
+    scene = Scene(robot, camera, markers, robot_points(constraints), motion)
+    disturbances = read_disturbances(top.section("disturbances", {}), seed)
+    task = _task(top.section("task"), scene, believed_camera(camera, disturbances))
     setup = Setup(
         scene,
         ConstraintSet(constraints, scene),
@@ -69,6 +82,8 @@ def build(tables: dict[str, Any], where: str, folder: Path, deviation: Array | N
         duration=float(top.number("duration")),
         abort_on_rank_loss=top.choice("on_rank_loss", ("abort", "continue"), "abort") == "abort",
         tolerances=_tolerances(top.section("tolerances", {})),
+        disturbances=disturbances,
+        actuation=cast("Actuation", top.choice("actuation", get_args(Actuation), "acceleration")),
     )
     top.finish()
     return setup
@@ -103,16 +118,32 @@ def _robot(top: Section, folder: Path) -> Robot:
 
 
 def _camera(section: Section) -> Camera:
-    mount = section.section("mount", {})
+    if "mount" in section and "fixed" in section:
+        raise ConfigurationError(
+            f"{section.where}: a camera is mounted on the robot or fixed in space: give mount or fixed, not both"
+        )
     camera = Camera(
         tuple(section.array("focal_px", shape=(2,))),
         tuple(section.array("size_px", shape=(2,))),
         section.array("principal_point_px", None, (2,)),
-        Pose.from_xyz_rpy(mount.array("xyz", np.zeros(3), (3,)), mount.array("rpy", np.zeros(3), (3,))),
+        _pose(section.section("mount", {})),
+        _pose(section.section("fixed")) if "fixed" in section else None,
     )
-    mount.finish()
     section.finish()
     return camera
+
+
+def _pose(section: Section) -> Pose:
+    pose = Pose.from_xyz_rpy(section.array("xyz", np.zeros(3), (3,)), section.array("rpy", np.zeros(3), (3,)))
+    section.finish()
+    return pose
+
+
+def _target(section: Section) -> tuple[Array, TargetMotion | None]:
+    markers = _markers(section)
+    motion = read_target_motion(section.section("motion"), markers) if "motion" in section else None
+    section.finish()
+    return markers, motion
 
 
 def _markers(section: Section) -> Array:
@@ -121,18 +152,26 @@ def _markers(section: Section) -> Array:
         side = square.number("side")
         demand_positive(side, f"{square.where}: side")
         half = 0.5 * side
-        pose = Pose.from_xyz_rpy(square.array("xyz", shape=(3,)), square.array("rpy", np.zeros(3), (3,)))
-        square.finish()
+        if "xyz" not in square:
+            raise ConfigurationError(f"{square.where}: the key 'xyz' is missing")
+        pose = _pose(square)
         corners = half * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
         markers = pose.act(corners)
     else:
         markers = section.array("markers", shape=(None, 3))
-    section.finish()
     return np.asarray(markers)
 
 
-def _task(section: Section, scene: Scene) -> VisualTask:
-    feature = FEATURES[section.choice("feature", FEATURES)]()
+def _feature(section: Section) -> Feature:
+    kind = FEATURES[section.choice("feature", FEATURES)]
+    if issubclass(kind, ImagePoints):
+        which = section.choice("interaction_matrix", get_args(InteractionMatrix), "current")
+        return kind(cast("InteractionMatrix", which))
+    return kind()
+
+
+def _task(section: Section, scene: Scene, camera: Camera) -> VisualTask:
+    feature = _feature(section)
     gains = TrackingGains(
         float(section.number("Kp0")),
         float(section.number("Kp_slope0", 0.0)),
@@ -140,12 +179,13 @@ def _task(section: Section, scene: Scene) -> VisualTask:
     )
     drift = cast("Derivative", section.choice("drift", DERIVATIVES, "exact"))
     velocity = cast("Derivative", section.choice("velocity", DERIVATIVES, "exact"))
-    goals = [_goal(goal, scene) for goal in section.sections("goals")]
+    goals = [_goal(goal, scene, camera) for goal in section.sections("goals")]
     section.finish()
     return VisualTask(feature, goals, gains, drift, velocity)
 
 
-def _goal(section: Section, scene: Scene) -> Goal:
+def _goal(section: Section, scene: Scene, believed: Camera) -> Goal:
+    """A goal as the control knows it: shown to the real camera, turned into coordinates by the believed one."""
     time = float(section.number("from_time", 0.0))
     kinds = [key for key in ("camera_at_q", "camera_pose", "markers_px") if key in section]
     if len(kinds) != 1:
@@ -153,9 +193,12 @@ def _goal(section: Section, scene: Scene) -> Goal:
             f"{section.where} needs one of camera_at_q, camera_pose and markers_px; it has {kinds or 'none'}"
         )
     if kinds == ["markers_px"]:
-        pixels = section.array("markers_px", shape=(len(scene.markers), 2))
+        m = len(scene.markers)
+        pixels, depth = section.array("markers_px", shape=(m, 2)), section.array("depth_m", None, (m,))
         section.finish()
-        return Goal(time, pixels, scene.camera.normalised(pixels))
+        if depth is not None and (depth < MINIMUM_DEPTH).any():
+            raise ConfigurationError(f"{section.where}: depth_m must be at least {MINIMUM_DEPTH} m, not {depth}")
+        return Goal(time, pixels, believed.normalised(pixels), depth=depth)
     if kinds == ["camera_at_q"]:
         camera = scene.camera_pose(section.array("camera_at_q", shape=(scene.robot.n,)))
     else:
@@ -164,10 +207,10 @@ def _goal(section: Section, scene: Scene) -> Goal:
         pose.finish()
     section.finish()
     try:
-        pixels = scene.project(camera)
+        pixels, depth = scene.project(camera), scene.depth(camera)
     except SceneError as error:
         raise ConfigurationError(f"{section.where}: at the goal, {error}") from error
-    return Goal(time, pixels, scene.camera.normalised(pixels), camera)
+    return Goal(time, pixels, believed.normalised(pixels), camera, depth)
 
 
 def _tolerances(section: Section) -> Tolerances:

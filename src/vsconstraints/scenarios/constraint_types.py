@@ -32,6 +32,7 @@ from ..constraints import (
     link_points,
     mesh,
 )
+from ..constraints.base import PositionConstraint
 from ..constraints.curves import SHAPES, shape
 from ..constraints.manipulability import Part
 from ..errors import ConfigurationError, VsconstraintsError, unknown_name
@@ -39,11 +40,24 @@ from ..geometry import Pose
 from ..kinematics import RobotPoint
 from ..plugins import imported_class
 from ..robot import Robot
+from .motion_tables import read_motion
 from .section import Section
 
 
 def make_constraint(section: Section, robot: Robot, camera: Camera, folder: Path) -> Constraint:
     """The constraint that a table describes; raises ConfigurationError for unknown types and keys."""
+    motion = read_motion(section.section("motion")) if "motion" in section else None
+    constraint = _make(section, robot, camera, folder)
+    if motion is None:
+        return constraint
+    if not isinstance(constraint, PositionConstraint):
+        raise ConfigurationError(
+            f"{section.where}: {constraint.kind} cannot move; what can are obstacles in the image and forbidden regions"
+        )
+    return constraint.moving(motion)
+
+
+def _make(section: Section, robot: Robot, camera: Camera, folder: Path) -> Constraint:
     kind = section.take("type", str)
     if ":" in kind:
         own = imported_class(kind, Constraint, folder)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import unknown_name
+from ..errors import ConfigurationError, unknown_name
 from ..plugins import plugin_files
 from ..rows import Array
 from ..simulation import Setup
@@ -49,25 +49,21 @@ class Scenario:
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Scenario:
         """A shipped scenario by its name, or one from a TOML file by its path.
 
-        Parameters
-        ----------
-        name_or_path
-            ``"case-study-6r"`` or ``"my/scenario.toml"``.
+            Parameters
+            ----------
+            name_or_path
+                ``"case-study-6r"`` or ``"my/scenario.toml"``. A file with ``extends = "…"``, a name or a path, says only
+            what is different there: tables are merged, everything else is replaced. Paths in both are relative to it.
         base
-            Folder that a relative path starts from; the current one if None.
+                Folder that a relative path starts from; the current one if None.
 
-        Raises
-        ------
-        ConfigurationError
-            if there is none of that name, or the file cannot be read.
+            Raises
+            ------
+            ConfigurationError
+                if there is none of that name, or the file cannot be read.
         """
-        text = str(name_or_path)
-        if text.endswith(".toml"):
-            path = (base or Path()) / text
-            return cls(path.stem, read_toml(path), path.parent)
-        if text not in shipped_scenarios():
-            raise unknown_name("scenario", text, [*shipped_scenarios(), "a path ending in .toml"])
-        return cls(text, read_toml(SHIPPED / f"{text}.toml"), SHIPPED)
+        path = _file(str(name_or_path), base)
+        return cls(path.stem, _tables(path, ()), path.parent)
 
     def with_override(self, key: str, value: object) -> Scenario:
         """The same scenario with a dotted key such as ``task.Kp0`` set to another value."""
@@ -109,4 +105,36 @@ class Scenario:
         deviation: Array | None = None
         if trial > 0:
             deviation = np.random.default_rng([seed, trial]).uniform(-1.0, 1.0, 64)
-        return build(self.tables, self.name, self.folder, deviation)
+        return build(self.tables, self.name, self.folder, deviation, (seed, trial))
+
+
+def _file(name: str, base: Path | None) -> Path:
+    if name.endswith(".toml"):
+        return (base or Path()) / name
+    if name not in shipped_scenarios():
+        raise unknown_name("scenario", name, [*shipped_scenarios(), "a path ending in .toml"])
+    return SHIPPED / f"{name}.toml"
+
+
+def _tables(path: Path, below: tuple[Path, ...]) -> dict[str, Any]:
+    """What a file says, over what the one that it extends says."""
+    if path in below:
+        circle = " extends ".join(str(file) for file in (*below, path))
+        raise ConfigurationError(f"scenarios extend each other in a circle: {circle}")
+    tables = read_toml(path)
+    if "extends" not in tables:
+        return tables
+    name = tables.pop("extends")
+    if not isinstance(name, str):
+        raise ConfigurationError(f"{path}: extends must be the name or the path of a scenario, not {name!r}")
+    other = _tables(_file(name, path.parent), (*below, path))
+    return _merged(other, tables)
+
+
+def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """Tables over others: tables in them are merged, everything else is replaced."""
+    merged = dict(under)
+    for key, value in over.items():
+        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        merged[key] = _merged(merged[key], value) if both else value
+    return merged

@@ -16,6 +16,9 @@ from ..rows import Array
 REQUIRED: Any = object()
 """Default of a key that must be given."""
 
+OPTIONAL = ("disturbances", "tolerances", "motion", "mount")
+"""Tables that need not be in a file, and are made when a key in them is overridden."""
+
 
 class Section:
     """One table of a file; each key is taken once, and :meth:`finish` refuses what is left.
@@ -50,6 +53,10 @@ class Section:
             names = " or ".join(_NAMES.get(k, k.__name__) for k in kinds)
             raise ConfigurationError(f"{self._where}: {key} must be {names}, not {value!r}")
         return value
+
+    def peek(self, key: str) -> Any:
+        """The value of a key as it stands there, not taken; None if it is absent."""
+        return self._table.get(key)
 
     def number(self, key: str, default: Any = REQUIRED) -> Any:
         """A finite number, as float; the default as it is."""
@@ -139,7 +146,8 @@ def read_toml(path: Path) -> dict[str, Any]:
 def override(table: dict[str, Any], key: str, value: object, where: str) -> None:
     """Set a dotted key such as ``task.Kp0`` or ``constraints.0.K`` in nested tables, in place.
 
-    A table on the way must exist; whether the last key is known is decided by whoever reads the table.
+    A table on the way must exist, or be one of :data:`OPTIONAL`; whether the last key is known is decided by whoever
+    reads the table.
     """
     at: Any = table
     *way, last = key.split(".")
@@ -159,6 +167,6 @@ def _child(at: Any, name: str, where: str) -> Any:
         if not (name.isascii() and name.isdecimal()) or int(name) >= len(at):
             raise unknown_name(f"entry of a list in {where}", name, [str(i) for i in range(len(at))])
         return at[int(name)]
-    if not isinstance(at, dict) or name not in at:
+    if not isinstance(at, dict) or (name not in at and name not in OPTIONAL):
         raise unknown_name(f"table in {where}", name, at if isinstance(at, dict) else [])
-    return at[name]
+    return at.setdefault(name, {})

@@ -1,4 +1,4 @@
-"""The closed loop: state → rows and task → controller → double integrator."""
+"""The closed loop: state → what is believed of it → rows and task → controller → robot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..geometry import Pose, distance
 from ..rows import Array, Command
 from ..scene import State
 from .outcome import judge
-from .plant import step
+from .plant import Plant
 from .setup import Setup
 from .trajectory import Trajectory
 
@@ -42,19 +42,25 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
     setup.task.reset()
     controller.reset()
     scene, constraints, task, Ts = setup.scene, setup.constraints, setup.task, setup.Ts
-    log = _Log(setup)
-    q, qd = setup.q0, setup.qd0
+    plant, sensor, gradient_error = setup.plant(), setup.sensor(), setup.gradient_error()
+    log = _Log(setup, plant)
     ended, reason = "", ""
     for k in range(setup.samples):
         t = k * Ts
         started = perf_counter()
         try:
-            state = scene.evaluate(t, q, qd)
-            rows, sigma = constraints.rows(state)
-            demand, error_now = task.evaluate(state)
+            state = scene.evaluate(t, plant.q, plant.qd)
+            believed = sensor.observe(state)
+            rows, sigma = constraints.rows(believed)
+            rows = gradient_error(rows, state.robot.qd)
+            demand, error_now = task.evaluate(believed)
             ready = perf_counter()
-            # before the call: a law may use its rows as it likes
-            log.state(k, state, error_now, sigma, rows.phi)
+            # before the call: a law may use its rows as it likes. What is kept is what is true
+            true_phi = rows.phi
+            if believed is not state or gradient_error.any:
+                true_rows, sigma = constraints.rows(state)
+                true_phi = true_rows.phi
+            log.state(k, state, error_now, sigma, true_phi)
             called = perf_counter()
             command = controller.command(rows, demand)
             done = perf_counter()
@@ -69,7 +75,8 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
             ended = "failed" if command.status == "failed" else "aborted"
             reason = f"t = {t:.4g} s: {command.reason}"
             break
-        q, qd = step(q, qd, command.qdd, Ts)
+        log.plant_state[k] = plant.hold(command.qdd)
+        plant.step()
     trajectory = log.finish(ended, reason)
     if trajectory.fallbacks:
         remarks.append(f"another QP solver than the one asked for answered in {trajectory.fallbacks} samples")
@@ -79,9 +86,10 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
 class _Log:
     """Arrays that a run fills, sample by sample."""
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: Setup, plant: Plant) -> None:
         N, n, m = setup.samples, setup.scene.robot.n, len(setup.constraints.labels)
-        self.setup = setup
+        self.setup, self.plant = setup, plant
+        self.plant_state = np.empty((N, *plant.state.shape))
         self.length = 0
         self.t = np.arange(N) * setup.Ts
         self.q, self.qd, self.qdd = np.empty((N, n)), np.empty((N, n)), np.empty((N, n))
@@ -114,9 +122,9 @@ class _Log:
         del self.error[N:], self.camera[N:]
         q, qd, qdd = self.q[:N], self.qd[:N], self.qdd[:N]
         image_size = setup.scene.camera.size
-        trace = Trace(q, qd, self.pixels[:N], self.points[:N], image_size)
+        trace = Trace(self.t[:N], q, qd, self.pixels[:N], self.points[:N], image_size)
         clearance = setup.constraints.clearance(trace)
-        between = _between(setup, q, qd, qdd, clearance)
+        between = _between(setup, self.plant, self.plant_state[: max(N - 1, 0)], clearance)
         camera_error, feature_error = self._errors(N)
         position = np.array([pose.t for pose in self.camera]).reshape(N, 3)
         status, why = judge(setup, ended, reason, self.t[:N], self.goal[:N], camera_error, feature_error, self.camera)
@@ -156,34 +164,42 @@ class _Log:
         return camera_error, feature_error
 
 
-def _between(setup: Setup, q: Array, qd: Array, qdd: Array, clearance: Array) -> Array:
-    """(m,) least clearance inside the sampling periods in which some row is near its boundary."""
+def _between(setup: Setup, plant: Plant, states: Array, clearance: Array) -> Array:
+    """(m,) least clearance inside the sampling periods in which some row is near its boundary.
+
+    Parameters
+    ----------
+    setup, plant
+        What was run.
+    states
+        (N − 1, n, s) of the plant at the beginning of each period.
+    clearance
+        (N, m) in the samples.
+    """
     m = clearance.shape[1]
     least = np.full(m, np.inf)
-    if m == 0 or len(q) < 2:
+    if m == 0 or not len(states):
         return least
     near = np.asarray((clearance < NEAR * setup.constraints.characteristic_length).any(axis=1))
     periods = np.flatnonzero(near[:-1] | near[1:])
     if not len(periods):
         return least
-    tau = np.repeat(np.array(BETWEEN) * setup.Ts, len(periods))
-    at = np.tile(periods, len(BETWEEN))
-    q_in = q[at] + tau[:, None] * qd[at] + 0.5 * tau[:, None] ** 2 * qdd[at]
-    qd_in = qd[at] + tau[:, None] * qdd[at]
-    glances = [_glance(setup, configuration) for configuration in q_in]
+    inside = [plant.inside(states[periods], share * setup.Ts) for share in BETWEEN]
+    q, qd = (np.concatenate(parts) for parts in zip(*inside, strict=True))
+    t = np.concatenate([(periods + share) * setup.Ts for share in BETWEEN])
+    glances = [_glance(setup, *at) for at in zip(q, t, strict=True)]
     seen = [i for i, glance in enumerate(glances) if glance is not None]
     if not seen:
         return least
-    q_in, qd_in = q_in[seen], qd_in[seen]
     pixels, points = (np.array(parts) for parts in zip(*filter(None, glances), strict=True))
-    trace = Trace(q_in, qd_in, pixels, points, setup.scene.camera.size)
-    inside: Array = setup.constraints.clearance(trace).min(axis=0)
-    return inside
+    trace = Trace(t[seen], q[seen], qd[seen], pixels, points, setup.scene.camera.size)
+    found: Array = setup.constraints.clearance(trace).min(axis=0)
+    return found
 
 
-def _glance(setup: Setup, q: Array) -> tuple[Array, Array] | None:
-    """Pixels and points at q; None where a marker is not in front of the camera, so that it has no pixels."""
+def _glance(setup: Setup, q: Array, t: float) -> tuple[Array, Array] | None:
+    """Pixels and points at q and t; None where a marker is not in front of the camera, so that it has no pixels."""
     try:
-        return setup.scene.glance(q)
+        return setup.scene.glance(q, t)
     except SceneError:
         return None

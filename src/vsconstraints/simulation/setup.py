@@ -7,11 +7,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..constraints import ConstraintSet, ImageConstraint
+from ..constraints.base import PositionConstraint
 from ..errors import ConfigurationError, InvalidInput, SceneError
 from ..features import CameraPose
 from ..rows import Array, BoolArray
 from ..scene import Scene
 from ..tracking import VisualTask
+from .disturbances import Disturbances
+from .gradient_error import GradientError
+from .plant import Actuation, Plant
+from .sensing import Sensor
 
 MOST_SAMPLES = 1e7
 """More than this are not simulated: a run is kept in memory whole."""
@@ -63,6 +68,10 @@ class Setup:
         Whether to stop where the active rows lose full row rank (section 5.2).
     tolerances
         When a motion counts as settled or at rest.
+    disturbances
+        What goes otherwise than the control assumes.
+    actuation
+        What the robot's own controller takes.
     """
 
     scene: Scene
@@ -74,6 +83,8 @@ class Setup:
     duration: float
     abort_on_rank_loss: bool = True
     tolerances: Tolerances = field(default_factory=Tolerances)
+    disturbances: Disturbances = field(default_factory=Disturbances)
+    actuation: Actuation = "acceleration"
 
     def __post_init__(self) -> None:
         for name in ("Ts", "duration"):
@@ -88,6 +99,22 @@ class Setup:
             )
         if self.duration < self.Ts:
             raise ConfigurationError(f"the duration {self.duration} s is shorter than one sample, {self.Ts} s")
+        for part in (self.plant, self.sensor, self.gradient_error):
+            part()
+
+    def plant(self) -> Plant:
+        """The robot, at its start."""
+        return Plant(self.q0, self.qd0, self.Ts, self.actuation, self.disturbances)
+
+    def sensor(self) -> Sensor:
+        """What turns true states into what a controller believes."""
+        motions = [c.motion for c in self.constraints.constraints if isinstance(c, PositionConstraint)]
+        unknown = any(motion is not None and not motion.known for motion in motions)
+        return Sensor(self.scene, self.disturbances, self.Ts, unknown)
+
+    def gradient_error(self) -> GradientError:
+        """What spoils the rows' gradients."""
+        return GradientError(self.constraints, self.disturbances, self.scene.robot.n)
 
     @property
     def samples(self) -> int:
@@ -148,7 +175,8 @@ class Setup:
         remarks = []
         for number, goal in enumerate(self.task.goals, start=1):
             for constraint in self.constraints.constraints:
-                if isinstance(constraint, ImageConstraint):
+                # what moves may be elsewhere by then
+                if isinstance(constraint, ImageConstraint) and constraint.motion is None:
                     forbidden = constraint.sigma(constraint.of_markers(goal.pixels)) > 0.0
                     labels = constraint.labels(self.scene)
                     remarks += [f"goal {number} is forbidden by {labels[i]}" for i in np.flatnonzero(forbidden)]

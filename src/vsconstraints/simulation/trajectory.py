@@ -31,13 +31,13 @@ class Trajectory:
     q, qd, qdd_command
         (N, n) state and command.
     error
-        (N, k) feature error.
+        (N, k) feature error, as the controller believes it to be.
     camera_error
         (N, 2) distance [m] and angle [rad] between the camera and the goal's pose; NaN where there is none.
     feature_error_px
         (N,) greatest distance of a marker from where the goal wants it [px].
     camera_position
-        (N, 3) in the base frame [m].
+        (N, 3) in the target's frame [m]: the base frame for a target that stands still.
     features_px
         (N, M, 2) markers from the image's centre [px].
     points
@@ -45,7 +45,7 @@ class Trajectory:
     labels
         m row labels.
     phi, sigma, clearance
-        (N, m).
+        (N, m) as they are, also where a controller believes otherwise.
     active
         (N, m) rows that shaped the command.
     between_clearance

@@ -1,0 +1,113 @@
+"""What goes otherwise than the control assumes: settings of a scenario, the same for every controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..rows import Array
+
+GRADIENT_SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)
+"""Of eq. (49), one per joint; repeated for arms with more of them."""
+
+
+@dataclass(frozen=True)
+class Disturbances:
+    """How actuation, measurement and model are off; nothing is unless it is set.
+
+    Attributes
+    ----------
+    gradient_error
+        c_e of eq. (49): ∇σ_e = ∇σ + c_e s ∘ abs(∇σ), wherever the law uses ∇σ.
+    gradient_error_signs
+        s, one sign per joint.
+    gradient_error_rows
+        Kinds of the rows concerned; (49) is about the visibility rows.
+    acceleration
+        d_c of eq. (6), one number per joint or one for all [rad/s² or m/s²].
+    acceleration_noise
+        Standard deviation of what is added to d_c anew in every period.
+    time_constant
+        Of the low-level loop C: a first-order lag of q̈ behind q̈_c or, with position control, the inverse of both poles
+        of a critically damped position loop [s].
+    pixel_noise
+        Standard deviation of every pixel coordinate of every image [px].
+    depth_factor
+        Believed depth of the markers relative to the true one.
+    focal_factor
+        Believed focal lengths (F_u, F_v) relative to the true ones.
+    principal_point_error
+        Believed principal point less the true one [px].
+    image_period
+        Time between images, a multiple of the sampling time; that itself if zero [s]. Between images the last is held.
+    delay
+        How many image periods an image is old when it can be used.
+    lost_frames
+        Probability that an image is lost; the last one before it then stays in use.
+    seed
+        Of everything random: the same numbers are drawn whatever the controller does.
+    """
+
+    gradient_error: float = 0.0
+    gradient_error_signs: tuple[float, ...] = GRADIENT_SIGNS
+    gradient_error_rows: tuple[str, ...] = ("fov", "occlusion")
+    acceleration: tuple[float, ...] = (0.0,)
+    acceleration_noise: float = 0.0
+    time_constant: float = 0.0
+    pixel_noise: float = 0.0
+    depth_factor: float = 1.0
+    focal_factor: tuple[float, float] = (1.0, 1.0)
+    principal_point_error: tuple[float, float] = (0.0, 0.0)
+    image_period: float = 0.0
+    delay: int = 0
+    lost_frames: float = 0.0
+    seed: tuple[int, ...] = (0,)
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if field.name != "gradient_error_rows" and not np.isfinite(getattr(self, field.name)).all():
+                raise InvalidInput(f"disturbance {field.name} must be finite, not {getattr(self, field.name)}")
+        for name in ("gradient_error", "acceleration_noise", "time_constant", "pixel_noise", "image_period", "delay"):
+            if getattr(self, name) < 0:
+                raise InvalidInput(f"disturbance {name} must be zero or more, not {getattr(self, name)}")
+        if self.delay != int(self.delay):
+            raise InvalidInput(f"disturbance delay is a whole number of image periods, not {self.delay}")
+        if not 0.0 <= self.lost_frames < 1.0:
+            raise InvalidInput(f"disturbance lost_frames is a probability below 1, not {self.lost_frames}")
+        for name in ("depth_factor", "focal_factor"):
+            if (np.asarray(getattr(self, name)) <= 0.0).any():
+                raise InvalidInput(f"disturbance {name} must be positive, not {getattr(self, name)}")
+        for name in ("focal_factor", "principal_point_error"):
+            if len(getattr(self, name)) != 2:
+                raise InvalidInput(f"disturbance {name} must be two numbers, not {getattr(self, name)}")
+        if not self.gradient_error_signs or not set(self.gradient_error_signs) <= {-1.0, 1.0}:
+            raise InvalidInput(f"gradient_error_signs must be 1 or −1 per joint, not {self.gradient_error_signs}")
+
+    def per_joint(self, name: str, n: int) -> Array:
+        """A setting for n joints; raises InvalidInput that names it if it has another number of entries.
+
+        One number stands for all joints; the default signs of (49) are repeated.
+        """
+        values = np.asarray(getattr(self, name), dtype=np.float64)
+        if len(values) == 1 or (name == "gradient_error_signs" and values.tolist() == list(GRADIENT_SIGNS)):
+            return np.resize(values, n)
+        if len(values) != n:
+            raise InvalidInput(f"disturbance {name} must be {n} numbers, one per joint, not {len(values)}")
+        return values
+
+    @property
+    def image(self) -> bool:
+        """Whether the measured image is another one than the true image of this moment."""
+        return bool(self.pixel_noise or self.delay or self.lost_frames or self.image_period)
+
+    @property
+    def intrinsics(self) -> bool:
+        """Whether focal lengths or principal point are believed wrongly."""
+        return tuple(self.focal_factor) != (1.0, 1.0) or tuple(self.principal_point_error) != (0.0, 0.0)
+
+    @property
+    def sensing(self) -> bool:
+        """Whether what is seen is measured or interpreted wrongly."""
+        return self.image or self.intrinsics or self.depth_factor != 1.0

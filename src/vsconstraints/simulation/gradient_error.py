@@ -1,0 +1,39 @@
+"""Gradients that are off: eq. (49)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..constraints import ConstraintSet
+from ..errors import ConfigurationError
+from ..rows import Array, Rows
+from .disturbances import Disturbances
+
+
+class GradientError:
+    """∇σ_e = ∇σ + c_e s ∘ |∇σ| in every place where the rows contain ∇σ: L_gφ, and σ̇ in φ and L_fφ."""
+
+    def __init__(self, constraints: ConstraintSet, disturbances: Disturbances, n: int) -> None:
+        kinds = disturbances.gradient_error_rows
+        unknown = [kind for kind in kinds if kind not in constraints.kinds]
+        if disturbances.gradient_error and len(unknown) == len(kinds):
+            raise ConfigurationError(
+                f"gradient_error concerns rows of the kinds {', '.join(map(str, kinds))}, of which there is none; "
+                f"gradient_error_rows may name {', '.join(sorted(set(constraints.kinds))) or 'nothing here'}"
+            )
+        concerned = np.array([kind in kinds for kind in constraints.kinds], dtype=np.bool_)
+        self._share = disturbances.gradient_error * np.outer(
+            concerned, disturbances.per_joint("gradient_error_signs", n)
+        )
+        self._K = constraints.K
+        self.any = bool(self._share.any())
+
+    def __call__(self, rows: Rows, qd: Array) -> Rows:
+        """The rows with erroneous gradients, at q̇ (n,)."""
+        if not self.any:
+            return rows
+        error = self._share * np.abs(rows.Lg)
+        change = error @ qd
+        return replace(rows, phi=rows.phi + change, Lg=rows.Lg + error, Lf=rows.Lf + change / self._K)
