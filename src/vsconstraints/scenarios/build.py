@@ -83,6 +83,7 @@ def build(
         abort_on_rank_loss=top.choice("on_rank_loss", ("abort", "continue"), "abort") == "abort",
         tolerances=_tolerances(top.section("tolerances", {})),
         disturbances=disturbances,
+        refuse_hidden_markers=top.choice("on_hidden_markers", ("refuse", "continue"), "refuse") == "refuse",
         actuation=cast("Actuation", top.choice("actuation", get_args(Actuation), "acceleration")),
     )
     top.finish()

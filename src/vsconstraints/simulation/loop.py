@@ -9,10 +9,11 @@ import numpy as np
 
 from ..constraints import Trace
 from ..controllers import Controller
-from ..errors import SceneError
+from ..errors import ConfigurationError, SceneError
 from ..geometry import Pose, distance
 from ..rows import Array, Command
 from ..scene import State
+from .line_of_sight import LinesOfSight
 from .outcome import judge
 from .plant import Plant
 from .setup import Setup
@@ -23,6 +24,9 @@ BETWEEN = (0.25, 0.5, 0.75)
 
 NEAR = 0.05
 """Clearance, as a fraction of the characteristic length, below which the inside of a period is looked at."""
+
+LOOKS = 100
+"""How often in a run lines of sight are looked at."""
 
 
 def simulate(setup: Setup, controller: Controller) -> Trajectory:
@@ -78,6 +82,7 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
         log.plant_state[k] = plant.hold(command.qdd)
         plant.step()
     trajectory = log.finish(ended, reason)
+    remarks += _hidden(setup, trajectory)
     if trajectory.fallbacks:
         remarks.append(f"another QP solver than the one asked for answered in {trajectory.fallbacks} samples")
     return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *remarks))))
@@ -195,6 +200,20 @@ def _between(setup: Setup, plant: Plant, states: Array, clearance: Array) -> Arr
     trace = Trace(t[seen], q[seen], qd[seen], pixels, points, setup.scene.camera.size)
     found: Array = setup.constraints.clearance(trace).min(axis=0)
     return found
+
+
+def _hidden(setup: Setup, trajectory: Trajectory) -> list[str]:
+    """Which markers the robot's own links hide during a run, looked at in :data:`LOOKS` samples after the first."""
+    try:
+        lines = LinesOfSight(setup.scene)
+    except ConfigurationError:
+        # said at the start
+        return []
+    first: dict[tuple[int, str], float] = {}
+    for k in np.unique(np.linspace(1, len(trajectory.t) - 1, LOOKS).astype(int)) if len(trajectory.t) > 1 else ():
+        for hidden in lines.hidden(trajectory.q[k], float(trajectory.t[k])):
+            first.setdefault(hidden, float(trajectory.t[k]))
+    return [f"marker {number} is hidden by {link}, first seen at {t:.3g} s" for (number, link), t in first.items()]
 
 
 def _glance(setup: Setup, q: Array, t: float) -> tuple[Array, Array] | None:

@@ -15,6 +15,7 @@ from ..scene import Scene
 from ..tracking import VisualTask
 from .disturbances import Disturbances
 from .gradient_error import GradientError
+from .line_of_sight import LinesOfSight
 from .plant import Actuation, Plant
 from .sensing import Sensor
 
@@ -72,6 +73,8 @@ class Setup:
         What goes otherwise than the control assumes.
     actuation
         What the robot's own controller takes.
+    refuse_hidden_markers
+        Whether a run that starts with a marker hidden by the robot's own links is refused.
     """
 
     scene: Scene
@@ -85,6 +88,7 @@ class Setup:
     tolerances: Tolerances = field(default_factory=Tolerances)
     disturbances: Disturbances = field(default_factory=Disturbances)
     actuation: Actuation = "acceleration"
+    refuse_hidden_markers: bool = True
 
     def __post_init__(self) -> None:
         for name in ("Ts", "duration"):
@@ -146,7 +150,8 @@ class Setup:
         Raises
         ------
         ConfigurationError
-            if a joint is outside its range, or a marker is behind the camera or outside the image.
+            if a joint is outside its range, or a marker is behind the camera, outside the image, or hidden by the
+            robot's own links as far as the robot has collision geometry.
         """
         robot, camera = self.scene.robot, self.scene.camera
         outside = robot.outside_ranges(self.q0)
@@ -165,11 +170,25 @@ class Setup:
                 f"at the start, outside the image of {camera.size[0]:g} × {camera.size[1]:g} px: {', '.join(unseen)} "
                 "from its centre"
             )
+        remarks = self._check_sight()
         rows, sigma = self.constraints.rows(state)
         violated = [
             f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in np.flatnonzero(sigma > 0.0)
         ]
-        return violated + self._forbidden_goals()
+        return remarks + violated + self._forbidden_goals()
+
+    def _check_sight(self) -> list[str]:
+        try:
+            lines = LinesOfSight(self.scene)
+        except ConfigurationError as error:
+            return [f"lines of sight are not checked: {error}"]
+        hidden = [f"marker {number} by {link}" for number, link in lines.hidden(self.q0, 0.0)]
+        if hidden and self.refuse_hidden_markers:
+            raise ConfigurationError(
+                f"at the start the robot itself hides markers from the camera: {', '.join(hidden)}; "
+                'on_hidden_markers = "continue" runs it all the same'
+            )
+        return [f"at the start the robot itself hides markers: {', '.join(hidden)}"] if hidden else []
 
     def _forbidden_goals(self) -> list[str]:
         remarks = []
