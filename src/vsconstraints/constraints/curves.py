@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import InvalidInput, unknown_name
 from ..geometry import vector
 from ..rows import Array
+from . import formulas
 
 
 class Shape(ABC):
@@ -32,12 +33,16 @@ class Shape(ABC):
     radius: float
 
     @abstractmethod
+    def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Value and its derivatives by u and v (...) at pixels from the shape's origin."""
+
     def value(self, p: Array) -> Array:
         """(...) value at pixels p (..., 2) from the shape's origin."""
+        return self.evaluate(p[..., 0], p[..., 1])[0]
 
-    @abstractmethod
     def gradient(self, p: Array) -> Array:
         """(..., 2) ∂value/∂p."""
+        return np.stack(self.evaluate(p[..., 0], p[..., 1])[1:], axis=-1)
 
 
 class Circle(Shape):
@@ -48,14 +53,9 @@ class Circle(Shape):
     def __init__(self, radius: float) -> None:
         self.radius = _positive(radius, "radius")
 
-    def value(self, p: Array) -> Array:
-        """See the class."""
-        value: Array = 1.0 - (p * p).sum(axis=-1) / self.radius**2
-        return value
-
-    def gradient(self, p: Array) -> Array:
-        """Its derivative."""
-        return -2.0 * p / self.radius**2
+    def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
+        """See :func:`.formulas.circle`."""
+        return formulas.circle(u, v, self.radius)
 
 
 class Hyperellipse(Shape):
@@ -68,18 +68,13 @@ class Hyperellipse(Shape):
         self.n = _positive(n, "n")
         if n < 2.0:
             raise InvalidInput(f"n of a hyperellipse must be 2 or more for a smooth boundary, not {n}")
+        self.ellipse = (float(a), float(b), self.n)
         self.radius = float(self.half_size.min())
 
-    def value(self, p: Array) -> Array:
-        """See the class."""
-        value: Array = 1.0 - (np.abs(p / self.half_size) ** self.n).sum(axis=-1)
-        return value
-
-    def gradient(self, p: Array) -> Array:
-        """Its derivative."""
-        x = p / self.half_size
-        gradient: Array = -self.n / self.half_size * np.sign(x) * np.abs(x) ** (self.n - 1.0)
-        return gradient
+    def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Minus :func:`.formulas.superellipse`."""
+        value, du, dv = formulas.superellipse(u, v, *self.ellipse)
+        return -value, -du, -dv
 
 
 class Bowl(Shape):
@@ -90,17 +85,9 @@ class Bowl(Shape):
     def __init__(self, radius: float = 45.0, width: float = 0.7) -> None:
         self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
 
-    def value(self, p: Array) -> Array:
-        """See the class."""
-        u, v = p[..., 0], p[..., 1]
-        value: Array = 1.0 - ((self.width * u) ** 2 + (v - u * u) ** 2) / self.radius**2
-        return value
-
-    def gradient(self, p: Array) -> Array:
-        """Its derivative."""
-        u, v = p[..., 0], p[..., 1]
-        w = v - u * u
-        return np.stack((self.width**2 * u - 2.0 * u * w, w), axis=-1) * (-2.0 / self.radius**2)
+    def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
+        """See :func:`.formulas.bowl`."""
+        return formulas.bowl(u, v, self.radius, self.width)
 
 
 class Heart(Shape):
@@ -115,17 +102,9 @@ class Heart(Shape):
     def __init__(self, radius: float = 35.0, width: float = 0.8) -> None:
         self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
 
-    def value(self, p: Array) -> Array:
-        """See the class."""
-        u, v = p[..., 0], p[..., 1]
-        value: Array = 1.0 - ((self.width * u) ** 2 + (v - np.abs(u)) ** 2) / self.radius**2
-        return value
-
-    def gradient(self, p: Array) -> Array:
-        """Its derivative."""
-        u, v = p[..., 0], p[..., 1]
-        w = v - np.abs(u)
-        return np.stack((self.width**2 * u - np.sign(u) * w, w), axis=-1) * (-2.0 / self.radius**2)
+    def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
+        """See :func:`.formulas.heart`."""
+        return formulas.heart(u, v, self.radius, self.width)
 
 
 SHAPES: dict[str, type[Shape]] = {shape.name: shape for shape in (Circle, Hyperellipse, Bowl, Heart)}

@@ -10,6 +10,7 @@ from ..camera import Camera
 from ..errors import ConfigurationError
 from ..rows import Array
 from .base import demand_positive
+from .formulas import superellipse, superellipse_curvature
 from .image_constraint import ImageConstraint
 
 
@@ -57,21 +58,21 @@ class FieldOfView(ImageConstraint):
         if n < 2.0:
             raise ConfigurationError(f"n of fov must be 2 or more for a smooth boundary, not {n}")
         self.n = float(n)
+        self.ellipse = (float(self.half_size[0]), float(self.half_size[1]), self.n)
         super().__init__(K=K, switching_gain=switching_gain, length=float(self.half_size.min()), markers=markers)
 
     def sigma(self, y: Array) -> Array:
         """|u/a|ⁿ + |v/b|ⁿ − 1 (eq. 20)."""
-        sigma: Array = (np.abs(y / self.half_size) ** self.n).sum(axis=-1) - 1.0
+        sigma: Array = superellipse(y[..., 0], y[..., 1], *self.ellipse)[0]
         return sigma
 
     def gradient(self, y: Array) -> Array:
         """Eq. (23)."""
-        x = y / self.half_size
-        gradient: Array = self.n / self.half_size * np.sign(x) * np.abs(x) ** (self.n - 1.0)
-        return gradient
+        return np.stack(superellipse(y[..., 0], y[..., 1], *self.ellipse)[1:], axis=-1)
 
     def curvature(self, y: Array, velocity: Array) -> Array:
-        """N (n − 1) (|u/a|ⁿ⁻² (u̇/a)² + |v/b|ⁿ⁻² (v̇/b)²)."""
-        x, x_dot = y / self.half_size, velocity / self.half_size
-        curvature: Array = self.n * (self.n - 1.0) * (np.abs(x) ** (self.n - 2.0) * x_dot**2).sum(axis=-1)
+        """The derivative of :meth:`gradient`: n (n − 1) (|u/a|ⁿ⁻² (u̇/a)² + |v/b|ⁿ⁻² (v̇/b)²)."""
+        curvature: Array = superellipse_curvature(
+            y[..., 0], y[..., 1], *self.ellipse, velocity[..., 0], velocity[..., 1]
+        )
         return curvature

@@ -10,6 +10,7 @@ from ..errors import ConfigurationError
 from ..geometry import vector
 from ..kinematics import RobotPoint
 from ..rows import Array
+from . import formulas
 from .base import demand_positive
 from .point_constraint import PointConstraint
 
@@ -60,21 +61,18 @@ class ForbiddenSphere(PointConstraint):
 
     def sigma(self, y: Array) -> Array:
         """Eq. (47)."""
-        away = y - self.centre
-        sigma: Array = self.radius + self.margin - np.sqrt((away * away).sum(axis=-1))
+        sigma: Array = formulas.sphere(*_coordinates(y - self.centre), self.radius + self.margin)[0]
         return sigma
 
     def gradient(self, y: Array) -> Array:
         """Eq. (48)."""
-        away = y - self.centre
-        distance = np.sqrt((away * away).sum(axis=-1, keepdims=True))
-        outwards = np.where(distance > 0.0, away / np.where(distance > 0.0, distance, 1.0), [0.0, 0.0, 1.0])
-        return -outwards
+        return np.stack(formulas.sphere(*_coordinates(y - self.centre), self.radius)[1:4], axis=-1)
 
     def curvature(self, y: Array, velocity: Array) -> Array:
         """−(‖ṗ‖² − (ṗ·n)²) / ‖p − c‖, with n the outward direction."""
-        away = y - self.centre
-        distance = np.maximum(np.sqrt((away * away).sum(axis=-1)), 1e-9)
-        radial = (away * velocity).sum(axis=-1) / distance
-        curvature: Array = -((velocity * velocity).sum(axis=-1) - radial**2) / distance
+        curvature: Array = formulas.sphere_curvature(*_coordinates(y - self.centre), *_coordinates(velocity))
         return curvature
+
+
+def _coordinates(p: Array) -> tuple[Array, Array, Array]:
+    return p[..., 0], p[..., 1], p[..., 2]
