@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.suite import BASELINE
@@ -138,11 +139,31 @@ def _facts(scenario: Scenario) -> str:
         goals = task.get("goals")
         number_of = f", {len(goals)} goals" if isinstance(goals, list) and len(goals) > 1 else ""
         facts.append(f"task: {task.get('feature', '?')}{number_of}")
+    facts += _unusual(tables)
     if isinstance(tables.get("sampling_time"), (int, float)):
         facts.append(f"T_s = {1e3 * tables['sampling_time']:g} ms")
     if isinstance(tables.get("duration"), (int, float)):
         facts.append(f"{tables['duration']:g} s")
     return "; ".join(facts) + "." if facts else ""
+
+
+def _unusual(tables: Mapping[str, Any]) -> list[str]:
+    """What is otherwise than with a still target, a camera on the arm and everything as the control assumes."""
+    parts = [tables.get("target"), *tables.get("constraints", [])]
+    facts = []
+    for part in parts:
+        motion = part.get("motion") if isinstance(part, dict) else None
+        if isinstance(motion, dict):
+            what = plain(str(part.get("name") or part.get("type") or "target"))
+            facts.append(f"the {what} moves, {'' if motion.get('known', True) else 'un'}known to the controllers")
+    camera, disturbances = tables.get("camera"), tables.get("disturbances")
+    if isinstance(camera, dict) and "fixed" in camera:
+        facts.append("fixed camera")
+    if tables.get("actuation") == "position":
+        facts.append("position-controlled")
+    if isinstance(disturbances, dict):
+        facts += [f"{key} {plain(str(value))}" for key, value in disturbances.items()]
+    return facts
 
 
 def _table(results: Results, scenario: str, columns: Sequence[Column], *, with_status: bool) -> str:

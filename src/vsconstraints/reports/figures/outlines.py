@@ -16,6 +16,9 @@ AROUND = 1.12
 
 FORBIDDEN = "#DCDCDC"
 HATCH = "#B0B0B0"
+MOMENTS = 5
+"""How often a boundary that moves is drawn."""
+
 GRID_STEP = 2.0
 """Of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is exact."""
 
@@ -27,23 +30,39 @@ class Outlines:
     Attributes
     ----------
     constraints
-        Those on pixels.
+        Those on pixels that stand still.
     lines
         Polylines (p, 2) along their boundaries [px].
     half_size
         (2,) of the part of the image plane that is shown [px].
+    moving
+        Time [s] and polylines of the boundaries that move, at :data:`MOMENTS` instants from start to end.
     """
 
     constraints: tuple[ImageConstraint, ...]
     lines: list[Array]
     half_size: Array
+    moving: list[tuple[float, list[Array]]]
 
     @classmethod
     def of(cls, setup: Setup | None, size: tuple[float, float]) -> Outlines:
         """Those of a setup; none if it is not known."""
         every = setup.constraints.constraints if setup is not None else ()
         image = tuple(c for c in every if isinstance(c, ImageConstraint))
-        return cls(image, [line for c in image for line in c.boundary(size)], 0.5 * AROUND * np.asarray(size))
+        still = tuple(c for c in image if c.motion is None)
+        moving = [(c.motion, c.boundary(size)) for c in image if c.motion is not None]
+        times = np.linspace(0.0, setup.duration, MOMENTS) if setup is not None and moving else ()
+        return cls(
+            still,
+            [line for c in still for line in c.boundary(size)],
+            0.5 * AROUND * np.asarray(size),
+            [(float(t), [line + m.displacement(t) for m, lines in moving for line in lines]) for t in times],
+        )
+
+    @property
+    def any(self) -> bool:
+        """Whether there is anything to draw."""
+        return bool(self.constraints or self.moving)
 
     def draw(self, ax: Any, centre: Array | None = None, half: float = 0.0) -> None:
         """Shade the forbidden side and draw the boundary on top, everywhere or within ``half`` of a centre [px]."""
@@ -61,3 +80,26 @@ class Outlines:
                 filled.set_linewidth(0.0)
         for line in self.lines:
             ax.plot(line[:, 0], line[:, 1], color="#222222", linewidth=0.9, zorder=3)
+        for k, (t, lines) in enumerate(self.moving):
+            for line in lines:
+                ax.plot(*line.T, **moving_style(k), zorder=2.1)
+                highest = line[int(np.argmin(line[:, 1]))]
+                if centre is None:
+                    ax.annotate(
+                        f"{t:g} s",
+                        highest,
+                        (0.0, 2.0),
+                        textcoords="offset points",
+                        ha="center",
+                        va="bottom",
+                        fontsize=7.5,
+                        color="#444444",
+                        clip_on=True,
+                        annotation_clip=True,
+                        zorder=2.2,
+                    )
+
+
+def moving_style(moment: int) -> dict[str, Any]:
+    """How a moving boundary is drawn at one of its moments: later ones are darker."""
+    return {"color": "#222222", "linewidth": 0.9, "linestyle": "--", "alpha": 0.3 + 0.7 * moment / (MOMENTS - 1)}

@@ -14,7 +14,7 @@ from ...comparisons.metrics import NEGLIGIBLE
 from ...comparisons.suite import BASELINE
 from ..style import Look, darker, shortened
 from .close_up import CloseUp, close_up, marker_of
-from .outlines import AROUND, FORBIDDEN, HATCH, Outlines
+from .outlines import AROUND, FORBIDDEN, HATCH, Outlines, moving_style
 from .sheet import WIDTH, Sheet, rows_of
 from .view import View
 
@@ -177,13 +177,15 @@ def _legend(view: View, outlines: Outlines, detail: CloseUp | None) -> list[Any]
     handles.append(Line2D([], [], **_dot("#777777"), label="end, where not at the goal"))
     if view.baseline is not None and view.competitors:
         handles.append(Line2D([], [], color=view.looks[BASELINE].colour, linewidth=0.9, label="tracking alone"))
-    if outlines.constraints:
+    if outlines.any:
         handles.append(Line2D([], [], color=OUTSIDE, linewidth=2.6, label="row in the image violated"))
     handles.append(Patch(facecolor="none", edgecolor=FRAME, linewidth=1.6, label="image"))
     if outlines.constraints:
         handles.append(
             Patch(facecolor=FORBIDDEN, edgecolor=HATCH, hatch="/////", linewidth=0.0, label="forbidden to markers")
         )
+    if outlines.moving:
+        handles.append(Line2D([], [], **moving_style(2), label="moving boundary, at the times given"))
     if detail is not None:
         side = 2.0 * detail.half
         handles.append(
