@@ -4,6 +4,7 @@ import numpy as np
 
 from vsconstraints import Camera, RobotPoint
 from vsconstraints.constraints import ConstraintSet, FieldOfView, ForbiddenSphere, JointSpeed, robot_points
+from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.features import CameraPose, Goal
 from vsconstraints.robots import ur5
@@ -21,23 +22,19 @@ constraints = [
     ),
 ]
 scene = Scene(robot, camera, markers, robot_points(constraints))
-rows_of = ConstraintSet(constraints, scene)
 q, qd = np.array([-0.24, -1.8, 2.0, -1.77, -1.57, -0.24]), np.zeros(6)
 desired = scene.camera_pose(q + np.array([0.1, 0.05, -0.05, 0.0, 0.05, 0.6]))
 pixels = scene.project(desired)
-task_of = VisualTask(
+task = VisualTask(
     CameraPose(), [Goal(0.0, pixels, camera.normalised(pixels), desired)], TrackingGains(Kp0=10.0, slope=5.0)
 )
-controller = SlidingMode()
+step, controller = ControlStep(scene, ConstraintSet(constraints, scene), task), SlidingMode()
 
 for k in range(3000):
-    state = scene.evaluate(k * Ts, q, qd)
-    rows, _ = rows_of.rows(state)
-    task, error = task_of.evaluate(state)
-    command = controller.command(rows, task)
+    now = step.evaluate(k * Ts, q, qd)
+    command = controller.command(now.rows, now.task)
     if command.status != "ok":
         raise SystemExit(f"{command.status}: {command.reason}")
     q, qd = q + Ts * qd + 0.5 * Ts**2 * command.qdd, qd + Ts * command.qdd  # robot
-print(
-    f"error after {k * Ts:.1f} s: {np.linalg.norm(error[:3]) * 1e3:.2f} mm, {np.linalg.norm(error[3:]) * 1e3:.2f} mrad"
-)
+distance, angle = np.linalg.norm(now.error[:3]), np.linalg.norm(now.error[3:])
+print(f"error after {k * Ts:.1f} s: {distance * 1e3:.2f} mm, {angle * 1e3:.2f} mrad")

@@ -34,6 +34,7 @@ from vsconstraints.constraints import (
 )
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.geometry import Pose
+from vsconstraints.motion import Motion
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import CONSTRAINTS
 from vsconstraints.scene import Scene, State
@@ -778,3 +779,14 @@ def test_the_clearance_to_a_sharp_bend_is_that_of_the_curve() -> None:
         np.zeros(60), np.zeros((60, 3)), np.zeros((60, 3)), pixels[:, None], np.empty((60, 0, 3)), (512.0, 512.0)
     )
     np.testing.assert_allclose(bowl.clearance(trace, slice(0))[:, 0], true, atol=3e-3)
+
+
+def test_a_curve_that_comes_from_outside_the_image_is_found_when_it_is_there() -> None:
+    """A circle of 40 px that starts 900 px beside the image and crosses it: its clearance is the distance to it."""
+    circle = Occlusion(Curve(Circle(40.0), (-1200.0, 30.0)), K=0.1, switching_gain=1.0).moving(Motion([300.0, -20.0]))
+    t = np.linspace(0.0, 8.0, 50)
+    pixels = np.random.default_rng(3).uniform(-300.0, 300.0, (50, 1, 2))
+    trace = Trace(t, np.zeros((50, 6)), np.zeros((50, 6)), pixels, np.empty((50, 0, 3)), (640.0, 480.0))
+    centre = np.array([-1200.0, 30.0]) + t[:, None] * [300.0, -20.0]
+    expected = np.linalg.norm(pixels[:, 0] - centre, axis=1) - 40.0
+    np.testing.assert_allclose(circle.clearance(trace, slice(0))[:, 0], expected, atol=2e-3)

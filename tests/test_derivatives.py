@@ -176,7 +176,9 @@ def compare_kinematics(comparison: Comparison, arm: Robot, rng: np.random.Genera
 
 
 def check_kinematics(name: str) -> None:
-    comparison = Comparison()
+    # the free camera's first links only move straight, and turn about a fixed axis
+    straight = tuple(f"drift of link {i}" for i in (2, 3, 4)) if name == "free-camera" else ()
+    comparison = Comparison(trivial=straight)
     for rng in states(name, STATES):
         compare_kinematics(comparison, robot(name), rng)
     comparison.finish()
@@ -289,7 +291,7 @@ def test_other_interaction_matrices_change_the_task_but_not_what_is_seen(which: 
         goal = Goal(0.0, there.pixels.position, there.normalised.position, there.camera, there.depth)
         seen, other = ImagePoints().evaluate(state, goal, None), ImagePoints(which).evaluate(state, goal, None)
         np.testing.assert_array_equal(other.error, seen.error)
-        np.testing.assert_array_equal(other.velocity, seen.velocity)
+        np.testing.assert_allclose(other.velocity, other.J @ qd + seen.partial, atol=1e-12)
         # at the goal's depth and image, but with the arm where it is
         P = np.concatenate((goal.normalised * goal.depth[:, None], goal.depth[:, None]), axis=1)
         twin = Scene(scene.robot, scene.camera, state.camera.act(P)).evaluate(NOW, q, qd)

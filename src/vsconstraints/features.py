@@ -138,7 +138,8 @@ class ImagePoints(Feature):
     ----------
     interaction_matrix
         Which one makes J_s: that of the ``current`` image, as in eq. (24), that of the ``desired`` one, or the
-        ``mean`` of both. ṡ is the true one in any case.
+        ``mean`` of both. The ṡ that damps the motion is J_s q̇ with the same one: then the motion follows
+        J_s q̇ ≈ −K_p/K_v e, the velocity law of that matrix. With the true ṡ it would not.
 
     Raises
     ------
@@ -163,6 +164,7 @@ class ImagePoints(Feature):
             L = goal.interaction
             J = (1.0 - share) * J + share * (L @ state.camera_J)
             drift = (1.0 - share) * drift + share * (L @ state.camera_drift)
+            velocity = J @ state.robot.qd + partial
         return FeatureMotion((image.position - goal.normalised).ravel(), J, velocity, drift, partial)
 
 

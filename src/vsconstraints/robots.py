@@ -1,4 +1,4 @@
-"""Ready-made robots: the paper's three, and two arms of example-robot-data."""
+"""Ready-made robots: the paper's three, two arms of example-robot-data, and a camera that flies freely."""
 
 from __future__ import annotations
 
@@ -71,12 +71,45 @@ def panda() -> Robot:
     return Robot.from_urdf(_example_robot("panda_description/urdf/panda.urdf"), tip="panda_hand", name="Panda")
 
 
+def free_camera() -> Robot:
+    """A camera that flies freely: three prismatic joints and a wrist of three revolute ones, without limits.
+
+    ===== ========== === === ===== =========
+    joint θ          d   a   α     kind
+    ===== ========== === === ===== =========
+    1     π/2        q₁  0   π/2   prismatic
+    2     π/2        q₂  0   π/2   prismatic
+    3     0          q₃  0   −π/2  prismatic
+    4     q₄         0   0   π/2   revolute
+    5     q₅ + π/2   0   0   π/2   revolute
+    6     q₆         0   0   0     revolute
+    ===== ========== === === ===== =========
+
+    The axes of joints 1 to 3 are z, x and y of the base, so that the tip is at (q₂, q₃, q₁) [m], and it is turned by
+    Rx(q₄) Ry(q₅) Rz(q₆) [rad]. Joint 6 turns about the tip's z axis, the optical axis of a camera mounted without
+    offset. The wrist is singular where q₅, the tilt, is ±90°, and nowhere else.
+    """
+    return Robot.from_dh(
+        [
+            [PI / 2, 0.0, 0.0, PI / 2],
+            [PI / 2, 0.0, 0.0, PI / 2],
+            [0.0, 0.0, 0.0, -PI / 2],
+            [0.0, 0.0, 0.0, PI / 2],
+            [PI / 2, 0.0, 0.0, PI / 2],
+            [0.0, 0.0, 0.0, 0.0],
+        ],
+        prismatic=[1, 2, 3],
+        name="free camera",
+    )
+
+
 READY_MADE: dict[str, Callable[[], Robot]] = {
     "planar-3r": planar_3r,
     "viper-s650": viper_s650,
     "kuka-kr6": kuka_kr6,
     "ur5": ur5,
     "panda": panda,
+    "free-camera": free_camera,
 }
 
 

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from .errors import InvalidInput
 
 Array = NDArray[np.floating[Any]]
+"""Floats; the docstring says of what shape."""
+
 BoolArray = NDArray[np.bool_]
+"""Booleans, likewise."""
+
+IntArray = NDArray[np.int64]
+"""Integers, likewise."""
 
 Status = Literal["ok", "relaxed", "rank-loss", "failed"]
 """What a controller says of its command.

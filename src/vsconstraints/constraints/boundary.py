@@ -8,10 +8,14 @@ import contourpy
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..kernels import load
 from ..rows import Array
 
 STEP = 1.0
 """Distance between the grid points on which a curve is looked for [px]; narrower parts of it may be missed."""
+
+MOST = 8000
+"""Grid points a side at most; the grid is coarser for curves that come from farther away."""
 
 SPACING = 0.25
 """Greatest distance between the vertices of a polyline [px]."""
@@ -24,9 +28,14 @@ AROUND = 1.25
 
 
 def zero_lines(
-    sigma: Callable[[Array], Array], gradient: Callable[[Array], Array], image_size: tuple[float, float]
+    sigma: Callable[[Array], Array],
+    gradient: Callable[[Array], Array],
+    image_size: tuple[float, float],
+    displacements: Array | None = None,
 ) -> list[Array]:
     """Polylines (p, 2) along σ = 0 in and around the image, their vertices moved onto the curve [px].
+
+    A curve that moves is looked for wherever it gets into the image.
 
     Parameters
     ----------
@@ -34,9 +43,14 @@ def zero_lines(
         σ (...) and ∂σ/∂(u, v) (..., 2) at pixels (..., 2) from the image's centre.
     image_size
         (W, H) [px].
+    displacements
+        (k, 2) of the curve [px]; none if it stands still. The lines are where it is without them.
     """
     half = 0.5 * AROUND * np.asarray(image_size)
-    u, v = (np.linspace(-h, h, int(np.ceil(2.0 * h / STEP)) + 1) for h in half)
+    moved = np.zeros((1, 2)) if displacements is None else displacements
+    low, high = -half - moved.max(axis=0), half - moved.min(axis=0)
+    counts = np.minimum(np.ceil((high - low) / STEP), MOST).astype(int) + 1
+    u, v = (np.linspace(a, b, count) for a, b, count in zip(low, high, counts, strict=True))
     grid = np.stack(np.meshgrid(u, v), axis=-1)
     lines = contourpy.contour_generator(u, v, sigma(grid)).lines(0.0)
     return [_refined(_onto_curve(np.asarray(line), sigma, gradient), sigma, gradient) for line in lines]
@@ -87,7 +101,8 @@ def distance_to_lines(points: Array, lines: Sequence[Array]) -> Array:
     starts = np.concatenate(([0], ends[:-1]))
     before[starts] = starts
     flat = points.reshape(-1, 2)
-    _, nearest = cKDTree(vertices).query(flat)
+    compiled = load("nearest")
+    nearest = cKDTree(vertices).query(flat)[1] if compiled is None else compiled.nearest_vertices(flat, vertices)
     distance = np.minimum(
         _distance_to_segments(flat, vertices[nearest], vertices[after[nearest]]),
         _distance_to_segments(flat, vertices[nearest], vertices[before[nearest]]),

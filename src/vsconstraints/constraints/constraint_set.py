@@ -96,6 +96,10 @@ class ConstraintSet:
         ]
         return InvalidInput(f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {'; '.join(wrong)}")
 
+    def blocks(self) -> list[tuple[Constraint, int, slice]]:
+        """Every constraint, how many rows it has, and where its robot points stand among the scene's."""
+        return list(zip(self.constraints, self._counts, self._points, strict=True))
+
     def clearance(self, trace: Trace) -> Array:
         """(T, m) signed distance of each row to its boundary, in its natural unit; positive where allowed."""
         parts = [c.clearance(trace, at) for c, at in zip(self.constraints, self._points, strict=True)]

@@ -36,6 +36,10 @@ class Shape(ABC):
     def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
         """Value and its derivatives by u and v (...) at pixels from the shape's origin."""
 
+    @abstractmethod
+    def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
+        """Second derivative of the value along (u̇, v̇), times its square: (u̇, v̇) H (u̇, v̇)ᵀ."""
+
     def value(self, p: Array) -> Array:
         """(...) value at pixels p (..., 2) from the shape's origin."""
         return self.evaluate(p[..., 0], p[..., 1])[0]
@@ -57,6 +61,11 @@ class Circle(Shape):
         """See :func:`.formulas.circle`."""
         return formulas.circle(u, v, self.radius)
 
+    def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
+        """See :func:`.formulas.circle_curvature`."""
+        bending: Array = formulas.circle_curvature(u, v, self.radius, u_dot, v_dot)
+        return bending
+
 
 class Hyperellipse(Shape):
     """1 − |u/a|ⁿ − |v/b|ⁿ: the forbidden area of experiment 2."""
@@ -76,6 +85,11 @@ class Hyperellipse(Shape):
         value, du, dv = formulas.superellipse(u, v, *self.ellipse)
         return -value, -du, -dv
 
+    def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
+        """Minus :func:`.formulas.superellipse_curvature`."""
+        bending: Array = -formulas.superellipse_curvature(u, v, *self.ellipse, u_dot, v_dot)
+        return bending
+
 
 class Bowl(Shape):
     """1 − r⁻² (w² u² + (v − u²)²): the narrow U of eq. (45), whose parabola is in raw pixels; r = 45, w = 0.7."""
@@ -88,6 +102,11 @@ class Bowl(Shape):
     def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
         """See :func:`.formulas.bowl`."""
         return formulas.bowl(u, v, self.radius, self.width)
+
+    def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
+        """See :func:`.formulas.bowl_curvature`."""
+        bending: Array = formulas.bowl_curvature(u, v, self.radius, self.width, u_dot, v_dot)
+        return bending
 
 
 class Heart(Shape):
@@ -105,6 +124,11 @@ class Heart(Shape):
     def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
         """See :func:`.formulas.heart`."""
         return formulas.heart(u, v, self.radius, self.width)
+
+    def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
+        """See :func:`.formulas.heart_curvature`."""
+        bending: Array = formulas.heart_curvature(u, v, self.radius, self.width, u_dot, v_dot)
+        return bending
 
 
 SHAPES: dict[str, type[Shape]] = {shape.name: shape for shape in (Circle, Hyperellipse, Bowl, Heart)}
@@ -147,6 +171,11 @@ class Curve:
         """(..., 2) ∂value/∂(u, v)."""
         gradient: Array = self.shape.gradient((pixels - self.centre) @ self._R) @ self._R.T
         return gradient
+
+    def curvature(self, pixels: Array, velocity: Array) -> Array:
+        """(...) ẏᵀ H ẏ at pixels y (..., 2) from the image's centre that move with ẏ (..., 2)."""
+        local, moving = (pixels - self.centre) @ self._R, velocity @ self._R
+        return self.shape.bending(local[..., 0], local[..., 1], moving[..., 0], moving[..., 1])
 
 
 def _positive(value: float, what: str) -> float:

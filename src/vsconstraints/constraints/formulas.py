@@ -28,16 +28,33 @@ def circle(u: Any, v: Any, r: Any) -> tuple[Any, Any, Any]:
     return 1.0 - (u * u + v * v) / (r * r), -2.0 * u / (r * r), -2.0 * v / (r * r)
 
 
+def circle_curvature(u: Any, v: Any, r: Any, u_dot: Any, v_dot: Any) -> Any:
+    """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`circle`."""
+    return -2.0 / (r * r) * (u_dot * u_dot + v_dot * v_dot)
+
+
 def bowl(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
     """1 − r⁻² (w² u² + (v − u²)²) and its derivatives (eq. 45)."""
     d, s = v - u * u, -2.0 / (r * r)
     return 1.0 - ((w * u) ** 2 + d * d) / (r * r), s * (w * w * u - 2.0 * u * d), s * d
 
 
+def bowl_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> Any:
+    """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`bowl`."""
+    d, d_dot = v - u * u, v_dot - 2.0 * u * u_dot
+    return -2.0 / (r * r) * ((w * u_dot) ** 2 + d_dot * d_dot - 2.0 * d * u_dot * u_dot)
+
+
 def heart(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
     """1 − r⁻² (w² u² + (v − |u|)²) and its derivatives, at u = 0 the mean of both sides (eq. 46)."""
     d, s = v - np.abs(u), -2.0 / (r * r)
     return 1.0 - ((w * u) ** 2 + d * d) / (r * r), s * (w * w * u - np.sign(u) * d), s * d
+
+
+def heart_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> Any:
+    """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`heart`."""
+    d_dot = v_dot - np.sign(u) * u_dot
+    return -2.0 / (r * r) * ((w * u_dot) ** 2 + d_dot * d_dot)
 
 
 def sphere(x: Any, y: Any, z: Any, r: Any) -> tuple[Any, Any, Any, Any, Any]:

@@ -67,12 +67,16 @@ class ImageConstraint(PositionConstraint):
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Distance to the curve σ = 0 in the image [px], with the sign of −σ."""
         pixels = self.displaced(trace.pixels[:, self._at], trace.t)
-        distance = distance_to_lines(pixels, self.boundary(trace.image_size))
+        distance = distance_to_lines(pixels, self.boundary(trace.image_size, trace.t))
         return np.where(self.sigma(pixels) > 0.0, -distance, distance)
 
-    def boundary(self, image_size: tuple[float, float]) -> list[Array]:
-        """The curve σ = 0 at t = 0 in the image and around it, as polylines (p, 2) [px]."""
-        return zero_lines(self.sigma, self.gradient, image_size)
+    def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
+        """The curve σ = 0 as it is at t = 0, as polylines (p, 2) [px].
+
+        It is looked for in and around the image (W, H) [px] and, if it moves, wherever it is in the image at times t.
+        """
+        moved = None if self.motion is None or t is None or not len(t) else self.motion.displacement(t)
+        return zero_lines(self.sigma, self.gradient, image_size, moved)
 
     def characteristic_length(self, scene: Scene) -> Array:
         """The same length for every marker."""

@@ -59,3 +59,7 @@ class Occlusion(ImageConstraint):
     def gradient(self, y: Array) -> Array:
         """The curve's gradient."""
         return self.curve.gradient(y)
+
+    def curvature(self, y: Array, velocity: Array) -> Array:
+        """The curve's second derivative along the velocity."""
+        return self.curve.curvature(y, velocity)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, get_args
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 
@@ -29,6 +29,11 @@ class Controller(ABC):
             if shapes disagree or a number is not finite. What goes wrong inside the law itself does not raise:
             the command's status is then ``failed``, with the reason, and its accelerations are zero.
         """
+        command = self._compiled(rows, task)
+        return self._defined(rows, task) if command is None else command
+
+    def _defined(self, rows: Rows, task: Task) -> Command:
+        """The command of :meth:`solve`, with input and answer checked."""
         check(rows, task)
         try:
             command: object = self.solve(rows, task)  # own laws are not type-checked
@@ -58,6 +63,20 @@ class Controller(ABC):
 
     def reset(self) -> None:
         """Forget everything kept between calls (warm starts); a law without memory has nothing to do."""
+
+    def _compiled(self, rows: Rows, task: Task) -> Command | None:
+        """The same command at compiled speed; None where there is no such thing, and :meth:`solve` has to be asked.
+
+        Finds bad input by itself, and leaves it to the checks of :meth:`command`. A subclass with a ``solve`` of its
+        own does not inherit it.
+        """
+        return None
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        nearest = next(base for base in cls.__mro__ if {"solve", "_compiled"} & vars(base).keys())
+        if "_compiled" not in vars(nearest):
+            cls._compiled = Controller._compiled  # type: ignore[method-assign]
 
     @staticmethod
     def _failure(rows: Rows, task: Task, reason: str) -> Command:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, InvalidInput, SolverError, unknown_name
+from ..kernels import load
 from ..qp import Cost, SolverChain, lexicographic
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
+from .compiled import BOOL, NOT_FOR_COMPILED, Draft, in_usual_layout
 from .tracking import RANK_TOLERANCE, LeastNorm, check_rank_tolerance, least_norm
 
 ROUNDING = 1e-12
@@ -22,6 +24,14 @@ ROUNDING = 1e-12
 
 ZERO_GRADIENT = 1e-12
 """A row with ‖L_gφ‖ below this times its scale is one that no acceleration can influence."""
+
+AUTO = "auto"
+"""Compiled where there is a compiler, and else :data:`DEFAULT`."""
+
+COMPILED = "compiled"
+"""What commands call the compiled solver."""
+
+DEFAULT = "daqp"
 
 IntArray = NDArray[np.intp]
 
@@ -59,15 +69,18 @@ class HierarchicalQP(Controller):
     alpha
         Rate α of the barrier [1/s].
     solver
-        Name of the QP solver, see :func:`vsconstraints.qp.solver_names`; if its answer fails the check of the
-        optimality conditions, others are asked (:data:`vsconstraints.qp.FALLBACKS`) and the command says so.
+        ``"auto"``: the dual active-set method of :mod:`vsconstraints.kernels.least_distance`, compiled together with
+        all of this law, and where there is no compiler ``"daqp"``. Or the name of a QP solver, see
+        :func:`vsconstraints.qp.solver_names`. If its answer fails the check of the optimality conditions, others are
+        asked (:data:`vsconstraints.qp.FALLBACKS`) and the command says so.
     weights
         Diagonal of W by the beginning of the label, for example ``{"fov": 2.0, "range[joint 6]": 5.0}``; the
         longest matching beginning counts, 1 where none matches.
     max_acceleration
         q̈_max [rad/s² or m/s²]; None for no box.
     damping
-        Weight of level 3 within the QP, relative to ‖J‖². Much smaller ones make the QP hard to solve.
+        Weight of level 3 within the QP, relative to ‖J‖² in the Frobenius norm. Much smaller ones make the QP hard to
+        solve.
     rank_tolerance
         Singular values of J below this fraction of the largest one count as zero.
 
@@ -87,12 +100,13 @@ class HierarchicalQP(Controller):
 
     rows: Literal["barrier", "active"] = "barrier"
     alpha: float = 20.0
-    solver: str = "daqp"
+    solver: str = AUTO
     weights: Mapping[str, float] | None = None
     max_acceleration: float | None = None
     damping: float = 1e-8
     rank_tolerance: float = RANK_TOLERANCE
     solvers: SolverChain = field(init=False, repr=False)
+    _weighted: dict[tuple[str, ...], Array] = field(init=False, repr=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.rows not in ("barrier", "active"):
@@ -106,11 +120,63 @@ class HierarchicalQP(Controller):
         for prefix, weight in (self.weights or {}).items():
             _require_positive(f"weights[{prefix!r}]", weight)
         check_rank_tolerance(self.rank_tolerance)
-        object.__setattr__(self, "solvers", SolverChain(self.solver))
+        object.__setattr__(self, "solvers", SolverChain(DEFAULT if self.solver == AUTO else self.solver))
 
     def reset(self) -> None:
         """Forget the solvers' warm starts and the count of their failures."""
         self.solvers.reset()
+
+    def _compiled(self, rows: Rows, task: Task) -> Command | None:
+        kernels = load("hierarchical_qp") if self.solver == AUTO else None
+        if kernels is None:
+            return None
+        labels = rows.labels
+        try:
+            m, J = len(labels), task.J
+            acted, slack, qdd = np.empty(m, BOOL), np.empty(m), np.empty(J.shape[1])
+            code, iterations = kernels.descend(
+                m,
+                rows.phi,
+                rows.Lg,
+                rows.Lf,
+                rows.switching_gain,
+                rows.scale,
+                J,
+                task.b,
+                self.rank_tolerance,
+                self.rows == "barrier",
+                self.alpha,
+                self._weights_of(labels),
+                math.inf if self.max_acceleration is None else self.max_acceleration,
+                self.damping,
+                slack,
+                acted,
+                qdd,
+            )
+        except NOT_FOR_COMPILED:
+            usual = in_usual_layout(rows, task)
+            return usual and self._compiled(*usual)
+        if code in (kernels.DONE, kernels.RELAXED_ROWS):
+            command: Any = Draft(qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations)
+            if code == kernels.RELAXED_ROWS:
+                command.status = "relaxed"
+                command.reason = _unmet(labels, slack, np.flatnonzero(~acted & (slack > 0.0)))
+            command.__class__ = Command
+            return command  # type: ignore[no-any-return]
+        if code == kernels.ASK:
+            return None
+        self.solvers.failures[COMPILED] += 1
+        answer = self._defined(rows, task)
+        reason = f"the {COMPILED} solver has no answer that passes the check"
+        return replace(answer, fallback="; ".join(filter(None, (reason, answer.fallback))))
+
+    def _weights_of(self, labels: tuple[str, ...]) -> Array:
+        """:func:`row_weights`, kept for the labels of the last call."""
+        weights = self._weighted.get(labels)
+        if weights is None:
+            self._weighted.clear()
+            weights = self._weighted.setdefault(labels, row_weights(labels, self.weights or {}))
+        return weights
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class."""
@@ -209,12 +275,12 @@ def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
 def task_cost(tracking: LeastNorm, damping: float) -> Cost:
     """State levels 2 and 3 as one cost, ½Σⱼ(gⱼ² + damping)vⱼ² with v = Vᵀ(q̈ − J†b).
 
-    g are the gains of J relative to the largest. With Jq̈ fixed, q̈ − J†b differs from q̈ by a constant
+    g are the gains of J relative to the norm of all. With Jq̈ fixed, q̈ − J†b differs from q̈ by a constant
     that is orthogonal to the null space of J, so that the damping term minimises ‖q̈‖ there; and without rows
     the minimiser is J†b itself, whatever the damping.
     """
-    largest = tracking.gains[0]
-    relative = tracking.gains / largest if largest > 0.0 else tracking.gains
+    size = float(np.linalg.norm(tracking.gains))
+    relative = tracking.gains / size if size > 0.0 else tracking.gains
     return Cost(tracking.qdd, tracking.directions, np.sqrt(relative * relative + damping))
 
 

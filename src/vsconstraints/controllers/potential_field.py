@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import InvalidInput, unknown_name
 from ..rows import Command, Rows, Task
 from .base import Controller
+from .compiled import ADDITIVE, PRIORITY, compiled_command
 from .task_priority import prioritise
 from .tracking import RANK_TOLERANCE, check_rank_tolerance, track
 
@@ -82,3 +83,7 @@ class PotentialField(Controller):
         # a row whose gradient vanishes cannot be pushed: its pseudoinverse is zero
         push = np.divide(psi * gain, squared, out=np.zeros_like(psi), where=squared > 0.0)
         return Command(free - push @ rows.Lg, "ok", acts, rows.labels)
+
+    def _compiled(self, rows: Rows, task: Task) -> Command | None:
+        law = PRIORITY if self.blend == "priority" else ADDITIVE
+        return compiled_command(rows, task, self.rank_tolerance, law, self.region, self.exponent, self.strength)

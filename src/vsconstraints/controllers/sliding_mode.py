@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..rows import Command, Rows, Task
 from .base import Controller
+from .compiled import SLIDING, compiled_command
 from .task_priority import prioritise
 from .tracking import RANK_TOLERANCE, check_rank_tolerance
 
@@ -30,3 +31,6 @@ class SlidingMode(Controller):
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class."""
         return prioritise(rows, task, rows.phi >= 0.0, -rows.switching_gain, self.rank_tolerance)
+
+    def _compiled(self, rows: Rows, task: Task) -> Command | None:
+        return compiled_command(rows, task, self.rank_tolerance, SLIDING)

@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import InvalidInput
 from ..rows import Array, Command, Rows, Task
 from .base import Controller
+from .compiled import TRACKING, compiled_command
 
 RANK_TOLERANCE = 1e-6
 """Singular values below this fraction of the largest one count as zero."""
@@ -84,3 +85,6 @@ class Tracking(Controller):
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class."""
         return Command(track(task, self.rank_tolerance), "ok", np.zeros(len(rows.labels), dtype=np.bool_), rows.labels)
+
+    def _compiled(self, rows: Rows, task: Task) -> Command | None:
+        return compiled_command(rows, task, self.rank_tolerance, TRACKING)

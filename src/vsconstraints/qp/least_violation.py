@@ -36,7 +36,7 @@ def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: flo
 
     Returns
     -------
-    x
+    Array
         (n,) the minimiser reached from ``start``.
 
     Raises

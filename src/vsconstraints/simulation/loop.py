@@ -8,11 +8,11 @@ from time import perf_counter
 import numpy as np
 
 from ..constraints import Trace
+from ..control_step import ControlStep
 from ..controllers import Controller
 from ..errors import ConfigurationError, SceneError
 from ..geometry import Pose, distance
 from ..rows import Array, Command
-from ..scene import State
 from .line_of_sight import LinesOfSight
 from .outcome import judge
 from .plant import Plant
@@ -45,26 +45,30 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
     remarks = setup.check_start()
     setup.task.reset()
     controller.reset()
-    scene, constraints, task, Ts = setup.scene, setup.constraints, setup.task, setup.Ts
+    scene, Ts = setup.scene, setup.Ts
+    control = ControlStep(scene, setup.constraints, setup.task)
     plant, sensor, gradient_error = setup.plant(), setup.sensor(), setup.gradient_error()
-    log = _Log(setup, plant)
+    log = _Log(setup, control, plant)
     ended, reason = "", ""
     for k in range(setup.samples):
         t = k * Ts
+        q, qd = plant.q, plant.qd
         started = perf_counter()
         try:
-            state = scene.evaluate(t, plant.q, plant.qd)
-            believed = sensor.observe(state)
-            rows, sigma = constraints.rows(believed)
-            rows = gradient_error(rows, state.robot.qd)
-            demand, error_now = task.evaluate(believed)
+            if sensor.disturbed:
+                state = scene.evaluate(t, q, qd)
+                step = control.define(sensor.observe(state))
+            else:
+                step = control.evaluate(t, q, qd)
+            rows, demand = gradient_error(step.rows, qd), step.task
             ready = perf_counter()
             # before the call: a law may use its rows as it likes. What is kept is what is true
-            true_phi = rows.phi
-            if believed is not state or gradient_error.any:
-                true_rows, sigma = constraints.rows(state)
-                true_phi = true_rows.phi
-            log.state(k, state, error_now, sigma, true_phi)
+            log.seen(k, q, qd, step.error)
+            if sensor.disturbed:
+                true_rows, sigma = setup.constraints.rows(state)
+                log.true(k, true_rows.phi, sigma, state.pixels.position, state.robot.points, state.camera)
+            else:
+                log.true(k, step.rows.phi, step.sigma, step.pixels, step.points, step.camera)
             called = perf_counter()
             command = controller.command(rows, demand)
             done = perf_counter()
@@ -91,16 +95,16 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
 class _Log:
     """Arrays that a run fills, sample by sample."""
 
-    def __init__(self, setup: Setup, plant: Plant) -> None:
+    def __init__(self, setup: Setup, control: ControlStep, plant: Plant) -> None:
         N, n, m = setup.samples, setup.scene.robot.n, len(setup.constraints.labels)
-        self.setup, self.plant = setup, plant
+        self.setup, self.control, self.plant = setup, control, plant
         self.plant_state = np.empty((N, *plant.state.shape))
         self.length = 0
         self.t = np.arange(N) * setup.Ts
         self.q, self.qd, self.qdd = np.empty((N, n)), np.empty((N, n)), np.empty((N, n))
         self.error: list[Array] = []
         self.camera: list[Pose] = []
-        self.goal = np.empty(N, dtype=np.int64)
+        self.goal = np.array([setup.task.goal_at(t) for t in self.t], dtype=np.int64)
         self.pixels = np.empty((N, len(setup.scene.markers), 2))
         self.points = np.empty((N, len(setup.scene.points), 3))
         self.phi, self.sigma = np.empty((N, m)), np.empty((N, m))
@@ -108,13 +112,13 @@ class _Log:
         self.rows_time, self.step_time = np.empty(N), np.empty(N)
         self.fallbacks = 0
 
-    def state(self, k: int, state: State, error: Array, sigma: Array, phi: Array) -> None:
-        self.q[k], self.qd[k] = state.robot.q, state.robot.qd
+    def seen(self, k: int, q: Array, qd: Array, error: Array) -> None:
+        self.q[k], self.qd[k] = q, qd
         self.error.append(error)
-        self.camera.append(state.camera)
-        self.goal[k] = self.setup.task.goal_at(state.t)
-        self.pixels[k], self.points[k] = state.pixels.position, state.robot.points
-        self.sigma[k], self.phi[k] = sigma, phi
+
+    def true(self, k: int, phi: Array, sigma: Array, pixels: Array, points: Array, camera: Pose) -> None:
+        self.phi[k], self.sigma[k], self.pixels[k], self.points[k] = phi, sigma, pixels, points
+        self.camera.append(camera)
 
     def command(self, k: int, command: Command, rows_time: float, step_time: float) -> None:
         self.length = k + 1
@@ -129,7 +133,7 @@ class _Log:
         image_size = setup.scene.camera.size
         trace = Trace(self.t[:N], q, qd, self.pixels[:N], self.points[:N], image_size)
         clearance = setup.constraints.clearance(trace)
-        between = _between(setup, self.plant, self.plant_state[: max(N - 1, 0)], clearance)
+        between = _between(setup, self.control, self.plant, self.plant_state[: max(N - 1, 0)], clearance)
         camera_error, feature_error = self._errors(N)
         position = np.array([pose.t for pose in self.camera]).reshape(N, 3)
         status, why = judge(setup, ended, reason, self.t[:N], self.goal[:N], camera_error, feature_error, self.camera)
@@ -169,12 +173,12 @@ class _Log:
         return camera_error, feature_error
 
 
-def _between(setup: Setup, plant: Plant, states: Array, clearance: Array) -> Array:
+def _between(setup: Setup, control: ControlStep, plant: Plant, states: Array, clearance: Array) -> Array:
     """(m,) least clearance inside the sampling periods in which some row is near its boundary.
 
     Parameters
     ----------
-    setup, plant
+    setup, control, plant
         What was run.
     states
         (N − 1, n, s) of the plant at the beginning of each period.
@@ -192,12 +196,10 @@ def _between(setup: Setup, plant: Plant, states: Array, clearance: Array) -> Arr
     inside = [plant.inside(states[periods], share * setup.Ts) for share in BETWEEN]
     q, qd = (np.concatenate(parts) for parts in zip(*inside, strict=True))
     t = np.concatenate([(periods + share) * setup.Ts for share in BETWEEN])
-    glances = [_glance(setup, *at) for at in zip(q, t, strict=True)]
-    seen = [i for i, glance in enumerate(glances) if glance is not None]
-    if not seen:
+    pixels, points, seen = control.look(t, q)
+    if not seen.any():
         return least
-    pixels, points = (np.array(parts) for parts in zip(*filter(None, glances), strict=True))
-    trace = Trace(t[seen], q[seen], qd[seen], pixels, points, setup.scene.camera.size)
+    trace = Trace(t[seen], q[seen], qd[seen], pixels[seen], points[seen], setup.scene.camera.size)
     found: Array = setup.constraints.clearance(trace).min(axis=0)
     return found
 
@@ -214,11 +216,3 @@ def _hidden(setup: Setup, trajectory: Trajectory) -> list[str]:
         for hidden in lines.hidden(trajectory.q[k], float(trajectory.t[k])):
             first.setdefault(hidden, float(trajectory.t[k]))
     return [f"marker {number} is hidden by {link}, first seen at {t:.3g} s" for (number, link), t in first.items()]
-
-
-def _glance(setup: Setup, q: Array, t: float) -> tuple[Array, Array] | None:
-    """Pixels and points at q and t; None where a marker is not in front of the camera, so that it has no pixels."""
-    try:
-        return setup.scene.glance(q, t)
-    except SceneError:
-        return None

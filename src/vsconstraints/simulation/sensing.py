@@ -53,6 +53,11 @@ class Sensor:
     unknown_motion
         Whether something that constraints forbid moves without the controller's being told.
 
+    Attributes
+    ----------
+    disturbed
+        Whether what is believed differs from what is true.
+
     Raises
     ------
     ConfigurationError
@@ -70,7 +75,7 @@ class Sensor:
                 f"{disturbances.image_period} s"
             )
         unknown_target = scene.motion is not None and not scene.motion.known
-        self._needed = disturbances.sensing or unknown_target or unknown_motion
+        self.disturbed = disturbances.sensing or unknown_target or unknown_motion
         self.reset()
 
     def reset(self) -> None:
@@ -87,7 +92,7 @@ class Sensor:
         SceneError
             if the image cannot be explained by any pose with all markers in front of the camera.
         """
-        if not self._needed:
+        if not self.disturbed:
             return state
         settings = self.disturbances
         if not settings.sensing:

@@ -1,0 +1,181 @@
+"""One control step up to the controller: rows and task from time, coordinates and speeds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .constraints import Constraint, ConstraintSet, RowBlock
+from .errors import InvalidInput, SceneError
+from .geometry import Pose
+from .kernels import load
+from .rows import Array, BoolArray, Rows, Task
+from .scene import Scene, State
+from .tracking import VisualTask
+
+if TYPE_CHECKING:
+    from .kernels.packing import Packed
+
+
+@dataclass(slots=True)
+class Evaluation:
+    """What one step came to.
+
+    Attributes
+    ----------
+    rows, task
+        What a controller takes.
+    error
+        (k,) of the visual feature.
+    sigma
+        (m,) of each row.
+    pixels
+        (M, 2) markers from the image's centre [px].
+    points
+        (p, 3) the scene's robot points in the base frame [m].
+    camera_R, camera_t
+        (3, 3) and (3,): pose of the camera in the target's frame.
+    """
+
+    rows: Rows
+    task: Task
+    error: Array
+    sigma: Array
+    pixels: Array
+    points: Array
+    camera_R: Array
+    camera_t: Array
+
+    @property
+    def camera(self) -> Pose:
+        """Pose of the camera in the target's frame."""
+        return Pose(self.camera_R, self.camera_t)
+
+
+class ControlStep:
+    """Evaluates a scene, its constraints and its task together: at compiled speed where all of them have that form.
+
+    The NumPy form, ``scene.evaluate``, ``constraints.rows`` and ``task.evaluate``, is the definition. It runs where
+    there is no compiler, where the scene or the task has no compiled form, and where the compiled form cannot answer:
+    then it says why. Constraints without a compiled form (own ones, for example) give their rows in NumPy beside the
+    compiled ones of the others.
+
+    Parameters
+    ----------
+    scene, constraints, task
+        What is evaluated.
+
+    Attributes
+    ----------
+    not_compiled
+        Why the NumPy form runs for all; empty if the compiled one does.
+    """
+
+    def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask) -> None:
+        self.scene, self.constraints, self.visual_task = scene, constraints, task
+        self.not_compiled = ""
+        self._packed: Packed | None = None
+        packing, step = load("packing"), load("step")
+        if packing is None or step is None:
+            self.not_compiled = "there is no compiler"
+            return
+        self._evaluate = step.evaluate_step
+        try:
+            self._packed = packing.Packed(scene, constraints, task)
+        except packing.NotCompiled as reason:
+            self.not_compiled = str(reason)
+
+    def reset(self) -> None:
+        """Forget the last sample."""
+        self.visual_task.reset()
+        if self._packed is not None:
+            self._packed.reset()
+
+    def evaluate(self, t: float, q: Array, qd: Array) -> Evaluation:
+        """Rows and task at time ``t`` [s], ``q`` and ``qd`` (n,).
+
+        Raises
+        ------
+        SceneError
+            if a marker is not in front of the camera.
+        """
+        packed = self._packed
+        if packed is None:
+            return self.define(self.scene.evaluate(t, q, qd))
+        out = np.empty(packed.size)
+        if self._evaluate(t, q, qd, packed.I, packed.F, packed.memory, out):
+            # what cannot be evaluated is told by the definition
+            return self.define(self.scene.evaluate(t, q, qd))
+        n, m, constraints = packed.n, packed.m, self.constraints
+        if packed.others:
+            state = self.scene.evaluate(t, q, qd)
+            for constraint, rows, points in packed.others:
+                self._insert(out, rows, constraint, constraint.rows(state, points))
+        return Evaluation(
+            Rows(
+                out[packed.phi],
+                out[packed.Lg].reshape(m, n),
+                out[packed.Lf],
+                constraints.switching_gain,
+                constraints.labels,
+                constraints.scale,
+            ),
+            Task(out[packed.J].reshape(packed.k, n), out[packed.b]),
+            out[packed.error],
+            out[packed.sigma],
+            out[packed.pixels].reshape(-1, 2),
+            out[packed.robot_points].reshape(-1, 3),
+            out[packed.camera_R].reshape(3, 3),
+            out[packed.camera_t],
+        )
+
+    def _insert(self, out: Array, rows: slice, constraint: Constraint, block: RowBlock) -> None:
+        """Write the rows of a constraint in NumPy between the compiled ones."""
+        packed = self._packed
+        assert packed is not None
+        n, r = packed.n, rows.stop - rows.start
+        shapes = [part.shape for part in (block.sigma, block.phi, block.Lg, block.Lf)]
+        if shapes != [(r,), (r,), (r, n), (r,)]:
+            raise InvalidInput(
+                f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {constraint.kind} has {r} labels for {n} joints, but the "
+                f"shapes {shapes}"
+            )
+        out[packed.phi][rows], out[packed.sigma][rows], out[packed.Lf][rows] = block.phi, block.sigma, block.Lf
+        out[packed.Lg].reshape(packed.m, n)[rows] = block.Lg
+
+    def look(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
+        """What can be seen at many instants, without its motion.
+
+        Parameters
+        ----------
+        t, q
+            (N,) times [s] and (N, n) coordinates.
+
+        Returns
+        -------
+        tuple
+            (N, M, 2) pixels of the markers, (N, p, 3) robot points in the base frame [m], and (N,) whether all markers
+            are in front of the camera; where they are not, the pixels do not count.
+        """
+        scene, N = self.scene, len(t)
+        pixels, points = np.zeros((N, len(scene.markers), 2)), np.zeros((N, len(scene.points), 3))
+        seen = np.ones(N, dtype=np.bool_)
+        if self._packed is not None:
+            I, F = self._packed.I, self._packed.F  # noqa: E741 - integers and floats
+            load("look").look(np.ascontiguousarray(t), np.ascontiguousarray(q), I, F, pixels, points, seen)
+            return pixels, points, seen
+        for k in range(N):
+            try:
+                pixels[k], points[k] = scene.glance(q[k], float(t[k]))
+            except SceneError:
+                seen[k] = False
+        return pixels, points, seen
+
+    def define(self, state: State) -> Evaluation:
+        """The NumPy form, from a state, which may be a believed one."""
+        rows, sigma = self.constraints.rows(state)
+        task, error = self.visual_task.evaluate(state)
+        camera = state.camera
+        return Evaluation(rows, task, error, sigma, state.pixels.position, state.robot.points, camera.R, camera.t)

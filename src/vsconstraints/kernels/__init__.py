@@ -1,0 +1,63 @@
+"""The control step at compiled speed: the same laws as in NumPy, as functions that numba compiles.
+
+The NumPy form of a law is its definition, and runs wherever this one cannot; tests hold the two together.
+:func:`load` imports a module of this package when it is first needed, so that nobody pays for a compiler who does not
+use it. Everything else is for functions that are compiled themselves:
+
+- ``linear``: ``resolve`` (eq. (15) with its rank decisions, or without rows J†b) and the factorizations it uses.
+- ``task_priority``: ``follow``, the sliding mode, both potential fields and tracking.
+- ``least_distance``, ``least_violation``: the two halves of the hierarchy; ``hierarchical_qp``: ``descend``, all of it.
+
+``follow`` and ``descend`` check their input, have fixed signatures, and are kept on disk. They return a code:
+:data:`~vsconstraints.kernels.linear.DONE` says that the outputs hold the answer of the definition; ``ASK`` that the
+definition has to be asked, which gives the answer or says what is wrong.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from importlib import import_module
+from typing import Any
+
+VARIABLE = "VSCONSTRAINTS_COMPILE"
+"""Environment variable; 0 turns compilation off."""
+
+_loaded: dict[str, Any] = {}
+_told = False
+
+
+def load(name: str) -> Any:
+    """Module ``vsconstraints.kernels.<name>``, compiled or read from the cache; None where there is no compiler.
+
+    The reason is told once, as a RuntimeWarning: numba is missing, broken or does not fit NumPy, or its cache cannot
+    be written. With ``VSCONSTRAINTS_COMPILE=0`` in the environment there is nothing to tell.
+    """
+    try:
+        return _loaded[name]
+    except KeyError:
+        return _loaded.setdefault(name, _load(name))
+
+
+def available() -> bool:
+    """Whether laws run compiled here; imports the compiler to find out."""
+    return load("linear") is not None
+
+
+def _load(name: str) -> Any:
+    global _told
+    if os.environ.get(VARIABLE, "").strip() == "0":
+        return None
+    try:
+        return import_module(f"{__name__}.{name}")
+    except Exception as error:  # whatever is wrong with the compiler, the definition runs
+        if _told:
+            return None
+        _told = True
+        warnings.warn(
+            f"vsconstraints runs in its NumPy form, which is slower: {type(error).__name__}: {error} "
+            f"(set {VARIABLE}=0 to say nothing)",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+        return None

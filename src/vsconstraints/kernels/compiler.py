@@ -1,0 +1,99 @@
+"""How functions of this package are compiled, and where the result is kept."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar
+
+numba = import_module("numba")  # not typed
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+PROJECT = f"{__name__.partition('.')[0]}."
+
+OPTIONS = {"error_model": "numpy", "fastmath": False}
+"""Division by zero gives an infinity, as in NumPy; sums are never reordered, so that results repeat bit by bit."""
+
+
+def inner(function: F) -> F:
+    """Compile for use by other compiled functions only."""
+    compiled_function: F = numba.njit(**OPTIONS, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+    return compiled_function
+
+
+def compiled(signature: str) -> Callable[[F], F]:
+    """Compile for this signature, and keep the result on disk.
+
+    Arguments of other types raise TypeError.
+    """
+
+    def decorate(function: F) -> F:
+        before = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = str(_cache(function))
+        try:
+            result: F = numba.njit(signature, cache=True, no_cfunc_wrapper=True, **OPTIONS)(function)
+        finally:
+            numba.config.CACHE_DIR = before
+        return result
+
+    return decorate
+
+
+def cache_folder(function: Callable[..., Any]) -> Path:
+    """Where a compiled function is kept: one folder for each state of its code, the compiler, Python and the processor.
+
+    Numba alone would compare the file of a function, and not see that one it calls has changed. The folder is made
+    within ``NUMBA_CACHE_DIR`` if that is set, or else beside the code, or in the user's cache where that cannot be
+    written.
+
+    Raises
+    ------
+    OSError
+        if none of these can be written.
+    """
+    state = hashlib.sha256()
+    for module in sorted(_sources(function.__module__, set())):
+        state.update(Path(str(sys.modules[module].__file__)).read_bytes())
+    processor = import_module("llvmlite.binding").get_host_cpu_name()
+    state.update(f"{numba.__version__} {sys.version} {processor}".encode())
+    name = f"{function.__module__.rpartition('.')[2]}-{state.hexdigest()[:16]}"
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    caches = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+    candidates = [Path(chosen)] if chosen else [Path(__file__).parent / "__pycache__", caches / "vsconstraints"]
+    for folder in candidates:
+        try:
+            (folder / name).mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder / name, os.W_OK | os.X_OK):
+            return folder / name
+    raise OSError(f"no folder to keep compiled code in: cannot write {' or '.join(map(str, candidates))}")
+
+
+def _sources(module: str, found: set[str]) -> set[str]:
+    """The modules of this project a module takes names from, and those these take names from, and so on."""
+    found.add(module)
+    for value in list(vars(sys.modules[module]).values()):
+        origin = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
+        if isinstance(origin, str) and origin.startswith(PROJECT) and origin not in found and origin in sys.modules:
+            _sources(origin, found)
+    return found
+
+
+_announced = False
+
+
+def _cache(function: Callable[..., Any]) -> Path:
+    """The cache folder; says so, once, if it is empty, since filling it takes a while."""
+    global _announced
+    folder = cache_folder(function)
+    if not _announced and next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None:
+        _announced = True
+        print(f"vsconstraints: compiling the control step, once; kept in {folder.parent}", file=sys.stderr, flush=True)
+    return folder

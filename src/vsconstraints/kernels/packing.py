@@ -1,0 +1,225 @@
+"""A scene, its constraints and its task as two arrays for the compiled layout."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..constraints import (
+    Bowl,
+    Circle,
+    Constraint,
+    ConstraintSet,
+    FieldOfView,
+    ForbiddenSphere,
+    Heart,
+    Hyperellipse,
+    JointRange,
+    JointSpeed,
+    Occlusion,
+)
+from ..features import CameraPose, ImagePoints
+from ..geometry import Pose
+from ..motion import Motion
+from ..robot import Robot
+from ..rows import Array
+from ..scene import Scene
+from ..tracking import VisualTask
+from . import layout
+
+
+class NotCompiled(Exception):
+    """Something in the scene, the constraints or the task has no compiled form; says what."""
+
+
+class Packed:
+    """What the compiled step needs and where it writes.
+
+    Attributes
+    ----------
+    I, F
+        Integers and floats that do not change.
+    memory
+        What the task remembers between samples; see :class:`vsconstraints.tracking.TrackingMemory`.
+    others
+        Constraints without a compiled form, with their rows and their robot points: the step leaves those rows out.
+    size
+        Length of the array that the step writes to.
+    rows, task, ...
+        Slices of that array and their shapes.
+    """
+
+    def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask) -> None:
+        robot, camera = scene.robot, scene.camera
+        n, M, P, m = robot.n, len(scene.markers), len(scene.points), len(constraints.labels)
+        feature = task.feature
+        if type(feature) not in (CameraPose, ImagePoints):
+            raise NotCompiled(f"the feature {feature.name}")
+        k = 6 if isinstance(feature, CameraPose) else 2 * M
+        self._F: list[float] = []
+        self._I: list[int] = [0] * layout.HEADER
+        head = self._I
+        head[layout.JOINTS], head[layout.MARKERS], head[layout.POINTS], head[layout.ROWS], head[layout.SIZE] = (
+            n,
+            M,
+            P,
+            m,
+            k,
+        )
+        head[layout.FEATURE] = layout.CAMERA_POSE if isinstance(feature, CameraPose) else layout.IMAGE_POINTS
+        if isinstance(feature, ImagePoints):
+            head[layout.INTERACTION] = ("current", "desired", "mean").index(feature.interaction_matrix)
+        head[layout.DRIFT_DIFFERENCES] = task.drift == "differences"
+        head[layout.VELOCITY_DIFFERENCES] = task.velocity == "differences"
+
+        placements, axes, prismatic = joints(robot)
+        head[layout.AT_CHAIN] = self._floats(*(pose.R for pose in placements), *(pose.t for pose in placements), *axes)
+        tip = _in_joint(robot, robot.frame_id("tip"), n)
+        carried = tip @ camera.mount.inverse
+        eye = camera.fixed or carried
+        head[layout.FIXED_CAMERA] = camera.fixed is not None
+        head[layout.AT_CAMERA] = self._floats(eye.R, eye.t, tip.R, tip.t, camera.focal, camera.offset)
+        head[layout.AT_MARKERS] = self._floats(scene.markers)
+        links, offsets = _points(scene)
+        head[layout.AT_POINTS] = self._floats(offsets)
+        if scene.motion is not None:
+            if not scene.motion.known:
+                raise NotCompiled("a target whose motion is not known")
+            head[layout.MOVING_TARGET] = 1
+            head[layout.AT_TARGET] = self._motion(scene.motion.translation)
+            self._floats(scene.motion.angular_velocity, scene.motion.centre)
+        head[layout.GOALS] = len(task.goals)
+        needs_pose, needs_depth = isinstance(feature, CameraPose), head[layout.INTERACTION] != layout.CURRENT
+        for goal in task.goals:
+            pose = goal.camera if needs_pose and goal.camera is not None else Pose.identity()
+            L = goal.interaction if needs_depth else np.zeros((2 * M, 6))
+            at = self._floats([goal.from_time], pose.R, pose.t, goal.normalised, L)
+            head[layout.AT_GOALS] = head[layout.AT_GOALS] or at
+        gains = task.gains
+        head[layout.AT_GAINS] = self._floats([gains.Kp0, gains.slope, gains.damping])
+        head[layout.AT_PRISMATIC] = self._ints(prismatic)
+        head[layout.AT_LINKS] = self._ints(links)
+
+        self.others: list[tuple[Constraint, slice, slice]] = []
+        blocks: list[list[int]] = []
+        first = 0
+        for constraint, count, points in constraints.blocks():
+            rows, first = slice(first, first + count), first + count
+            try:
+                kind, parameters, which = self._block(constraint, robot, M, points)
+            except NotCompiled:
+                self.others.append((constraint, rows, points))
+                continue
+            at_K = self._floats([constraint.K])
+            motion = getattr(constraint, "motion", None)
+            at_motion = -1 if motion is None else self._motion(motion)
+            blocks.append([kind, rows.start, count, parameters, at_motion, self._ints(which), at_K])
+        head[layout.BLOCKS] = len(blocks)
+        head[layout.AT_BLOCKS] = self._ints([entry for block in blocks for entry in block])
+
+        self.I: NDArray[np.int64] = np.array(self._I, dtype=np.int64)
+        self.F: Array = np.array(self._F, dtype=np.float64)
+        self.n, self.m, self.k, self.markers, self.points = n, m, k, M, P
+        ends = np.cumsum([m, m * n, m, m, k * n, k, k, 2 * M, 3 * P, 9, 3]).tolist()
+        self.size = ends[-1]
+        starts = [0, *ends[:-1]]
+        (
+            self.phi, self.Lg, self.Lf, self.sigma, self.J, self.b, self.error,
+            self.pixels, self.robot_points, self.camera_R, self.camera_t,
+        ) = (slice(a, b) for a, b in zip(starts, ends, strict=True))  # fmt: skip
+        self.memory = np.empty(2 + 2 * k + k * n)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last sample."""
+        self.memory[:] = 0.0
+        self.memory[1] = -1.0
+
+    def _floats(self, *parts: object) -> int:
+        at = len(self._F)
+        for part in parts:
+            self._F.extend(np.asarray(part, dtype=np.float64).ravel().tolist())
+        return at
+
+    def _ints(self, values: Sequence[int]) -> int:
+        at = len(self._I)
+        self._I.extend(int(value) for value in values)
+        return at
+
+    def _motion(self, motion: Motion) -> int:
+        return self._floats(motion.velocity, motion.amplitude, [motion.rate, motion.phase])
+
+    def _block(self, constraint: Constraint, robot: Robot, M: int, points: slice) -> tuple[int, int, list[int]]:
+        """Kind, where the parameters begin, and the markers or points concerned."""
+        # a subclass may compute anything
+        if type(constraint) in (FieldOfView, Occlusion):
+            assert isinstance(constraint, FieldOfView | Occlusion)
+            which = [i - 1 for i in constraint.markers] if constraint.markers else list(range(M))
+            if isinstance(constraint, FieldOfView):
+                return layout.FIELD_OF_VIEW, self._floats(constraint.ellipse), which
+            shape, curve = constraint.curve.shape, constraint.curve
+            kinds = {Circle: layout.CIRCLE, Hyperellipse: layout.HYPERELLIPSE, Bowl: layout.BOWL, Heart: layout.HEART}
+            if type(shape) not in kinds:
+                raise NotCompiled(f"the shape {shape.name}")
+            if isinstance(shape, Hyperellipse):
+                size: tuple[float, ...] = shape.ellipse
+            elif isinstance(shape, Bowl | Heart):
+                size = (shape.radius, shape.width)
+            else:
+                size = (shape.radius,)
+            turn = (np.cos(curve.rotation), np.sin(curve.rotation), constraint.margin)
+            return kinds[type(shape)], self._floats(curve.centre, turn, size), which
+        if type(constraint) is ForbiddenSphere:
+            at = self._floats(constraint.centre, [constraint.radius + constraint.margin])
+            return layout.SPHERE, at, list(range(points.start, points.stop))
+        if type(constraint) in (JointRange, JointSpeed):
+            assert isinstance(constraint, JointRange | JointSpeed)
+            rest = np.zeros(robot.n)
+            value = constraint.sigma(rest) if isinstance(constraint, JointRange) else constraint.phi(rest)
+            kind = layout.JOINTS_LINEAR if isinstance(constraint, JointRange) else layout.SPEEDS_LINEAR
+            return kind, self._floats(np.column_stack((constraint.gradient(rest), value))), []
+        raise NotCompiled(f"the constraint {constraint.kind}")
+
+
+def joints(robot: Robot) -> tuple[list[Pose], list[Array], list[bool]]:
+    """Placement of every joint in the frame of the one before, its axis there, and whether it is prismatic.
+
+    Raises
+    ------
+    NotCompiled
+        if the joints are not a chain of revolute and prismatic ones.
+    """
+    model = robot.model
+    placements, axes = [], []
+    for i, joint in enumerate(model.joints[1:], start=1):
+        if model.parents[i] != i - 1 or joint.nq != 1 or joint.nv != 1:
+            raise NotCompiled(f"the joint {model.names[i]} ({joint.shortname()})")
+        data = joint.createData()
+        joint.calc(data, np.zeros(model.nq), np.zeros(model.nv))
+        S = np.asarray(data.S).reshape(6)
+        placement = model.jointPlacements[i]
+        placements.append(Pose(np.array(placement.rotation), np.array(placement.translation)))
+        axes.append(S[:3] if robot.prismatic[i - 1] else S[3:])
+    return placements, axes, list(robot.prismatic)
+
+
+def _in_joint(robot: Robot, frame_id: int, joint: int) -> Pose:
+    """A frame in the frame of its joint, which must be that one."""
+    frame = robot.model.frames[frame_id]
+    if int(frame.parentJoint) != joint:
+        raise NotCompiled(f"the frame {frame.name}, which joint {joint} does not move")
+    return Pose(np.array(frame.placement.rotation), np.array(frame.placement.translation))
+
+
+def _points(scene: Scene) -> tuple[list[int], Array]:
+    """Link (counted from 0, −1 for the base) and position in its frame of every robot point."""
+    links, offsets = [], np.zeros((len(scene.points), 3))
+    for i, point in enumerate(scene.points):
+        frame = scene.robot.model.frames[scene.robot.frame_id(point.link)]
+        links.append(int(frame.parentJoint) - 1)
+        offsets[i] = Pose(np.array(frame.placement.rotation), np.array(frame.placement.translation)).act(
+            np.asarray(point.offset, dtype=np.float64)
+        )
+    return links, offsets

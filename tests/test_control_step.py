@@ -1,0 +1,173 @@
+"""The compiled step is held to its definition, in NumPy: everywhere, to rounding."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenes import WORLDS, build_constraint, constraint_tables, random_configuration, random_scene, robot, robot_names
+from vsconstraints.constraints import Constraint, ConstraintSet
+from vsconstraints.control_step import ControlStep, Evaluation
+from vsconstraints.errors import SceneError
+from vsconstraints.features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
+from vsconstraints.kernels import available
+from vsconstraints.motion import Motion
+from vsconstraints.rows import Array
+from vsconstraints.scenarios import CONSTRAINTS, Scenario, shipped_scenarios
+from vsconstraints.scene import Scene, State
+from vsconstraints.tracking import TrackingGains, VisualTask
+
+COMPILED = ("field-of-view", "occlusion", "joint-range", "joint-speed", "forbidden-sphere")
+"""Types of constraints that have a compiled form."""
+
+CLOSE = 1e-9
+"""Relative to the largest entry: what issues of rounding, and of differences along a velocity, leave."""
+
+FEATURES: list[Feature] = [CameraPose(), ImagePoints(), ImagePoints("desired"), ImagePoints("mean")]
+
+pytestmark = pytest.mark.skipif(not available(), reason="there is no compiler here")
+
+
+def assert_equal(found: Evaluation, defined: Evaluation) -> None:
+    for name, mine, theirs in (
+        ("phi", found.rows.phi, defined.rows.phi),
+        ("Lg", found.rows.Lg, defined.rows.Lg),
+        ("Lf", found.rows.Lf, defined.rows.Lf),
+        ("J", found.task.J, defined.task.J),
+        ("b", found.task.b, defined.task.b),
+        *((name, getattr(found, name), getattr(defined, name)) for name in (
+            "error", "sigma", "pixels", "points", "camera_R", "camera_t",
+        )),
+    ):  # fmt: skip
+        assert mine.shape == theirs.shape, name
+        scale = max(1.0, float(np.abs(theirs).max(initial=0.0)))
+        np.testing.assert_allclose(mine, theirs, rtol=CLOSE, atol=CLOSE * scale, err_msg=name)
+    assert found.rows.labels == defined.rows.labels
+
+
+def both(scene: Scene, constraints: ConstraintSet, task: VisualTask, states: list[tuple[float, Array, Array]]) -> None:
+    """Walk through states with both forms: what a task remembers counts too."""
+    step = ControlStep(scene, constraints, task)
+    assert step.not_compiled == ""
+    for _ in range(2):
+        step.reset()
+        for t, q, qd in states:
+            assert_equal(step.evaluate(t, q, qd), step.define(scene.evaluate(t, q, qd)))
+
+
+def examples(arm: Any, world: str) -> list[Constraint]:
+    found = []
+    for type_name in COMPILED:
+        for i, table in enumerate(constraint_tables(type_name, arm)):
+            constraint = build_constraint(type_name, {**table}, arm)
+            if hasattr(constraint, "name"):
+                constraint.name = f"{type_name} {i}"
+            if world == "moving-target" and type_name in ("occlusion", "forbidden-sphere"):
+                d = 2 if type_name == "occlusion" else 3
+                constraint.moving(Motion([9.0, -0.2, 0.1][:d], amplitude=[0.1, 0.2, 0.3][:d], frequency=0.5, phase=0.4))
+            found.append(constraint)
+    return found
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("name", robot_names())
+def test_every_robot_and_constraint_in_every_world(name: str, world: str) -> None:
+    arm = robot(name)
+    for seed, feature in enumerate(FEATURES):
+        rng = np.random.default_rng([seed, *name.encode()])
+        for one in examples(arm, world):
+            scene, q, qd = random_scene(arm, rng, [one], world)
+            state = scene.evaluate(0.7, q, qd)
+            turn = [scene.camera_pose(random_configuration(arm, rng), 0.7) for _ in range(2)]
+            goals = [
+                Goal(at, state.pixels.position + 9.0, state.normalised.position + 0.01, pose, state.depth * 1.1)
+                for at, pose in zip((0.0, 0.705), turn, strict=True)
+            ]
+            task = VisualTask(feature, goals, TrackingGains(20.0, 7.0), ("exact", "differences")[seed % 2])
+            task.velocity = ("exact", "differences")[seed // 2]
+            walk = [(0.7 + 0.002 * k, q + 0.002 * k * qd, qd + 0.01 * k) for k in range(5)]
+            both(scene, ConstraintSet([one], scene), task, walk)
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_every_shipped_scenario(name: str) -> None:
+    setup = Scenario.load(name).setup()
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    if step.not_compiled:
+        pytest.skip(f"{name} runs in NumPy: {step.not_compiled}")
+    rng = np.random.default_rng(1)
+    for k in range(20):
+        t = 0.5 * k * setup.Ts
+        q, qd = setup.q0 + 0.01 * rng.normal(size=len(setup.q0)), 0.2 * rng.normal(size=len(setup.q0))
+        assert_equal(step.evaluate(t, q, qd), step.define(setup.scene.evaluate(t, q, qd)))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-13, 1e-9, 1e-4, 0.0999, 0.1001, 2.0, np.pi - 1e-7, np.pi, -np.pi, 3.5, 6.2])
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.6, -0.8, 0.0), (-0.48, 0.6, 0.64)])
+def test_every_angle_of_rotation(angle: float, axis: tuple[float, float, float]) -> None:
+    """Small ones, half a turn where the axis is ambiguous, and beyond, continuously."""
+    arm = robot("free-camera")
+    rng = np.random.default_rng(4)
+    scene, q, qd = random_scene(arm, rng)
+    import pinocchio as pin
+
+    from vsconstraints.geometry import Pose
+
+    there = scene.camera_pose(q)
+    for whole in (angle, 0.97 * angle):
+        goal_pose = there @ Pose(np.asarray(pin.exp3(np.array(axis) * whole)), np.array([0.1, 0.2, -0.1])).inverse
+        pixels = scene.project(there)
+        goal = Goal(0.0, pixels, scene.camera.normalised(pixels), goal_pose)
+        task = VisualTask(CameraPose(), [goal], TrackingGains(5.0))
+        both(scene, ConstraintSet([], scene), task, [(0.01 * k, q, qd) for k in range(3)])
+
+
+@pytest.mark.parametrize("type_name", [name for name in CONSTRAINTS if name not in COMPILED])
+def test_what_has_no_compiled_form_runs_in_numpy_between_what_has(type_name: str) -> None:
+    arm = robot("ur5")
+    kinds = ("field-of-view", type_name, "joint-speed")
+    some = [build_constraint(kind, constraint_tables(kind, arm)[0], arm) for kind in kinds]
+    scene, q, qd = random_scene(arm, np.random.default_rng(2), some)
+    pixels = scene.glance(q)[0]
+    task = VisualTask(ImagePoints(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0))
+    both(scene, ConstraintSet(some, scene), task, [(0.01 * k, q + 0.01 * k * qd, qd) for k in range(3)])
+
+
+class Own(Feature):
+    """A feature that nobody has compiled."""
+
+    name = "own"
+
+    def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
+        return ImagePoints().evaluate(state, goal, previous)
+
+
+def test_a_feature_without_a_compiled_form_is_named() -> None:
+    scene, q, qd = random_scene(robot("ur5"), np.random.default_rng(2))
+    pixels = scene.glance(q)[0]
+    task = VisualTask(Own(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0))
+    step = ControlStep(scene, ConstraintSet([], scene), task)
+    assert step.not_compiled == "the feature own"
+    assert_equal(step.evaluate(0.0, q, qd), step.define(scene.evaluate(0.0, q, qd)))
+
+
+def test_a_marker_behind_the_camera_is_named_and_nothing_is_remembered() -> None:
+    setup = Scenario.load("case-study-6r").setup()
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    step.evaluate(0.0, setup.q0, setup.qd0)
+    away = setup.q0 + np.array([0.0, 0.0, 0.0, 0.0, np.pi, 0.0])
+    with pytest.raises(SceneError, match="not in front of the camera: marker 1"):
+        step.evaluate(0.002, away, setup.qd0)
+
+
+def test_a_step_leaves_what_was_given_before_alone() -> None:
+    """Rows and tasks of a step are not overwritten by the next one."""
+    setup = Scenario.load("case-study-6r").setup()
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    first = step.evaluate(0.0, setup.q0, setup.qd0)
+    kept = first.rows.phi.copy(), first.task.J.copy()
+    step.evaluate(0.002, setup.q0 + 0.1, setup.qd0 + 0.1)
+    np.testing.assert_array_equal(first.rows.phi, kept[0])
+    np.testing.assert_array_equal(first.task.J, kept[1])

@@ -1,0 +1,410 @@
+"""Compiled laws against their definition in NumPy, and what happens where there is no compiler."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from oracle import KINDS, random_problem
+from vsconstraints import kernels
+from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking
+from vsconstraints.controllers import hierarchical_qp as hierarchical_qp_module
+from vsconstraints.errors import InvalidInput
+from vsconstraints.qp.least_violation import least_violation
+from vsconstraints.rows import Command, Rows, Task
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
+
+LAWS = {
+    "tracking": Tracking(),
+    "sliding": SlidingMode(),
+    "additive": PotentialField(),
+    "additive, square": PotentialField(exponent=2.0, region=0.5, strength=3.0),
+    "priority": PotentialField(blend="priority"),
+    "priority, square": PotentialField(blend="priority", exponent=2.0, region=0.5, strength=0.5),
+}
+N_JOINTS = (1, 2, 3, 6, 7, 30)
+
+
+def defined(law, rows, task):
+    """The command of the NumPy form."""
+    return law._defined(rows, task)
+
+
+def agree(law, rows, task, *, relative=1e-9):
+    """Compare both forms of a law; return the compiled command, or None if the definition was asked."""
+    expected, command = defined(law, rows, task), law._compiled(rows, task)
+    if command is None:
+        assert expected.status in ("rank-loss", "failed"), expected
+        return None
+    assert type(command) is Command
+    assert (command.status, command.reason, command.labels) == (expected.status, expected.reason, rows.labels)
+    np.testing.assert_array_equal(command.acted, expected.acted)
+    np.testing.assert_allclose(
+        command.qdd, expected.qdd, rtol=0.0, atol=relative * np.linalg.norm(expected.qdd) + 1e-300
+    )
+    return command
+
+
+def conditioned(rng, k, n):
+    """(k, n) matrix with singular values between 0.3 and 1, or none."""
+    U, _, Vt = np.linalg.svd(rng.normal(size=(k, n)), full_matrices=False)
+    return np.ascontiguousarray((U * rng.uniform(0.3, 1.0, min(k, n))) @ Vt)
+
+
+def problem(rng, n, *, m=None, k=None, active=None):
+    """Rows of which some are active, and a task."""
+    m = int(rng.integers(0, 2 * n + 3)) if m is None else m
+    k = int(rng.integers(0, n + 4)) if k is None else k
+    active = int(rng.integers(0, min(m, n) + 1)) if active is None else active
+    phi = -rng.uniform(0.0, 2.0, m)
+    phi[rng.permutation(m)[:active]] *= -1.0
+    rows = Rows(
+        phi,
+        conditioned(rng, m, n) if m else np.empty((0, n)),
+        rng.normal(size=m),
+        rng.uniform(0.1, 5.0, m),
+        tuple(f"row[{i}]" for i in range(m)),
+        rng.uniform(0.5, 2.0, m),
+    )
+    return rows, Task(conditioned(rng, k, n) if k else np.empty((0, n)), rng.normal(size=k))
+
+
+# --- one law, two forms ---
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("n", N_JOINTS)
+def test_random_problems(name, n):
+    rng = np.random.default_rng(n)
+    compiled = 0
+    for _ in range(60):
+        rows, task = problem(rng, n)
+        compiled += agree(LAWS[name], rows, task, relative=1e-9) is not None
+    assert compiled >= 50
+
+
+def degenerate(kind, rng):
+    """Problems at which a rank, or a gain, vanishes; those with rows that depend on each other say so."""
+    rows, task = problem(rng, 6, m=9, k=6, active=3)
+    Lg, phi, J = rows.Lg, rows.phi, task.J
+    act = np.flatnonzero(phi >= 0.0)
+    if kind == "a task of rank 3":
+        J[3:] = rng.normal(size=(3, 3)) @ J[:3]
+    if kind == "a task that is zero":
+        J[:] = 0.0
+    if kind == "a task next to the tolerance":
+        U, s, Vt = np.linalg.svd(J)
+        for factor in (0.9, 1.1):
+            s[-1] = factor * 1e-6 * s[0]
+            J[:] = (U * s) @ Vt
+    if kind == "the same row twice":
+        Lg[act[1]] = Lg[act[0]]
+    if kind == "an active row without gradient":
+        Lg[act[0]] = 0.0
+    if kind == "rows that take the whole task":
+        J[:3] = Lg[act]
+    if kind == "as many active rows as joints":
+        phi[:6] = np.abs(phi[:6])
+        phi[6:] = -np.abs(phi[6:])
+    if kind == "more active rows than joints":
+        phi[:] = np.abs(phi)
+    if kind == "active rows that depend on each other further inside":
+        Lg[0], Lg[1] = Lg[2], -Lg[3]
+    if kind == "rows of very different size":
+        Lg *= 10.0 ** rng.uniform(-2.0, 2.0, (9, 1))
+    if kind == "a tiny task":
+        J *= 1e-150
+    return rows, task
+
+
+DEGENERATE = (
+    "a task of rank 3",
+    "a task that is zero",
+    "a task next to the tolerance",
+    "the same row twice",
+    "an active row without gradient",
+    "rows that take the whole task",
+    "as many active rows as joints",
+    "more active rows than joints",
+    "active rows that depend on each other further inside",
+    "rows of very different size",
+    "a tiny task",
+)
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("kind", DEGENERATE)
+def test_degenerate_problems(name, kind):
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        rows, task = degenerate(kind, rng)
+        agree(LAWS[name], rows, task, relative=1e-9)
+        # whatever was asked, the whole command is that of the definition, reasons and all
+        expected, command = defined(LAWS[name], rows, task), LAWS[name].command(rows, task)
+        assert (command.status, command.reason) == (expected.status, expected.reason)
+
+
+@pytest.mark.parametrize("scenario", ["case-study-6r", "panda-fov"])
+def test_recorded_problems(scenario):
+    recorded = []
+
+    class Recording(SlidingMode):
+        def command(self, rows, task):
+            recorded.append((rows, task))
+            return super().command(rows, task)
+
+    simulate(Scenario.load(scenario).with_override("duration", 1.0).setup(), Recording())
+    active = 0
+    for rows, task in recorded[:: max(1, len(recorded) // 100)]:
+        rows = replace(rows, phi=rows.phi + 0.2)  # more rows act than in the run itself
+        active += (rows.phi >= 0.0).any()
+        for law in LAWS.values():
+            agree(law, rows, task)
+        agree_hierarchy(HierarchicalQP(), rows, task)
+    assert active >= 10
+
+
+def agree_hierarchy(law, rows, task):
+    """Compare the compiled hierarchy with DAQP's."""
+    expected, command = defined(law, rows, task), law._compiled(rows, task)
+    assert command is not None
+    assert not law.solvers.failures
+    assert command.status == expected.status
+    assert bool(command.solver) == bool(expected.solver)
+    scale = 1.0 + np.linalg.norm(expected.qdd)
+    np.testing.assert_allclose(command.slack, expected.slack, atol=1e-7 * scale)
+    if scale < 100.0:
+        np.testing.assert_allclose(command.qdd, expected.qdd, atol=1e-6 * scale)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("form", ["barrier", "active"])
+def test_the_hierarchy_agrees_with_its_definition(kind, form):
+    for seed in range(100, 140):
+        given = random_problem(kind, seed)
+        m = len(given.c)
+        sign = np.where(np.arange(m) % 2, 1.0, -1.0) if form == "active" else 1.0
+        gain = np.abs(given.c) + 0.1
+        labels = tuple(f"row[{i}]" for i in range(m))
+        rows = Rows(-sign * np.abs(given.c) if form == "active" else -given.c, given.A, np.zeros(m), gain, labels)
+        weights = dict(zip(labels, given.weights, strict=True))
+        law = HierarchicalQP(alpha=1.0, rows=form, weights=weights, max_acceleration=given.bound)
+        agree_hierarchy(law, rows, Task(np.ascontiguousarray(given.J), given.b))
+
+
+@pytest.mark.parametrize("bound", [np.inf, 0.5])
+def test_the_least_violation_is_that_of_the_definition(bound):
+    inner = kernels.load("least_violation").least_violation
+    compiled = kernels.load("compiler").numba.njit(lambda *problem: inner(*problem))
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        m, n = int(rng.integers(2, 15)), int(rng.integers(1, 7))
+        A, c, weights = rng.normal(size=(m, n)), rng.normal(size=m) - 1.0, rng.uniform(0.5, 2.0, m)
+        start = rng.normal(size=n)
+        x, expected = start.copy(), least_violation(A, c, weights, start, bound)
+        assert compiled(A, c, weights, bound, x) == 0
+        violations = [weights * np.maximum(A @ point - c, 0.0) for point in (x, expected)]
+        np.testing.assert_allclose(*violations, atol=1e-9 * (1.0 + np.linalg.norm(violations[0])))
+
+
+def test_the_same_calls_give_the_same_commands_bit_by_bit():
+    rng = np.random.default_rng(0)
+    problems = [problem(rng, 6) for _ in range(20)]
+    for law in (*LAWS.values(), HierarchicalQP(), HierarchicalQP(rows="active")):
+        first = [law.command(*each).qdd for each in problems]
+        law.reset()
+        for each, before in zip(reversed(problems), reversed(first), strict=True):
+            np.testing.assert_array_equal(law.command(*each).qdd, before)
+
+
+# --- input ---
+
+
+@pytest.mark.parametrize("law", [*LAWS.values(), HierarchicalQP()], ids=lambda law: law.name)
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_bad_numbers_are_named_as_ever(law, value):
+    rows, task = problem(np.random.default_rng(0), 6, m=9, k=6, active=2)
+    for field in ("phi", "Lg", "Lf", "switching_gain", "scale"):
+        array = getattr(rows, field).copy()
+        array.flat[-1] = value
+        with pytest.raises(InvalidInput, match=r"row\[8\]"):
+            law.command(replace(rows, **{field: array}), task)
+    for field in ("J", "b"):
+        array = getattr(task, field).copy()
+        array.flat[-1] = value
+        with pytest.raises(InvalidInput, match=f"task.{field} is not finite in row 5"):
+            law.command(rows, replace(task, **{field: array}))
+
+
+@pytest.mark.parametrize("law", [*LAWS.values(), HierarchicalQP()], ids=lambda law: law.name)
+def test_bad_shapes_and_signs_are_named_as_ever(law):
+    rows, task = problem(np.random.default_rng(0), 6, m=9, k=6, active=2)
+    for field in ("phi", "Lg", "Lf", "switching_gain", "scale"):
+        for wrong in (getattr(rows, field)[:-1].copy(), getattr(rows, field).astype(np.float32), [1.0], None):
+            with pytest.raises((InvalidInput, TypeError)):
+                law.command(replace(rows, **{field: wrong}), task)
+    for wrong in (Task(task.J[:, :5].copy(), task.b), Task(task.J, task.b[:5].copy()), Task(task.b, task.b)):
+        with pytest.raises(InvalidInput):
+            law.command(rows, wrong)
+    for field in ("switching_gain", "scale"):
+        for value in (0.0, -1.0):
+            array = getattr(rows, field).copy()
+            array[3] = value
+            with pytest.raises(InvalidInput, match=r"positive: row\[3\]"):
+                law.command(replace(rows, **{field: array}), task)
+
+
+@pytest.mark.parametrize("law", [*LAWS.values(), HierarchicalQP()], ids=lambda law: law.name)
+def test_arrays_of_another_layout_are_welcome(law):
+    rows, task = problem(np.random.default_rng(0), 6, m=9, k=6, active=2)
+    expected = law.command(rows, task).qdd
+    frozen = rows.Lg.copy()
+    frozen.flags.writeable = False
+    for other in (np.asfortranarray(rows.Lg), np.repeat(rows.Lg, 2, axis=0)[::2], frozen):
+        command = law._compiled(replace(rows, Lg=other), task)
+        np.testing.assert_array_equal(command.qdd, expected)
+    rows.scale.flags.writeable = rows.switching_gain.flags.writeable = False
+    np.testing.assert_array_equal(law._compiled(rows, task).qdd, expected)
+
+
+def test_options_may_be_whole_numbers():
+    rows, task = problem(np.random.default_rng(0), 6, m=9, k=6, active=2)
+    for law in (PotentialField(region=1, exponent=2, strength=3), HierarchicalQP(alpha=3, max_acceleration=9)):
+        assert law._compiled(rows, task) is not None
+        np.testing.assert_allclose(law.command(rows, task).qdd, defined(law, rows, task).qdd, atol=1e-6)
+
+
+def test_a_law_with_its_own_solve_is_asked_itself():
+    class Own(SlidingMode):
+        def solve(self, rows, task):
+            return Command(np.full(task.J.shape[1], 7.0), "ok", rows.phi >= 0.0, rows.labels)
+
+    class Further(Own):
+        pass
+
+    class Mixin:
+        def solve(self, rows, task):
+            return Own().solve(rows, task)
+
+    class Mixed(Mixin, SlidingMode):
+        pass
+
+    class Still(SlidingMode):
+        """No solve of its own: stays compiled."""
+
+    rows, task = problem(np.random.default_rng(0), 6, m=9, k=6, active=2)
+    for law in (Own(), Further(), Mixed()):
+        np.testing.assert_array_equal(law.command(rows, task).qdd, np.full(6, 7.0))
+    assert Still()._compiled(rows, task) is not None
+
+
+# --- what the compiled solver leaves unanswered ---
+
+
+def test_an_answer_that_fails_its_check_is_replaced_counted_and_reported(monkeypatch):
+    real = kernels.load("hierarchical_qp")
+    broken = SimpleNamespace(
+        DONE=real.DONE,
+        ASK=real.ASK,
+        RELAXED_ROWS=real.RELAXED_ROWS,
+        descend=lambda *_: (kernels.load("least_distance").FAILED, 3),
+    )
+    rows, task = Rows(np.array([0.5]), np.ones((1, 2)), np.zeros(1), np.ones(1), ("a",)), Task(np.eye(2), np.ones(2))
+    law = HierarchicalQP()
+    honest = law.command(rows, task)
+    assert (honest.solver, honest.fallback, dict(law.solvers.failures)) == ("compiled", "", {})
+    monkeypatch.setattr(hierarchical_qp_module, "load", lambda _: broken)
+    command = law.command(rows, task)
+    np.testing.assert_allclose(command.qdd, honest.qdd, atol=1e-7)
+    assert (command.solver, command.status) == ("daqp", honest.status)
+    assert command.fallback == "the compiled solver has no answer that passes the check"
+    assert law.solvers.failures == {"compiled": 1}
+    law.reset()
+    assert not law.solvers.failures
+
+
+def test_a_solver_that_is_named_is_the_one_used():
+    rows, task = Rows(np.array([0.5]), np.ones((1, 2)), np.zeros(1), np.ones(1), ("a",)), Task(np.eye(2), np.ones(2))
+    for name in ("daqp", "proxqp", "osqp"):
+        assert HierarchicalQP(solver=name).command(rows, task).solver == name
+
+
+# --- where there is no compiler ---
+
+SCRIPT = """
+import sys, numpy as np
+from vsconstraints.controllers import HierarchicalQP, SlidingMode
+from vsconstraints.rows import Rows, Task
+assert "numba" not in sys.modules
+rows = Rows(np.array([0.1, -9.0]), np.array([[1.0, 2.0], [0.5, 0.1]]), np.zeros(2), np.ones(2), ("a", "b"))
+task = Task(np.eye(2), np.array([3.0, 4.0]))
+for law in (SlidingMode(), SlidingMode(), HierarchicalQP()):
+    command = law.command(rows, task)
+    print(*command.qdd.tolist(), command.status, command.solver)
+print("numba" in sys.modules)
+"""
+
+
+def run(folder, **environment):
+    """Output and errors of the script."""
+    source = str(Path(kernels.__file__).parents[2])
+    path = os.pathsep.join([str(folder), source])
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT],
+        env={**os.environ, "PYTHONPATH": path, **environment},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split("\n")[:-1], done.stderr
+
+
+def test_compilation_can_be_turned_off(tmp_path):
+    lines, errors = run(tmp_path, VSCONSTRAINTS_COMPILE="0")
+    assert (lines[-1], errors) == ("False", "")
+    assert lines[2].endswith("daqp")
+
+
+@pytest.mark.parametrize(
+    ("numba", "reason"),
+    [
+        ("raise ImportError('Numba needs NumPy 1.0 or less')", "ImportError: Numba needs NumPy 1.0 or less"),
+        ("", "AttributeError: module 'numba' has no attribute"),
+    ],
+)
+def test_a_broken_compiler_is_told_once_and_the_definition_runs(tmp_path, numba, reason):
+    expected, _ = run(tmp_path, VSCONSTRAINTS_COMPILE="0")
+    (tmp_path / "numba.py").write_text(numba)
+    lines, errors = run(tmp_path)
+    assert lines[:-1] == expected[:-1]
+    assert errors.count("RuntimeWarning") == 1
+    assert reason in errors
+    assert "NumPy form" in errors
+
+
+def test_a_cache_that_cannot_be_written_is_told_once_and_the_definition_runs(tmp_path):
+    expected, _ = run(tmp_path, VSCONSTRAINTS_COMPILE="0")
+    (tmp_path / "file").write_text("not a folder")
+    lines, errors = run(tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "file" / "cache"))
+    assert lines[:-1] == expected[:-1]
+    assert errors.count("RuntimeWarning") == 1
+    assert "no folder to keep compiled code in" in errors
+
+
+def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
+    compiler = kernels.load("compiler")
+    law = kernels.load("task_priority").follow
+    assert {"vsconstraints.kernels.linear", "vsconstraints.kernels.task_priority"} <= compiler._sources(
+        law.__module__, set()
+    )
+    folder = compiler.cache_folder(law)
+    assert any(folder.rglob("*follow*.nbi"))
