@@ -104,6 +104,7 @@ DEFINITIONS = {
     "status": "converged: the last goal is reached and held. trapped: at rest away from it. aborted: the active rows "
     "lost full row rank (section 5.2). failed: the scene or the controller could not go on. unfinished: still moving.",
 }
+"""What the scores mean: the one source of reports and documentation."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ import re
 import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,8 @@ from ..errors import ConfigurationError, unknown_name
 from ..plugins import plugin_files
 from ..scenarios import Scenario
 from ..scenarios.section import Section, read_toml
-from .machine import package_versions
+from .code import code_hash, packages
+from .variants import scenarios_of
 
 DEFAULT = Path(__file__).parent / "default.toml"
 
@@ -79,8 +79,8 @@ class Job:
             self.trial,
             self.seed,
             __version__,
-            _code(),
-            _packages(),
+            code_hash(),
+            packages(),
         )
         digest = hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode())
         for file in (*self.scenario.files, *plugin_files([entry.law], entry.folder)):
@@ -115,11 +115,36 @@ class Suite:
 
     @classmethod
     def load(cls, path: Path | None = None) -> Suite:
-        """The suite of a TOML file; without a path the default one: the paper's scenarios and two real arms."""
+        """The suite of a TOML file; without a path the default one: the paper's scenarios and two real arms.
+
+        An entry of ``scenarios`` is a shipped scenario's name, a path, or a table that describes variants of one:
+
+        ``scenario``
+            The shipped scenario's name, or the path.
+        ``name``
+            What results call the variant.
+        ``title``
+            For reports; the name if it is not given.
+        ``set``
+            Dotted keys of the scenario and their values, ``{ "task.Kp0" = 5.0, duration = 4.0 }``. A value that is a
+            table replaces the scenario's.
+        ``each``
+            Dotted keys and lists of values, ``{ "task.interaction_matrix" = ["current", "desired"] }``: one variant
+            for every combination, with the values added to its name and title.
+
+        Raises
+        ------
+        ConfigurationError, InvalidInput
+            if the file cannot be read, has an unknown key, or something in it cannot be built or started.
+        """
         source = path or DEFAULT
         top = Section(read_toml(source), source.name)
         title = top.take("title", str, source.stem)
-        scenarios = tuple(Scenario.load(name, source.parent) for name in _names(top.take("scenarios", list), top.where))
+        scenarios = tuple(
+            scenario
+            for i, entry in enumerate(top.take("scenarios", list))
+            for scenario in scenarios_of(entry, f"{top.where}.scenarios[{i}]", source.parent)
+        )
         tables = top.take("controllers", dict)
         entries = tuple(
             _entry(name, table, f"{top.where}.controllers.{name}", source.parent) for name, table in tables.items()
@@ -264,12 +289,6 @@ class Suite:
         }
 
 
-def _names(values: list[Any], where: str) -> list[str]:
-    if not all(isinstance(value, str) for value in values):
-        raise ConfigurationError(f"{where}: scenarios must be names or paths, not {values}")
-    return values
-
-
 def _entry(name: str, table: object, where: str, folder: Path) -> Entry:
     section = Section(table, where)
     law = section.take("type", str, name)
@@ -286,19 +305,3 @@ def _value(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
-
-
-@cache
-def _packages() -> dict[str, str]:
-    return package_versions()
-
-
-@cache
-def _code() -> str:
-    """Hash of the package's own source, so that results of other code are never taken for this one's."""
-    digest = hashlib.sha256()
-    package = Path(__file__).parent.parent
-    for path in sorted(package.rglob("*.py")):
-        digest.update(path.relative_to(package).as_posix().encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()

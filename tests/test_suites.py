@@ -1,0 +1,100 @@
+"""Variants of scenarios in a suite: named, changed, told apart, and refused where they are wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from vsconstraints.comparisons import Job, Suite
+from vsconstraints.errors import ConfigurationError, InvalidInput
+
+CONTROLLERS = "\n[controllers.sliding-mode]\n"
+
+
+def load(folder: Path, *entries: str) -> Suite:
+    """A suite with these entries of ``scenarios``."""
+    path = folder / "suite.toml"
+    path.write_text(f"scenarios = [{', '.join(entries)}]\n{CONTROLLERS}", encoding="utf-8")
+    return Suite.load(path)
+
+
+def test_a_variant_is_the_scenario_with_other_values(tmp_path: Path) -> None:
+    suite = load(
+        tmp_path,
+        '"example-2d-fov"',
+        '{ scenario = "example-2d-fov", name = "slow", title = "Slow", set = { "task.Kp0" = 5.0, duration = 4.0 } }',
+    )
+    base, slow = suite.scenarios
+    assert (slow.name, slow.title, slow.shipped) == ("slow", "Slow", True)
+    assert slow.setup().task.gains.Kp0 == 5.0
+    assert slow.setup().duration == 4.0
+    assert base.setup().task.gains.Kp0 == 20.0, "the scenario itself is not changed"
+    changed = {"title": "Slow", "task": {**base.tables["task"], "Kp0": 5.0}, "duration": 4.0}
+    assert slow.tables == {**base.tables, **changed}
+
+
+def test_each_makes_a_variant_of_every_combination(tmp_path: Path) -> None:
+    suite = load(
+        tmp_path,
+        '{ scenario = "example-2d-fov", name = "fov", title = "FOV", set = { duration = 1.0 }, '
+        'each = { "task.Kp0" = [10, 20], "constraints.0.n" = [2, 4] } }',
+    )
+    assert [scenario.name for scenario in suite.scenarios] == ["fov-10-2", "fov-10-4", "fov-20-2", "fov-20-4"]
+    assert suite.scenarios[1].title == "FOV, 10, 4"
+    for scenario, Kp, n in zip(suite.scenarios, (10, 10, 20, 20), (2, 4, 2, 4), strict=True):
+        assert scenario.tables["task"]["Kp0"] == Kp
+        assert scenario.tables["constraints"][0]["n"] == n
+        assert scenario.tables["duration"] == 1.0
+
+
+def test_a_variant_of_a_file_finds_what_the_file_names(tmp_path: Path) -> None:
+    example = (Path(__file__).parent.parent / "examples" / "my-arm.toml").resolve()
+    suite = load(tmp_path, f'{{ scenario = "{example.as_posix()}", name = "short", set = {{ duration = 1.0 }} }}')
+    (variant,) = suite.scenarios
+    assert variant.folder == example.parent
+    assert not variant.shipped
+    assert variant.files[0].name == "six_axis.urdf"
+    assert variant.title == "short"
+
+
+def test_overrides_are_in_the_configuration_and_the_fingerprint(tmp_path: Path) -> None:
+    entry = '{{ scenario = "example-2d-fov", name = "fov", set = {{ "task.Kp0" = {} }} }}'
+    one, other = (load(tmp_path, entry.format(Kp)) for Kp in (5.0, 6.0))
+    assert one.resolved()["scenarios"]["fov"]["tables"]["task"]["Kp0"] == 5.0
+    fingerprints = {Job(suite.scenarios[0], suite.controllers[0], 0, 0).fingerprint for suite in (one, other)}
+    assert len(fingerprints) == 2
+
+
+def test_the_command_line_selects_and_changes_variants(tmp_path: Path) -> None:
+    suite = load(tmp_path, '"example-2d-fov"', '{ scenario = "example-2d-fov", name = "slow" }')
+    chosen = suite.select(["slow"], settings=["slow.duration=2.0"])
+    assert [scenario.name for scenario in chosen.scenarios] == ["slow"]
+    assert chosen.scenarios[0].setup().duration == 2.0
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ("3", ["scenarios[0]", "3"]),
+        ("{ name = 'a' }", ["scenarios[0]", "'scenario' is missing"]),
+        ("{ scenario = 'example-2d-fov' }", ["scenarios[0]", "'name' is missing"]),
+        ("{ scenario = 'example-3d', name = 'a' }", ["example-3d", "example-2d-fov"]),
+        ("{ scenario = 'example-2d-fov', name = 'a', sets = {} }", ["sets", "each"]),
+        ("{ scenario = 'example-2d-fov', name = 'a', set = 1 }", ["set must be a table"]),
+        ("{ scenario = 'example-2d-fov', name = 'a', each = { duration = 2.0 } }", ["each", "duration", "list"]),
+        ("{ scenario = 'example-2d-fov', name = 'a', each = { duration = [] } }", ["each", "duration", "list"]),
+        ("{ scenario = 'example-2d-fov', name = 'a', set = { 'tasks.Kp0' = 1 } }", ["tasks", "in a"]),
+        ("{ scenario = 'example-2d-fov', name = 'a', set = { 'task.Kp' = 1 } }", ["a.task", "Kp"]),
+        ("{ scenario = 'example-2d-fov', name = 'a', set = { 'task.Kp0' = -1 } }", ["Kp0"]),
+        ("{ scenario = 'example-2d-fov', name = 'a', set = { 'constraints.7.K' = 1 } }", ["7", "in a"]),
+        ("{ scenario = 'example-2d-fov', name = 'a/b' }", ["a/b", "file names"]),
+        ("{ scenario = 'example-2d-fov', name = 'a', each = { duration = [1.0, 1.0] } }", ["a-1.0", "more than once"]),
+        ("{ scenario = 'example-2d-fov', name = 'a', each = { title = ['so and so'] } }", ["a-so and so"]),
+    ],
+)
+def test_wrong_entries_are_refused_by_name(tmp_path: Path, entry: str, words: list[str]) -> None:
+    with pytest.raises((ConfigurationError, InvalidInput)) as error:
+        load(tmp_path, entry)
+    for word in words:
+        assert word in str(error.value)
