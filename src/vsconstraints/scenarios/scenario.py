@@ -49,18 +49,18 @@ class Scenario:
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Scenario:
         """A shipped scenario by its name, or one from a TOML file by its path.
 
-            Parameters
-            ----------
-            name_or_path
-                ``"case-study-6r"`` or ``"my/scenario.toml"``. A file with ``extends = "…"``, a name or a path, says only
+        Parameters
+        ----------
+        name_or_path
+            ``"case-study-6r"`` or ``"my/scenario.toml"``. A file with ``extends = "…"``, a name or a path, says only
             what is different there: tables are merged, everything else is replaced. Paths in both are relative to it.
         base
-                Folder that a relative path starts from; the current one if None.
+            Folder that a relative path starts from; the current one if None.
 
-            Raises
-            ------
-            ConfigurationError
-                if there is none of that name, or the file cannot be read.
+        Raises
+        ------
+        ConfigurationError
+            if there is none of that name, or the file cannot be read.
         """
         path = _file(str(name_or_path), base)
         return cls(path.stem, _tables(path, ()), path.parent)
