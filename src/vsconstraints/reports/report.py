@@ -35,7 +35,8 @@ def write_report(folder: Path) -> Path:
 
     Returns
     -------
-    Where the report is.
+    Path
+        Where the report is.
 
     Raises
     ------

@@ -29,7 +29,8 @@ def extremes(t: Array, y: Array, bins: int) -> tuple[Array, Array, Array]:
 
     Returns
     -------
-    (B,) times, (B, ...) least and (B, ...) greatest values; NaN where a bin has none.
+    tuple
+        (B,) times, (B, ...) least and (B, ...) greatest values; NaN where a bin has none.
     """
     starts = edges(len(t), bins)
     ends = np.append(starts[1:], len(t)) - 1

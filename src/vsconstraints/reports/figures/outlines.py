@@ -50,13 +50,13 @@ class Outlines:
         every = setup.constraints.constraints if setup is not None else ()
         image = tuple(c for c in every if isinstance(c, ImageConstraint))
         still = tuple(c for c in image if c.motion is None)
-        moving = [(c.motion, c.boundary(size)) for c in image if c.motion is not None]
-        times = np.linspace(0.0, setup.duration, MOMENTS) if setup is not None and moving else ()
+        times = np.linspace(0.0, setup.duration if setup is not None else 0.0, MOMENTS)
+        moving = [(c.motion, c.boundary(size, times)) for c in image if c.motion is not None]
         return cls(
             still,
             [line for c in still for line in c.boundary(size)],
             0.5 * AROUND * np.asarray(size),
-            [(float(t), [line + m.displacement(t) for m, lines in moving for line in lines]) for t in times],
+            [(float(t), [line + m.displacement(t) for m, lines in moving for line in lines]) for t in times if moving],
         )
 
     @property

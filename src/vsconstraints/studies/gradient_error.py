@@ -1,0 +1,158 @@
+"""Erroneous gradients, for every controller."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..reports.numbers import number, percent
+from ..scenarios import shipped_scenarios
+from .laws import LAWS
+from .panels import LOOKS, Grid, failed_marks, line_handle, logarithmic, plot, scenario_title, sentence_start
+from .study import Study, StudyResult, StudyRun
+from .summary import RunSummary, pixel_distance
+
+ERRORS = {
+    "example-2d-fov": (0.0, 0.1, 0.3, 0.6, 1.0),
+    "case-study-6r": (0.0, 0.3, 1.0),
+    "experiment-1-pbvs": (0.0, 0.3, 0.6, 1.0),
+    "experiment-2-ibvs": (0.0, 0.3, 0.6, 1.0),
+}
+"""c_e by scenario."""
+
+PAPER = 0.3
+"""c_e of the paper's experiments."""
+
+ROWS = (
+    ("deviation_px", "deviation of a\nmarker [px]", 1.0),
+    ("violation", "depth of violation\n[% of L]", 0.01),
+    ("settling_time_s", "settling time [s]", None),
+)
+"""Column, label, and where a logarithmic axis becomes linear; None for a linear axis."""
+
+
+class GradientErrors(Study):
+    """Every controller with the erroneous gradient (49) in its visibility rows.
+
+    The deviation is the greatest distance, at any time, of a marker from where it is in the run of the same controller
+    with exact gradients.
+    """
+
+    name = "gradient-error"
+    title = "Erroneous gradients"
+    question = "How much does an error of the gradients change, for every controller?"
+    claims = (6, 9)
+    figure_caption = (
+        "Every controller with the gradient error c_e of (49). Top: greatest distance of a marker from the same "
+        "controller's run with exact gradients. A cross marks a run that failed or was aborted."
+    )
+
+    def runs(self, *, small: bool = False) -> list[StudyRun]:
+        """Every scenario that is shipped, every controller, every error."""
+        runs = []
+        for scenario, errors in ERRORS.items():
+            if scenario not in shipped_scenarios() or (small and scenario != "example-2d-fov"):
+                continue
+            for law in LAWS:
+                for error in (0.0, PAPER) if small else errors:
+                    overrides: dict[str, Any] = {"disturbances": {"gradient_error": error}} if error else {}
+                    if small:
+                        overrides["duration"] = 6.0
+                    runs.append(
+                        StudyRun(f"{scenario} {law.controller} {error:g}", scenario, *law[1:], law[0], overrides)
+                    )
+        return runs
+
+    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+        """Deviation, violation, settling by scenario, controller and error."""
+        points: list[dict[str, Any]] = []
+        for key, run in results.items():
+            scenario, controller, error = key.split(" ")
+            exact = results.get(f"{scenario} {controller} 0", RunSummary("failed", "not run"))
+            points.append(
+                {
+                    "scenario": scenario,
+                    "controller": controller,
+                    "gradient_error": float(error),
+                    "status": run.status,
+                    "reason": run.reason,
+                    "deviation_px": pixel_distance(run, exact),
+                    "violation": 100.0 * run.value("violation_depth"),
+                    "violated": run.result.get("violated", ""),
+                    "settling_time_s": run.value("settling_time_s"),
+                    "utilization": run.value("utilization"),
+                    "phi_max": run.phi_max,
+                    "longest_run": float(run.longest_run),
+                }
+            )
+        numbers: dict[str, float] = {}
+        for point in points:
+            name = f"{point['scenario']}.{point['controller']}.{point['gradient_error']:g}"
+            numbers.update({f"{name}.{column}": float(point[column]) for column, _, _ in ROWS})
+            numbers[f"{name}.converged"] = float(point["status"] == "converged")
+        return points, numbers, _sentences(points)
+
+    def draw(self, result: StudyResult, path: Path) -> None:
+        """One column per scenario; rows as in :data:`ROWS`."""
+        scenarios = list(dict.fromkeys(point["scenario"] for point in result.points))
+        controllers = list(dict.fromkeys(point["controller"] for point in result.points))
+        with Grid(path, len(ROWS), len(scenarios), height=1.4, legend=0.36, left=0.9, gap=0.6) as grid:
+            grid.legend([line_handle(name) for name in controllers], 3)
+            for j, scenario in enumerate(scenarios):
+                own = [point for point in result.points if point["scenario"] == scenario]
+                for i, (column, label, linear_below) in enumerate(ROWS):
+                    ax = grid.axes[i][j]
+                    if linear_below is not None:
+                        logarithmic(ax.yaxis, linear_below=linear_below)
+                    for k, name in enumerate(controllers):
+                        theirs = [point for point in own if point["controller"] == name]
+                        _curve(ax, theirs, name, column, k)
+                    ax.set_xlim(-0.06, 1.14)
+                    _limits(ax, column)
+                    if j == 0:
+                        ax.set_ylabel(label)
+                    ax.tick_params(labelbottom=i == len(ROWS) - 1)
+                grid.axes[0][j].set_title(scenario_title(scenario))
+                grid.axes[-1][j].set_xlabel("gradient error cₑ")
+
+
+def _curve(ax: Any, points: list[dict[str, Any]], name: str, column: str, index: int) -> None:
+    through = [point for point in points if point["status"] not in ("failed", "aborted")]
+    look = LOOKS[name]
+    plot(ax, through, "gradient_error", column, look, markersize=4.5, alpha=0.9, linewidth=1.8 - 0.2 * index)
+    if column == ROWS[0][0]:
+        lost = [point["gradient_error"] for point in points if point["status"] in ("failed", "aborted")]
+        failed_marks(ax, [error + 0.035 * (index - 2) for error in lost], look.colour, 0.92)
+
+
+def _limits(ax: Any, column: str) -> None:
+    """Room for the crosses above; settling times need not begin at zero."""
+    low, high = ax.get_ylim()
+    if column == "deviation_px":
+        ax.set_ylim(0.0, max(10.0 * high, 10.0))
+    elif column == "violation":
+        ax.set_ylim(-0.002, max(high, 1.0))
+    else:
+        ax.set_ylim(low - 0.1 * (high - low) - 0.1, high + 0.1 * (high - low) + 0.1)
+
+
+def _sentences(points: list[dict[str, Any]]) -> list[str]:
+    sentences = []
+    for scenario in dict.fromkeys(point["scenario"] for point in points):
+        own = [point for point in points if point["scenario"] == scenario]
+        parts = [f"{p['controller']} {_outcome(p)}" for p in own if math.isclose(p["gradient_error"], PAPER)]
+        sentences.append(f"{sentence_start(scenario)}, c_e = {PAPER:g}: {'; '.join(parts)}.")
+        worst = max(point["gradient_error"] for point in own)
+        kept = [p["controller"] for p in own if p["gradient_error"] == worst and p["status"] == "converged"]
+        sentences.append(f"With c_e = {worst:g} the goal is reached by {', '.join(kept) if kept else 'no controller'}.")
+    return sentences
+
+
+def _outcome(point: Mapping[str, Any]) -> str:
+    if point["status"] in ("failed", "aborted"):
+        return f"{point['status']} ({point['reason']})"
+    depth = percent(point["violation"] / 100.0)
+    violation = f"violates {point['violated']} by {depth} % of L" if point["violation"] > 0.0 else "violates nothing"
+    return f"deviates {number(point['deviation_px'])} px and {violation}"

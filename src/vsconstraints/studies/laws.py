@@ -1,0 +1,49 @@
+"""The controllers that studies compare, with every option that they vary written out."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ..scenarios import Scenario
+
+REGION = 0.2
+"""Region of a potential field where a study does not vary it."""
+
+ALPHA = 20.0
+"""Rate α of the hierarchical QP's barrier where a study does not vary it [1/s]."""
+
+
+class Law(NamedTuple):
+    """A controller: its name in figures, its registered name, its options."""
+
+    controller: str
+    law: str
+    options: dict[str, Any]
+
+
+SLIDING_MODE = Law("sliding-mode", "sliding-mode", {})
+
+
+def potential_field(blend: str, region: float = REGION) -> Law:
+    """A potential field of a blend and region."""
+    name = "potential-field" if blend == "additive" else f"potential-field-{blend}"
+    return Law(name, "potential-field", {"blend": blend, "region": region})
+
+
+def hierarchical_qp(alpha: float = ALPHA) -> Law:
+    """The hierarchical QP with barrier rows."""
+    return Law("hierarchical-qp", "hierarchical-qp", {"rows": "barrier", "alpha": alpha})
+
+
+ACTIVE_QP = Law("hierarchical-qp-active", "hierarchical-qp", {"rows": "active"})
+
+LAWS = (SLIDING_MODE, potential_field("additive"), potential_field("priority"), hierarchical_qp(), ACTIVE_QP)
+"""Every controller with its usual options."""
+
+
+def scaled_gains(scenario: str, factor: float) -> dict[str, float]:
+    """Overrides that multiply every u⁺ of a shipped scenario; none for the factor 1."""
+    constraints = Scenario.load(scenario).tables["constraints"]
+    if factor == 1.0:
+        return {}
+    return {f"constraints.{i}.switching_gain": factor * table["switching_gain"] for i, table in enumerate(constraints)}

@@ -1,0 +1,274 @@
+"""What it takes to keep clear of obstacles that move, and what it costs not to know that they do."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..reports.numbers import number
+from ..scenarios import Scenario
+from .laws import SLIDING_MODE
+from .panels import INK, REFERENCE, Grid, handle, logarithmic
+from .study import Study, StudyResult, StudyRun
+from .summary import RunSummary
+
+KEPT = 0.005
+"""Depth, as a fraction of the obstacle's radius, up to which its boundary counts as kept: about what it moves by in a
+sampling period."""
+
+LOOK = {
+    "kept": ("#0072B2", "o", "boundary kept"),
+    "violated": ("#B2182B", "X", "boundary violated"),
+    "failed": ("#000000", "x", "failed"),
+}
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A shipped scenario's moving obstacle, its first constraint, and how it is varied.
+
+    Attributes
+    ----------
+    title, unit
+        For the figure; of lengths.
+    place
+        Where its table says where it starts.
+    meeting
+        Time at which it is at the same place whatever its speed [s].
+    duration
+        Of the runs [s].
+    speeds
+        Factors of its velocity.
+    gains
+        u⁺ in units of φ per second.
+    """
+
+    title: str
+    unit: str
+    place: tuple[str, ...]
+    meeting: float
+    duration: float
+    speeds: tuple[float, ...]
+    gains: tuple[float, ...]
+
+    def constraint(self, scenario: str, speed: float, gain: float, *, known: bool) -> dict[str, Any]:
+        """The obstacle's table: it moves ``speed`` times as fast, and is at its usual place at the meeting."""
+        table: dict[str, Any] = copy.deepcopy(Scenario.load(scenario).tables["constraints"][0])
+        velocity = np.array(table["motion"]["velocity"])
+        holder = table
+        for key in self.place[:-1]:
+            holder = holder[key]
+        start = np.array(holder[self.place[-1]]) + (1.0 - speed) * self.meeting * velocity
+        holder[self.place[-1]] = start.round(6).tolist()
+        table["motion"] = {"velocity": (speed * velocity).round(6).tolist(), "known": known}
+        table["switching_gain"] = gain
+        return table
+
+
+OBSTACLES = {
+    "moving-sphere": Obstacle(
+        "moving sphere", "mm", ("centre",), 1.3, 3.0, (0.0, 0.5, 1.0, 2.0), (0.0125, 0.025, 0.05, 0.1, 0.2, 0.4, 1.0)
+    ),
+    "moving-occluder": Obstacle(
+        "moving occluder",
+        "px",
+        ("curve", "centre_px"),
+        1.6,
+        5.2,
+        (0.0, 0.5, 1.0),
+        (0.25, 0.5, 1.0, 2.0, 4.0, 10.0),
+    ),
+}
+SMALL = {"moving-sphere": ((0.0, 1.0), (0.0125, 1.0))}
+"""Scenarios, speeds and gains of the small form; the shipped gain is among the gains of both forms."""
+
+
+class NonStatic(Study):
+    """The sliding-mode law with obstacles that move at different speeds, known and unknown.
+
+    The obstacle is the only constraint. It is displaced so that it is at the same place at one time whatever its speed,
+    and stands there if the speed is zero. Claim: ∂φ/∂t only changes the bound (12) on u⁺ (section 5.4). A controller
+    that takes the obstacle for static keeps σ + K (σ̇ − ∂σ/∂t) ≤ 0, and so goes up to K ∂σ/∂t too far: K times its
+    speed.
+    """
+
+    name = "non-static"
+    title = "Obstacles that move"
+    question = "Does the motion of obstacles change nothing but the bound on the switching gain?"
+    claims = (11,)
+    figure_caption = (
+        "Top: every marker is a run with an obstacle of known velocity; lines: the bound (12), with ∂φ/∂t in L_fφ, "
+        "measured in the run with the largest u⁺. Bottom: how deep the obstacle is entered when its velocity is known "
+        "and when it is not, with the shipped u⁺; line: K times its speed."
+    )
+
+    def runs(self, *, small: bool = False) -> list[StudyRun]:
+        """Every speed with every gain, and with the shipped gain and unknown velocity."""
+        runs = []
+        for scenario, obstacle in OBSTACLES.items():
+            if small and scenario not in SMALL:
+                continue
+            speeds, gains = SMALL[scenario] if small else (obstacle.speeds, obstacle.gains)
+            shipped = float(Scenario.load(scenario).tables["constraints"][0]["switching_gain"])
+            for speed in speeds:
+                cases = [(gain, True) for gain in gains] + [(shipped, False)] * (speed > 0.0)
+                for gain, known in cases:
+                    table = obstacle.constraint(scenario, speed, gain, known=known)
+                    overrides = {"constraints": [table], "duration": obstacle.duration}
+                    key = f"{scenario} {speed:g} {gain:g} {'known' if known else 'unknown'}"
+                    runs.append(StudyRun(key, scenario, *SLIDING_MODE[1:], overrides=overrides))
+        return runs
+
+    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+        """Depth of every run; for every speed the bound, the smallest gain that is enough, the cost of not knowing."""
+        points = [_point(key, run) for key, run in results.items()]
+        numbers: dict[str, float] = {}
+        sentences = []
+        for scenario in dict.fromkeys(point["scenario"] for point in points):
+            unit, parts, costs = OBSTACLES[scenario].unit, [], []
+            for speed in dict.fromkeys(point["speed"] for point in points if point["scenario"] == scenario):
+                own = [point for point in points if point["scenario"] == scenario and point["speed"] == speed]
+                found = _findings(own)
+                numbers.update({f"{scenario}.speed={speed:g}.{name}": value for name, value in found.items()})
+                times = f"at {speed:g} times its speed" if speed else "if it stands still"
+                parts.append(f"{number(found['smallest_kept'])} {times} (bound {number(found['bound_12'])})")
+                if speed > 0.0:
+                    costs.append(
+                        f"{number(found['depth_unknown'])} {unit} {times}, where K times the speed is "
+                        f"{number(found['depth_expected'])} {unit} and {number(found['depth_known'])} {unit} are "
+                        "entered if it is known"
+                    )
+            sentences.append(
+                f"{OBSTACLES[scenario].title.capitalize()}: the smallest u⁺ tried from which on the boundary is kept "
+                f"is {'; '.join(parts)}."
+            )
+            if costs:
+                sentences.append(f"Taken for static, it is entered by {'; '.join(costs)}.")
+        known = [point for point in points if point["known"] and point["outcome"] != "failed"]
+        above = [point for point in known if point["switching_gain"] > _bound(points, point)]
+        numbers["above_bound"] = float(len(above))
+        numbers["above_bound_kept"] = float(sum(point["outcome"] == "kept" for point in above))
+        sentences.append(
+            f"Of {len(above)} runs with u⁺ above the bound (12) of their speed, "
+            f"{numbers['above_bound_kept']:.0f} keep the boundary."
+        )
+        return points, numbers, sentences
+
+    def draw(self, result: StudyResult, path: Path) -> None:
+        """One column per obstacle; gains above, depths below."""
+        scenarios = list(dict.fromkeys(point["scenario"] for point in result.points))
+        with Grid(path, 2, len(scenarios), height=2.0, legend=0.45, left=0.8, gap=0.9) as grid:
+            for j, scenario in enumerate(scenarios):
+                own = [point for point in result.points if point["scenario"] == scenario]
+                _gains(grid.axes[0][j], own, scenario, result.numbers)
+                _depths(grid.axes[1][j], own, scenario)
+            marks = [handle(label, colour, marker, linestyle="none") for colour, marker, label in LOOK.values()]
+            grid.legend(
+                [
+                    *marks[: 3 if any(point["outcome"] == "failed" for point in result.points) else 2],
+                    handle("bound (12)", INK),
+                    handle("velocity known", "#0072B2", "o"),
+                    handle("velocity unknown", "#D55E00", "s"),
+                    handle("K times the speed", INK, linestyle=REFERENCE["linestyle"]),
+                ],
+                3,
+            )
+
+
+def _point(key: str, run: RunSummary) -> dict[str, Any]:
+    scenario, speed, gain, known = key.split(" ")
+    table = OBSTACLES[scenario].constraint(scenario, float(speed), float(gain), known=known == "known")
+    factor = 1e3 if OBSTACLES[scenario].unit == "mm" else 1.0
+    depth = max((float(row["violation_depth"]) for row in run.rows.values()), default=math.nan)
+    outcome = "kept" if run.value("violation_depth") <= KEPT else "violated"
+    return {
+        "scenario": scenario,
+        "speed": float(speed),
+        "switching_gain": float(gain),
+        "known": known == "known",
+        "status": run.status,
+        "reason": run.reason,
+        "outcome": outcome if run.carried_through else "failed",
+        "depth": factor * depth,
+        "depth_expected": factor * table["K"] * float(np.linalg.norm(table["motion"]["velocity"])),
+        "phi_max": run.phi_max,
+        "longest_run": run.longest_run,
+        "bound_12": run.needed_gain,
+    }
+
+
+def _bound(points: Sequence[Mapping[str, Any]], point: Mapping[str, Any]) -> float:
+    """The bound (12) for the speed of a point: measured in the known run with the largest gain."""
+    own = [p for p in points if p["known"] and (p["scenario"], p["speed"]) == (point["scenario"], point["speed"])]
+    return float(max(own, key=lambda p: p["switching_gain"])["bound_12"])
+
+
+def _findings(points: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """What the runs of one obstacle at one speed say."""
+    known = sorted((p for p in points if p["known"]), key=lambda p: p["switching_gain"])
+    smallest = math.nan
+    for point in reversed(known):
+        if point["outcome"] != "kept":
+            break
+        smallest = point["switching_gain"]
+    unknown = next((p for p in points if not p["known"]), None)
+    same = [p for p in known if unknown is not None and p["switching_gain"] == unknown["switching_gain"]]
+    return {
+        "bound_12": _bound(points, known[0]),
+        "smallest_kept": smallest,
+        "depth_known": same[0]["depth"] if same else math.nan,
+        "depth_unknown": math.nan if unknown is None else unknown["depth"],
+        "depth_expected": known[0]["depth_expected"],
+    }
+
+
+def _gains(ax: Any, points: list[dict[str, Any]], scenario: str, numbers: Mapping[str, float]) -> None:
+    for name, (colour, marker, _) in LOOK.items():
+        own = [point for point in points if point["known"] and point["outcome"] == name]
+        ax.plot(
+            [point["speed"] for point in own],
+            [point["switching_gain"] for point in own],
+            linestyle="none",
+            marker=marker,
+            color=colour,
+            markersize=7.0,
+            markeredgecolor=INK if name != "failed" else colour,
+            markeredgewidth=0.5,
+            zorder=3,
+        )
+    speeds = sorted({point["speed"] for point in points})
+    bounds = [numbers.get(f"{scenario}.speed={speed:g}.bound_12", math.nan) for speed in speeds]
+    ax.plot(speeds, bounds, color=INK, linewidth=1.8, zorder=4)
+    logarithmic(ax.yaxis, sorted({point["switching_gain"] for point in points}))
+    ax.set_title(OBSTACLES[scenario].title)
+    ax.set_ylabel(f"u⁺ [{'m/s' if OBSTACLES[scenario].unit == 'mm' else '1/s'}]")
+    ax.set_xlim(*_widened(speeds))
+    ax.tick_params(labelbottom=False)
+
+
+def _depths(ax: Any, points: list[dict[str, Any]], scenario: str) -> None:
+    unknown = sorted((point for point in points if not point["known"]), key=lambda point: point["speed"])
+    for colour, marker, own in (
+        ("#D55E00", "s", unknown),
+        ("#0072B2", "o", [p for p in points if p["known"] and any(_same(p, other) for other in unknown)]),
+    ):
+        ax.plot([p["speed"] for p in own], [p["depth"] for p in own], color=colour, marker=marker, markersize=5.0)
+    ax.plot([0.0] + [p["speed"] for p in unknown], [0.0] + [p["depth_expected"] for p in unknown], **REFERENCE)
+    ax.set_xlim(*_widened([point["speed"] for point in points]))
+    ax.set_xlabel("speed of the obstacle, relative to the scenario's")
+    ax.set_ylabel(f"depth of violation [{OBSTACLES[scenario].unit}]")
+
+
+def _same(point: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    return bool((point["speed"], point["switching_gain"]) == (other["speed"], other["switching_gain"]))
+
+
+def _widened(values: Sequence[float]) -> tuple[float, float]:
+    gap = 0.08 * (max(values) - min(values)) or 0.1
+    return min(values) - gap, max(values) + gap

@@ -1,0 +1,191 @@
+"""Disturbances of actuation, measurement and model, for every controller."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..reports.figures.sheet import STYLE, WIDTH, Sheet, style
+from ..reports.numbers import DASH, number
+from ..scenarios import Scenario
+from .laws import LAWS
+from .study import Study, StudyResult, StudyRun
+from .summary import RunSummary
+
+SCENARIO = "example-2d-fov"
+OVERRIDES = {"task.Kp0": 40.0, "constraints.0.switching_gain": 20.0, "duration": 5.0}
+"""The first example, faster, with the switching gain that this needs: the runs are shorter."""
+
+DISTURBANCES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "gradient error c_e (49)": ({"gradient_error": 0.3}, {"gradient_error": 0.6}),
+    "acceleration d_c [rad/s²]": ({"acceleration": [0.02]}, {"acceleration": [0.2]}),
+    "acceleration noise [rad/s²]": ({"acceleration_noise": 0.1}, {"acceleration_noise": 1.0}),
+    "actuator lag C [s]": ({"time_constant": 0.02}, {"time_constant": 0.1}),
+    "pixel noise [px]": ({"pixel_noise": 0.5}, {"pixel_noise": 2.0}),
+    "depth factor": ({"depth_factor": 1.1}, {"depth_factor": 1.5}),
+    "focal factor": ({"focal_factor": [1.02, 1.02]}, {"focal_factor": [1.1, 1.1]}),
+    "principal point error [px]": ({"principal_point_error": [2.0, 2.0]}, {"principal_point_error": [10.0, 10.0]}),
+    "image period [s]": ({"image_period": 0.05}, {"image_period": 0.2}),
+    "delay [samples]": ({"delay": 2}, {"delay": 20}),
+    "lost frames": ({"lost_frames": 0.2}, {"lost_frames": 0.8}),
+}
+"""Label, and the ``[disturbances]`` of two levels."""
+
+DEEPEST = 10.0
+"""Depth of violation, in per cent of L, at which the colours end."""
+
+LEAST = 0.01
+"""Depth of violation, in per cent of L, at which they begin."""
+
+
+class Robustness(Study):
+    """Every disturbance at two levels with every controller, on the first example."""
+
+    name = "robustness"
+    title = "Disturbances"
+    question = "What do the controllers make of disturbances of actuation, measurement and model?"
+    claims = (9,)
+    figure_caption = (
+        "Depth of violation in per cent of the row's characteristic length L, for every disturbance at two levels; a "
+        "dash where nothing was violated. Last column: final error of the camera's position, from the least to the "
+        "greatest over the controllers."
+    )
+
+    def runs(self, *, small: bool = False) -> list[StudyRun]:
+        """No disturbance, and every disturbance at two levels, with every controller."""
+        some = list(DISTURBANCES.items())[:2] if small else list(DISTURBANCES.items())
+        cases: list[tuple[str, dict[str, Any]]] = [("none", {})]
+        for label, levels in some:
+            cases += [(f"{label}|{_level(level)}", level) for level in (levels[:1] if small else levels)]
+        base = {**OVERRIDES, **({"duration": 3.0} if small else {})}
+        return [
+            StudyRun(
+                f"{case}|{law.controller}",
+                SCENARIO,
+                law.law,
+                law.options,
+                law.controller,
+                {**base, **({"disturbances": disturbances} if disturbances else {})},
+            )
+            for case, disturbances in cases
+            for law in LAWS
+        ]
+
+    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+        """Status, violation and final error by disturbance, level and controller."""
+        points: list[dict[str, Any]] = []
+        for key, run in results.items():
+            *disturbance, controller = key.split("|")
+            points.append(
+                {
+                    "disturbance": disturbance[0],
+                    "level": disturbance[1] if len(disturbance) > 1 else "",
+                    "controller": controller,
+                    "status": run.status,
+                    "reason": run.reason,
+                    "violation": 100.0 * run.value("violation_depth"),
+                    "violation_time_s": run.value("violation_time_s"),
+                    "final_translation_error_mm": 1e3 * run.value("final_translation_error_m"),
+                    "final_rotation_error_mrad": 1e3 * run.value("final_rotation_error_rad"),
+                    "acceleration_variation": run.value("acceleration_variation"),
+                }
+            )
+        numbers: dict[str, float] = {}
+        parts = []
+        for controller in dict.fromkeys(point["controller"] for point in points):
+            own = [point for point in points if point["controller"] == controller and point["disturbance"] != "none"]
+            kept = [p for p in own if p["status"] not in ("failed", "aborted") and p["violation"] == 0.0]
+            converged = [p for p in own if p["status"] == "converged"]
+            deepest = max((p["violation"] for p in own if math.isfinite(p["violation"])), default=math.nan)
+            numbers[f"{controller}.runs"] = float(len(own))
+            numbers[f"{controller}.without_violation"] = float(len(kept))
+            numbers[f"{controller}.converged"] = float(len(converged))
+            numbers[f"{controller}.deepest_violation"] = deepest
+            parts.append(
+                f"{controller} violates nothing in {len(kept)} of {len(own)} disturbed runs, reaches the goal in "
+                f"{len(converged)}, and its deepest violation is {number(deepest)} % of L"
+            )
+        margin = float(Scenario.load(SCENARIO).tables["constraints"][0]["margin"])
+        numbers["margin"] = 100.0 * margin / (1.0 - margin)
+        parts.append(f"The boundary lies {number(numbers['margin'])} % of L inside the image")
+        return points, numbers, [f"{part}." for part in parts]
+
+    def draw(self, result: StudyResult, path: Path) -> None:
+        """A table of cells: one row per disturbance and level, one column per controller, the final errors beside."""
+        cases = list(dict.fromkeys((point["disturbance"], point["level"]) for point in result.points))
+        controllers = list(dict.fromkeys(point["controller"] for point in result.points))
+        left, right, top, cell = 2.35, 1.15, 0.62, 0.25
+        with style({**STYLE, "axes.grid": False}):
+            sheet = Sheet(top + cell * len(cases) + 0.1)
+            ax = sheet.axes(left, top, WIDTH - left - right, cell * len(cases))
+            ax.set_xlim(-0.5, len(controllers) - 0.5)
+            ax.set_ylim(len(cases) - 0.5, -0.5)
+            last = ""
+            for i, (disturbance, level) in enumerate(cases):
+                own = [p for p in result.points if (p["disturbance"], p["level"]) == (disturbance, level)]
+                for point in own:
+                    _cell(ax, controllers.index(point["controller"]), i, point)
+                middle = top + (i + 0.5) * cell
+                if disturbance != last:
+                    sheet.text(0.1, middle, "no disturbance" if disturbance == "none" else disturbance, va="center")
+                    if i:
+                        ax.axhline(i - 0.5, color="#444444", linewidth=0.7)
+                sheet.text(left - 0.1, middle, level, va="center", ha="right")
+                sheet.text(WIDTH - right + 0.1, middle, _span(own), va="center")
+                last = disturbance
+            ax.set_yticks([])
+            ax.xaxis.tick_top()
+            ax.set_xticks(range(len(controllers)), [_two_lines(name) for name in controllers])
+            ax.tick_params(length=0.0)
+            sheet.text(0.1, top - 0.1, "depth of violation [% of L]", va="bottom", fontweight="bold")
+            sheet.text(WIDTH - right + 0.1, top - 0.1, "final error\n[mm]", va="bottom")
+            sheet.save(path)
+
+
+def _level(settings: Mapping[str, Any]) -> str:
+    """The value of the one disturbance that is set."""
+    value = next(iter(settings.values()))
+    return f"{value[0] if isinstance(value, list) else value:g}"
+
+
+def _two_lines(name: str) -> str:
+    head, _, tail = name.rpartition("-")
+    return f"{head}-\n{tail}" if len(name) > 15 else name
+
+
+def _cell(ax: Any, x: int, y: int, point: Mapping[str, Any]) -> None:
+    lost = point["status"] in ("failed", "aborted")
+    depth = point["violation"]
+    share = 0.0
+    if depth > 0.0:
+        share = float(np.clip(np.log(depth / LEAST) / np.log(DEEPEST / LEAST), 0.06, 1.0))
+    colour = "#9A9A9A" if lost else _shade(share)
+    ax.fill_between([x - 0.5, x + 0.5], y - 0.5, y + 0.5, color=colour, linewidth=0.0)
+    text = point["status"] if lost else number(depth) if depth > 0.0 else DASH
+    ax.text(x, y, text, ha="center", va="center", color="white" if share > 0.6 or lost else "#222222")
+
+
+def _span(points: Sequence[Mapping[str, Any]]) -> str:
+    """Final errors from the least to the greatest [mm]."""
+    values = [p["final_translation_error_mm"] for p in points if p["status"] not in ("failed", "aborted")]
+    if not values:
+        return DASH
+    low, high = _short(min(values)), _short(max(values))
+    return low if low == high else f"{low} to {high}"
+
+
+def _short(value: float) -> str:
+    return "<0.1" if value < 0.1 else f"{value:.1f}" if value < 10.0 else f"{value:.0f}"
+
+
+def _shade(share: float) -> tuple[float, float, float]:
+    """From a pale blue (nothing violated) through white to a dark red."""
+    if share == 0.0:
+        return (0.86, 0.92, 0.97)
+    pale, deep = np.array([0.99, 0.90, 0.84]), np.array([0.65, 0.06, 0.08])
+    mixed = pale + share * (deep - pale)
+    return (float(mixed[0]), float(mixed[1]), float(mixed[2]))

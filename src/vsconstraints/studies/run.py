@@ -1,0 +1,97 @@
+"""Runs studies together, and writes their figures and data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ..comparisons.tables import write_table
+from ..errors import ConfigurationError, unknown_name
+from .pool import Progress, run_all
+from .study import Study, StudyResult
+from .summary import RunSummary
+
+
+def figure_file(folder: Path, name: str) -> Path:
+    """Where the figure of a study is written."""
+    return folder / "figures" / f"study-{name}.png"
+
+
+def data_file(folder: Path, name: str) -> Path:
+    """Where the points of a study are written."""
+    return folder / "studies" / f"{name}.csv"
+
+
+def run_studies(
+    names: Sequence[str] | None = None,
+    folder: Path | None = None,
+    workers: int | None = None,
+    on_progress: Progress = lambda done, total: None,
+    *,
+    small: bool = False,
+    studies: Mapping[str, Study] | None = None,
+) -> dict[str, StudyResult]:
+    """Run studies and write a figure and a table of each.
+
+    A run that fails is listed in its study's ``failures``; so is an evaluation or a drawing that does.
+
+    Parameters
+    ----------
+    names
+        Which; all if None or empty.
+    folder
+        ``figures/study-NAME.png`` and ``studies/NAME.csv`` are written below it; nothing is if None.
+    workers
+        Number of processes; as many as there are cores if None.
+    on_progress
+        Told after every simulation how many are done, and how many there are.
+    small
+        A few short runs of each study instead of all.
+    studies
+        What there is to choose from; :data:`vsconstraints.studies.STUDIES` if None.
+
+    Raises
+    ------
+    ConfigurationError
+        for unknown names, and if the folder cannot be made.
+    """
+    if studies is None:
+        from . import STUDIES
+
+        studies = STUDIES
+    chosen = list(dict.fromkeys(names or studies))
+    for name in chosen:
+        if name not in studies:
+            raise unknown_name("study", name, studies)
+    if folder is not None:
+        try:
+            for file in (figure_file(folder, ""), data_file(folder, "")):
+                file.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigurationError(f"studies cannot be stored in {folder}: {error}") from error
+    runs = {name: studies[name].runs(small=small) for name in chosen}
+    summaries = run_all([run for own in runs.values() for run in own], workers, on_progress)
+    results = {}
+    for name in chosen:
+        own = {run.key: summaries[run.identity] for run in runs[name]}
+        results[name] = _finish(studies[name], own, folder)
+    return results
+
+
+def _finish(study: Study, summaries: Mapping[str, RunSummary], folder: Path | None) -> StudyResult:
+    """Evaluate and draw one study; what goes wrong stays in it."""
+    try:
+        result = study.evaluate(summaries)
+    except Exception as error:  # one study's mistake must not cost the others
+        return StudyResult(study.name, failures=(f"evaluation: {type(error).__name__}: {error}",))
+    if folder is None:
+        return result
+    try:
+        columns = list(dict.fromkeys(column for point in result.points for column in point))
+        lines = [{column: point.get(column, "") for column in columns} for point in result.points]
+        write_table(data_file(folder, study.name), columns, lines)
+        study.draw(result, figure_file(folder, study.name))
+    except Exception as error:  # a figure must not cost what was found
+        failure = f"figure: {type(error).__name__}: {error}"
+        return StudyResult(study.name, result.numbers, result.sentences, result.points, (*result.failures, failure))
+    return result

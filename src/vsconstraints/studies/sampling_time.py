@@ -1,0 +1,196 @@
+"""The chattering band against the sampling time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..reports.numbers import number
+from .laws import SLIDING_MODE
+from .panels import INK, REFERENCE, Grid, handle, logarithmic
+from .study import Study, StudyResult, StudyRun
+from .summary import RunSummary
+
+BAND_SCENARIOS = {"example-2d-fov": ("#222222", "o"), "example-2d-fast-high-gain": ("#8A8A8A", "s")}
+ROW_SCENARIO = "case-study-6r"
+SAMPLING_TIMES = {
+    "example-2d-fov": (1.25, 2.5, 5.0, 10.0, 20.0, 40.0),
+    "example-2d-fast-high-gain": (1.0, 2.5, 5.0, 10.0, 20.0, 40.0),
+    ROW_SCENARIO: (1.0, 2.0, 4.0, 8.0, 16.0),
+}
+"""[ms]"""
+
+ROW_COLOURS = ("#0072B2", "#56B4E9", "#009E73", "#D55E00", "#CC79A7", "#E69F00", "#000000", "#9C8A00")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
+
+
+class SamplingTime(Study):
+    """The sliding-mode law with different sampling times, nothing else changed.
+
+    (43) bounds one step of the constraint action alone: T_s u⁺. In the last sample before a row becomes active,
+    tracking moves φ by up to T_s (L_fφ + L_gφ q̈): that is what the band has above zero, and the sum is what to expect.
+    """
+
+    name = "sampling-time"
+    title = "Sampling time against the chattering band"
+    question = "Does the chattering band shrink with the sampling time as (43) says?"
+    claims = (10, 2)
+    figure_caption = (
+        "Left: peak-to-peak φ while sliding, with the bound (43) and what tracking adds in one sample. Middle: "
+        "greatest φ of each row of the case study relative to its T_s u⁺. Right: most samples in a row with φ ≥ 0."
+    )
+
+    def runs(self, *, small: bool = False) -> list[StudyRun]:
+        """Every scenario with every sampling time."""
+        times = {"example-2d-fast-high-gain": (2.5, 5.0, 10.0)} if small else SAMPLING_TIMES
+        return [
+            StudyRun(
+                f"{scenario} {time:g}",
+                scenario,
+                *SLIDING_MODE[1:],
+                overrides={"sampling_time": time / 1e3, **({"duration": 4.0} if small else {})},
+            )
+            for scenario, own in times.items()
+            for time in own
+        ]
+
+    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+        """Bands and bounds of every run, and one line more for each row of the case study that was active."""
+        points: list[dict[str, Any]] = []
+        for key, run in results.items():
+            scenario, time = key.split(" ")
+            common = {"scenario": scenario, "Ts_ms": float(time), "status": run.status, "reason": run.reason}
+            bound = run.value("phi_band_bound")
+            points.append(
+                {
+                    **common,
+                    "row": "",
+                    "band": run.value("phi_band"),
+                    "bound_43": bound,
+                    "band_expected": bound + run.Ts * run.entry_push,
+                    "phi_max": run.phi_max,
+                    "longest_run": float(run.longest_run),
+                    "violation_depth": run.value("violation_depth"),
+                }
+            )
+            if scenario == ROW_SCENARIO:
+                points += [
+                    {**common, **_row_point(row, run.Ts)} for row in run.rows.values() if row["active_time_s"] > 0
+                ]
+        numbers = _numbers(points)
+        return points, numbers, _sentences(numbers)
+
+    def draw(self, result: StudyResult, path: Path) -> None:
+        """Band, overshoot by row, samples in a row."""
+        rows = list(dict.fromkeys(point["row"] for point in result.points if point["row"]))
+        looks = dict(zip(rows, zip(ROW_COLOURS, MARKERS, strict=True), strict=False))
+        with Grid(path, 1, 3, height=2.3, legend=0.75, left=0.65, gap=0.62) as grid:
+            band, over, samples = grid.axes[0]
+            handles = []
+            for scenario, (colour, marker) in BAND_SCENARIOS.items():
+                own = [p for p in result.points if p["scenario"] == scenario and not p["row"]]
+                if own:
+                    _line(band, own, "band", color=colour, marker=marker)
+                    _line(band, own, "bound_43", color=colour, linestyle=REFERENCE["linestyle"], linewidth=1.1)
+                    _line(band, own, "band_expected", color=colour, linestyle=":", linewidth=1.4)
+                    _line(samples, own, "longest_run", color=colour, marker=marker)
+                    gain = own[0]["bound_43"] / own[0]["Ts_ms"] * 1e3
+                    name = "first example" + (", fast" if "fast" in scenario else "")
+                    handles.append(handle(f"{name}, u⁺ = {gain:.3g} /s", colour, marker))
+            for row, (colour, marker) in looks.items():
+                own = [p for p in result.points if p["row"] == row]
+                _line(over, own, "relative_overshoot", color=colour, marker=marker, markersize=4.5)
+                _line(samples, own, "longest_run", color=colour, marker=marker, markersize=4.5)
+                handles.append(handle(row, colour, marker))
+            handles.append(handle("Tₛ u⁺ (43)", INK, linestyle=REFERENCE["linestyle"], linewidth=1.1))
+            handles.append(handle("Tₛ (u⁺ + push of tracking)", INK, linestyle=":"))
+            grid.legend(handles, 3)
+            over.axhline(1.0, **REFERENCE)
+            for ax, ticks in (
+                (band, (1, 2.5, 5, 10, 20, 40)),
+                (over, (1, 2, 4, 8, 16)),
+                (samples, (1, 2.5, 5, 10, 20, 40)),
+            ):
+                logarithmic(ax.xaxis, ticks)
+                ax.set_xlabel("sampling time Tₛ [ms]")
+            logarithmic(band.yaxis)
+            logarithmic(samples.yaxis, (1, 2, 5, 10, 20))
+            over.set_ylim(bottom=0.0)
+            band.set_title("band of φ while sliding")
+            over.set_title("case study: greatest φ / (Tₛ u⁺)")
+            samples.set_title("samples in a row with φ ≥ 0")
+
+
+def _line(ax: Any, points: list[dict[str, Any]], column: str, **options: Any) -> None:
+    pairs = [(p["Ts_ms"], p[column]) for p in points if math.isfinite(p[column])]
+    if pairs:
+        ax.plot(*zip(*pairs, strict=True), **{"linewidth": 1.4, "markersize": 5.0, **options})
+
+
+def _row_point(row: Mapping[str, Any], Ts: float) -> dict[str, Any]:
+    step = Ts * row["switching_gain"]
+    return {
+        "row": row["constraint"],
+        "bound_43": step,
+        "phi_max": row["phi_max"],
+        "relative_overshoot": row["phi_max"] / step,
+        "longest_run": float(round(row["longest_positive_run_s"] / Ts)),
+        "violation_depth": row["violation_depth"],
+    }
+
+
+def _numbers(points: list[dict[str, Any]]) -> dict[str, float]:
+    numbers: dict[str, float] = {}
+    for scenario in BAND_SCENARIOS:
+        own = [p for p in points if p["scenario"] == scenario and not p["row"] and math.isfinite(p["band"])]
+        if not own:
+            continue
+        Ts, band, bound, whole = (
+            np.array([p[column] for p in own]) for column in ("Ts_ms", "band", "bound_43", "band_expected")
+        )
+        numbers[f"{scenario}.least_excess"] = float((band / bound).min())
+        numbers[f"{scenario}.greatest_excess"] = float((band / bound).max())
+        numbers[f"{scenario}.greatest_share_of_expected"] = float((band / whole).max())
+        numbers[f"{scenario}.longest_run"] = max(p["longest_run"] for p in own)
+        if len(own) > 1:
+            numbers[f"{scenario}.exponent"] = float(np.polyfit(np.log(Ts), np.log(band), 1)[0])
+        numbers.update({f"{scenario}.band.{time:g}ms": float(value) for time, value in zip(Ts, band, strict=True)})
+    rows = [point for point in points if point["row"]]
+    if rows:
+        worst = max(rows, key=lambda point: point["longest_run"])
+        numbers[f"{ROW_SCENARIO}.longest_run"] = worst["longest_run"]
+        numbers[f"{ROW_SCENARIO}.longest_run_ms"] = worst["longest_run"] * worst["Ts_ms"]
+        numbers[f"{ROW_SCENARIO}.greatest_overshoot"] = max(point["relative_overshoot"] for point in rows)
+    return numbers
+
+
+def _sentences(numbers: Mapping[str, float]) -> list[str]:
+    sentences = []
+    for scenario in BAND_SCENARIOS:
+        if f"{scenario}.exponent" not in numbers:
+            continue
+        of = {name.removeprefix(f"{scenario}."): value for name, value in numbers.items() if name.startswith(scenario)}
+        sentences.append(
+            f"In {scenario} the band grows with the power {of['exponent']:.2f} of the sampling time. It is "
+            f"{of['least_excess']:.2f} to {of['greatest_excess']:.2f} times the bound (43), and at most "
+            f"{of['greatest_share_of_expected']:.2f} times that with what tracking adds in one sample; the longest "
+            f"run of φ ≥ 0 is {of['longest_run']:g} samples."
+        )
+    slow, fast = numbers.get("example-2d-fov.band.5ms"), numbers.get("example-2d-fast-high-gain.band.1ms")
+    if slow is not None and fast is not None:
+        sentences.append(
+            f"The fast motion with five times the switching gain has the band {number(fast)} at 1 ms; the slow one has "
+            f"{number(slow)} at 5 ms: to keep the band, the sampling time must fall as the gain rises."
+        )
+    if f"{ROW_SCENARIO}.longest_run" in numbers:
+        overshoot = numbers[f"{ROW_SCENARIO}.greatest_overshoot"]
+        sentences.append(
+            f"In the case study the greatest φ is {overshoot:.2f} times its T_s u⁺; "
+            f"one row stays at φ ≥ 0 for {numbers[f'{ROW_SCENARIO}.longest_run']:g} samples "
+            f"({number(numbers[f'{ROW_SCENARIO}.longest_run_ms'])} ms) in a row."
+        )
+    return sentences

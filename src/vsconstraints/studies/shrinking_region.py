@@ -1,0 +1,212 @@
+"""Potential fields with ever smaller regions, which become the sliding-mode law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from ..reports.numbers import number
+from .laws import SLIDING_MODE, potential_field
+from .panels import (
+    LOOKS,
+    REFERENCE,
+    SHADE,
+    Grid,
+    failed_marks,
+    handle,
+    line_handle,
+    logarithmic,
+    plot,
+    scenario_title,
+    sentence_start,
+)
+from .study import Study, StudyResult, StudyRun
+from .summary import RunSummary, clearance_distance, joint_distance
+
+BLENDS = ("priority", "additive")
+REGIONS = {
+    "example-2d-fov": (0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.003, 0.001, 0.0001),
+    "case-study-6r": (0.5, 0.2, 0.05, 0.01, 0.003, 0.001, 0.0001),
+}
+"""Of both blends."""
+
+HALVED = {"example-2d-fov": 0.0025, "case-study-6r": 0.001}
+"""Half of each scenario's sampling time [s]."""
+
+ROWS = (
+    ("joint_distance", "distance to sliding mode\nin joint space, RMS [rad]"),
+    ("unused", "allowed space\nleft unused [%]"),
+    ("switching_rate", "switching rate of the\nacting rows [Hz]"),
+)
+
+
+class ShrinkingRegion(Study):
+    """Potential fields with ever smaller regions beside the sliding-mode law.
+
+    The distance to sliding mode is the root mean square of ‖q − q_SM‖ over time. How far the sliding-mode law is from
+    itself at half the sampling time is the scale of what sampling alone changes: no distance below it means anything.
+    """
+
+    name = "shrinking-region"
+    title = "Shrinking the potential field's region"
+    question = "Does a potential field become the sliding-mode law as its repulsion region shrinks?"
+    claims = (8, 7)
+    figure_caption = (
+        "Potential fields against the size of their influence region, as a fraction of each row's allowed range. "
+        "Dashed: the sliding-mode law; in the upper panels its distance to itself at half the sampling time. Shaded: "
+        "regions smaller than T_s u⁺, the step of φ in one sample. A cross marks a run that failed."
+    )
+
+    def runs(self, *, small: bool = False) -> list[StudyRun]:
+        """The sliding-mode law, also at half the sampling time, and both blends with every region."""
+        runs = []
+        for scenario, regions in REGIONS.items():
+            if small and scenario != "example-2d-fov":
+                continue
+            short: dict[str, Any] = {"duration": 6.0} if small else {}
+            halved = {**short, "sampling_time": HALVED[scenario]}
+            runs.append(StudyRun(f"{scenario} sliding-mode", scenario, *SLIDING_MODE[1:], overrides=short))
+            runs.append(StudyRun(f"{scenario} halved", scenario, *SLIDING_MODE[1:], overrides=halved))
+            for blend in BLENDS:
+                for region in (0.5, 0.02, 0.0001) if small else regions:
+                    law = potential_field(blend, region)
+                    key = f"{scenario} {blend} {region:g}"
+                    runs.append(StudyRun(key, scenario, law.law, law.options, law.controller, short))
+        return runs
+
+    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+        """Distances to the sliding-mode law, by scenario, blend and region."""
+        points: list[dict[str, Any]] = []
+        for key, run in results.items():
+            scenario, what, *region = key.split(" ")
+            reference = results.get(f"{scenario} sliding-mode", RunSummary("failed", "not run"))
+            points.append(
+                {
+                    "scenario": scenario,
+                    "law": what,
+                    "region": float(region[0]) if region else math.nan,
+                    "status": run.status,
+                    "reason": run.reason,
+                    "joint_distance": joint_distance(run, reference),
+                    "clearance_distance": clearance_distance(run, reference),
+                    "unused": 100.0 * (1.0 - run.value("utilization")),
+                    "step": _step(run),
+                    "switching_rate": run.value("switching_rate_hz"),
+                    "acceleration_variation": run.value("acceleration_variation"),
+                    "violation_depth": run.value("violation_depth"),
+                }
+            )
+        numbers: dict[str, float] = {}
+        sentences: list[str] = []
+        for scenario in dict.fromkeys(point["scenario"] for point in points):
+            own = [point for point in points if point["scenario"] == scenario]
+            found = _numbers(own)
+            numbers.update({f"{scenario}.{name}": value for name, value in found.items()})
+            sentences += _sentences(scenario, found)
+        return points, numbers, sentences
+
+    def draw(self, result: StudyResult, path: Path) -> None:
+        """One column per scenario; rows as in :data:`ROWS`."""
+        scenarios = list(dict.fromkeys(point["scenario"] for point in result.points))
+        with Grid(path, len(ROWS), len(scenarios), height=1.45, legend=0.18, left=0.95, gap=0.75) as grid:
+            names = [potential_field(blend).controller for blend in BLENDS]
+            reference = handle("sliding-mode", **_reference())
+            grid.legend([*(line_handle(name) for name in names), reference], 3)
+            for j, scenario in enumerate(scenarios):
+                own = [point for point in result.points if point["scenario"] == scenario]
+                for i, (column, label) in enumerate(ROWS):
+                    ax = grid.axes[i][j]
+                    _panel(ax, own, column)
+                    if j == 0:
+                        ax.set_ylabel(label)
+                    ax.tick_params(labelbottom=i == len(ROWS) - 1)
+                grid.axes[0][j].set_title(scenario_title(scenario))
+                grid.axes[-1][j].set_xlabel("region δ, relative to the allowed range (smaller →)")
+
+
+def _step(run: RunSummary) -> float:
+    """Greatest T_s u⁺ of a challenged row, relative to its allowed range: what one sample of its action moves φ by."""
+    steps = [run.Ts * row["switching_gain"] / row["scale"] for row in run.rows.values() if row["challenged"]]
+    return max(steps, default=math.nan)
+
+
+def _reference() -> dict[str, Any]:
+    return {"colour": str(REFERENCE["color"]), "linestyle": REFERENCE["linestyle"], "linewidth": 1.1}
+
+
+def _panel(ax: Any, points: list[dict[str, Any]], column: str) -> None:
+    step = next((p["step"] for p in points if p["law"] == "sliding-mode"), math.nan)
+    if math.isfinite(step):
+        ax.axvspan(step, 1e-9, color=SHADE, linewidth=0.0, zorder=0.5)
+    reference = next(
+        (p[column] for p in points if p["law"] == ("halved" if column == "joint_distance" else "sliding-mode")),
+        math.nan,
+    )
+    if math.isfinite(reference):
+        ax.axhline(reference, **REFERENCE, zorder=2)
+    for blend in BLENDS:
+        look = LOOKS[potential_field(blend).controller]
+        own = [point for point in points if point["law"] == blend]
+        plot(ax, [point for point in own if point["status"] not in ("failed", "aborted")], "region", column, look)
+        if column == ROWS[0][0]:
+            failed_marks(ax, [p["region"] for p in own if p["status"] in ("failed", "aborted")], look.colour, 0.93)
+    logarithmic(ax.xaxis, (1e-4, 1e-3, 1e-2, 1e-1))
+    logarithmic(ax.yaxis, linear_below=1.0 if column == "switching_rate" else None)
+    ax.set_xlim(0.8, 0.6e-4)
+    if column == "switching_rate":
+        ax.set_ylim(-0.1, 2.0 * ax.get_ylim()[1])
+
+
+def _numbers(points: list[dict[str, Any]]) -> dict[str, float]:
+    """What the sentences and verdicts of one scenario need."""
+    numbers: dict[str, float] = {}
+    of = {point["law"]: point for point in points}
+    numbers["sampling_distance"] = of["halved"]["joint_distance"] if "halved" in of else math.nan
+    numbers["sliding_unused"] = of["sliding-mode"]["unused"] if "sliding-mode" in of else math.nan
+    for blend in BLENDS:
+        every = sorted((p for p in points if p["law"] == blend), key=lambda point: -point["region"])
+        own = [point for point in every if point["status"] not in ("failed", "aborted")]
+        numbers[f"{blend}.runs"], numbers[f"{blend}.failed"] = float(len(every)), float(len(every) - len(own))
+        if not own:
+            continue
+        distances = [point["joint_distance"] for point in own]
+        for place, point in (("largest", own[0]), ("smallest", own[-1])):
+            numbers[f"{blend}.region_{place}"] = point["region"]
+            numbers[f"{blend}.distance_{place}_region"] = point["joint_distance"]
+            numbers[f"{blend}.unused_{place}_region"] = point["unused"]
+        # a rise below what sampling alone changes is none
+        falls = all(b <= max(a, numbers["sampling_distance"]) for a, b in pairwise(distances))
+        numbers[f"{blend}.distance_falls"] = float(falls and len(own) == len(every))
+        deepest = max(own, key=lambda point: point["violation_depth"])
+        numbers[f"{blend}.violation_depth"] = deepest["violation_depth"]
+        numbers[f"{blend}.violation_region"] = deepest["region"]
+    return numbers
+
+
+def _sentences(scenario: str, numbers: Mapping[str, float]) -> list[str]:
+    sentences = []
+    for blend in BLENDS:
+        if f"{blend}.region_largest" not in numbers:
+            continue
+        of = {name.removeprefix(f"{blend}."): value for name, value in numbers.items() if name.startswith(blend)}
+        violation = (
+            f"its deepest violation is {number(100.0 * of['violation_depth'])} % of L, with the region "
+            f"{of['violation_region']:g}"
+            if of["violation_depth"] > 0.0
+            else "it violates nothing"
+        )
+        failed = f"; {of['failed']:.0f} of its {of['runs']:.0f} runs failed" if of["failed"] else ""
+        sentences.append(
+            f"{sentence_start(scenario)}, {blend} blend: {number(of['distance_largest_region'])} rad (RMS) from the "
+            f"sliding-mode law with the region {of['region_largest']:g}, {number(of['distance_smallest_region'])} rad "
+            f"with {of['region_smallest']:g}. It leaves {number(of['unused_largest_region'])} % and "
+            f"{number(of['unused_smallest_region'])} % of the allowed space unused (sliding mode: "
+            f"{number(numbers['sliding_unused'])} %); {violation}{failed}."
+        )
+    sentences.append(
+        f"Half the sampling time moves the sliding-mode law itself by {number(numbers['sampling_distance'])} rad there."
+    )
+    return sentences

@@ -1,0 +1,197 @@
+"""How large the switching gain must be, and whether condition (12) tells it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from ..reports.numbers import number
+from .laws import SLIDING_MODE
+from .panels import INK, Grid, handle, logarithmic
+from .study import Study, StudyResult, StudyRun
+from .summary import RunSummary
+
+SCENARIO = "example-2d-fov"
+DURATIONS = {20.0: 10.0, 30.0: 6.5, 40.0: 5.0, 50.0: 4.5, 80.0: 3.0, 120.0: 2.5}
+"""Duration [s] by K_p(0): long enough for the row to be reached and left."""
+
+GAINS = tuple(round(2.5 * 2.0 ** (k / 2.0), 3) for k in range(14))
+"""u⁺ on a grid of ratio √2."""
+
+OUTCOMES = ("violated", "beyond band", "band, not sliding", "sliding")
+LOOK = {
+    "violated": ("#B2182B", "X", "σ > 0: violated"),
+    "beyond band": ("#EF8A62", "s", "σ ≤ 0, but φ > Tₛ u⁺"),
+    "band, not sliding": ("#9BC4E2", "o", "φ ≤ Tₛ u⁺, several samples in a row with φ ≥ 0"),
+    "sliding": ("#0072B2", "o", "φ ≤ Tₛ u⁺, one sample in a row with φ ≥ 0"),
+    "failed": ("#000000", "x", "failed"),
+}
+
+
+class SwitchingGain(Study):
+    """The first example with ever faster motion, and a grid of switching gains for each speed.
+
+    Three things can be asked of a switching gain, each more than the one before: that σ ≤ 0 holds, that φ stays within
+    the band (43), and that φ is back below zero after one sample, as in a sliding mode. Condition (12) promises that φ
+    falls while its row is active. While it is inactive, tracking moves φ at up to L_fφ + L_gφ q̈, so that one sample is
+    enough to come back if u⁺ exceeds L_fφ by as much.
+    """
+
+    name = "switching-gain"
+    title = "Switching gain against the speed of the motion"
+    question = "Must the switching gain rise with the speed of the motion, and is condition (12) enough?"
+    claims = (2, 10)
+    figure_caption = (
+        "Every marker is a run of the first example. Lines: the bound (12), the greatest Σ max(L_fφ, 0) over the "
+        "active rows in any run of the same speed that slides, and what is needed to be back below zero after one "
+        "sample."
+    )
+
+    def runs(self, *, small: bool = False) -> list[StudyRun]:
+        """Every speed with every gain."""
+        speeds = (50.0,) if small else tuple(DURATIONS)
+        gains = (5.0, 10.0, 20.0, 40.0) if small else GAINS
+        return [
+            StudyRun(
+                f"{Kp0:g} {gain:g}",
+                SCENARIO,
+                *SLIDING_MODE[1:],
+                overrides={"task.Kp0": Kp0, "constraints.0.switching_gain": gain, "duration": DURATIONS[Kp0]},
+            )
+            for Kp0 in speeds
+            for gain in gains
+        ]
+
+    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+        """Outcome of every run; for every speed the smallest gains that are enough, and the bounds."""
+        points = [_point(key, run) for key, run in results.items()]
+        numbers: dict[str, float] = {}
+        sentences = []
+        for Kp0 in dict.fromkeys(point["Kp0"] for point in points):
+            own = sorted((p for p in points if p["Kp0"] == Kp0), key=lambda point: point["switching_gain"])
+            found = {
+                "bound_12": _bound(own, "bound_12"),
+                "bound_sampled": _bound(own, "bound_sampled"),
+                "smallest_allowed": _smallest(own, "violated"),
+                "smallest_in_band": _smallest(own, "beyond band"),
+                "smallest_sliding": _smallest(own, "band, not sliding"),
+            }
+            numbers.update({f"Kp0={Kp0:g}.{name}": value for name, value in found.items()})
+            sentences.append(
+                f"With K_p(0) = {Kp0:g} the bound (12) is {number(found['bound_12'])} /s. Of the gains tried, "
+                f"σ ≤ 0 holds from {number(found['smallest_allowed'])} /s on, φ stays within T_s u⁺ from "
+                f"{number(found['smallest_in_band'])} /s on, and φ is back below zero after one sample from "
+                f"{number(found['smallest_sliding'])} /s on (expected: {number(found['bound_sampled'])} /s)."
+            )
+        numbers.update(_over_speeds(points))
+        sentences.append(
+            f"Above the bound (12), {numbers['above_bound_allowed']:.0f} of {numbers['above_bound']:.0f} runs keep "
+            f"σ ≤ 0, {numbers['above_bound_in_band']:.0f} keep φ within T_s u⁺, and "
+            f"{numbers['above_bound_sliding']:.0f} are back below zero after one sample; below it "
+            f"{numbers['below_bound_allowed']:.0f} of {numbers['below_bound']:.0f} still keep σ ≤ 0."
+        )
+        return points, numbers, sentences
+
+    def draw(self, result: StudyResult, path: Path) -> None:
+        """Switching gain against speed; one marker per run, coloured by its outcome."""
+        with Grid(path, 1, 1, height=3.5, legend=0.6, left=0.8) as grid:
+            ax = grid.axes[0][0]
+            shown = [name for name in LOOK if any(point["outcome"] == name for point in result.points)]
+            for name in shown:
+                colour, marker, _ = LOOK[name]
+                own = [point for point in result.points if point["outcome"] == name]
+                ax.plot(
+                    [point["Kp0"] for point in own],
+                    [point["switching_gain"] for point in own],
+                    linestyle="none",
+                    marker=marker,
+                    color=colour,
+                    markersize=8.0,
+                    markeredgecolor=INK if name != "failed" else colour,
+                    markeredgewidth=0.5,
+                    zorder=3,
+                )
+            lines = {
+                "bound_12": ("-", "bound (12)"),
+                "bound_sampled": ((0, (4, 2)), "what is needed to be back after one sample"),
+            }
+            speeds = sorted({point["Kp0"] for point in result.points})
+            for column, (line, _) in lines.items():
+                values = [_bound([p for p in result.points if p["Kp0"] == Kp0], column) for Kp0 in speeds]
+                ax.plot(speeds, values, color=INK, linestyle=line, linewidth=1.8, zorder=4)
+            logarithmic(ax.xaxis, speeds)
+            logarithmic(ax.yaxis, (2.5, 5, 10, 20, 40, 80, 160))
+            ax.set_xlim(0.88 * speeds[0], 1.14 * speeds[-1])
+            ax.set_xlabel("gain at zero error Kₚ(0) [1/s²]: faster motion →")
+            ax.set_ylabel("switching gain u⁺ [1/s]")
+            handles = [
+                handle(LOOK[name][2], LOOK[name][0], LOOK[name][1], linestyle="none", markersize=7.0) for name in shown
+            ]
+            grid.legend([*handles, *(handle(text, INK, linestyle=line) for line, text in lines.values())], 2)
+
+
+def _point(key: str, run: RunSummary) -> dict[str, Any]:
+    Kp0, gain = (float(part) for part in key.split(" "))
+    return {
+        "Kp0": Kp0,
+        "switching_gain": gain,
+        "status": run.status,
+        "reason": run.reason,
+        "outcome": _outcome(run, gain),
+        "violation_depth": run.value("violation_depth"),
+        "phi_max": run.phi_max,
+        "band_bound": run.Ts * gain,
+        "longest_run": run.longest_run,
+        "bound_12": run.needed_gain,
+        "bound_sampled": run.needed_gain + max(run.entry_push, 0.0),
+        "utilization": run.value("utilization"),
+    }
+
+
+def _outcome(run: RunSummary, gain: float) -> str:
+    """The first of :data:`OUTCOMES` that is not excluded."""
+    if not run.carried_through:
+        return "failed"
+    if run.value("violation_depth") > 0.0:
+        return "violated"
+    if run.phi_max > run.Ts * gain:
+        return "beyond band"
+    return "sliding" if run.longest_run <= 1 else "band, not sliding"
+
+
+def _smallest(points: Sequence[Mapping[str, Any]], worst_excluded: str) -> float:
+    """Smallest gain from which on every run's outcome is better than this one; NaN if there is none."""
+    least = OUTCOMES.index(worst_excluded)
+    enough = math.nan
+    for point in reversed(points):
+        if point["outcome"] == "failed" or OUTCOMES.index(point["outcome"]) <= least:
+            break
+        enough = point["switching_gain"]
+    return enough
+
+
+def _bound(points: Sequence[Mapping[str, Any]], column: str) -> float:
+    """Greatest value along the runs that slide, or along the one with the largest gain if none does."""
+    sliding = [point for point in points if point["outcome"] == "sliding"] or points[-1:]
+    return max((point[column] for point in sliding if math.isfinite(point[column])), default=math.nan)
+
+
+def _over_speeds(points: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """How many runs keep what, on either side of the bound (12) of their speed; and whether bounds rise with speed."""
+    ordered = sorted(points, key=lambda point: point["switching_gain"])
+    speeds = {point["Kp0"] for point in points}
+    bounds = {Kp0: _bound([point for point in ordered if point["Kp0"] == Kp0], "bound_12") for Kp0 in speeds}
+    above = [point for point in points if point["switching_gain"] > bounds[point["Kp0"]]]
+    below = [point for point in points if point["switching_gain"] <= bounds[point["Kp0"]]]
+    return {
+        "above_bound": float(len(above)),
+        "above_bound_sliding": float(sum(p["outcome"] == "sliding" for p in above)),
+        "above_bound_allowed": float(sum(p["outcome"] not in ("failed", "violated") for p in above)),
+        "above_bound_in_band": float(sum(p["outcome"] in OUTCOMES[2:] for p in above)),
+        "below_bound": float(len(below)),
+        "below_bound_allowed": float(sum(p["outcome"] not in ("failed", "violated") for p in below)),
+        "bound_rises": float(all(bounds[a] < bounds[b] for a, b in pairwise(sorted(bounds)))),
+    }

@@ -1,0 +1,350 @@
+"""Studies: what they run, what they conclude from it, and what a failure costs."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from vsconstraints.controllers import SlidingMode
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
+from vsconstraints.studies import STUDIES, RunSummary, Study, StudyResult, StudyRun, data_file, figure_file, run_studies
+from vsconstraints.studies.laws import LAWS, scaled_gains
+from vsconstraints.studies.panels import plain
+from vsconstraints.studies.pareto import front
+from vsconstraints.studies.recorder import DriftRecorder
+from vsconstraints.studies.summary import _gains, clearance_distance, joint_distance, pixel_distance
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """Every study in its small form, run once, and the folder it was written to."""
+    folder = tmp_path_factory.mktemp("studies")
+    done = []
+    results = run_studies(folder=folder, workers=2, small=True, on_progress=lambda *now: done.append(now))
+    return results, folder, done
+
+
+@pytest.mark.parametrize("name", STUDIES)
+class TestEveryStudy:
+    def test_is_described(self, name):
+        study = STUDIES[name]
+        assert study.name == name
+        assert study.title
+        assert study.question.endswith("?")
+        assert study.figure_caption.endswith(".")
+        assert set(study.claims) <= set(range(1, 13))
+
+    @pytest.mark.parametrize("size", [False, True])
+    def test_runs_have_unique_keys_and_identities(self, name, size):
+        runs = STUDIES[name].runs(small=size)
+        assert len({run.key for run in runs}) == len(runs)
+        assert len({run.identity for run in runs}) == len(runs)
+
+    def test_small_form_answers(self, name, small):
+        results, folder, _ = small
+        result = results[name]
+        assert result.failures == ()
+        assert result.sentences
+        assert not [sentence for sentence in result.sentences if "nan" in sentence]
+        assert result.numbers
+        assert len(result.points) >= len(STUDIES[name].runs(small=True))
+        assert {"status", "reason"} <= set(result.points[0])
+        with data_file(folder, name).open(encoding="utf-8") as file:
+            lines = list(csv.DictReader(file))
+        assert len(lines) == len(result.points)
+        with Image.open(figure_file(folder, name)) as image:
+            assert image.width == 1200
+
+    def test_survives_runs_that_all_failed(self, name, tmp_path):
+        study = STUDIES[name]
+        lost = {run.key: RunSummary("failed", "lost") for run in study.runs()}
+        result = study.evaluate(lost)
+        assert len(result.failures) == len(lost)
+        assert all(point["status"] == "failed" for point in result.points)
+        study.draw(result, tmp_path / "figure.png")
+        assert (tmp_path / "figure.png").exists()
+
+
+def test_progress_counts_every_different_run_once(small):
+    _, _, done = small
+    identities = {run.identity for study in STUDIES.values() for run in study.runs(small=True)}
+    scenarios = {run.scenario for study in STUDIES.values() for run in study.runs(small=True)}
+    total = len(identities) + len(scenarios)
+    assert done == [(k + 1, total) for k in range(total)]
+
+
+class TestWhatThePaperClaims:
+    def test_potential_field_becomes_sliding_mode(self, small):
+        numbers = small[0]["shrinking-region"].numbers
+        name = "example-2d-fov.priority"
+        assert numbers[f"{name}.distance_falls"] == 1.0
+        assert numbers[f"{name}.distance_smallest_region"] < 0.1 * numbers[f"{name}.distance_largest_region"]
+        assert numbers[f"{name}.distance_smallest_region"] < numbers["example-2d-fov.sampling_distance"]
+
+    def test_additive_blend_does_not(self, small):
+        numbers = small[0]["shrinking-region"].numbers
+        assert numbers["example-2d-fov.additive.distance_smallest_region"] > (
+            10.0 * numbers["example-2d-fov.sampling_distance"]
+        )
+
+    def test_condition_12_is_sufficient_but_not_necessary(self, small):
+        numbers = small[0]["switching-gain"].numbers
+        assert numbers["above_bound"] >= 2
+        assert numbers["above_bound_in_band"] == numbers["above_bound_allowed"] == numbers["above_bound"]
+        assert numbers["below_bound_allowed"] >= 1
+        assert 18.0 < numbers["Kp0=50.bound_12"] < 20.0
+
+    def test_too_small_a_gain_leaves_the_band_though_sigma_holds(self, small):
+        outcomes = {p["switching_gain"]: p["outcome"] for p in small[0]["switching-gain"].points}
+        assert outcomes == {5.0: "violated", 10.0: "beyond band", 20.0: "band, not sliding", 40.0: "sliding"}
+
+    def test_band_is_proportional_to_the_sampling_time(self, small):
+        numbers = small[0]["sampling-time"].numbers
+        name = "example-2d-fast-high-gain"
+        assert numbers[f"{name}.exponent"] == pytest.approx(1.0, abs=0.1)
+        assert numbers[f"{name}.longest_run"] == 1.0
+        assert 1.0 < numbers[f"{name}.greatest_excess"] < 1.6
+        assert numbers[f"{name}.greatest_share_of_expected"] < 1.1
+
+    def test_gradient_error_of_the_paper_leaves_the_image_to_no_marker(self, small):
+        points = [p for p in small[0]["gradient-error"].points if p["gradient_error"] == 0.3]
+        assert len(points) == len(LAWS)
+        # the boundary lies 5.3 % of L inside the image
+        assert max(p["violation"] for p in points) < 100.0 * 0.05 / 0.95
+
+    def test_barrier_uses_more_of_the_space_the_faster_it_may_approach(self, small):
+        unused = {
+            p["parameter"]: p["unused"] for p in small[0]["pareto"].points if p["controller"] == "hierarchical-qp"
+        }
+        assert unused[20.0] <= unused[5.0]
+
+
+def summary(status="converged", *, q=0.0, pixel=0.0, clearance=0.0, **given):
+    """A made-up run of two joints, one marker and one row over ten seconds."""
+    t = np.linspace(0.0, 10.0, 11)
+    result = {"utilization": 0.99, "violation_depth": 0.0, "acceleration_variation": 1.0, "violated": ""}
+    result.update(given.pop("result", {}))
+    return RunSummary(
+        status,
+        "",
+        result,
+        given.pop("rows", {}),
+        given.pop("Ts", 0.005),
+        t,
+        np.full((11, 2), q),
+        np.full((11, 1), clearance),
+        np.full((11, 1, 2), pixel),
+        **given,
+    )
+
+
+class TestDistances:
+    def test_of_known_trajectories(self):
+        one, other = summary(q=1.0, clearance=0.3, pixel=3.0), summary(q=4.0, clearance=0.1, pixel=0.0)
+        assert joint_distance(one, other) == pytest.approx(3.0 * math.sqrt(2.0))
+        assert clearance_distance(one, other) == pytest.approx(0.2)
+        assert pixel_distance(one, other) == pytest.approx(3.0 * math.sqrt(2.0))
+
+    def test_of_a_run_that_left_nothing(self):
+        for distance in (joint_distance, clearance_distance, pixel_distance):
+            assert math.isnan(distance(summary(), RunSummary("failed", "lost")))
+
+    def test_over_the_time_that_both_have(self):
+        short = RunSummary("aborted", "", t=np.array([0.0, 2.0]), q=np.array([[1.0, 0.0], [1.0, 0.0]]))
+        assert joint_distance(summary(), short) == pytest.approx(1.0)
+
+
+class TestDrift:
+    def test_what_condition_12_needs_of_made_up_rows(self):
+        phi = np.array([[-0.3, -1.0], [0.1, -1.0], [0.2, 0.4], [-0.1, -1.0]])
+        drift = np.array([[9.0, 9.0], [2.0, 9.0], [3.0, 4.0], [9.0, 9.0]])
+        push = np.array([[5.0, 7.0], [6.0, 8.0], [9.0, 9.0], [9.0, 9.0]])
+        gains = _gains(phi, drift, push, 0.1)
+        assert gains["needed_gain"] == 7.0  # both rows, in the third sample
+        assert gains["return_gain"] == pytest.approx(4.0 + 0.4 / 0.1)  # the second row, which has just become active
+        assert gains["entry_push"] == 8.0  # the second row, one sample before
+
+    def test_without_an_active_row_there_is_none(self):
+        assert _gains(-np.ones((3, 1)), np.ones((3, 1)), np.ones((3, 1)), 0.1) == {}
+
+    def test_recording_changes_no_command(self):
+        scenario = Scenario.load("example-2d-fast").with_override("duration", 1.0)
+        recorder = DriftRecorder(SlidingMode())
+        noted, bare = simulate(scenario.setup(), recorder), simulate(scenario.setup(), SlidingMode())
+        assert np.array_equal(noted.qdd_command, bare.qdd_command)
+        samples = len(noted.t)
+        inactive = (noted.phi < 0.0).all(axis=1)
+        assert (~inactive).any()
+        # between samples φ changes as noted, up to what changes inside a period
+        change = np.diff(noted.phi, axis=0)[inactive[:-1]] / 0.005
+        assert np.abs(change - recorder.push(samples)[:-1][inactive[:-1]]).max() < 0.1 * np.abs(change).max()
+
+
+class TestEvaluation:
+    def test_shrinking_region_on_a_field_that_approaches_and_one_that_does_not(self):
+        runs = {"example-2d-fov sliding-mode": summary(), "example-2d-fov halved": summary(q=0.001)}
+        for region, near, far in ((0.5, 1.0, 1.0), (0.01, 0.1, 0.5), (0.001, 0.0, 2.0)):
+            runs[f"example-2d-fov priority {region}"] = summary(q=near)
+            runs[f"example-2d-fov additive {region}"] = summary(q=far)
+        numbers = STUDIES["shrinking-region"].evaluate(runs).numbers
+        assert numbers["example-2d-fov.priority.distance_falls"] == 1.0
+        assert numbers["example-2d-fov.additive.distance_falls"] == 0.0
+        assert numbers["example-2d-fov.sampling_distance"] == pytest.approx(0.001 * math.sqrt(2.0))
+        assert numbers["example-2d-fov.priority.distance_smallest_region"] == 0.0
+
+    def test_switching_gain_finds_the_thresholds(self):
+        def run(depth, phi, samples):
+            gains = {"needed_gain": 15.0, "entry_push": 16.0, "phi_max": phi, "longest_run": samples}
+            return summary(result={"violation_depth": depth}, **gains)
+
+        runs = {
+            "50 5": run(0.1, 1.0, 30),
+            "50 10": run(0.0, 0.2, 20),
+            "50 20": run(0.0, 0.06, 3),
+            "50 40": run(0.0, 0.06, 1),
+        }
+        numbers = STUDIES["switching-gain"].evaluate(runs).numbers
+        assert numbers["Kp0=50.smallest_allowed"] == 10.0
+        assert numbers["Kp0=50.smallest_in_band"] == 20.0
+        assert numbers["Kp0=50.smallest_sliding"] == 40.0
+        assert numbers["Kp0=50.bound_12"] == 15.0
+        assert numbers["Kp0=50.bound_sampled"] == 31.0
+        assert (numbers["above_bound"], numbers["below_bound"], numbers["below_bound_allowed"]) == (2.0, 2.0, 1.0)
+
+    def test_switching_gain_counts_only_what_holds_for_all_larger_ones(self):
+        runs = {"50 10": summary(phi_max=0.0), "50 20": summary("failed"), "50 40": summary(phi_max=0.0)}
+        assert STUDIES["switching-gain"].evaluate(runs).numbers["Kp0=50.smallest_allowed"] == 40.0
+
+    def test_sampling_time_finds_the_exponent(self):
+        def run(Ts):
+            return summary(
+                Ts=Ts, entry_push=4.0, longest_run=1, result={"phi_band": 15.0 * Ts**2, "phi_band_bound": 10 * Ts}
+            )
+
+        runs = {f"example-2d-fov {1e3 * Ts:g}": run(Ts) for Ts in (0.001, 0.01, 0.1)}
+        numbers = STUDIES["sampling-time"].evaluate(runs).numbers
+        assert numbers["example-2d-fov.exponent"] == pytest.approx(2.0)
+        assert numbers["example-2d-fov.greatest_share_of_expected"] == pytest.approx(1.5 / 14.0)
+
+    def test_gradient_error_compares_with_the_same_controllers_exact_run(self):
+        runs = {
+            "example-2d-fov sliding-mode 0": summary(),
+            "example-2d-fov sliding-mode 0.3": summary(pixel=5.0, result={"violation_depth": 0.01, "violated": "fov"}),
+            "example-2d-fov potential-field 0": summary(pixel=5.0),
+            "example-2d-fov potential-field 0.3": summary(pixel=5.0),
+        }
+        result = STUDIES["gradient-error"].evaluate(runs)
+        assert result.numbers["example-2d-fov.sliding-mode.0.3.deviation_px"] == pytest.approx(5.0 * math.sqrt(2.0))
+        assert result.numbers["example-2d-fov.potential-field.0.3.deviation_px"] == 0.0
+        assert "violates fov by 1.00 % of L" in result.sentences[0]
+
+    def test_a_run_on_the_front_is_beaten_by_none(self):
+        def point(unused, variation, violation=0.0, status="converged"):
+            return {
+                "unused": unused,
+                "acceleration_variation": variation,
+                "violation": violation,
+                "status": status,
+            }
+
+        best = [point(0.1, 9.0), point(1.0, 3.0), point(5.0, 1.0)]
+        beaten = [point(1.0, 4.0), point(6.0, 1.0), point(0.01, 0.01, 2.0), point(0.0, 0.0, 0.0, "unfinished")]
+        assert front([*beaten, *best]) == best
+
+    def test_robustness_counts(self):
+        runs = {
+            "none|sliding-mode": summary(),
+            "lag|0.1|sliding-mode": summary(result={"violation_depth": 0.03}),
+            "lag|0.2|sliding-mode": summary("aborted"),
+            "delay|1|sliding-mode": summary("unfinished"),
+        }
+        numbers = STUDIES["robustness"].evaluate(runs).numbers
+        assert numbers["sliding-mode.runs"] == 3.0
+        assert numbers["sliding-mode.without_violation"] == 1.0
+        assert numbers["sliding-mode.converged"] == 1.0
+        assert numbers["sliding-mode.deepest_violation"] == pytest.approx(3.0)
+
+
+class TinyStudy(Study):
+    """Runs of half a second, some of which go wrong."""
+
+    name = "tiny"
+    title = "Tiny"
+    question = "Does it go on?"
+    claims = ()
+    figure_caption = "Nothing."
+
+    def __init__(self, laws, spoiled=""):
+        self.laws, self.spoiled = laws, spoiled
+
+    def runs(self, *, small=False):
+        return [StudyRun(key, "example-2d-fov", law, overrides={"duration": 0.1}) for key, law in self.laws.items()]
+
+    def measure(self, results):
+        if self.spoiled == "measure":
+            raise ZeroDivisionError("in measure")
+        return [{"key": key, "status": run.status, "reason": run.reason} for key, run in results.items()], {}, []
+
+    def draw(self, result, path):
+        if self.spoiled == "draw":
+            raise ZeroDivisionError("in draw")
+
+
+class TestFailures:
+    def test_a_run_that_cannot_be_made_costs_itself_only(self):
+        study = TinyStudy({"good": "sliding-mode", "bad": "no-such-law"})
+        result = run_studies(workers=1, studies={"tiny": study})["tiny"]
+        assert [point["status"] == "failed" for point in result.points] == [False, True]
+        assert len(result.failures) == 1
+        assert "no-such-law" in result.failures[0]
+
+    def test_a_process_that_dies_costs_its_run_only(self, tmp_path, monkeypatch):
+        (tmp_path / "deadly_law.py").write_text(
+            "import os\n"
+            "from vsconstraints.controllers import Tracking\n"
+            "class Deadly(Tracking):\n"
+            "    name = 'deadly'\n"
+            "    def solve(self, rows, task):\n"
+            "        os._exit(3)\n"
+        )
+        monkeypatch.syspath_prepend(str(tmp_path))
+        study = TinyStudy({"one": "sliding-mode", "deadly": "deadly_law:Deadly", "two": "tracking"})
+        result = run_studies(workers=2, studies={"tiny": study})["tiny"]
+        assert result.failures == ("deadly: failed, the process that ran it died",)
+        assert [point["status"] == "failed" for point in result.points] == [False, True, False]
+
+    @pytest.mark.parametrize(("spoiled", "points"), [("measure", 0), ("draw", 1)])
+    def test_an_evaluation_or_drawing_that_raises_costs_no_other_study(self, spoiled, points, tmp_path):
+        studies = {"tiny": TinyStudy({"one": "tracking"}, spoiled), "other": TinyStudy({"one": "tracking"})}
+        results = run_studies(folder=tmp_path, workers=1, studies=studies)
+        assert len(results["tiny"].points) == points
+        assert f"in {spoiled}" in results["tiny"].failures[0]
+        assert results["other"].failures == ()
+
+    def test_unknown_names_are_refused_with_those_there_are(self):
+        with pytest.raises(ConfigurationError, match="Did you mean 'pareto'"):
+            run_studies(["paretto"])
+
+    def test_a_folder_that_cannot_be_made_is_refused(self, tmp_path):
+        (tmp_path / "file").write_text("")
+        with pytest.raises(ConfigurationError, match="cannot be stored"):
+            run_studies(["pareto"], tmp_path / "file")
+
+
+def test_gains_are_scaled_row_by_row():
+    assert scaled_gains("case-study-6r", 1.0) == {}
+    assert scaled_gains("case-study-6r", 2.0)["constraints.3.switching_gain"] == pytest.approx(0.4)
+    assert len(scaled_gains("case-study-6r", 2.0)) == 4
+
+
+def test_numbers_on_axes_are_plain():
+    assert [plain(value) for value in (0.0, 0.001, 25.0, 1e-5, 2e-4)] == ["0", "0.001", "25", "10⁻⁵", "2·10⁻⁴"]
+
+
+def test_results_are_data():
+    assert StudyResult("tiny").points == ()
+    assert StudyRun("key", "example-2d-fov", "tracking").controller == "tracking"
