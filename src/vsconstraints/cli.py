@@ -1,16 +1,19 @@
-"""The command line: ``vsconstraints compare``, ``list`` and ``report``."""
+"""The command line: ``vsconstraints compare``, ``list``, ``report``, ``reproduce`` and ``study``."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
 from . import __version__
 from .errors import VsconstraintsError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 app = typer.Typer(
     help="Compare controllers that keep visual servoing inside its limits.",
@@ -49,8 +52,6 @@ def compare(
     fresh: Annotated[bool, typer.Option("--fresh", help="Run again what is stored.")] = False,
 ) -> None:
     """Run every scenario with every controller, and write a report."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
     from .comparisons import Job, Suite
     from .comparisons import compare as run
     from .comparisons.metrics import Score
@@ -61,14 +62,7 @@ def compare(
         for remark in one.setup().check_start():
             errors.print(f"note: {one.name}: {remark}")
     total = len(chosen.with_baseline().jobs())
-    progress = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=errors,
-    )
-    with progress:
+    with _progress() as progress:
         bar = progress.add_task("comparing", total=total)
 
         def finished(job: Job, score: Score, stored: bool) -> None:
@@ -113,6 +107,56 @@ def report(folder: Annotated[Path, typer.Argument(help="Folder of a comparison."
     from .reports import write_report
 
     console.print(f"Report: {write_report(folder)}")
+
+
+@app.command()
+def reproduce(
+    out: Annotated[Path, typer.Option(help="Folder for report, table and figures.")] = Path("reports/paper"),
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; all cores if not given.")] = None,
+) -> None:
+    """Check every claim of the paper, redraw its figures, and write a report."""
+    from .reproduction import reproduce as run
+
+    with _progress() as progress:
+        bar = progress.add_task("starting", total=None)
+        result = run(
+            out,
+            workers=jobs,
+            on_progress=lambda what, done, total: progress.update(bar, description=what, completed=done, total=total),
+            command=["vsconstraints", *sys.argv[1:]],
+        )
+    for name, why in result.problems.items():
+        errors.print(f"{name}: {why}")
+    console.print(result.summary())
+
+
+@app.command()
+def study(
+    names: Annotated[list[str] | None, typer.Argument(help="Which studies; all if not given.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for figures and tables.")] = Path("vsconstraints-studies"),
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; all cores if not given.")] = None,
+) -> None:
+    """Answer a general question about the controllers with many runs and one figure."""
+    from .studies import STUDIES, figure_file, run_studies
+
+    with _progress() as progress:
+        bar = progress.add_task("studying", total=None)
+        results = run_studies(
+            names, out, jobs, on_progress=lambda done, total: progress.update(bar, completed=done, total=total)
+        )
+    for name, result in results.items():
+        console.print(f"{STUDIES[name].title} ({figure_file(out, name)})")
+        for sentence in result.sentences:
+            console.print(f"  {sentence}")
+        for failure in result.failures:
+            errors.print(f"  {failure}")
+
+
+def _progress() -> Progress:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=errors)
 
 
 def _version(value: bool) -> None:

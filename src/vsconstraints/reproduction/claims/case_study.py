@@ -1,0 +1,205 @@
+"""Claim 5: section 9, the 6R arm."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...simulation import intervals
+from ..runs import MERGE, Run, RunSpec
+from ..verdicts import Finding, claim, judged, rounds_to, shown_intervals
+from .boundary import fully_used, phi_never_positive, signed, smoothly
+
+CASE = RunSpec("case-study-6r")
+
+SPHERE, RANGE, SPEED = "sphere[tip]", "range[joint 6]", "speed[joint 2]"
+BORDERS = tuple(f"fov[marker {i}]" for i in (1, 2, 3, 4))
+EVENTS = (*BORDERS, RANGE, SPEED, SPHERE)
+"""What Fig. 11 draws a line for; a range or a speed is one line for both of its sides."""
+
+VANISHED = 0.05
+"""Share of a phase's first error that may be left at its end, in position and orientation: Fig. 10 shows no less."""
+
+Interval = tuple[float, float]
+
+
+def switch_time(run: Run) -> float:
+    """When the second goal holds [s]."""
+    return run.setup.task.goals[1].from_time
+
+
+def phases(run: Run, event: str) -> tuple[list[Interval], list[Interval]]:
+    """When the rows of an event act in the first and in the second phase."""
+    switch, active = switch_time(run), active_of(run, event)
+    first = run.t < switch - 1e-9
+    return intervals(run.t[first], active[first], MERGE), intervals(run.t[~first], active[~first], MERGE)
+
+
+def active_of(run: Run, event: str) -> np.ndarray:
+    """(N,) whether φ of any row of an event is at or above zero."""
+    rows = [run.index(label) for label in run.labels(event)]
+    return np.asarray((run.trajectory.phi[:, rows] >= 0.0).any(axis=1))
+
+
+def at_once(run: Run) -> np.ndarray:
+    """(N,) how many events act at a time, as intervals."""
+    count = np.zeros(len(run.t), dtype=np.int64)
+    for event in EVENTS:
+        for first, last in (span for phase in phases(run, event) for span in phase):
+            count += (run.t >= first) & (run.t <= last)
+    return count
+
+
+@claim(
+    "5a",
+    "9.2, Fig. 10",
+    "the position and orientation error is made zero for both phases",
+    "at the end of each phase less than 5 % of what it began with",
+    "fig-10.png",
+    CASE,
+)
+def errors_vanish_in_both_phases(case: Run) -> Finding:
+    """Distance and angle at the first and last sample of each phase."""
+    k = int(np.searchsorted(case.t, switch_time(case) - 0.5 * case.sampling_time))
+    error = case.trajectory.camera_error
+    values, texts = {}, []
+    for phase, (first, last) in enumerate(((error[0], error[k - 1]), (error[k], error[-1])), start=1):
+        values[f"position_left_{phase}"], values[f"orientation_left_{phase}"] = (float(v) for v in last / first)
+        texts.append(
+            f"phase {phase}: {1e3 * first[0]:.0f} → {1e3 * last[0]:.1f} mm, {first[1]:.2f} → {last[1]:.4f} rad"
+        )
+    left = np.array(list(values.values()))
+    return Finding(judged(bool((left < VANISHED).all()), bool((left < VANISHED).any())), "; ".join(texts), values)
+
+
+@claim(
+    "5b",
+    "9.2, Fig. 10",
+    "the second and third features remain in the FOV fully utilizing the allowed space",
+    "clearance never negative and unused margin of at most 1 % of half the allowed image, for both",
+    "fig-10.png",
+    CASE,
+)
+def borders_fully_used(case: Run) -> Finding:
+    """Least clearance of both markers."""
+    return fully_used(case, BORDERS[1], BORDERS[2])
+
+
+@claim(
+    "5c",
+    "9.2, Fig. 10",
+    "reaching smoothly the boundary of the hyperellipse constraint",
+    "the speed normal to the boundary never rises once the row acts, and at most 10 % of it is left 3 K later",
+    "fig-10.png",
+    CASE,
+)
+def borders_reached_smoothly(case: Run) -> Finding:
+    """Normal speeds of both markers."""
+    return smoothly(case, BORDERS[1], BORDERS[2])
+
+
+@claim(
+    "5d",
+    "9.2, Fig. 11",
+    "all the constraints are fulfilled, i.e., max(φ_i) ≤ 0",
+    "max φ ≤ 0 over all rows; partly if max σ ≤ 0 over the rows that have a σ of their own and max φ ≤ 2 T_s u⁺",
+    "fig-11.png",
+    CASE,
+)
+def all_constraints_fulfilled(case: Run) -> Finding:
+    """φ and σ of all rows."""
+    found = phi_never_positive(case, list(case.trajectory.labels))
+    speed = max(float(case.phi(label).max()) for label in case.labels("speed"))
+    text = f"{found.text}; the speed of joint 2 is at most {100.0 * speed:.2f} % above its limit"
+    return Finding(found.verdict, text, {**found.values, "speed_excess": speed})
+
+
+@claim(
+    "5e",
+    "9.2, Fig. 11",
+    "the joint limit constraint for the sixth joint and the speed constraint for the second joint become active "
+    "during the first phase",
+    "both act in the first phase, neither in the second",
+    "fig-11.png",
+    CASE,
+)
+def range_and_speed_act_first(case: Run) -> Finding:
+    """When φ ≥ 0."""
+    found = {event: phases(case, event) for event in (RANGE, SPEED)}
+    text = "; ".join(f"{event} at {shown_intervals(first + second)}" for event, (first, second) in found.items())
+    first, second = all(one for one, _ in found.values()), any(two for _, two in found.values())
+    return Finding(judged(first and not second, first), text)
+
+
+@claim(
+    "5f",
+    "9.2, Fig. 11",
+    "the constraint for forbidden areas becomes active for the time interval 6-8 s during the second phase",
+    "one interval, its ends within 0.5 s of those printed",
+    "fig-11.png",
+    CASE,
+)
+def sphere_acts(case: Run) -> Finding:
+    """When φ ≥ 0."""
+    first, second = phases(case, SPHERE)
+    good = not first and rounds_to(second, [(6.0, 8.0)])
+    values = {
+        f"{side}_{k}": time for k, span in enumerate(second) for side, time in zip(("from", "to"), span, strict=True)
+    }
+    return Finding(judged(good, bool(second)), f"active at {shown_intervals(first + second)}", values)
+
+
+@claim(
+    "5g",
+    "9.2, Fig. 11",
+    "the FOV constraint becomes active for the second and third feature during the first phase and for the second "
+    "feature during the second phase",
+    "exactly these rows act in each phase",
+    "fig-11.png",
+    CASE,
+)
+def borders_act(case: Run) -> Finding:
+    """Which markers' rows act when."""
+    found = {label: phases(case, label) for label in BORDERS}
+    acting = tuple([label for label in BORDERS if found[label][phase]] for phase in (0, 1))
+    expected = ([BORDERS[1], BORDERS[2]], [BORDERS[1]])
+    text = "; ".join(f"{label} at {shown_intervals(a + b)}" for label, (a, b) in found.items() if a or b)
+    good = all(one == other for one, other in zip(acting, expected, strict=True))
+    part = all(set(other) <= set(one) for one, other in zip(acting, expected, strict=True))
+    return Finding(judged(good, part), text or "no border ever acts")
+
+
+@claim(
+    "5h",
+    "9.2, Fig. 11",
+    "in some phases of the simulation there are up to three active constraints at a time",
+    "three at most, as overlapping intervals, at some time",
+    "fig-11.png",
+    CASE,
+)
+def three_at_a_time(case: Run) -> Finding:
+    """How many intervals overlap, and how many rows have φ ≥ 0 in the same sample."""
+    count = at_once(case)
+    most = int(count.max())
+    when = case.t[count == most]
+    same = max(
+        int(sum(active_of(case, event).astype(int)[k] for event in EVENTS)) for k in np.flatnonzero(count == most)
+    )
+    text = (
+        f"up to {most} intervals overlap ({when[0]:.2f}–{when[-1]:.2f} s); up to {same} rows have φ ≥ 0 in one sample"
+    )
+    return Finding(judged(most == 3, most > 1), text, {"most": float(most), "same_sample": float(same)})
+
+
+@claim(
+    "5i",
+    "9.2, Fig. 12",
+    "this constraint [the spherical forbidden area] is fulfilled",
+    "the end-effector never inside the sphere, between samples too",
+    "fig-12.png",
+    CASE,
+)
+def sphere_fulfilled(case: Run) -> Finding:
+    """Least distance of the end-effector from the sphere."""
+    least, phi = float(case.row(SPHERE)["clearance_min"]), float(case.phi(SPHERE).max())
+    text = f"the end-effector stays {1e3 * least:.3f} mm outside; max φ = {signed(phi)} m"
+    return Finding(judged(least >= 0.0), text, {"clearance_min": least, "phi_max": phi})

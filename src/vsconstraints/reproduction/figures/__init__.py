@@ -1,0 +1,1 @@
+"""Our counterparts of the paper's figures. Only these modules import matplotlib."""

@@ -1,0 +1,108 @@
+"""Solid bodies made of polygons: drawn as one collection, so that nearer ones hide those behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from ...geometry import Pose
+from ...rows import Array
+
+LIGHT = np.array([0.35, -0.55, 0.76])
+"""(3,) where the light comes from, in the base frame."""
+
+AXIS_COLOURS = ("#D42A2A", "#2E8B3D", "#1447C4")
+
+
+class Mesh:
+    """Polygons with a colour each, shaded by how they face the light."""
+
+    def __init__(self) -> None:
+        self.polygons: list[Array] = []
+        self.colours: list[tuple[float, ...]] = []
+
+    def add(self, polygon: Array, colour: str, alpha: float = 1.0, shaded: bool = True) -> None:
+        """One flat polygon (p, 3)."""
+        normal = np.cross(polygon[1] - polygon[0], polygon[2] - polygon[0])
+        length = float(np.sqrt(normal @ normal))
+        facing = abs(float(normal @ LIGHT)) / length if shaded and length > 0.0 else 1.0
+        shade = 0.55 + 0.45 * facing
+        self.polygons.append(polygon)
+        self.colours.append((*(shade * c for c in to_rgb(colour)), alpha))
+
+    def tube(self, points: Array, radius: float | Array, colour: str, sides: int = 10, caps: bool = True) -> None:
+        """A round bar along a polyline (p, 3), of one radius or of one for each point."""
+        radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), len(points))
+        rings = _rings(points, radii, sides)
+        for a, b in pairwise(rings):
+            for k in range(sides):
+                j = (k + 1) % sides
+                self.add(np.array([a[k], a[j], b[j], b[k]]), colour)
+        if caps:
+            self.add(rings[0], colour)
+            self.add(rings[-1], colour)
+
+    def ball(self, centre: Array, radius: float, colour: str, alpha: float = 1.0, count: int = 16) -> None:
+        """A sphere."""
+        theta, phi = np.linspace(0.0, np.pi, count // 2 + 1), np.linspace(0.0, 2.0 * np.pi, count + 1)
+        T, P = np.meshgrid(theta, phi, indexing="ij")
+        grid = centre + radius * np.stack((np.sin(T) * np.cos(P), np.sin(T) * np.sin(P), np.cos(T)), axis=-1)
+        for i in range(len(theta) - 1):
+            for j in range(count):
+                corners = np.array([grid[i, j], grid[i + 1, j], grid[i + 1, j + 1], grid[i, j + 1]])
+                kept = corners if i > 0 else corners[[0, 1, 2]]
+                self.add(kept, colour, alpha)
+
+    def frame(self, pose: Pose, length: float, radius: float) -> None:
+        """Red, green and blue bars along the x, y and z axes of a frame."""
+        for axis, colour in enumerate(AXIS_COLOURS):
+            self.tube(np.array([pose.t, pose.t + length * pose.R[:, axis]]), radius, colour, sides=6)
+
+    def pyramid(self, pose: Pose, width: float, height: float, depth: float, colour: str) -> None:
+        """What a camera sees: its apex at the frame's origin, its base across the frame's z axis."""
+        base = pose.act(
+            np.array([[x, y, depth] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]) * [width, height, 1.0]
+        )
+        for k in range(4):
+            self.add(np.array([pose.t, base[k], base[(k + 1) % 4]]), colour, 0.55, shaded=False)
+
+    def draw(self, ax: Any) -> None:
+        """Put everything into 3D axes."""
+        # opaque polygons are outlined in their own colour, which closes the seams between them
+        edges = [colour if colour[3] == 1.0 else (*colour[:3], 0.0) for colour in self.colours]
+        collection = Poly3DCollection(
+            self.polygons, facecolors=self.colours, edgecolors=edges, linewidths=0.25, zsort="average"
+        )
+        ax.add_collection3d(collection, autolim=False)
+
+
+def _rings(points: Array, radii: Array, sides: int) -> list[Array]:
+    """A ring of ``sides`` points around each point of a polyline, turned as little as possible from one to the next."""
+    along = np.gradient(points, axis=0)
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    across: Array = np.zeros(3)
+    rings = []
+    for point, direction, radius in zip(points, along, radii, strict=True):
+        d = direction / max(float(np.sqrt(direction @ direction)), 1e-12)
+        helper = across if across @ across > 0.5 and abs(across @ d) < 0.9 else np.eye(3)[int(np.argmin(np.abs(d)))]
+        across = helper - (helper @ d) * d
+        across = across / np.sqrt(across @ across)
+        other = np.cross(d, across)
+        rings.append(point + radius * (np.outer(np.cos(angles), across) + np.outer(np.sin(angles), other)))
+    return rings
+
+
+def view(ax: Any, centre: Sequence[float], half: float, elevation: float, azimuth: float) -> None:
+    """Look at a cube around a centre, with no axes."""
+    for name, middle in zip("xyz", centre, strict=True):
+        getattr(ax, f"set_{name}lim")(middle - half, middle + half)
+    ax.set_box_aspect((1, 1, 1), zoom=1.45)
+    ax.view_init(elev=elevation, azim=azimuth)
+    ax.set_proj_type("persp", focal_length=0.6)
+    ax.set_axis_off()
+    ax.patch.set_alpha(0.0)

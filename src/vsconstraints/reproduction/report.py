@@ -1,0 +1,206 @@
+"""The text of the report."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from ..comparisons.machine import git_commit, machine, package_versions
+from ..comparisons.tables import write_table
+from ..reports.markdown import bold, bullets, code, plain, table
+from .figures.catalogue import FIGURES
+from .reconstructed import reconstructed
+from .runner import Reproduction
+from .verdicts import VERDICTS, Claim, Verdict, all_claims
+
+COLUMNS = ("claim", "where", "sentence", "rule", "verdict", "measured")
+
+TOPICS = {
+    1: "First example: sliding along the border of the image",
+    2: "Fast motion and the switching gain",
+    3: "A trap",
+    4: "Corners",
+    5: "The case study",
+    6: "The experiments, simulated",
+    7: "Against potential fields",
+    8: "A limit case of potential fields",
+    9: "What the law needs to know",
+    10: "Gain, speed and sampling",
+    11: "Moving obstacles and targets",
+    12: "Computation time",
+}
+"""What the claims of each number are about."""
+
+OPENING = """\
+Muñoz-Benavent et al., *Robust fulfillment of constraints in robot visual servoing*, Control Engineering Practice
+71 (2018), [doi 10.1016/j.conengprac.2017.10.017](https://doi.org/10.1016/j.conengprac.2017.10.017): what it says,
+sentence by sentence, what the same law does here, and our counterparts of its figures. Every verdict follows from
+the measured numbers by a rule that is [printed below](#rules); none is set by hand."""
+
+SAMPLING = """\
+**φ ≤ 0 and σ ≤ 0.** A constraint is σ ≤ 0; the law acts on φ = σ + K σ̇ and switches where φ reaches zero. A
+sampled law finds φ above zero before it acts: eq. (43) bounds what one switching step of the constraint action
+takes back, T_s u⁺. On a step on which the row is inactive the tracking acceleration moves φ as well, by
+T_s (L_fφ + L_gφ q̈), which can be larger. So wherever the paper prints φ ≤ 0, "holds partly" means: the constraint
+σ ≤ 0 holds in every sample, and φ is above zero by no more than sampling explains."""
+
+
+def write_report(
+    result: Reproduction, drawn: Mapping[int, str], studies: Mapping[str, Any], command: Sequence[str]
+) -> None:
+    """Write report.md and claims.csv; each whole or not at all.
+
+    Parameters
+    ----------
+    result
+        The findings.
+    drawn
+        Of each figure why it is not there; an empty text if it is.
+    studies
+        Results by name, or texts why there are none.
+    command
+        What the user typed.
+    """
+    folder = result.report.parent
+    parts = [
+        "# The paper, claim by claim",
+        OPENING,
+        _summary(result),
+        SAMPLING,
+        *_claims(result, folder),
+        _rules(),
+        *_figures(drawn),
+        *_studies(studies, folder),
+        reconstructed(),
+        differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1),
+        _problems(result),
+        _machine(result, command),
+    ]
+    part = result.report.with_name("report.md.part")
+    part.write_text("\n\n".join(text.strip() for text in parts if text) + "\n", encoding="utf-8")
+    os.replace(part, result.report)
+    lines = [
+        {
+            "claim": claim.key,
+            "where": claim.where,
+            "sentence": claim.sentence,
+            "rule": claim.rule,
+            "verdict": result.findings[claim.key].verdict,
+            "measured": result.findings[claim.key].text,
+        }
+        for claim in all_claims()
+    ]
+    write_table(folder / "claims.csv", COLUMNS, lines)
+
+
+def differences() -> str:
+    """Where this project differs from the paper, as Markdown: the one text there is of it."""
+    return files(__package__).joinpath("differences.md").read_text(encoding="utf-8")
+
+
+def _summary(result: Reproduction) -> str:
+    lines = []
+    for number, group in groupby(all_claims(), key=lambda claim: claim.number):
+        found = [result.findings[claim.key].verdict for claim in group]
+        counts = [str(found.count(verdict)) if verdict in found else "" for verdict in VERDICTS]
+        lines.append([f"[{number}. {TOPICS[number]}](#claim-{number})", *counts])
+    total = [bold(str(count)) if count else "" for count in result.counts.values()]
+    return table(["claims", *VERDICTS], [*lines, [bold("all"), *total]])
+
+
+def _claims(result: Reproduction, folder: Path) -> list[str]:
+    parts = ["## Claims"]
+    for number, group in groupby(all_claims(), key=lambda claim: claim.number):
+        parts.append(f'<a id="claim-{number}"></a>\n\n### {number}. {TOPICS[number]}')
+        lines = [
+            [
+                f'<a id="{claim.key}"></a>{claim.key}',
+                _where(claim, folder),
+                plain(claim.sentence),
+                plain(result.findings[claim.key].text),
+                _shown(result.findings[claim.key].verdict),
+            ]
+            for claim in group
+        ]
+        parts.append(table(["", "where", "the paper says", "measured here", "verdict"], lines, text_columns=5))
+    return parts
+
+
+def _shown(verdict: Verdict) -> str:
+    return verdict if verdict == "holds" else bold(verdict)
+
+
+def _where(claim: Claim, folder: Path) -> str:
+    if claim.figure and (folder / "figures" / claim.figure).exists():
+        return f"[{claim.where}](figures/{claim.figure})"
+    return claim.where
+
+
+def _rules() -> str:
+    lines = [[claim.key, plain(claim.rule)] for claim in all_claims()]
+    return '<a id="rules"></a>\n\n## Rules\n\nA claim holds if:\n\n' + table(["claim", "rule"], lines, text_columns=2)
+
+
+def _figures(drawn: Mapping[int, str]) -> list[str]:
+    parts = [
+        "## Figures",
+        "Our counterparts, with the paper's numbers. Figs. 1 and 13 show frames and a laboratory, and have none. In "
+        "Figs. 4 to 8 v points upwards, as in the paper; in the others downwards, as in an image. What is forbidden is "
+        "shaded.",
+    ]
+    for number, figure in FIGURES.items():
+        why = drawn[number]
+        image = f"![Fig. {number}](figures/{figure.file})" if not why else f"Not drawn: {plain(why)}"
+        parts.append(f"### Fig. {number}\n\n{image}\n\n{plain(figure.caption)}")
+    return parts
+
+
+def _studies(studies: Mapping[str, Any], folder: Path) -> list[str]:
+    if not studies:
+        return []
+    parts = ["## Studies", "Sweeps that go beyond the paper's single runs."]
+    try:
+        from ..studies import STUDIES
+    except ImportError:
+        STUDIES = {}
+    for name, result in studies.items():
+        if isinstance(result, str):
+            parts.append(f"{code(name)}: not measured, {plain(result)}")
+            continue
+        study = STUDIES[name]
+        image = f"figures/study-{name}.png"
+        shown = f"![{study.title}]({image})\n\n{plain(study.figure_caption)}" if (folder / image).exists() else ""
+        texts = [
+            f"### {study.title}",
+            study.question,
+            bullets([plain(sentence) for sentence in result.sentences]),
+            shown,
+            bullets([f"failed: {plain(failure)}" for failure in result.failures]),
+            f"Data: [studies/{name}.csv](studies/{name}.csv)" if (folder / "studies" / f"{name}.csv").exists() else "",
+        ]
+        parts.append("\n\n".join(text for text in texts if text))
+    return parts
+
+
+def _problems(result: Reproduction) -> str:
+    if not result.problems:
+        return ""
+    return "## What could not be run or drawn\n\n" + bullets(
+        [f"{plain(name)}: {plain(why)}" for name, why in result.problems.items()]
+    )
+
+
+def _machine(result: Reproduction, command: Sequence[str]) -> str:
+    facts = {
+        **machine(),
+        **package_versions(),
+        "git commit": git_commit(),
+        "command": code(" ".join(command)) if command else "",
+        "wall time [s]": f"{result.wall_time:.0f}",
+    }
+    lines = [[name, str(value) if name == "command" else plain(str(value))] for name, value in facts.items() if value]
+    return "## Machine and versions\n\n" + table(["what", "value"], lines, text_columns=2)

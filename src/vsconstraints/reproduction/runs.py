@@ -1,0 +1,179 @@
+"""What a claim is measured on: one simulation, with its rows looked up by their labels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..comparisons.metrics import Score, score
+from ..comparisons.record import RunRecord
+from ..constraints import Constraint
+from ..controllers import make_controller
+from ..rows import Array
+from ..scenarios import Scenario
+from ..simulation import Setup, Trajectory, intervals, simulate
+
+MERGE = 0.6
+"""Times at which a row acts that are closer than this are one interval [s]: in a sliding mode φ crosses zero again
+and again."""
+
+
+@dataclass(frozen=True)
+class RunSpec:
+    """One simulation by name.
+
+    Attributes
+    ----------
+    scenario
+        Name of a shipped scenario.
+    law
+        Registered name of the controller.
+    options
+        What the controller is made with.
+    overrides
+        Dotted keys of the scenario and their values.
+    """
+
+    scenario: str
+    law: str = "sliding-mode"
+    options: tuple[tuple[str, Any], ...] = ()
+    overrides: tuple[tuple[str, Any], ...] = ()
+
+    def __str__(self) -> str:
+        changes = ", ".join(f"{key} = {value}" for key, value in (*self.options, *self.overrides))
+        return f"{self.scenario} with {self.law}" + (f" ({changes})" if changes else "")
+
+    def load(self) -> Scenario:
+        """The scenario with its overrides."""
+        scenario = Scenario.load(self.scenario)
+        for key, value in self.overrides:
+            scenario = scenario.with_override(key, value)
+        return scenario
+
+    def perform(self) -> Run:
+        """Simulate it; raises what the scenario, the controller or the simulation raise."""
+        setup = self.load().setup()
+        trajectory = simulate(setup, make_controller(self.law, dict(self.options)))
+        return Run(setup, RunRecord.of(setup, trajectory, str(self)))
+
+
+@dataclass(frozen=True)
+class Run:
+    """A simulation and the setup it was made with.
+
+    Attributes
+    ----------
+    setup, record
+        What was run, and what it left.
+    """
+
+    setup: Setup
+    record: RunRecord
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """What the simulation left."""
+        return self.record.trajectory
+
+    @property
+    def sampling_time(self) -> float:
+        """Sampling time [s]."""
+        return self.record.Ts
+
+    @property
+    def t(self) -> Array:
+        """(N,) time [s]."""
+        return self.trajectory.t
+
+    @cached_property
+    def score(self) -> Score:
+        """Its scores without a baseline: no row counts as challenged."""
+        return score(self.record, None)
+
+    def against(self, baseline: Run) -> dict[str, Any]:
+        """Its line of results.csv when ``baseline`` is the run of tracking alone."""
+        return score(self.record, baseline.record).result
+
+    def index(self, label: str) -> int:
+        """Where a row is; raises ValueError that names the label if there is none."""
+        return self.trajectory.labels.index(label)
+
+    def labels(self, name: str) -> list[str]:
+        """Labels of the rows of a kind (``"fov"``) or of an entry whose sides are rows (``"range[joint 6]"``)."""
+        return [label for label in self.trajectory.labels if label.startswith(name)]
+
+    def phi(self, label: str) -> Array:
+        """(N,) φ of a row."""
+        return self.trajectory.phi[:, self.index(label)]
+
+    def sigma(self, label: str) -> Array:
+        """(N,) σ of a row; φ for rows that have none of their own."""
+        return self.trajectory.sigma[:, self.index(label)]
+
+    def row(self, label: str) -> dict[str, Any]:
+        """The row's line of constraints.csv."""
+        line: dict[str, Any] = self.score.constraints[self.index(label)]
+        return line
+
+    def bound(self, label: str) -> float:
+        """T_s u⁺ of a row: eq. (43)."""
+        return self.sampling_time * float(self.record.switching_gain[self.index(label)])
+
+    def length(self, label: str) -> float:
+        """Characteristic length of a row in its unit."""
+        return float(self.record.length[self.index(label)])
+
+    def unit(self, label: str) -> str:
+        """Natural unit of a row's clearance."""
+        return self.record.units[self.index(label)]
+
+    def constraint(self, label: str) -> Constraint:
+        """The constraint that a row belongs to; raises KeyError if there is none."""
+        for constraint in self.setup.constraints.constraints:
+            if label in constraint.labels(self.setup.scene):
+                return constraint
+        raise KeyError(label)
+
+    def positive_samples(self, label: str) -> int:
+        """In how many samples in a row φ is at or above zero."""
+        return round(float(self.row(label)["longest_positive_run_s"]) / self.sampling_time)
+
+    def active_intervals(self, *labels: str, gap: float = MERGE) -> list[tuple[float, float]]:
+        """When φ of any of these rows is at or above zero [s]."""
+        at = [self.index(label) for label in labels]
+        return intervals(self.t, np.asarray((self.trajectory.phi[:, at] >= 0.0).any(axis=1)), gap)
+
+    def ever_active(self, kind: str = "") -> list[str]:
+        """Labels of the rows of a kind whose φ is ever at or above zero."""
+        return [label for label in self.labels(kind) if (self.phi(label) >= 0.0).any()]
+
+    def while_sliding(self, label: str, gap: float = 0.1) -> Array:
+        """φ of a row from the first to the last sample of each time it acts, without the time between."""
+        inside = np.zeros(len(self.t), dtype=np.bool_)
+        for first, last in self.active_intervals(label, gap=gap):
+            inside |= (self.t >= first) & (self.t <= last)
+        return self.phi(label)[inside]
+
+    @property
+    def settling_time(self) -> float:
+        """From the last change of the goal until the error stays within tolerance [s]; NaN if it does not."""
+        return float(self.score.result["settling_time_s"])
+
+    def approach_speed(self, label: str) -> Array:
+        """(N,) how fast a row's clearance shrinks [its unit per second], over five samples."""
+        clearance = self.trajectory.clearance[:, self.index(label)]
+        rate: Array = -np.convolve(np.gradient(clearance, self.sampling_time), np.ones(5) / 5.0, mode="same")
+        return rate
+
+    def needed_gain(self) -> Array:
+        """(N,) Σ max(L_fφ, 0) over the rows with φ ≥ 0: the right-hand side of eq. (12) along this motion."""
+        scene, constraints = self.setup.scene, self.setup.constraints
+        needed = np.zeros(len(self.t))
+        for k in np.flatnonzero((self.trajectory.phi >= 0.0).any(axis=1)):
+            state = scene.evaluate(float(self.t[k]), self.trajectory.q[k], self.trajectory.qd[k])
+            rows, _ = constraints.rows(state)
+            needed[k] = np.maximum(rows.Lf[rows.phi >= 0.0], 0.0).sum()
+        return needed

@@ -1,0 +1,397 @@
+"""Every claim of the paper is measured, its verdict is what the report states, and none is bound to hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.reproduction import CLAIMS, all_claims, report, reproduce, runner
+from vsconstraints.reproduction.figures.catalogue import FIGURES, FigureSpec
+from vsconstraints.reproduction.reconstructed import reconstructed
+from vsconstraints.reproduction.report import TOPICS, differences
+from vsconstraints.reproduction.runs import Run, RunSpec
+from vsconstraints.reproduction.verdicts import VERDICTS, Claim, Finding, claim
+from vsconstraints.rows import Array
+from vsconstraints.scenarios import shipped_scenarios
+from vsconstraints.studies import StudyResult
+
+WORST_FIRST = ("not measured", "does not hold", "holds partly", "holds")
+
+
+@cache
+def run(spec: RunSpec) -> Run:
+    return spec.perform()
+
+
+def check(key: str, change: Callable[[Run], Run] = lambda run: run) -> Finding:
+    """A claim on its runs, each changed."""
+    one = CLAIMS[key]
+    return one.check({need: change(run(need)) for need in one.needs if isinstance(need, RunSpec)})
+
+
+# --- the table of claims ---
+
+
+def test_every_claim_of_the_paper_has_a_function() -> None:
+    assert {one.number for one in all_claims()} == set(range(1, 13)) == set(TOPICS)
+
+
+def test_keys_count_within_a_number() -> None:
+    for number in TOPICS:
+        letters = [one.letter for one in all_claims() if one.number == number]
+        assert letters == [chr(ord("a") + i) for i in range(len(letters))]
+
+
+@pytest.mark.parametrize("one", all_claims(), ids=lambda one: one.key)
+def test_claims_say_where_and_by_what_rule(one: Claim) -> None:
+    assert one.sentence
+    assert one.rule
+    assert one.where
+    assert one.measure.__doc__
+    assert one.needs
+    figures = {figure.file for figure in FIGURES.values()}
+    assert not one.figure or one.figure in figures or one.figure.startswith("study-")
+
+
+def test_two_claims_cannot_have_one_key() -> None:
+    with pytest.raises(ValueError, match="two claims 1a"):
+        claim("1a", "", "", "", "")(lambda: Finding("holds", ""))
+
+
+# --- verdicts on the shipped scenarios ---
+
+EXPECTED = {
+    "1a": "holds",
+    "1b": "holds",
+    "1c": "holds",
+    "1d": "holds",
+    "1e": "holds",
+    "1f": "holds",
+    "1g": "holds partly",  # φ is above zero by sampling
+    "2a": "holds",
+    "2b": "holds",
+    "2c": "holds",
+    "2d": "holds",
+    "2e": "holds",
+    "2f": "holds",
+    "3a": "holds",
+    "3b": "holds",
+    "3c": "holds",
+    "3d": "holds",
+    "4a": "holds",
+    "4b": "holds",
+    "4c": "holds partly",  # in this scene the marker stays at the concave corner
+    "5a": "holds",
+    "5b": "holds",
+    "5c": "holds",
+    "5d": "holds partly",  # as 1g
+    "5e": "holds",
+    "5f": "holds",
+    "5g": "holds",
+    "5h": "holds",
+    "5i": "holds",
+    "7a": "holds",
+    "7b": "holds",
+    "9a": "holds",
+    "11a": "holds",
+    "11b": "holds partly",  # φ contains ∂σ/∂t as well
+}
+
+
+@pytest.mark.parametrize("key", EXPECTED)
+def test_verdicts_are_those_stated(key: str) -> None:
+    found = check(key)
+    assert found.verdict == EXPECTED[key], found.text
+    assert found.text
+
+
+def test_computation_time_is_measured_and_never_better_than_the_numbers_say() -> None:
+    found = check("12a")
+    assert found.verdict in ("holds", "holds partly", "does not hold")
+    assert found.verdict != "holds" or found.values["median"] <= 20e-6
+
+
+def test_intervals_are_measured_not_copied() -> None:
+    values = check("1f").values
+    assert values["from_0"] == pytest.approx(2.96, abs=0.15)
+    assert values["to_1"] == pytest.approx(9.14, abs=0.15)
+    assert check("5f").values["from_0"] == pytest.approx(5.98, abs=0.15)
+
+
+# --- verdicts can fail: the same claims on spoiled runs ---
+
+
+def spoiled(run: Run, **changes: Any) -> Run:
+    return Run(run.setup, replace(run.record, trajectory=replace(run.trajectory, **changes)))
+
+
+def later(run: Run) -> Run:
+    """Everything happens three seconds later."""
+    return spoiled(run, t=run.t + 3.0)
+
+
+def lifted(run: Run) -> Run:
+    """φ, σ and clearances one unit worse."""
+    trajectory = run.trajectory
+    return spoiled(
+        run,
+        phi=trajectory.phi + 1.0,
+        sigma=trajectory.sigma + 1.0,
+        clearance=trajectory.clearance - 400.0,
+        between_clearance=trajectory.between_clearance - 400.0,
+    )
+
+
+def lowered(run: Run) -> Run:
+    """No row ever comes near its boundary."""
+    trajectory = run.trajectory
+    return spoiled(
+        run,
+        phi=trajectory.phi - 1e4,
+        sigma=trajectory.sigma - 1e4,
+        clearance=trajectory.clearance + 100.0,
+        between_clearance=trajectory.between_clearance + 100.0,
+    )
+
+
+def off_goal(run: Run) -> Run:
+    """The end is a metre and a radian away from the goal."""
+    error = run.trajectory.camera_error.copy()
+    error[-len(error) // 3 :] += 1.0
+    return spoiled(run, camera_error=error, status="unfinished")
+
+
+def at_goal(run: Run) -> Run:
+    return spoiled(run, camera_error=0.0 * run.trajectory.camera_error, status="converged")
+
+
+def hurried(run: Run) -> Run:
+    """Clearances fall at a constant rate."""
+    N, m = run.trajectory.clearance.shape
+    falling: Array = np.linspace(1e3, 0.0, N)[:, None] * np.ones(m)
+    return spoiled(run, clearance=falling)
+
+
+def restless(run: Run) -> Run:
+    """The camera and the joints never rest."""
+    return spoiled(run, qd=run.trajectory.qd + 1.0, camera_position=run.trajectory.camera_position + run.t[:, None])
+
+
+def shaken(run: Run) -> Run:
+    """φ and commands with noise on them, another one for each run."""
+    rng = np.random.default_rng(len(str(run.record.fingerprint)))
+    trajectory = run.trajectory
+    noise = rng.normal(scale=2.0, size=trajectory.phi.shape)
+    jitter = rng.normal(size=trajectory.qdd_command.shape)
+    return spoiled(run, phi=trajectory.phi + noise, qdd_command=trajectory.qdd_command + jitter)
+
+
+def slow(run: Run) -> Run:
+    """Every sample takes a second."""
+    trajectory = run.trajectory
+    return spoiled(run, step_time=trajectory.step_time + 1.0)
+
+
+SPOILERS: dict[str, Callable[[Run], Run]] = {
+    "1a": lifted,
+    "1b": lowered,
+    "1c": hurried,
+    "1d": off_goal,
+    "1e": off_goal,
+    "1f": later,
+    "1g": lifted,
+    "2b": lowered,
+    "2c": lifted,
+    "3a": at_goal,
+    "3b": off_goal,
+    "3c": at_goal,
+    "3d": restless,
+    "4a": lifted,
+    "4b": lowered,
+    "4c": lowered,
+    "5a": off_goal,
+    "5b": lowered,
+    "5c": hurried,
+    "5d": lifted,
+    "5e": lowered,
+    "5f": later,
+    "5g": lowered,
+    "5h": lowered,
+    "5i": lifted,
+    "7a": lowered,
+    "7b": hurried,
+    "9a": shaken,
+    "11a": lifted,
+    "11b": lowered,
+    "12a": slow,
+}
+
+
+@pytest.mark.parametrize("key", SPOILERS)
+def test_verdicts_can_fail(key: str) -> None:
+    good, bad = check(key), check(key, SPOILERS[key])
+    assert WORST_FIRST.index(bad.verdict) < WORST_FIRST.index(good.verdict), bad.text
+
+
+def test_verdicts_on_two_runs_can_fail() -> None:
+    """With the runs exchanged: slow for fast, small gain for large."""
+    for key in ("2a", "2d", "2e"):
+        one = CLAIMS[key]
+        first, second = (run(need) for need in one.needs if isinstance(need, RunSpec))
+        swapped = one.check(dict(zip(one.needs, (second, first), strict=True)))
+        assert swapped.verdict == "does not hold", swapped.text
+
+
+# --- claims that rest on studies, on made-up numbers ---
+
+
+def numbers_of(key: str) -> dict[str, float]:
+    """What a study would have to find for the claim to hold."""
+    both = ("example-2d-fov", "case-study-6r")
+    shrinking = {"sampling_distance": 0.001, "priority.distance_falls": 1.0}
+    shrinking |= {"priority.distance_largest_region": 0.2, "priority.distance_smallest_region": 0.0}
+    shrinking |= {"priority.region_largest": 0.5, "priority.region_smallest": 1e-4}
+    fields = {"sliding-mode": 0.1, "potential-field": 1.0, "potential-field-priority": 0.2}
+    speeds = {20.0: (5.0, 10.0), 50.0: (20.0, 40.0)}
+    return {
+        "7c": {f"{s}.{law}.least_unused": v for s in both for law, v in fields.items()}
+        | {f"{s}.sliding-mode.without_violation": 3.0 for s in both},
+        "8a": {f"{s}.{name}": v for s in both for name, v in shrinking.items()},
+        "9b": {f"{s}.sliding-mode.0.3.{n}": v for s in both for n, v in (("violation", 0.0), ("converged", 1.0))},
+        "10a": {
+            f"Kp0={Kp0:g}.{name}": v
+            for Kp0, pair in speeds.items()
+            for name, v in zip(("bound_12", "smallest_in_band"), pair, strict=True)
+        },
+        "10b": {"above_bound": 5.0, "above_bound_allowed": 5.0, "above_bound_in_band": 5.0},
+        "10c": {f"{s}.{name}": v for s in both for name, v in (("greatest_excess", 0.9), ("exponent", 1.0))},
+        "10d": {"example-2d-fov.band.1ms": 0.01, "example-2d-fov.band.10ms": 0.1},
+    }[key]
+
+
+SPOILED_NUMBERS = {
+    "7c": ("case-study-6r.potential-field.least_unused", 0.05, "holds partly"),
+    "8a": ("case-study-6r.priority.distance_smallest_region", 0.1, "holds partly"),
+    "9b": ("case-study-6r.sliding-mode.0.3.violation", 0.5, "holds partly"),
+    "10a": ("Kp0=50.bound_12", 4.0, "holds partly"),
+    "10b": ("above_bound_in_band", 4.0, "holds partly"),
+    "10c": ("case-study-6r.greatest_excess", 1.4, "holds partly"),
+    "10d": ("example-2d-fov.band.1ms", 0.03, "does not hold"),
+}
+
+
+@pytest.mark.parametrize("key", SPOILED_NUMBERS)
+def test_verdicts_on_studies_follow_their_numbers(key: str) -> None:
+    one, numbers = CLAIMS[key], numbers_of(key)
+    (name,) = one.needs
+    assert isinstance(name, str)
+    assert one.check({name: StudyResult(name, numbers, (), (), ())}).verdict == "holds"
+    changed, value, verdict = SPOILED_NUMBERS[key]
+    assert changed in numbers
+    assert one.check({name: StudyResult(name, {**numbers, changed: value}, (), (), ())}).verdict == verdict
+    missing = StudyResult(name, {}, (), (), ("all runs: failed",))
+    assert one.check({name: missing}).verdict == "not measured"
+
+
+# --- what is missing costs only what rests on it ---
+
+
+def test_a_missing_run_is_a_line_with_its_reason() -> None:
+    one = CLAIMS["2a"]
+    found = one.check({one.needs[0]: "ConfigurationError: unknown scenario"})
+    assert found.verdict == "not measured"
+    assert "unknown scenario" in found.text
+
+
+def test_a_run_that_failed_is_a_line_with_its_reason() -> None:
+    broken = spoiled(run(RunSpec("example-2d-fov")), status="failed", reason="t = 1 s: a marker is behind the camera")
+    found = CLAIMS["1a"].check({RunSpec("example-2d-fov"): broken})
+    assert found.verdict == "not measured"
+    assert "behind the camera" in found.text
+
+
+def test_a_claim_that_raises_is_a_line_with_its_reason() -> None:
+    no_rows = run(RunSpec("example-2d-bowl", overrides=(("duration", 0.1),)))
+    found = CLAIMS["4a"].check(dict.fromkeys(CLAIMS["4a"].needs, no_rows))
+    assert found.verdict == "not measured"
+    assert "ValueError" in found.text
+
+
+def test_an_unknown_scenario_is_no_exception() -> None:
+    found = runner.perform(RunSpec("no-such-scenario"))
+    assert found.startswith("ConfigurationError: unknown scenario 'no-such-scenario'")
+
+
+# --- the report ---
+
+
+def few(monkeypatch: pytest.MonkeyPatch, keys: tuple[str, ...], figures: dict[int, FigureSpec]) -> None:
+    """Leave only a few claims and figures, and no study."""
+    chosen = [CLAIMS[key] for key in keys]
+    for module in (runner, report):
+        monkeypatch.setattr(module, "all_claims", lambda: chosen)
+        monkeypatch.setattr(module, "FIGURES", figures)
+    monkeypatch.setattr(runner, "study_results", lambda *_: {})
+
+
+def test_the_report_is_written_even_where_parts_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    missing = FigureSpec(19, "not there", "planar:draw_fov", (RunSpec("no-such-scenario"),))
+    broken = FigureSpec(6, "cannot be drawn", "planar:draw_bowl", (RunSpec("example-2d-fast"),))
+    few(monkeypatch, ("2b", "6a"), {2: FIGURES[2], 6: broken, 19: missing})
+    told: list[tuple[str, int, int]] = []
+    result = reproduce(
+        tmp_path, workers=1, on_progress=lambda *news: told.append(news), command=["vsconstraints", "it"]
+    )
+    text = result.report.read_text(encoding="utf-8")
+    assert result.report == tmp_path / "report.md"
+    assert (tmp_path / "figures" / "fig-02.png").stat().st_size > 10_000
+    assert not (tmp_path / "figures" / "fig-06.png").exists()
+    assert "Not drawn: ValueError" in text
+    assert "unknown scenario 'no-such-scenario'" in text
+    assert '<a id="2b"></a>2b' in text
+    assert result.counts["holds"] >= 1
+    assert sum(result.counts.values()) == 2
+    assert set(result.counts) == set(VERDICTS)
+    assert "2 claims" in result.summary()
+    assert (
+        (tmp_path / "claims.csv")
+        .read_text(encoding="utf-8")
+        .startswith("claim,where,sentence,rule,verdict,measured\n2b,")
+    )
+    assert {what for what, _, _ in told} == {"simulating", "drawing"}
+    assert all(0 <= done <= total for _, done, total in told)
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigurationError, match="cannot be written"):
+        reproduce(tmp_path / "file" / "below")
+
+
+def test_the_differences_are_the_ones_of_the_documentation() -> None:
+    assert differences().startswith("# Differences from the paper")
+
+
+def test_reconstructed_values_are_the_scenarios_own() -> None:
+    text = reconstructed()
+    assert "-1.5414" in text
+    assert "543.7" in text
+    assert {"example-2d-fov", "case-study-6r"} <= set(shipped_scenarios())
+
+
+@pytest.mark.parametrize("number", [2, 3, 4, 5, 9, 10, 11, 12])
+def test_figures_are_drawn(number: int, tmp_path: Path) -> None:
+    figure = FIGURES[number]
+    figure.draw([run(need) for need in figure.needs], tmp_path / figure.file)
+    assert (tmp_path / figure.file).stat().st_size > 20_000
+
+
+def test_every_figure_of_the_paper_with_results_has_a_counterpart() -> None:
+    assert {4, 5, 6, 7, 8, 10, 11, 12, 14, 15, 16, 17, 18, 19} <= set(FIGURES)
