@@ -1,40 +1,106 @@
-"""The README's and examples' code does what they say."""
+"""The README's, the documentation's and the examples' code does what they say."""
 
 from __future__ import annotations
 
+import pkgutil
 import re
 import runpy
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
+import vsconstraints
+from documents import DOCS, PAGES, ROOT, RUN, Block, blocks, reader_folder, run
 from vsconstraints.comparisons import Suite, compare
+from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
+from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.scenarios import Scenario
 from vsconstraints.scenarios.section import read_toml
-from vsconstraints.simulation import simulate
+from vsconstraints.simulation import Trajectory, simulate
 
-ROOT = Path(__file__).parent.parent
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-BLOCKS = [
-    pytest.param(code, id=f"{path.stem}-{i}")
-    for path in DOCUMENTS
-    for i, code in enumerate(re.findall(r"```python\n(.*?)```", path.read_text(encoding="utf-8"), flags=re.S))
-]
+NOT_RUN: dict[tuple[str, str], str] = {}
+"""Blocks of the language ``text``, which cannot be run, by page and first line, and why they cannot."""
 
 
-@pytest.mark.parametrize("code", BLOCKS)
-def test_python_blocks_run(code: str) -> None:
-    exec(compile(code, "block", "exec"), {"__name__": "block"})
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_every_block_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(reader_folder(tmp_path))
+    monkeypatch.syspath_prepend(tmp_path)
+    names = {"__name__": "__main__"}
+    for block in blocks(page):
+        if block.language != "text":
+            assert block.language in RUN, f"{block.where}: nothing runs the language {block.language!r}"
+            try:
+                run(block, tmp_path, names)
+            except BaseException as error:
+                error.add_note(f"in the block at {block.where}")
+                raise
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_blocks_that_are_not_run_have_a_reason() -> None:
+    left = [block for page in PAGES for block in blocks(page) if block.language == "text"]
+    assert {(block.page.name, block.code.partition("\n")[0]) for block in left} == set(NOT_RUN)
+
+
+def test_every_block_is_fenced() -> None:
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert len(re.findall(r"^`{3}", text, flags=re.M)) == 2 * len(list(blocks(page))), page.name
+        outside = re.sub(r"^(`{3,}|\$\$).*?^\1", "", text, flags=re.S | re.M)
+        assert not re.findall(r"^(?: {4,}|\t).*", outside, flags=re.M), page.name
+
+
+@pytest.mark.parametrize("code", ["vsconstraints compare --no-such-option", "vsconstraints fly", "rm -r ."])
+def test_a_wrong_command_would_be_found(code: str, tmp_path: Path) -> None:
+    with pytest.raises((Exception, SystemExit)):
+        run(Block(ROOT / "README.md", 1, "sh", code), tmp_path, {})
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(path: Path) -> None:
-    links = re.findall(r"\]\(([^)#]+)\)", path.read_text(encoding="utf-8"))
+    links = re.findall(r"\]\(([^)#\s]+)", path.read_text(encoding="utf-8"))
     for link in links:
         if not link.startswith("http"):
             assert (path.parent / link).exists(), f"{path.name}: {link}"
+
+
+def test_the_reference_has_every_module() -> None:
+    text = "".join(path.read_text(encoding="utf-8") for path in (DOCS / "api").glob("*.rst"))
+    named = {
+        name
+        for names in re.findall(r"^\.\. (?:package|automodule):: (.*)$", text, flags=re.M)
+        for name in names.split()
+    }
+    modules = {f"vsconstraints.{module.name}" for module in pkgutil.iter_modules(vsconstraints.__path__)}
+    assert modules - named == {"vsconstraints.cli", "vsconstraints.listing"}  # suites.md tells of the command line
+    assert named <= modules
+
+
+def test_result_files_are_described_whole() -> None:
+    text = (DOCS / "results.md").read_text(encoding="utf-8")
+    sections = dict(re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", text, flags=re.S | re.M))
+    described = {title: set(re.findall(r"`(\w+)`", _first_cells(body))) for title, body in sections.items()}
+    stored = {field.name for kind in (Trajectory, RunRecord) for field in fields(kind)}
+    in_facts = {"trajectory", "status", "reason", "fallbacks", "kinds", "units", "last_goal_time", "Ts", "fingerprint"}
+    assert described["`results.csv`"] == set(RESULT_COLUMNS)
+    assert described["`constraints.csv`"] == set(CONSTRAINT_COLUMNS)
+    assert described["Trajectories"] == stored - in_facts | {"facts"}
+
+
+def test_suite_keys_are_described_whole() -> None:
+    asked = set()
+    for name in ("suite", "variants"):
+        code = (ROOT / f"src/vsconstraints/comparisons/{name}.py").read_text(encoding="utf-8")
+        asked |= set(re.findall(r'(?:section|top)\.take\(\s*"(\w+)"', code))
+    text = _first_cells((DOCS / "suites.md").read_text(encoding="utf-8"))
+    assert set(re.findall(r"`(\w+)`", text)) == asked - {"type"}  # that of a controller's table is told in the text
+
+
+def _first_cells(text: str) -> str:
+    return "\n".join(re.findall(r"^\| ([^|]*) \|", text, flags=re.M))
 
 
 def test_the_readme_shows_the_examples_as_they_are() -> None:

@@ -1,0 +1,147 @@
+"""``.. package:: vsconstraints.constraints``: the reference of a package's modules, complete by construction.
+
+References in docstrings are led to where an object is defined, whatever public name they use.
+"""
+
+from __future__ import annotations
+
+import builtins
+import importlib
+import pkgutil
+import re
+from collections.abc import Iterable, Iterator
+from functools import cache
+from itertools import chain
+
+from docutils import nodes
+from sphinx import addnodes
+from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
+from sphinx.util.docutils import SphinxDirective
+from sphinx.util.nodes import make_refnode
+
+
+def modules(name: str) -> list[str]:
+    """A module and, if it is a package, the public modules in it."""
+    paths = getattr(importlib.import_module(name), "__path__", ())
+    inside = [module.name for module in pkgutil.walk_packages(paths, f"{name}.")]
+    return [name, *(module for module in inside if not module.rpartition(".")[2].startswith("_"))]
+
+
+class Package(SphinxDirective):
+    """Documents every module of the packages and modules named, one section each."""
+
+    required_arguments = 1
+    optional_arguments = 30
+
+    def run(self) -> list[nodes.Node]:
+        """Write one automodule for each."""
+        lines = []
+        for name in (module for package in self.arguments for module in modules(package)):
+            short = name.removeprefix("vsconstraints.")
+            lines += [short, "-" * len(short), "", f".. automodule:: {name}"]
+            lines += ["   :members:", "   :show-inheritance:", "   :ignore-module-all:", ""]
+        return self.parse_text_to_nodes("\n".join(lines), allow_section_headings=True)
+
+
+def _annotation(entries: str) -> re.Pattern[str]:
+    parts = re.split(r"(\w+)", f"ndarray[tuple[Any, ...], dtype[{entries}]]")
+    # names may stand there twice, and with their modules: which of them is shown is decided later
+    return re.compile(
+        "".join(rf"(?:{part})?~?(?:\w+\.)?{part}" if part.isalpha() else re.escape(part) for part in parts)
+    )
+
+
+ARRAYS = {"Array": _annotation("floating[Any]"), "BoolArray": _annotation("bool")}
+"""What the code calls arrays, and how annotations show them."""
+
+
+def name_arrays(
+    app: Sphinx, what: str, name: str, thing: object, options: object, signature: str | None, returned: str | None
+) -> tuple[str | None, str | None]:
+    """Call arrays in signatures what the code calls them; made by a factory is a default like others."""
+    return _named(signature and signature.replace("<factory>", "...")), _named(returned)
+
+
+def _named(text: str | None) -> str | None:
+    for alias, shown in ARRAYS.items():
+        text = text and shown.sub(alias, text)
+    return text
+
+
+def tidy(app: Sphinx, domain: str, kind: str, content: addnodes.desc_content) -> None:
+    """The same for properties, whose types are not in a signature; and no word of a class's having no base."""
+    for paragraph in [node for node in content.children if node.astext().startswith("Bases: object")]:
+        content.remove(paragraph)
+    for annotation in list(content.parent.findall(addnodes.desc_annotation)):
+        text = annotation.astext()
+        named = _named(text) or text
+        if named != text:
+            annotation.children = []
+            annotation += nodes.Text(named)
+
+
+def as_written(app: Sphinx, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
+    """Keep bars as bars and colons as colons: reStructuredText and napoleon read more into them."""
+    text = "\n".join(lines)
+    text = re.sub(r"(``.*?``)|\|", lambda found: found[1] or r"\|", text)
+    if isinstance(thing, dict):
+        text += "\n\n:meta hide-value:"
+    if what in ("attribute", "data", "property"):
+        text = f"\\ \n{text}"  # nothing, or napoleon takes what stands before the first colon for a type
+    lines[:] = text.split("\n")
+
+
+@cache
+def defined_as(name: str) -> str:
+    """The full name under which what ``name`` leads to was defined; the name itself if that cannot be told."""
+    parts = name.split(".")
+    for end in range(len(parts), 0, -1):
+        try:
+            found = importlib.import_module(".".join(parts[:end]))
+        except ImportError:
+            continue
+        for i, part in enumerate(parts[end:], start=end):
+            owners = getattr(found, "__mro__", ())
+            owner = next((base for base in owners if part in vars(base)), None)
+            if owner is not None and i == len(parts) - 1:
+                return f"{owner.__module__}.{owner.__qualname__}.{part}"
+            found = getattr(found, part, None)
+        return f"{getattr(found, '__module__', None)}.{getattr(found, '__qualname__', None)}"
+    return name
+
+
+def resolve(app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, text: nodes.Node) -> nodes.Node | None:
+    """Lead a reference to where the object is defined; names without dots are those of the class or module."""
+    if node.get("refdomain") != "py" or not all(part.isidentifier() for part in node["reftarget"].split(".")):
+        return None
+    if node["reftarget"].partition(".")[0] in (*dir(builtins), *app.config.other_packages):
+        return None
+    target, module, inside = (str(node.get(key) or "") for key in ("reftarget", "py:module", "py:class"))
+    documented = env.domains.python_domain.objects
+    # as written, in the class, in the module; the only one of this name; for attributes the class, which tells of them
+    names = [target, f"{module}.{inside}.{target}", f"{module}.{target}"]
+    names += [f"vsconstraints.rows.{target}"] if target in ARRAYS else []
+    for name in chain(names, _elsewhere(target, documented), [f"{module}.{inside}"] * (node["reftype"] == "attr")):
+        for place in (documented.get(name), documented.get(defined_as(name))):
+            if place is not None:
+                return make_refnode(app.builder, node["refdoc"], place.docname, place.node_id, text, name)
+    return None
+
+
+def _elsewhere(target: str, documented: Iterable[str]) -> Iterator[str]:
+    for ending in (target, target.rpartition(".")[2]):
+        found = [name for name in documented if name.endswith(f".{ending}")]
+        if len(found) == 1:
+            yield found[0]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the directive and what makes docstrings and names work as they are written."""
+    app.add_directive("package", Package)
+    app.add_config_value("other_packages", (), "env")
+    app.connect("autodoc-process-docstring", as_written, priority=400)  # before napoleon
+    app.connect("autodoc-process-signature", name_arrays)
+    app.connect("object-description-transform", tidy)
+    app.connect("missing-reference", resolve)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,70 @@
+"""Sphinx configuration: ``sphinx-build -W docs docs/_build``. Needs no network."""
+
+import sys
+from pathlib import Path
+
+import vsconstraints
+
+sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+
+project = "vsconstraints"
+author = "The vsconstraints developers"
+project_copyright = author
+version = release = vsconstraints.__version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "mathml",
+    "listings",
+    "package_reference",
+]
+exclude_patterns = ["_build"]
+html_theme = "furo"
+html_title = f"vsconstraints {version}"
+html_static_path = ["_static"]
+html_css_files = ["style.css"]
+html_math_renderer = "mathml"
+math_eqref_format = "[{number}]"  # round brackets are the paper's
+html_copy_source = False
+pygments_style = "friendly"
+
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+
+napoleon_google_docstring = False
+napoleon_attr_annotations = False  # they are in the signature
+napoleon_custom_sections = [("Attributes", "params_style")]  # several may share a description
+autodoc_typehints_format = "short"
+autodoc_member_order = "bysource"
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 100
+add_module_names = False
+
+nitpicky = True
+# Names of other packages: their inventories are on the network, which a build does not use.
+other_packages = (
+    "abc",
+    "coal",
+    "collections",
+    "matplotlib",
+    "np",
+    "numpy",
+    "pathlib",
+    "pin",
+    "pinocchio",
+    "rich",
+    "typing",
+)
+nitpick_ignore_regex = [
+    ("py:.*", rf"({'|'.join(other_packages)})(\..*)?"),
+    ("py:.*", r"vsconstraints\.kernels\..*"),  # compiled when imported, and defined by what they stand for
+]
+nitpick_ignore = [
+    ("py:class", "Path"),
+    ("py:class", "dict[str"),  # aliases of types with a comma in them
+    ("py:class", "tuple[int | None"),
+    ("py:class", "vsconstraints.plugins.Base"),  # type variables
+    ("py:class", "vsconstraints.reproduction.reproduce.Key"),
+]
