@@ -265,7 +265,7 @@ def test_a_record_survives_storing(tmp_path: Path) -> None:
         ('scenarios = ["example-2d-fov"]\ntrials = 0\n[controllers.tracking]', ("trials", "0")),
         ("scenarios = []\n[controllers.tracking]", ("nothing to compare",)),
         ('scenarios = ["example-2d-fov"]', ("controllers", "missing")),
-        ("scenarios = [3]\n[controllers.tracking]", ("names or paths",)),
+        ("scenarios = [3]\n[controllers.tracking]", ("a name, a path, or a table",)),
         ('scenarios = ["gone.toml"]\n[controllers.tracking]', ("gone.toml",)),
         ('scenarios = ["example-2d-fov"]\n[controllers.a]\ntype = "nowhere:Law"', ("nowhere",)),
         ('scenarios = ["example-2d-fov"]\n[controllers.a]\ntype = "json:JSONDecoder"', ("JSONDecoder", "Controller")),

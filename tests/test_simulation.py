@@ -526,7 +526,8 @@ class Meddles(Tracking):
 def test_a_law_cannot_change_what_is_logged() -> None:
     fov = {"type": "field-of-view", "K": 0.1, "switching_gain": 2.0}
     honest, meddling = (simulate(setup(constraints=[fov]), law) for law in (Tracking(), Meddles()))
-    np.testing.assert_array_equal(meddling.phi, honest.phi)
+    # up to rounding: an own law runs in NumPy, where the other may be compiled
+    np.testing.assert_allclose(meddling.phi, honest.phi, rtol=0.0, atol=1e-12)
 
 
 def test_a_run_too_long_to_keep_is_refused() -> None:

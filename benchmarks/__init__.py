@@ -1,0 +1,1 @@
+"""How long a control step takes, beside other ways to compute one: ``python -m benchmarks`` (see ``__main__``)."""

@@ -1,0 +1,150 @@
+"""The case study's step in several forms, and where the time of the compiled one goes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+
+import numpy as np
+
+from vsconstraints.control_step import ControlStep
+from vsconstraints.controllers import Controller, PotentialField, SlidingMode
+from vsconstraints.controllers.compiled import SLIDING
+from vsconstraints.kernels import load
+from vsconstraints.rows import Command, Rows, Task
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import Setup, Trajectory, simulate
+
+from .appendix_b import AppendixB
+from .part import CASE_STUDY, Effort, Part, Table, digits, hierarchical_qp, median_p99_max, ratios
+from .steps import Walk, shortened
+from .timing import BLOCK, UNIT, Array, Times, compare, each_call, in_turn
+
+TEXT = """
+The same samples of the case study, state in, command out, in several forms taken in turn. *NumPy form* is the
+definition, which runs where there is no compiler (`VSCONSTRAINTS_COMPILE=0`). *Appendix B* is the paper's algorithm in
+plain NumPy with two pseudoinverses (`benchmarks/appendix_b.py`).
+"""
+
+WHERE = "Where the time goes: parts of one step, at one sample of the case study with three rows made active."
+
+NO_OPERATION = "int64(float64, float64[::1], float64[::1], int64[::1], float64[::1], float64[::1], float64[::1])"
+
+
+class NumPyWalk(Walk):
+    """The same steps by their definition."""
+
+    def __init__(self, setup: Setup, controller: Controller, run: Trajectory, turns: int) -> None:
+        super().__init__(setup, controller, run, turns)
+        self.control._packed = None
+        controller._compiled = lambda rows, task: None  # type: ignore[method-assign]
+        self._step(self.states[0])
+
+
+def measure(effort: Effort) -> Part:
+    """See the module."""
+    part = Part("The case study's step in several forms", TEXT)
+    scenario = shortened(Scenario.load(CASE_STUDY), effort)
+    setup = scenario.setup()
+    run = simulate(setup, SlidingMode())
+    laws: dict[str, Callable[[], Controller]] = {
+        "sliding-mode": SlidingMode,
+        "potential-field": PotentialField,
+        "hierarchical-qp": lambda: hierarchical_qp("auto"),
+        "hierarchical-qp with daqp": lambda: hierarchical_qp("daqp"),
+    }
+    walks: dict[str, Walk] = {}
+    for name, law in laws.items():
+        walks[name] = Walk(scenario.setup(), law(), run, effort.turns)
+        if not name.endswith("daqp"):
+            walks[f"{name}, NumPy form"] = NumPyWalk(scenario.setup(), law(), run, effort.turns)
+    subjects = {**walks, "Appendix B in NumPy": appendix_b_walk(scenario, run, effort.turns)}
+    times = in_turn(subjects, effort.turns)
+    unit = float(np.median(times[UNIT]))
+    lines = []
+    for name in subjects:
+        total = Times(times[name][:, -1], unit)
+        part.keep(name, total)
+        lines.append([name, median_p99_max(total), ratios(total), digits(total.spread)])
+    part.tables.append(Table(["form", "µs: median / p99 / max", "ratio", "p99/median"], lines))
+    part.tables.append(_where(part, setup, run, effort))
+    return part
+
+
+def appendix_b_walk(scenario: Scenario, run: Trajectory, turns: int) -> Callable[[int], Array]:
+    """Times of the transcription along the run."""
+    law = AppendixB(scenario.tables)
+    states = [(float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)]
+    starts = np.linspace(0, max(len(states) - BLOCK - 1, 0), turns).astype(int)
+
+    def turn(number: int) -> Array:
+        at = int(starts[number])
+        law.step(*states[at])
+
+        def next_step() -> Array:
+            nonlocal at
+            at = min(at + 1, len(states) - 1)
+            return law.step(*states[at])
+
+        return each_call(next_step)(number)[:, None]
+
+    return turn
+
+
+def three_active(setup: Setup, run: Trajectory) -> tuple[Rows, Task, tuple[float, Array, Array]]:
+    """Rows and task where most rows act, with the three greatest φ lifted to zero or above; and that sample."""
+    k = int(np.argmax(run.active.sum(axis=1)))
+    state = (float(run.t[k]), run.q[k].copy(), run.qd[k].copy())
+    step = ControlStep(setup.scene, setup.constraints, setup.task).evaluate(*state)
+    phi = step.rows.phi.copy()
+    # one side of a joint's range and the other are opposite: of these, one
+    chosen: list[int] = []
+    for i in np.argsort(-phi):
+        A = step.rows.Lg[[*chosen, i]]
+        if np.linalg.matrix_rank(A) == len(A):
+            chosen.append(int(i))
+        if len(chosen) == 3:
+            break
+    phi[chosen] = np.maximum(phi[chosen], 0.0)
+    others = np.setdiff1d(np.arange(len(phi)), chosen)
+    phi[others] = np.minimum(phi[others], -1e-3)
+    rows = Rows(phi, step.rows.Lg, step.rows.Lf, step.rows.switching_gain, step.rows.labels, step.rows.scale)
+    return rows, step.task, state
+
+
+def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
+    rows, task, (t, q, qd) = three_active(setup, run)
+    control = ControlStep(setup.scene, setup.constraints, setup.task)
+    law, hierarchy, field = SlidingMode(), hierarchical_qp("auto"), PotentialField()
+    m, n = len(rows.labels), task.J.shape[1]
+    phi, Lg, Lf, gain, scale, J, b = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b
+    qdd, acted = np.empty(n), np.empty(m, dtype=np.bool_)
+    labels = rows.labels
+    subjects: dict[str, Callable[[], object]] = {}
+    packed, step, laws = control._packed, load("step"), load("task_priority")
+    if packed is not None and step is not None and laws is not None:
+        nothing = import_module("numba").njit(NO_OPERATION)(_nothing)
+        out = np.empty(packed.size)
+        subjects["an empty compiled function with 6 arrays"] = lambda: nothing(t, q, qd, packed.I, packed.F, q, out)
+        subjects["compiled function of rows and task"] = lambda: step.evaluate_step(
+            t, q, qd, packed.I, packed.F, packed.memory, out
+        )
+        subjects["compiled function of the sliding mode"] = lambda: laws.follow(
+            m, phi, Lg, Lf, gain, scale, J, b, 1e-6, SLIDING, 1.0, 1.0, 1.0, acted, qdd
+        )
+    subjects["ControlStep.evaluate"] = lambda: control.evaluate(t, q, qd)
+    subjects["SlidingMode.command"] = lambda: law.command(rows, task)
+    subjects["PotentialField.command"] = lambda: field.command(rows, task)
+    subjects["HierarchicalQP.command"] = lambda: hierarchy.command(rows, task)
+    subjects["making Rows and Task"] = lambda: (Rows(phi, Lg, Lf, gain, labels, scale), Task(J, b))
+    subjects["making a Command"] = lambda: Command(qdd, "ok", acted, labels)
+    times = compare(subjects, effort.turns)
+    lines = []
+    for name in subjects:
+        part.keep(name, times[name])
+        lines.append([name, median_p99_max(times[name]), ratios(times[name]), digits(times[name].spread)])
+    return Table([f"part ({m} rows, {n} joints)", "µs: median / p99 / max", "ratio", "p99/median"], lines)
+
+
+def _nothing(t, q, qd, I, F, memory, out):  # type: ignore[no-untyped-def]  # noqa: ANN, E741
+    return 0
