@@ -128,7 +128,7 @@ class AppendixB:
 
 
 def kinematics(q: Array) -> tuple[Array, Array, Array]:
-    """Attitude and position of the camera, which is the tip, and the (6, 6) Jacobian of its twist, in the base frame."""
+    """Attitude and position of the camera, which is at the tip, and the (6, 6) Jacobian of its twist: base frame."""
     T = np.eye(4)
     axes, origins = [], []
     for angle, (theta, d, a, alpha) in zip(q, TABLE_2, strict=True):

@@ -37,8 +37,7 @@ class NumPyWalk(Walk):
     def __init__(self, setup: Setup, controller: Controller, run: Trajectory, turns: int) -> None:
         super().__init__(setup, controller, run, turns)
         self.control._packed = None
-        controller._compiled = lambda rows, task: None  # type: ignore[method-assign]
-        self._step(self.states[0])
+        self.command = controller._defined
 
 
 def measure(effort: Effort) -> Part:
@@ -146,5 +145,5 @@ def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
     return Table([f"part ({m} rows, {n} joints)", "µs: median / p99 / max", "ratio", "p99/median"], lines)
 
 
-def _nothing(t, q, qd, I, F, memory, out):  # type: ignore[no-untyped-def]  # noqa: ANN, E741
+def _nothing(t: float, q: Array, qd: Array, integers: Array, floats: Array, memory: Array, out: Array) -> int:
     return 0

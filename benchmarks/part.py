@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
@@ -126,7 +127,12 @@ class Part:
 
 def controllers() -> dict[str, Controller]:
     """New controllers of the default comparison, by the names used there."""
-    return {entry.name: entry.controller() for entry in Suite.load(None).with_baseline().entries}
+    return {entry.name: entry.controller() for entry in _default_suite().controllers}
+
+
+@cache
+def _default_suite() -> Suite:
+    return Suite.load()
 
 
 def hierarchical_qp(solver: str) -> Controller:

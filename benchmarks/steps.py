@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import perf_counter_ns
 
 import numpy as np
 
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller
+from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
 
@@ -18,7 +20,8 @@ TEXT = f"""
 State in, command out: `ControlStep.evaluate` (rows: kinematics, features, rows and task) and `controller.command`,
 called along the controller's own run of the scenario, {BLOCK} samples in a row at places evenly spread over it, so that
 rows act where they act in the run. Times are median / p99 / max in µs; *ratio* is the total's median / p99 / max in
-units, measured in the same turn; *first* is the first total of new objects in a process that has its code loaded.
+units, measured in the same turn; *first* is the first
+step in µs, with the making of the `ControlStep`, in a process that has its code loaded.
 """
 
 
@@ -26,7 +29,7 @@ class Walk:
     """Times steps of a controller along a run of it: rows, command and total of each sample."""
 
     def __init__(self, setup: Setup, controller: Controller, run: Trajectory, turns: int) -> None:
-        self.controller = controller
+        self.command: Callable[[Rows, Task], Command] = controller.command
         self.states = [(float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)]
         last = max(len(self.states) - BLOCK, 1)
         self.starts = np.linspace(min(1, last), last, turns).astype(int)
@@ -34,10 +37,8 @@ class Walk:
         setup.task.reset()
         started = perf_counter_ns()
         self.control = ControlStep(setup.scene, setup.constraints, setup.task)
-        made = perf_counter_ns()
         self._step(self.states[0])
-        self.first = 1e-9 * (perf_counter_ns() - made)
-        self.making = 1e-9 * (made - started)
+        self.first = 1e-9 * (perf_counter_ns() - started)
 
     @property
     def form(self) -> str:
@@ -49,6 +50,7 @@ class Walk:
         return f"compiled, but {', '.join(others)}" if others else "compiled"
 
     def __call__(self, turn: int) -> Array:
+        """(calls, 3) times of rows, command and total [ns]."""
         start = int(self.starts[turn])
         self.control.reset()
         # what the task remembers from the sample before
@@ -60,7 +62,7 @@ class Walk:
 
     def _step(self, state: tuple[float, Array, Array]) -> tuple[int, int, int]:
         t, q, qd = state
-        clock, evaluate, command = perf_counter_ns, self.control.evaluate, self.controller.command
+        clock, evaluate, command = perf_counter_ns, self.control.evaluate, self.command
         started = clock()
         step = evaluate(t, q, qd)
         ready = clock()

@@ -11,6 +11,9 @@ from .markdown import bold, bullets, code, enumeration, plain
 from .numbers import Format, median, number, percent
 from .results import CARRIED_THROUGH, Line, Results, violated
 
+MOST_NAMES = 9
+"""A sentence names no more scenarios than this."""
+
 NOT_CONVERGED = {
     "trapped": "was trapped",
     "aborted": "was aborted",
@@ -43,7 +46,6 @@ def opening(results: Results) -> str:
             "counts and means are over the runs that finished."
         )
     parts += ["## Findings", bullets(_findings(results))]
-    parts.append("Scenarios: " + ", ".join(f"[{name}](#{anchor(name)})" for name in results.scenarios) + ".")
     return "\n\n".join(parts)
 
 
@@ -76,7 +78,7 @@ def _findings(results: Results) -> list[str]:
     if nobody:
         found.append(
             "Nobody converged without violating a row in "
-            + enumeration([f"[{name}](#{anchor(name)})" for name in nobody])
+            + enumeration(some([f"[{name}](#{anchor(name)})" for name in nobody]))
             + "."
         )
     return found
@@ -91,7 +93,7 @@ def _of_controller(results: Results, name: str) -> str:
     for status, did in NOT_CONVERGED.items():
         where = list(dict.fromkeys(line["scenario"] for line in lines if line["status"] == status))
         if where:
-            text += f", {did} in {enumeration(where)}"
+            text += f", {did} in {enumeration(some(where))}"
     outside = [line for line in lines if violated(line)]
     carried = sum(line["status"] in CARRIED_THROUGH for line in lines)
     if not outside:
@@ -99,7 +101,7 @@ def _of_controller(results: Results, name: str) -> str:
     worst = max(outside, key=lambda line: float(line["violation_depth"]))
     where = list(dict.fromkeys(line["scenario"] for line in outside))
     return (
-        f"{text}; it violated rows in {_n(len(outside), 'run')} ({', '.join(where)}), at worst by "
+        f"{text}; it violated rows in {_n(len(outside), 'run')} ({enumeration(some(where))}), at worst by "
         f"{number(100.0 * worst['violation_depth'])} % of L ({_worst_row(results, worst)}, {worst['scenario']})."
     )
 
@@ -134,7 +136,7 @@ def _winners(results: Results, what: str, column: str, best: Callable[..., float
     ranked = sorted(won.items(), key=lambda item: -len(item[1]))
     return (
         f"{what}, among the controllers that converged and violated no row: "
-        + "; ".join(f"{bold(name)} in {', '.join(where)}" for name, where in ranked)
+        + "; ".join(f"{bold(name)} in {enumeration(some(where))}" for name, where in ranked)
         + "."
     )
 
@@ -151,6 +153,11 @@ def _clean(results: Results, scenario: str) -> list[str]:
 
 def _ran(results: Results, scenario: str) -> bool:
     return any(results.runs(scenario, name) for name in results.competitors)
+
+
+def some(names: list[str]) -> list[str]:
+    """The names or, if there are more than :data:`MOST_NAMES`, the first of them and how many more there are."""
+    return names if len(names) <= MOST_NAMES else [*names[: MOST_NAMES - 1], f"{len(names) - MOST_NAMES + 1} more"]
 
 
 def _n(count: int, noun: str) -> str:

@@ -10,6 +10,7 @@ from .closing import closing
 from .failures import failures
 from .headlines import opening
 from .jobs import ScenarioJob
+from .outcomes import outcomes
 from .rendering import draw_all, remove_stale
 from .results import Results
 from .rows_shown import lane_rows, phi_rows
@@ -53,6 +54,7 @@ def write_report(folder: Path) -> Path:
     parts = [
         opening(results),
         summary(results),
+        outcomes(results),
         overview.text,
         scenarios_section(results, drawn),
         failures(results, drawn),

@@ -1,0 +1,112 @@
+"""The closed loop: simulated steps per second, and trials per second on one and two cores."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from time import perf_counter
+
+import numpy as np
+
+from vsconstraints.controllers import make_controller
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import Setup, simulate
+
+from .part import CASE_STUDY, Effort, Part, Table, controllers, digits, microseconds
+from .steps import shortened
+from .timing import unit_subject, without_old_garbage
+
+TEXT = """
+Whole simulations of the case study: the check of the start, every step with everything that is logged, and the scores
+of the run afterwards. Runs of all controllers and blocks of the unit are taken in turn.
+"""
+
+TRIALS = """
+Trials of the case study with the sliding mode, each from another start, in warm worker processes: making the setup,
+simulating, and nothing stored. *efficiency* is the rate per core, relative to one core.
+"""
+
+UNIT_TURNS = 8
+
+
+def measure(effort: Effort) -> Part:
+    """Simulated steps per second."""
+    part = Part("Closed loop", TEXT)
+    scenario = shortened(Scenario.load(CASE_STUDY), effort)
+    runs = {name: (scenario.setup(), law) for name, law in controllers().items()}
+    for setup, law in runs.values():
+        simulate(setup, law)
+    walls: dict[str, list[float]] = {name: [] for name in runs}
+    steps: dict[str, list[float]] = {name: [] for name in runs}
+    units: list[float] = []
+    unit, samples = unit_subject(), dict.fromkeys(runs, 0)
+    with without_old_garbage():
+        for _ in range(effort.repeats):
+            for name, (setup, law) in runs.items():
+                units.extend(1e-9 * np.concatenate([unit(i) for i in range(UNIT_TURNS)]))
+                started = perf_counter()
+                run = simulate(setup, law)
+                walls[name].append(perf_counter() - started)
+                samples[name] = len(run.t)
+                steps[name].append(float((run.rows_time + run.step_time).mean()))
+    of_unit = float(np.median(units))
+    lines = []
+    for name in runs:
+        step = float(np.median(walls[name])) / samples[name]
+        inside = float(np.median(steps[name]))
+        part.numbers[f"{name}: median"], part.numbers[f"{name}: ratio"] = step, step / of_unit
+        lines.append(
+            [
+                name,
+                f"{1.0 / step:.0f}",
+                microseconds(step),
+                microseconds(inside),
+                digits(step / of_unit),
+                f"{scenario.tables['sampling_time'] / step:.0f}",
+            ]
+        )
+    header = ["controller", "steps per second", "µs a step", "of them rows and command", "ratio", "times real time"]
+    part.tables.append(Table(header, lines))
+    return part
+
+
+def measure_trials(effort: Effort) -> Part:
+    """Trials per second."""
+    part = Part("Trials per second", TRIALS)
+    lines = []
+    cores = [count for count in (1, 2) if count <= (os.cpu_count() or 1)]
+    if effort.trials < len(cores) * 2:
+        cores = cores[:1]
+    for count in cores:
+        # spawned, as comparisons do
+        with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+            # every worker has its code loaded
+            list(pool.map(_warm, range(4 * count)))
+            started = perf_counter()
+            found = list(pool.map(_trial, *zip(*_trials(effort), strict=True)))
+            rate = len(found) / (perf_counter() - started)
+        part.numbers[f"{count} cores: trials per second"] = rate
+        efficiency = rate / count / part.numbers["1 cores: trials per second"]
+        lines.append([str(count), str(len(found)), digits(rate), f"{efficiency:.2f}"])
+    part.tables.append(Table(["cores", "trials", "trials per second", "efficiency"], lines))
+    return part
+
+
+def _trials(effort: Effort) -> Iterator[tuple[int, float]]:
+    for number in range(1, effort.trials + 1):
+        yield number, effort.duration
+
+
+def _warm(_: int) -> int:
+    return _trial(0, 0.05)
+
+
+def _trial(number: int, duration: float) -> int:
+    """Samples of one trial."""
+    scenario = Scenario.load(CASE_STUDY)
+    if duration < float(scenario.tables["duration"]):
+        scenario = scenario.with_override("duration", duration)
+    setup: Setup = scenario.with_override("start_deviation", 0.01).setup(number)
+    return len(simulate(setup, make_controller("sliding-mode")).t)

@@ -1,0 +1,76 @@
+"""The report: what must be shown, and a section for every part."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+from vsconstraints import __version__
+from vsconstraints.comparisons.machine import git_commit, machine, package_versions
+from vsconstraints.reports.markdown import plain, table
+
+from .figures import draw
+from .part import Part
+from .targets import judged
+from .timing import BLOCK, UNIT
+
+HOW = f"""
+Times are divided by that of the *unit*, `{UNIT}`, since machines differ. The subjects of a table and
+the unit take turns in one process: {BLOCK} calls in a row of the first, as many of the second, and so on, then again
+from the first; so whatever else the machine does hits all alike. Every call is timed by itself; a turn of each goes
+before, unmeasured. Linear algebra libraries use one thread. Garbage is collected as in any program, but not looked for
+among what was there before.
+"""
+
+
+def write(parts: Mapping[str, Part], failures: Mapping[str, str], out: Path, command: str, wall: float) -> Path:
+    """Write ``benchmarks.md`` and its folder to ``out``."""
+    folder = out / "benchmarks"
+    folder.mkdir(parents=True, exist_ok=True)
+    where = machine()
+    load = " ".join(f"{value:.2f}" for value in os.getloadavg())
+    packages = package_versions()
+    sections = [
+        "# Benchmarks",
+        f"Made by `{command}` in {wall:.0f} s, {datetime.now(UTC):%Y-%m-%d}, vsconstraints {__version__} "
+        f"({git_commit() or 'no commit'}), {where['processor']}, {where['cores']} cores, {where['system']}, "
+        f"{where['python']}, NumPy {packages['numpy']}, load at the end {load}.",
+        "## What it must show",
+        _table(judged(parts)),
+        _unit(parts),
+        "## How it is measured",
+        HOW.strip(),
+    ]
+    for name, part in parts.items():
+        sections += [f"## {part.title}", part.text.strip(), *(_table(one) for one in part.tables)]
+        try:
+            draw(name, part, folder)
+        except Exception as error:  # a figure costs no table
+            sections.append(f"No figure: {plain(f'{type(error).__name__}: {error}')}")
+            continue
+        if part.figure:
+            sections.append(f"![{part.title}](benchmarks/{part.figure})")
+    if failures:
+        sections += ["## What failed", *(f"- {name}: {plain(why)}" for name, why in failures.items())]
+    report = out / "benchmarks.md"
+    report.write_text("\n\n".join(filter(None, sections)) + "\n", encoding="utf-8")
+    numbers = {name: part.numbers for name, part in parts.items()}
+    (folder / "numbers.json").write_text(json.dumps(numbers, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return report
+
+
+def _table(one: object) -> str:
+    return table(one.header, one.lines, one.text_columns)  # type: ignore[attr-defined]
+
+
+def _unit(parts: Mapping[str, Part]) -> str:
+    numbers = parts["steps"].numbers if "steps" in parts else {}
+    if "unit: median" not in numbers:
+        return ""
+    return (
+        f"The unit took {1e6 * numbers['unit: median']:.1f} µs (median on the case study); its own p99 was "
+        f"{numbers['unit: p99/median']:.2f} times that, which on an idle machine is below 1.5."
+    )

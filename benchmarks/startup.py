@@ -1,0 +1,126 @@
+"""What comes before the first step: start-up, imports, the first compilation; and whole processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+import numpy as np
+
+from .part import Effort, Part, Table, digits
+
+TEXT = """
+Whole processes, from start to end, in turn; medians and the longest. `python -c pass` is Python alone.
+"""
+
+FIRST = """
+The first step of a fresh process on the case study. *compiling*: with an empty folder for compiled code.
+*cached*: with the same folder, filled. Times in ms; imports are those of NumPy, Pinocchio and this package.
+"""
+
+DEFAULT = """
+`vsconstraints compare` without arguments: the whole process, report included, on all cores, with compiled code cached.
+"""
+
+HERE = Path(__file__).resolve().parent
+LAWS = ("sliding-mode", "potential-field", "tracking", "hierarchical-qp")
+COMMAND = "import sys; from vsconstraints.cli import main; sys.argv[0] = 'vsconstraints'; main()"
+
+
+def command(*arguments: str) -> list[str]:
+    """The command line of this environment."""
+    script = Path(sys.executable).with_name("vsconstraints")
+    return [*([str(script)] if script.exists() else [sys.executable, "-c", COMMAND]), *arguments]
+
+
+def run(arguments: Sequence[str], environment: dict[str, str] | None = None, folder: Path | None = None) -> str:
+    """What a process printed; raises RuntimeError with its last words if it fails."""
+    ended = subprocess.run(
+        arguments,
+        capture_output=True,
+        text=True,
+        env={**os.environ, **(environment or {})},
+        cwd=folder,
+        timeout=600,
+        check=False,
+    )
+    if ended.returncode:
+        raise RuntimeError(f"{' '.join(arguments)}: {(ended.stderr or ended.stdout).strip()[-500:]}")
+    return ended.stdout if environment is None else ended.stdout + ended.stderr
+
+
+def measure(effort: Effort) -> Part:
+    """Start-up."""
+    part = Part("Start-up", TEXT)
+    subjects = {
+        "`python -c pass`": [sys.executable, "-c", "pass"],
+        "`vsconstraints --help`": command("--help"),
+        "`from vsconstraints.controllers import SlidingMode`": [
+            sys.executable,
+            "-c",
+            "from vsconstraints.controllers import SlidingMode",
+        ],
+        "`import vsconstraints`": [sys.executable, "-c", "import vsconstraints"],
+        "`import numpy`": [sys.executable, "-c", "import numpy"],
+    }
+    times: dict[str, list[float]] = {name: [] for name in subjects}
+    for arguments in subjects.values():
+        run(arguments)
+    for _ in range(effort.repeats):
+        for name, arguments in subjects.items():
+            started = perf_counter()
+            run(arguments)
+            times[name].append(perf_counter() - started)
+    lines = []
+    for name, found in times.items():
+        part.numbers[f"{name.strip('`')}: median"] = float(np.median(found))
+        lines.append([name, digits(float(np.median(found))), digits(max(found))])
+    part.tables.append(Table(["process", "median s", "longest s"], lines))
+    return part
+
+
+def measure_first_calls(effort: Effort) -> Part:
+    """First calls, compiling and cached."""
+    part = Part("First call", FIRST)
+    kinds: dict[str, dict[str, float]] = {}
+    with TemporaryDirectory() as folder:
+        environment = {"NUMBA_CACHE_DIR": folder if effort.long else os.environ.get("NUMBA_CACHE_DIR", "")}
+        for kind in ("compiling", "cached") if effort.long else ("cached",):
+            printed = run([sys.executable, str(HERE / "first_call.py"), *LAWS], environment).splitlines()
+            kinds[kind] = json.loads(next(line for line in printed if line.startswith("{")))
+            part.numbers[f"{kind}: announced"] = float(any("compiling" in line for line in printed))
+    steps = ["rows", *LAWS]
+    for kind, found in kinds.items():
+        part.numbers[f"{kind}: all first calls"] = sum(found[name] for name in steps)
+    names = ["imports", "setup", *steps, "rows again"]
+    titles = {"rows": "first rows and task", "rows again": "second rows and task"}
+    lines = [[titles.get(name, name), *(digits(1e3 * found[name]) for found in kinds.values())] for name in names]
+    total = ["all first calls", *(digits(1e3 * part.numbers[f"{kind}: all first calls"]) for kind in kinds)]
+    part.tables.append(Table(["ms", *kinds], [*lines, total]))
+    return part
+
+
+def measure_default_comparison(effort: Effort) -> Part:
+    """The default comparison as a whole process."""
+    part = Part("Default comparison", DEFAULT)
+    if not effort.long:
+        part.text += "\nNot measured in the quick form.\n"
+        return part
+    with TemporaryDirectory() as folder:
+        started = perf_counter()
+        run(command("compare", "--out", str(Path(folder) / "results")), folder=Path(folder))
+        wall = perf_counter() - started
+        manifest = json.loads((Path(folder) / "results" / "manifest.json").read_text(encoding="utf-8"))
+    part.numbers.update({"whole process": wall, "runs": manifest["runs"], "of it simulating": manifest["wall_time_s"]})
+    simulating = manifest["wall_time_s"]
+    cores = str(os.cpu_count() or 1)
+    line = [str(manifest["runs"]), cores, digits(wall), digits(simulating), digits(wall - simulating)]
+    header = ["runs", "cores", "whole process s", "simulating and scoring s", "start, report and figures s"]
+    part.tables.append(Table(header, [line], text_columns=0))
+    return part

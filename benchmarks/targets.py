@@ -1,0 +1,85 @@
+"""What the benchmark must show, and whether it does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .growth import LINEAR
+from .part import CASE_STUDY, Part, Table, digits
+
+BUSY = 1.5
+"""p99 / median of the unit above which a machine is not idle, and tails say nothing about the code."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A number of a part, and what it may be at most.
+
+    Attributes
+    ----------
+    what
+        In words.
+    part, number
+        Where it is found.
+    most
+        What it may be.
+    unit
+        Of the number; empty for ratios to the unit.
+    tail
+        Whether it says something only on an idle machine.
+    """
+
+    what: str
+    part: str
+    number: str
+    most: float
+    unit: str = ""
+    tail: bool = False
+
+
+TARGETS = (
+    Target("sliding mode, case study, state in, command out", "steps", f"{CASE_STUDY}, sliding-mode: ratio", 0.25),
+    Target("sliding mode, command alone, three active rows", "forms", "SlidingMode.command: ratio", 0.15),
+    Target("potential field, state in, command out", "steps", f"{CASE_STUDY}, potential-field: ratio", 0.25),
+    Target("potential field with priority, the same", "steps", f"{CASE_STUDY}, potential-field-priority: ratio", 0.25),
+    Target("hierarchical QP, exact, the same", "steps", f"{CASE_STUDY}, hierarchical-qp: ratio", 0.5),
+    Target("hierarchical QP, active rows, the same", "steps", f"{CASE_STUDY}, hierarchical-qp-active: ratio", 0.5),
+    Target("one simulated step, logging included, sliding mode", "loop", "sliding-mode: ratio", 0.4),
+    Target("`vsconstraints --help`", "startup", "vsconstraints --help: median", 0.4, "s"),
+    Target("default comparison, whole process", "comparison", "whole process", 20.0, "s"),
+    Target("first compilation of everything", "first", "compiling: all first calls", 20.0, "s"),
+    *(
+        Target(f"growth with {what}, {law}{kind}", "growth", f"{what}, {law}{kind}: last slope", LINEAR, "slope")
+        for what, kinds in (("rows", ("",)), ("markers", (", pose", ", image")))
+        for kind in kinds
+        for law in ("sliding-mode", "potential-field", "hierarchical-qp")
+    ),
+    *(
+        Target(f"p99 / median, {law}", "steps", f"{CASE_STUDY}, {law}: p99/median", 3.0, "× median", tail=True)
+        for law in ("sliding-mode", "potential-field", "hierarchical-qp")
+    ),
+)
+
+
+def judged(parts: Mapping[str, Part]) -> Table:
+    """Each target, what was measured, and whether it is met."""
+    steps = parts.get("steps")
+    noise = steps.numbers.get("unit: p99/median", 0.0) if steps else 0.0
+    lines = []
+    for target in TARGETS:
+        part = parts.get(target.part)
+        value = part.numbers.get(target.number) if part else None
+        if value is None:
+            verdict = "not measured"
+        elif value <= target.most:
+            verdict = "met"
+        elif target.tail and noise > BUSY:
+            verdict = "not judged: the machine was busy"
+        else:
+            verdict = "**not met**"
+        unit = f" {target.unit}" if target.unit else ""
+        lines.append(
+            [target.what, f"{target.most:g}{unit}", "–" if value is None else f"{digits(value)}{unit}", verdict]
+        )
+    return Table(["", "at most", "measured", ""], lines)

@@ -1,0 +1,36 @@
+"""How every scenario ended with every controller, at a glance."""
+
+from __future__ import annotations
+
+from .headlines import anchor
+from .markdown import table
+from .results import Line, Results, violated
+
+OUTSIDE = "†"
+
+
+def outcomes(results: Results) -> str:
+    """One line per scenario, one column per controller."""
+    lines = [
+        [f"[{name}](#{anchor(name)})", *(_outcome(list(results.runs(name, one))) for one in results.controllers)]
+        for name in results.scenarios
+    ]
+    legend = f"{OUTSIDE} a row was violated."
+    if results.trials > 1:
+        legend += " Counts are of trials."
+    return "\n\n".join(
+        (
+            "## Outcomes",
+            table(["scenario", *results.controllers], lines, text_columns=1 + len(results.controllers)),
+            legend,
+        )
+    )
+
+
+def _outcome(lines: list[Line]) -> str:
+    if not lines:
+        return "not run"
+    endings = [f"{line['status'] or 'unknown'}{OUTSIDE if violated(line) else ''}" for line in lines]
+    if len(lines) == 1:
+        return endings[0]
+    return ", ".join(f"{endings.count(ending)} {ending}" for ending in dict.fromkeys(endings))
