@@ -52,7 +52,9 @@ class AppendixB:
         task = tables["task"]
         self.Kp0, self.slope = task["Kp0"], task["Kp_slope0"]
         self.goals = [(goal.get("from_time", 0.0), kinematics(np.array(goal["camera_at_q"]))) for goal in task["goals"]]
-        self.goal, self.s_prev, self.J_prev = -1, np.zeros(6), np.zeros((6, 6))
+        self.goal = -1
+        self.s_prev: Array = np.zeros(6)
+        self.J_prev: Array = np.zeros((6, 6))
 
     def step(self, t: float, q: Array, qd: Array) -> Array:
         """(6,) commanded accelerations at time ``t`` [s], from ``q`` and ``qd`` (6,)."""
@@ -156,4 +158,4 @@ def rotation_vector_jacobian(u: Array) -> Array:
         factor = 1.0 / 12.0 + angle**2 / 720.0
     else:
         factor = (1.0 - 0.5 * angle / np.tan(0.5 * angle)) / angle**2
-    return np.eye(3) + 0.5 * U + factor * (U @ U)
+    return np.asarray(np.eye(3) + 0.5 * U + factor * (U @ U))

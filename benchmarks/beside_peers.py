@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +61,7 @@ def measure(effort: Effort) -> Part:
     return part
 
 
-def peer(name: str, turns: int) -> dict:
+def peer(name: str, turns: int) -> dict[str, Any]:
     """What :mod:`benchmarks.peers` printed; RuntimeError with the reason if it could not measure."""
     python = os.environ.get(PYTHON) or sys.executable
     try:
@@ -76,5 +77,8 @@ def peer(name: str, turns: int) -> dict:
         raise RuntimeError(str(error)) from error
     if ended.returncode:
         words = ended.stderr.strip().splitlines()
-        raise RuntimeError(words[-1] if words else f"its process ended with {ended.returncode}")
+        last = words[-1] if words else "no message"
+        raise RuntimeError(
+            last if ended.returncode > 0 else f"its process was ended by signal {-ended.returncode}: {last}"
+        )
     return dict(json.loads(ended.stdout.strip().splitlines()[-1]))

@@ -9,6 +9,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.ticker import NullFormatter
 
 from vsconstraints.reports.style import looks
 
@@ -63,6 +64,8 @@ def _growth(part: Part) -> plt.Figure:
         sizes = list(next(iter(curves.values())))
         top = max(curve[sizes[-1]] for curve in curves.values())
         axes.loglog(sizes, [top * size / sizes[-1] for size in sizes], ":", color="black", label="linear")
+        axes.set_xticks(sizes, [str(size) for size in sizes])
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel(f"number of {what}")
         axes.grid(alpha=0.3, which="both")
         axes.legend(fontsize=8)

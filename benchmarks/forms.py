@@ -18,7 +18,7 @@ from vsconstraints.simulation import Setup, Trajectory, simulate
 from .appendix_b import AppendixB
 from .part import CASE_STUDY, Effort, Part, Table, digits, hierarchical_qp, median_p99_max, ratios
 from .steps import Walk, shortened
-from .timing import BLOCK, UNIT, Array, Times, compare, each_call, in_turn
+from .timing import BLOCK, UNIT, Array, Subject, Times, compare, each_call, in_turn
 
 TEXT = """
 The same samples of the case study, state in, command out, in several forms taken in turn. *NumPy form* is the
@@ -57,7 +57,7 @@ def measure(effort: Effort) -> Part:
         walks[name] = Walk(scenario.setup(), law(), run, effort.turns)
         if not name.endswith("daqp"):
             walks[f"{name}, NumPy form"] = NumPyWalk(scenario.setup(), law(), run, effort.turns)
-    subjects = {**walks, "Appendix B in NumPy": appendix_b_walk(scenario, run, effort.turns)}
+    subjects: dict[str, Subject] = {**walks, "Appendix B in NumPy": appendix_b_walk(scenario, run, effort.turns)}
     times = in_turn(subjects, effort.turns)
     unit = float(np.median(times[UNIT]))
     lines = []

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from multiprocessing.synchronize import Barrier
 from time import perf_counter
 
 import numpy as np
@@ -81,9 +82,11 @@ def measure_trials(effort: Effort) -> Part:
         cores = cores[:1]
     for count in cores:
         # spawned, as comparisons do
-        with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
-            # every worker has its code loaded
-            list(pool.map(_warm, range(4 * count)))
+        context = get_context("spawn")
+        ready = context.Barrier(count + 1)
+        with ProcessPoolExecutor(count, mp_context=context, initializer=_get_ready, initargs=(ready,)) as pool:
+            pool.submit(int)  # workers start with the first task
+            ready.wait(timeout=300.0)
             started = perf_counter()
             found = list(pool.map(_trial, *zip(*_trials(effort), strict=True)))
             rate = len(found) / (perf_counter() - started)
@@ -99,8 +102,10 @@ def _trials(effort: Effort) -> Iterator[tuple[int, float]]:
         yield number, effort.duration
 
 
-def _warm(_: int) -> int:
-    return _trial(0, 0.05)
+def _get_ready(ready: Barrier) -> None:
+    """Load all code in a worker, and wait for the others."""
+    _trial(0, 0.05)
+    ready.wait(timeout=300.0)
 
 
 def _trial(number: int, duration: float) -> int:

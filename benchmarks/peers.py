@@ -34,6 +34,8 @@ def pink() -> dict[str, Callable[[], object]]:
     def solve() -> Any:
         return solve_ik(configuration, [task], SAMPLING_TIME, solver="daqp", limits=limits)
 
+    sign, speed = 1.0, solve()
+
     def step() -> None:
         # there and back, so that no call starts where the last one did, and none at rest
         nonlocal sign
@@ -41,7 +43,6 @@ def pink() -> dict[str, Callable[[], object]]:
         configuration.update(pin.integrate(model, q, sign * 1e-3 * speed))
         solve()
 
-    sign, speed = 1.0, solve()
     return {"solve_ik alone": solve, "configuration update and solve_ik": step}
 
 

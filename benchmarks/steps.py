@@ -20,8 +20,8 @@ TEXT = f"""
 State in, command out: `ControlStep.evaluate` (rows: kinematics, features, rows and task) and `controller.command`,
 called along the controller's own run of the scenario, {BLOCK} samples in a row at places evenly spread over it, so that
 rows act where they act in the run. Times are median / p99 / max in µs; *ratio* is the total's median / p99 / max in
-units, measured in the same turn; *first* is the first
-step in µs, with the making of the `ControlStep`, in a process that has its code loaded.
+units, measured in the same turn; *first* is the first step in µs, with the making of the `ControlStep`, in a process
+that has its code loaded.
 """
 
 

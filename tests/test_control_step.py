@@ -171,3 +171,30 @@ def test_a_step_leaves_what_was_given_before_alone() -> None:
     step.evaluate(0.002, setup.q0 + 0.1, setup.qd0 + 0.1)
     np.testing.assert_array_equal(first.rows.phi, kept[0])
     np.testing.assert_array_equal(first.task.J, kept[1])
+
+
+class OwnTask(VisualTask):
+    pass
+
+
+class OwnGains(TrackingGains):
+    pass
+
+
+class OwnMotion(Motion):
+    pass
+
+
+def test_a_subclass_may_compute_anything_and_runs_in_numpy() -> None:
+    setup = Scenario.load("moving-occluder").setup()
+    task = setup.task
+    own_task = OwnTask(task.feature, task.goals, task.gains)
+    own_gains = VisualTask(task.feature, task.goals, OwnGains(5.0))
+    for other, name in ((own_task, "VisualTask OwnTask"), (own_gains, "TrackingGains OwnGains")):
+        assert ControlStep(setup.scene, setup.constraints, other).not_compiled == f"the {name}"
+    for constraint in setup.constraints.constraints:
+        if getattr(constraint, "motion", None) is not None:
+            constraint.moving(OwnMotion([10.0, 5.0]))
+    step = ControlStep(setup.scene, setup.constraints, task)
+    assert step._packed is not None
+    assert [c.kind for c, _, _ in step._packed.others] == ["occlusion"]

@@ -317,7 +317,9 @@ def test_the_baseline_of_a_disturbed_scenario_is_disturbed_too() -> None:
         ({"acceleration": "much"}, "acceleration must be a list"),
         ({"gradient_error_signs": [1, -1]}, "gradient_error_signs must be 6 numbers"),
         ({"gradient_error_signs": [1, -1, 1, -1, 1, 2]}, "must be 1 or −1"),
-        ({"gradient_error": 0.3, "gradient_error_rows": ["sight"]}, "of which there is none.*fov"),
+        ({"gradient_error": 0.3, "gradient_error_rows": ["occlusion"]}, "of which there is none.*fov"),
+        ({"gradient_error": 0.3, "gradient_error_rows": ["fov", "rnage"]}, "'rnage'.*Did you mean 'range'"),
+        ({"gradient_error": 0.3, "gradient_error_rows": ["speed"]}, "a speed is not"),
         ({"gradient_error": -0.3}, "gradient_error must be zero or more"),
         ({"pixel_noise": -1.0}, "pixel_noise must be zero or more"),
         ({"pixel_noise": float("nan")}, "pixel_noise must be finite"),
@@ -350,3 +352,10 @@ def test_a_target_on_the_robot_has_no_motion_of_its_own() -> None:
     motion = TargetMotion(Motion([0.1, 0.0, 0.0]), np.zeros(3), np.zeros(3))
     with pytest.raises(InvalidInput, match="carries before a fixed camera"):
         type(scene)(scene.robot, scene.camera, scene.markers, (), motion)
+
+
+def test_an_image_that_no_pose_in_front_of_the_camera_explains_ends_the_run() -> None:
+    """Noise of 2000 px: nothing is believed of it, and no depth made up."""
+    run = simulate(case(duration=1.0, pixel_noise=2000.0), SlidingMode())
+    assert run.status == "failed"
+    assert "the measured image is explained by no pose that sees it: not in front of the camera: marker" in run.reason

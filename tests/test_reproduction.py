@@ -97,6 +97,7 @@ EXPECTED = {
     "5g": "holds",
     "5h": "holds",
     "5i": "holds",
+    **{f"6{letter}": "holds" for letter in "abcdefghi"},
     "7a": "holds",
     "7b": "holds",
     "9a": "holds",
@@ -193,6 +194,12 @@ def shaken(run: Run) -> Run:
     return spoiled(run, phi=trajectory.phi + noise, qdd_command=trajectory.qdd_command + jitter)
 
 
+def rushing(run: Run) -> Run:
+    """Every clearance swings by half of itself, five times a second."""
+    swing = 1.0 + 0.5 * np.sin(2.0 * np.pi * run.t / (8.0 * run.sampling_time))
+    return spoiled(run, clearance=np.ones_like(run.trajectory.clearance) * swing[:, None])
+
+
 def slow(run: Run) -> Run:
     """Every sample takes a second."""
     trajectory = run.trajectory
@@ -225,6 +232,15 @@ SPOILERS: dict[str, Callable[[Run], Run]] = {
     "5g": lowered,
     "5h": lowered,
     "5i": lifted,
+    "6a": lifted,
+    "6b": rushing,
+    "6c": off_goal,
+    "6d": lifted,
+    "6e": lifted,
+    "6f": rushing,
+    "6g": off_goal,
+    "6h": lifted,
+    "6i": lifted,
     "7a": lowered,
     "7b": hurried,
     "9a": shaken,
@@ -386,7 +402,7 @@ def test_reconstructed_values_are_the_scenarios_own() -> None:
     assert {"example-2d-fov", "case-study-6r"} <= set(shipped_scenarios())
 
 
-@pytest.mark.parametrize("number", [2, 3, 4, 5, 9, 10, 11, 12])
+@pytest.mark.parametrize("number", FIGURES)
 def test_figures_are_drawn(number: int, tmp_path: Path) -> None:
     figure = FIGURES[number]
     figure.draw([run(need) for need in figure.needs], tmp_path / figure.file)

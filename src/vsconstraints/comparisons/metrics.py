@@ -98,7 +98,8 @@ DEFINITIONS = {
     "acceleration_variation": "Total variation of the commanded acceleration per second, Σ‖Δq̈_c‖ / duration.",
     "jerk_rms": "Root mean square of ‖Δq̈_c‖ / T_s.",
     "step_time": "Wall time of the controller's call alone [µs], without the first call.",
-    "rows_time": "Wall time of kinematics, features, rows and task [µs], the same code for every controller.",
+    "rows_time": "Wall time of kinematics, features, rows and task [µs], the same code for every controller. Where a "
+    "controller is deceived (disturbances, motions it is not told of) without the kinematics, and in the NumPy form.",
     "missed_periods": "Samples in which rows, task and controller together took longer than T_s; without the first.",
     "settling_time_s": "From the last change of the goal until the error stays within tolerance.",
     "status": "converged: the last goal is reached and held. trapped: at rest away from it. aborted: the active rows "

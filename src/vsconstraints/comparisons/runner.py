@@ -18,6 +18,7 @@ from typing import Any
 
 from .. import __version__
 from ..errors import ConfigurationError
+from ..kernels import available, prepare
 from ..simulation import simulate
 from .machine import git_commit, machine, package_versions
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, Score, score
@@ -93,6 +94,7 @@ def compare(
         if the folder cannot be made.
     """
     started = time.perf_counter()
+    prepare()
     suite = suite.with_baseline()
     jobs = suite.jobs()
     try:
@@ -227,6 +229,7 @@ def _manifest(suite: Suite, command: Sequence[str]) -> dict[str, Any]:
         "seed": suite.seed,
         "configuration": suite.resolved(),
         "machine": machine(),
+        "compiled": available(),
         "packages": package_versions(),
     }
 

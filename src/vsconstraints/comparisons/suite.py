@@ -16,6 +16,7 @@ from .. import __version__
 from ..controllers import CONTROLLERS, controller_class, make_controller
 from ..controllers.base import Controller
 from ..errors import ConfigurationError, unknown_name
+from ..kernels import available
 from ..plugins import plugin_files
 from ..scenarios import Scenario
 from ..scenarios.section import Section, read_toml
@@ -81,6 +82,7 @@ class Job:
             __version__,
             code_hash(),
             packages(),
+            available(),
         )
         digest = hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode())
         for file in (*self.scenario.files, *plugin_files([entry.law], entry.folder)):

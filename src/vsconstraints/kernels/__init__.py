@@ -23,6 +23,9 @@ from typing import Any
 VARIABLE = "VSCONSTRAINTS_COMPILE"
 """Environment variable; 0 turns compilation off."""
 
+MODULES = ("task_priority", "hierarchical_qp", "packing", "step", "look", "nearest")
+"""Modules whose functions are called from Python."""
+
 _loaded: dict[str, Any] = {}
 _told = False
 
@@ -42,6 +45,12 @@ def load(name: str) -> Any:
 def available() -> bool:
     """Whether laws run compiled here; imports the compiler to find out."""
     return load("linear") is not None
+
+
+def prepare() -> None:
+    """Compile, or read from the cache, all that a simulation may need: once, before several processes do it at a time."""
+    for name in MODULES:
+        load(name)
 
 
 def _load(name: str) -> Any:

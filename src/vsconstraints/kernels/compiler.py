@@ -8,14 +8,11 @@ import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import Any, TypeVar
 
 numba = import_module("numba")  # not typed
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-PROJECT = f"{__name__.partition('.')[0]}."
 
 OPTIONS = {"error_model": "numpy", "fastmath": False}
 """Division by zero gives an infinity, as in NumPy; sums are never reordered, so that results repeat bit by bit."""
@@ -58,8 +55,8 @@ def cache_folder(function: Callable[..., Any]) -> Path:
         if none of these can be written.
     """
     state = hashlib.sha256()
-    for module in sorted(_sources(function.__module__, set())):
-        state.update(Path(str(sys.modules[module].__file__)).read_bytes())
+    for file in _sources():
+        state.update(file.read_bytes())
     processor = import_module("llvmlite.binding").get_host_cpu_name()
     state.update(f"{numba.__version__} {sys.version} {processor}".encode())
     name = f"{function.__module__.rpartition('.')[2]}-{state.hexdigest()[:16]}"
@@ -76,14 +73,10 @@ def cache_folder(function: Callable[..., Any]) -> Path:
     raise OSError(f"no folder to keep compiled code in: cannot write {' or '.join(map(str, candidates))}")
 
 
-def _sources(module: str, found: set[str]) -> set[str]:
-    """The modules of this project a module takes names from, and those these take names from, and so on."""
-    found.add(module)
-    for value in list(vars(sys.modules[module]).values()):
-        origin = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
-        if isinstance(origin, str) and origin.startswith(PROJECT) and origin not in found and origin in sys.modules:
-            _sources(origin, found)
-    return found
+def _sources() -> list[Path]:
+    """Every file that compiled code may be made of; constants are compiled in, and leave no trace of their origin."""
+    package = Path(__file__).parent.parent
+    return [*sorted((package / "kernels").glob("*.py")), package / "constraints" / "formulas.py", package / "scene.py"]
 
 
 _announced = False

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..camera import Camera
 from ..constraints import (
     Bowl,
     Circle,
     Constraint,
     ConstraintSet,
+    Curve,
     FieldOfView,
     ForbiddenSphere,
     Heart,
@@ -22,11 +24,11 @@ from ..constraints import (
 )
 from ..features import CameraPose, ImagePoints
 from ..geometry import Pose
-from ..motion import Motion
+from ..motion import Motion, TargetMotion
 from ..robot import Robot
 from ..rows import Array
 from ..scene import Scene
-from ..tracking import VisualTask
+from ..tracking import TrackingGains, VisualTask
 from . import layout
 
 
@@ -54,6 +56,8 @@ class Packed:
     def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask) -> None:
         robot, camera = scene.robot, scene.camera
         n, M, P, m = robot.n, len(scene.markers), len(scene.points), len(constraints.labels)
+        for part, kind in ((scene, Scene), (camera, Camera), (task, VisualTask), (task.gains, TrackingGains)):
+            _demand(part, kind)
         feature = task.feature
         if type(feature) not in (CameraPose, ImagePoints):
             raise NotCompiled(f"the feature {feature.name}")
@@ -85,6 +89,8 @@ class Packed:
         links, offsets = _points(scene)
         head[layout.AT_POINTS] = self._floats(offsets)
         if scene.motion is not None:
+            _demand(scene.motion, TargetMotion)
+            _demand(scene.motion.translation, Motion)
             if not scene.motion.known:
                 raise NotCompiled("a target whose motion is not known")
             head[layout.MOVING_TARGET] = 1
@@ -153,6 +159,11 @@ class Packed:
 
     def _block(self, constraint: Constraint, robot: Robot, M: int, points: slice) -> tuple[int, int, list[int]]:
         """Kind, where the parameters begin, and the markers or points concerned."""
+        motion = getattr(constraint, "motion", None)
+        if motion is not None:
+            _demand(motion, Motion)
+            if not motion.known:
+                raise NotCompiled(f"a {constraint.kind} whose motion is not known")
         # a subclass may compute anything
         if type(constraint) in (FieldOfView, Occlusion):
             assert isinstance(constraint, FieldOfView | Occlusion)
@@ -160,6 +171,7 @@ class Packed:
             if isinstance(constraint, FieldOfView):
                 return layout.FIELD_OF_VIEW, self._floats(constraint.ellipse), which
             shape, curve = constraint.curve.shape, constraint.curve
+            _demand(curve, Curve)
             kinds = {Circle: layout.CIRCLE, Hyperellipse: layout.HYPERELLIPSE, Bowl: layout.BOWL, Heart: layout.HEART}
             if type(shape) not in kinds:
                 raise NotCompiled(f"the shape {shape.name}")
@@ -181,6 +193,12 @@ class Packed:
             kind = layout.JOINTS_LINEAR if isinstance(constraint, JointRange) else layout.SPEEDS_LINEAR
             return kind, self._floats(np.column_stack((constraint.gradient(rest), value))), []
         raise NotCompiled(f"the constraint {constraint.kind}")
+
+
+def _demand(part: object, kind: type) -> None:
+    """Raise NotCompiled unless ``part`` is of exactly that class: a subclass may compute anything."""
+    if type(part) is not kind:
+        raise NotCompiled(f"the {kind.__name__} {type(part).__name__}")
 
 
 def joints(robot: Robot) -> tuple[list[Pose], list[Array], list[bool]]:

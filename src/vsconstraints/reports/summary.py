@@ -20,8 +20,6 @@ def summary(results: Results) -> str:
     most = max((through[name] for name in results.competitors), default=0)
     compared = sum(bool(lines[name]) for name in results.competitors) > 1
     eligible = [compared and name != BASELINE and 0 < through[name] == most for name in results.controllers]
-    if sum(eligible) < 2:
-        eligible = [False] * len(eligible)
     columns: list[tuple[str, Better | None, list[Cell]]] = [
         ("runs", None, [_count(len(own)) for own in lines.values()])
     ]

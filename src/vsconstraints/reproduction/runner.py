@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 from ..comparisons.runner import THREAD_VARIABLES
 from ..errors import ConfigurationError
+from ..kernels import prepare
 from . import claims as _claims  # registers every claim
 from .figures.catalogue import FIGURES, FigureSpec
 from .runs import Run, RunSpec
@@ -193,6 +194,7 @@ def _batch(
 ) -> None:
     if not keys:
         return
+    prepare()
     with ProcessPoolExecutor(min(workers, len(keys)), mp_context=get_context("spawn")) as pool:
         waiting = {pool.submit(*jobs[key]): key for key in keys}
         try:

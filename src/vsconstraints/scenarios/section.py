@@ -16,7 +16,7 @@ from ..rows import Array
 REQUIRED: Any = object()
 """Default of a key that must be given."""
 
-OPTIONAL = ("disturbances", "tolerances", "motion", "mount")
+OPTIONAL = ("disturbances", "tolerances", "motion", "mount", "fixed")
 """Tables that need not be in a file, and are made when a key in them is overridden."""
 
 

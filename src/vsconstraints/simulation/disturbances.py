@@ -12,6 +12,9 @@ from ..rows import Array
 GRADIENT_SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)
 """Of eq. (49), one per joint; repeated for arms with more of them."""
 
+VISIBILITY = ("fov", "occlusion")
+"""Kinds of the rows that eq. (49) is about."""
+
 
 @dataclass(frozen=True)
 class Disturbances:
@@ -52,7 +55,7 @@ class Disturbances:
 
     gradient_error: float = 0.0
     gradient_error_signs: tuple[float, ...] = GRADIENT_SIGNS
-    gradient_error_rows: tuple[str, ...] = ("fov", "occlusion")
+    gradient_error_rows: tuple[str, ...] = VISIBILITY
     acceleration: tuple[float, ...] = (0.0,)
     acceleration_noise: float = 0.0
     time_constant: float = 0.0

@@ -6,23 +6,32 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..constraints import ConstraintSet
-from ..errors import ConfigurationError
+from ..constraints import ConstraintSet, SpeedConstraint
+from ..errors import ConfigurationError, unknown_name
 from ..rows import Array, Rows
-from .disturbances import Disturbances
+from .disturbances import VISIBILITY, Disturbances
 
 
 class GradientError:
     """∇σ_e = ∇σ + c_e s ∘ |∇σ| in every place where the rows contain ∇σ: L_gφ, and σ̇ in φ and L_fφ."""
 
     def __init__(self, constraints: ConstraintSet, disturbances: Disturbances, n: int) -> None:
-        kinds = disturbances.gradient_error_rows
-        unknown = [kind for kind in kinds if kind not in constraints.kinds]
-        if disturbances.gradient_error and len(unknown) == len(kinds):
-            raise ConfigurationError(
-                f"gradient_error concerns rows of the kinds {', '.join(map(str, kinds))}, of which there is none; "
-                f"gradient_error_rows may name {', '.join(sorted(set(constraints.kinds))) or 'nothing here'}"
-            )
+        kinds, known = disturbances.gradient_error_rows, set(constraints.kinds)
+        if disturbances.gradient_error:
+            # of the visibility rows, which are meant unless told otherwise, some may be absent
+            wrong = [kind for kind in kinds if kind not in known and kind not in VISIBILITY]
+            if wrong:
+                raise unknown_name("kind of rows in gradient_error_rows", str(wrong[0]), sorted(known))
+            if not known & set(kinds):
+                raise ConfigurationError(
+                    f"gradient_error concerns rows of the kinds {', '.join(kinds)}, of which there is none; "
+                    f"gradient_error_rows may name {', '.join(sorted(known)) or 'nothing here'}"
+                )
+            speeds = {c.kind for c in constraints.constraints if isinstance(c, SpeedConstraint)}
+            if speeds & set(kinds):
+                raise ConfigurationError(
+                    f"gradient_error_rows cannot name {', '.join(sorted(speeds & set(kinds)))}: a speed is not σ + K σ̇"
+                )
         concerned = np.array([kind in kinds for kind in constraints.kinds], dtype=np.bool_)
         self._share = disturbances.gradient_error * np.outer(
             concerned, disturbances.per_joint("gradient_error_signs", n)

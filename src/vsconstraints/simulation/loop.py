@@ -57,7 +57,10 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
         try:
             if sensor.disturbed:
                 state = scene.evaluate(t, q, qd)
-                step = control.define(sensor.observe(state))
+                believed = sensor.observe(state)
+                # what comes before is the world's part, not the control's
+                started = perf_counter()
+                step = control.define(believed)
             else:
                 step = control.evaluate(t, q, qd)
             rows, demand = gradient_error(step.rows, qd), step.task

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..camera import Camera
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, SceneError
 from ..geometry import Pose
 from ..rows import Array
 from ..scene import MINIMUM_DEPTH, Scene, State, interaction_matrix
@@ -101,7 +101,10 @@ class Sensor:
         camera, Z = state.camera, state.depth
         if settings.image or settings.intrinsics:
             camera = estimated_pose(self.scene.markers, self.camera.normalised(pixels), state.camera)
-            Z = np.maximum(((self.scene.markers - camera.t) @ camera.R)[:, 2], MINIMUM_DEPTH)
+            try:
+                Z = self.scene.depth(camera)
+            except SceneError as error:
+                raise SceneError(f"the measured image is explained by no pose that sees it: {error}") from error
         return self.scene.believed(state, camera, (self.camera, pixels, settings.depth_factor * Z))
 
     def _image(self, pixels: Array) -> Array:

@@ -17,6 +17,7 @@ from ..comparisons.record import RunRecord
 from ..comparisons.runner import THREAD_VARIABLES
 from ..comparisons.suite import BASELINE
 from ..controllers import make_controller
+from ..kernels import prepare
 from ..scenarios import Scenario
 from ..simulation import Setup, simulate
 from .recorder import DriftRecorder
@@ -115,6 +116,7 @@ def _batch(
         os.environ.setdefault(variable, "1")
     left = {run.identity: run for run in runs}
     # spawned, so that workers start alike on every system and inherit no threads
+    prepare()
     with ProcessPoolExecutor(
         max(1, min(workers, len(runs))),
         mp_context=get_context("spawn"),
