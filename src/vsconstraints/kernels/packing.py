@@ -56,8 +56,10 @@ class Packed:
     def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask) -> None:
         robot, camera = scene.robot, scene.camera
         n, M, P, m = robot.n, len(scene.markers), len(scene.points), len(constraints.labels)
-        for part, kind in ((scene, Scene), (camera, Camera), (task, VisualTask), (task.gains, TrackingGains)):
-            _demand(part, kind)
+        _demand(scene, Scene)
+        _demand(camera, Camera)
+        _demand(task, VisualTask)
+        _demand(task.gains, TrackingGains)
         feature = task.feature
         if type(feature) not in (CameraPose, ImagePoints):
             raise NotCompiled(f"the feature {feature.name}")

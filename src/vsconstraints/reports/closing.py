@@ -29,8 +29,8 @@ LIMITATIONS = (
     "sample of all tasks, and means over them weigh each alike.",
     "The rows, with their switching gains and approach times, are those of the sliding-mode law's publication; other "
     "laws might choose others.",
-    "Times are those of Python calls, of compiled functions where the machine's table says so, on this machine, while other runs use its other cores; they say little about "
-    "an implementation in another language, and differ somewhat from run to run.",
+    "Times are those of Python calls, of compiled functions where the machine's table says so, while other runs use "
+    "the machine's other cores; they differ somewhat from run to run.",
     "Utilization looks at the greatest usage only: a run that touches the boundary once counts as much as one that "
     "slides along it. The mean unused margin says more, but compares equal times at which runs may be at different "
     "places. In a scenario with several challenged rows utilization averages over them, however different they are.",
@@ -78,7 +78,7 @@ def _machine(results: Results, manifest: dict[str, Any]) -> str:
         "system": machine.get("system"),
         "python": machine.get("python"),
         **packages,
-        "control step": {True: "compiled", False: "NumPy"}.get(manifest.get("compiled")),
+        "control step": {"True": "compiled", "False": "NumPy"}.get(str(manifest.get("compiled"))),
         "version": manifest.get("version"),
         "git commit": manifest.get("git_commit"),
         "command": code(" ".join(manifest["command"])) if manifest.get("command") else None,

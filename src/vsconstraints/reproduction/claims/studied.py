@@ -53,13 +53,8 @@ def nothing_left_unused(pareto: StudyResult) -> Finding:
         part.append(least[SLIDING] <= 1.0)
         good.append(part[-1] and not any(least[law] < least[SLIDING] for law in FIELDS))
         shown = [f"{law} {f'leaves {v:.3g} %' if isfinite(v) else 'has no such run'}" for law, v in least.items()]
-        against = (
-            ""
-            if good[-1]
-            else ", so that it does not hold there"
-            if not part[-1]
-            else ", so that it holds partly there"
-        )
+        there = "holds partly" if part[-1] else "does not hold"
+        against = "" if good[-1] else f", so that it {there} there"
         texts.append(f"{scenario}: {', '.join(shown)}{against}")
         values.update({f"{scenario}/{law}": value for law, value in least.items()})
     return Finding(judged(all(good), any(part)), "; ".join(texts), values)
