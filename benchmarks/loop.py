@@ -85,8 +85,10 @@ def measure_trials(effort: Effort) -> Part:
         context = get_context("spawn")
         ready = context.Barrier(count + 1)
         with ProcessPoolExecutor(count, mp_context=context, initializer=_get_ready, initargs=(ready,)) as pool:
-            pool.submit(int)  # workers start with the first task
-            ready.wait(timeout=300.0)
+            for _ in range(count):
+                # a worker is started for each task that finds none idle
+                pool.submit(int)
+            ready.wait(timeout=120.0)
             started = perf_counter()
             found = list(pool.map(_trial, *zip(*_trials(effort), strict=True)))
             rate = len(found) / (perf_counter() - started)
@@ -105,7 +107,7 @@ def _trials(effort: Effort) -> Iterator[tuple[int, float]]:
 def _get_ready(ready: Barrier) -> None:
     """Load all code in a worker, and wait for the others."""
     _trial(0, 0.05)
-    ready.wait(timeout=300.0)
+    ready.wait(timeout=120.0)
 
 
 def _trial(number: int, duration: float) -> int:

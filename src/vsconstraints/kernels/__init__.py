@@ -48,7 +48,7 @@ def available() -> bool:
 
 
 def prepare() -> None:
-    """Compile, or read from the cache, all that a simulation may need: once, before several processes do it at a time."""
+    """Compile, or read from the cache, all that a simulation may need: once, before several processes do it."""
     for name in MODULES:
         load(name)
 
