@@ -102,7 +102,11 @@ def distance_to_lines(points: Array, lines: Sequence[Array]) -> Array:
     before[starts] = starts
     flat = points.reshape(-1, 2)
     compiled = load("nearest")
-    nearest = cKDTree(vertices).query(flat)[1] if compiled is None else compiled.nearest_vertices(flat, vertices)
+    if compiled is not None:
+        stride = points.shape[-2] if points.ndim > 2 else 1
+        found: Array = compiled.distances(flat, vertices, before, after, stride)
+        return found.reshape(points.shape[:-1])
+    nearest = cKDTree(vertices).query(flat)[1]
     distance = np.minimum(
         _distance_to_segments(flat, vertices[nearest], vertices[after[nearest]]),
         _distance_to_segments(flat, vertices[nearest], vertices[before[nearest]]),

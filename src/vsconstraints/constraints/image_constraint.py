@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +12,11 @@ from ..rows import Array
 from ..scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_positive
 from .boundary import distance_to_lines, zero_lines
+
+REMEMBERED = 64
+"""Curves that stand still, of which the polylines are kept: finding one takes as long as a thousand control steps."""
+
+_lines: dict[tuple[type, bytes, tuple[float, ...]], list[Array]] = {}
 
 
 class ImageConstraint(PositionConstraint):
@@ -76,7 +82,19 @@ class ImageConstraint(PositionConstraint):
         It is looked for in and around the image (W, H) [px] and, if it moves, wherever it is in the image at times t.
         """
         moved = None if self.motion is None or t is None or not len(t) else self.motion.displacement(t)
-        return zero_lines(self.sigma, self.gradient, image_size, moved)
+        if moved is not None:
+            return zero_lines(self.sigma, self.gradient, image_size, moved)
+        try:
+            key = (type(self), pickle.dumps(vars(self)), tuple(image_size))
+        except Exception:  # own constraints may hold anything
+            return zero_lines(self.sigma, self.gradient, image_size)
+        if key not in _lines:
+            if len(_lines) >= REMEMBERED:
+                _lines.pop(next(iter(_lines)))
+            _lines[key] = zero_lines(self.sigma, self.gradient, image_size)
+            for line in _lines[key]:
+                line.setflags(write=False)
+        return list(_lines[key])
 
     def characteristic_length(self, scene: Scene) -> Array:
         """The same length for every marker."""
