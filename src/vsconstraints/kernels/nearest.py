@@ -32,8 +32,9 @@ def distances(points: Array, vertices: Array, before: IntArray, after: IntArray,
     """
     points, vertices = np.ascontiguousarray(points), np.ascontiguousarray(vertices)
     nearest, found = np.empty(len(points), dtype=np.int64), np.empty(len(points))
-    chords = [_chords(vertices, BLOCK**level) for level in (1, 2, 3)]
-    _search(points, vertices, *chords, before.astype(np.int64), after.astype(np.int64), stride, nearest, found)
+    blocks, groups, regions = (_chords(vertices, BLOCK**level) for level in (1, 2, 3))
+    before, after = before.astype(np.int64), after.astype(np.int64)
+    _search(points, vertices, blocks, groups, regions, before, after, stride, nearest, found)
     return found
 
 
@@ -62,7 +63,8 @@ def to_segment(u: float, v: float, a: float, b: float, c: float, d: float) -> fl
 def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
     """Whether a block may hold a vertex within the bound."""
     limit = (bound + chords[i, 4]) * SLACK
-    return to_segment(u, v, chords[i, 0], chords[i, 1], chords[i, 2], chords[i, 3]) <= limit * limit
+    squared: float = to_segment(u, v, chords[i, 0], chords[i, 1], chords[i, 2], chords[i, 3])
+    return squared <= limit * limit
 
 
 @compiled(
