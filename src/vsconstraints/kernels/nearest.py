@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..rows import Array, IntArray
@@ -14,39 +16,55 @@ SLACK = 1.0 + 1e-9
 """For the rounding of bounds."""
 
 
-def distances(points: Array, vertices: Array, before: IntArray, after: IntArray, stride: int) -> Array:
-    """(k,) distance of points (k, 2) to the two segments at the vertex (p, 2) that is nearest to each.
+def prepare(vertices: Array, before: IntArray, after: IntArray) -> tuple[Any, ...]:
+    """What :func:`distances` needs of polylines.
+
+    Parameters
+    ----------
+    vertices
+        (p, 2) of all of them.
+    before, after
+        (p,) the vertices at the other ends of each vertex's segments.
+    """
+    vertices = np.ascontiguousarray(vertices)
+    chords = (_chords(vertices, BLOCK**level) for level in (1, 2, 3))
+    return vertices, *chords, before.astype(np.int64), after.astype(np.int64)
+
+
+def distances(points: Array, prepared: tuple[Any, ...], stride: int) -> Array:
+    """(k,) distance of points (k, 2) to the two segments at the vertex that is nearest to each.
 
     Consecutive vertices form blocks, each along a chord and not far from it; only blocks that may hold the nearest
     vertex by that are looked at one by one. Of several nearest vertices it is the first.
 
     Parameters
     ----------
-    points, vertices
-        What is looked for, and where.
-    before, after
-        (p,) the vertices at the other ends of each vertex's segments.
+    points
+        Where from.
+    prepared
+        The polylines, by :func:`prepare`.
     stride
         The vertex nearest to the point that many before is where the search for a point starts: that of the same
         marker, where the points are those of several markers over time.
     """
-    points, vertices = np.ascontiguousarray(points), np.ascontiguousarray(vertices)
     nearest, found = np.empty(len(points), dtype=np.int64), np.empty(len(points))
-    blocks, groups, regions = (_chords(vertices, BLOCK**level) for level in (1, 2, 3))
-    before, after = before.astype(np.int64), after.astype(np.int64)
-    _search(points, vertices, blocks, groups, regions, before, after, stride, nearest, found)
+    _search(np.ascontiguousarray(points), *prepared, stride, nearest, found)
     return found
 
 
 def _chords(vertices: Array, size: int) -> Array:
-    """(b, 5) first and last vertex of each block of that size, and how far from the segment between them it gets."""
+    """(b, 6) of each block of that size: its first vertex, the way to its last, and how far from that chord it gets.
+
+    The last but one is 1/length² of the chord.
+    """
     starts = np.arange(0, len(vertices), size)
     first, last = vertices[starts], vertices[np.minimum(starts + size, len(vertices)) - 1]
     block = np.arange(len(vertices)) // size
     a, along = first[block], (last - first)[block]
-    share = ((vertices - a) * along).sum(axis=1) / np.maximum((along * along).sum(axis=1), 1e-300)
+    inverse = 1.0 / np.maximum(((last - first) ** 2).sum(axis=1), 1e-300)
+    share = ((vertices - a) * along).sum(axis=1) * inverse[block]
     away = np.sqrt(((vertices - a - np.clip(share, 0.0, 1.0)[:, None] * along) ** 2).sum(axis=1))
-    return np.column_stack((first, last, np.maximum.reduceat(away, starts)))
+    return np.column_stack((first, last - first, inverse, np.maximum.reduceat(away, starts)))
 
 
 @inner
@@ -62,9 +80,11 @@ def to_segment(u: float, v: float, a: float, b: float, c: float, d: float) -> fl
 @inner
 def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
     """Whether a block may hold a vertex within the bound."""
-    limit = (bound + chords[i, 4]) * SLACK
-    squared: float = to_segment(u, v, chords[i, 0], chords[i, 1], chords[i, 2], chords[i, 3])
-    return squared <= limit * limit
+    limit = (bound + chords[i, 5]) * SLACK
+    x, y, dx, dy = u - chords[i, 0], v - chords[i, 1], chords[i, 2], chords[i, 3]
+    s = min(max((x * dx + y * dy) * chords[i, 4], 0.0), 1.0)
+    x, y = x - s * dx, y - s * dy
+    return bool(x * x + y * y <= limit * limit)
 
 
 @compiled(

@@ -181,5 +181,4 @@ def _between(setup: Setup, control: ControlStep, plant: Plant, states: Array, cl
     if not seen.any():
         return least
     trace = Trace(t[seen], q[seen], qd[seen], pixels[seen], points[seen], setup.scene.camera.size)
-    found: Array = setup.constraints.clearance(trace).min(axis=0)
-    return found
+    return setup.constraints.least_clearance(trace)

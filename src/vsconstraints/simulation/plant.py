@@ -9,6 +9,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from ..errors import InvalidInput
+from ..kernels import load
+from ..kernels.entry import entry
 from ..order_filter import OrderFilter
 from ..rows import Array
 from .disturbances import Disturbances
@@ -43,11 +45,12 @@ class Plant:
             )
         self._follows_filter = self._filter is not None and tau > 0.0
         self._system = _system(actuation, tau)
-        self._over_period = _transition(self._system, Ts)
+        self._over_period = np.ascontiguousarray(_transition(self._system, Ts))
         self.x = np.zeros((len(self._system), n))
         self.x[0], self.x[1], self.x[-1] = q0, qd0, self.offset
         self.varies = self._follows_filter or self.noise > 0.0
-        self._next = np.empty_like(self.x)
+        kernels = load("hold")
+        self._advance = None if kernels is None else entry(kernels.advance)
 
     @property
     def q(self) -> Array:
@@ -78,8 +81,10 @@ class Plant:
         """Go to the end of the period."""
         if self._filter is not None:
             self._filter.step(self.x[-2])
-        np.dot(self._over_period, self.x, out=self._next)
-        self.x[:] = self._next
+        if self._advance is None:
+            self.x[:] = self._over_period @ self.x
+        else:
+            self._advance(self._over_period, self.x)
 
     def inside(self, states: Array, after: float) -> tuple[Array, Array]:
         """Q and q̇ (N, n) ``after`` [s] the beginning of periods that began with states (N, n, s)."""
