@@ -11,6 +11,7 @@ from .constraints import Constraint, ConstraintSet, RowBlock
 from .errors import InvalidInput, SceneError
 from .geometry import Pose
 from .kernels import load
+from .kernels.entry import entry
 from .rows import Array, BoolArray, Rows, Task
 from .scene import Scene, State
 from .tracking import VisualTask
@@ -108,11 +109,17 @@ class ControlStep:
         if self._evaluate(t, q, qd, packed.I, packed.F, packed.memory, out):
             # what cannot be evaluated is told by the definition
             return self.define(self.scene.evaluate(t, q, qd))
-        n, m, constraints = packed.n, packed.m, self.constraints
         if packed.others:
             state = self.scene.evaluate(t, q, qd)
             for constraint, rows, points in packed.others:
                 self._insert(out, rows, constraint, constraint.rows(state, points))
+        return self.read(out)
+
+    def read(self, out: Array) -> Evaluation:
+        """What the compiled step wrote: views of it."""
+        packed, constraints = self._packed, self.constraints
+        assert packed is not None
+        n, m = packed.n, packed.m
         return Evaluation(
             Rows(
                 out[packed.phi],
@@ -130,6 +137,14 @@ class ControlStep:
             out[packed.camera_R].reshape(3, 3),
             out[packed.camera_t],
         )
+
+    def bound(self, q: Array, qd: Array) -> Bound | None:
+        """The compiled step on arrays that stay where they are, ``q`` and ``qd`` (n,) among them.
+
+        None where anything runs in NumPy.
+        """
+        packed = self._packed
+        return None if packed is None or packed.others else Bound(self, packed, q, qd)
 
     def _insert(self, out: Array, rows: slice, constraint: Constraint, block: RowBlock) -> None:
         """Write the rows of a constraint in NumPy between the compiled ones."""
@@ -179,3 +194,29 @@ class ControlStep:
         task, error = self.visual_task.evaluate(state)
         camera = state.camera
         return Evaluation(rows, task, error, sigma, state.pixels.position, state.robot.points, camera.R, camera.t)
+
+
+class Bound:
+    """The compiled step on arrays that stay where they are, for loops: every sample overwrites the one before.
+
+    Attributes
+    ----------
+    out
+        Everything that a step came to, as one array.
+    now
+        The same, by its parts.
+    """
+
+    def __init__(self, control: ControlStep, packed: Packed, q: Array, qd: Array) -> None:
+        for given in (q, qd):
+            if given.shape != (packed.n,) or given.dtype != np.float64 or not given.flags.c_contiguous:
+                raise InvalidInput(f"a bound step needs contiguous floats ({packed.n},), not {given!r}")
+        self.packed = packed
+        self.out = np.zeros(packed.size)
+        self.now = control.read(self.out)
+        self._evaluate = entry(control._evaluate)
+        self._fixed = (q, qd, packed.I, packed.F, packed.memory, self.out)
+
+    def evaluate(self, t: float) -> bool:
+        """Whether ``out`` now holds the step at time ``t`` [s]; if not, the definition says what is wrong."""
+        return not self._evaluate(t, *self._fixed)

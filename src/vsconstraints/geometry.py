@@ -76,6 +76,13 @@ def distance(a: Pose, b: Pose) -> tuple[float, float]:
     return float(np.sqrt(d @ d)), 2.0 * float(np.arcsin(min(1.0, sine)))
 
 
+def distances(R: Array, t: Array, pose: Pose) -> Array:
+    """(N, 2) what :func:`distance` says of poses, R (N, 3, 3) and t (N, 3), and another one."""
+    sine = np.sqrt(((R - pose.R) ** 2).sum(axis=(1, 2)) / 8.0)
+    away = np.sqrt(((t - pose.t) ** 2).sum(axis=1))
+    return np.stack((away, 2.0 * np.arcsin(np.minimum(1.0, sine))), axis=1)
+
+
 def skew(w: Array) -> Array:
     """(..., 3, 3) matrices [w]× with [w]× a = w × a, of vectors w (..., 3)."""
     W = np.zeros((*w.shape, 3))

@@ -106,6 +106,11 @@ class Constraint(ABC):
     def clearance(self, trace: Trace, points: slice) -> Array:
         """(T, r) signed distance to each row's boundary in the natural unit; positive where allowed."""
 
+    def least_clearance(self, trace: Trace, points: slice) -> Array:
+        """(r,) least of :meth:`clearance` over a trace of at least one sample."""
+        least: Array = self.clearance(trace, points).min(axis=0)
+        return least
+
     @abstractmethod
     def characteristic_length(self, scene: Scene) -> Array:
         """(r,) length L by which usage is 1 − clearance/L: half an allowed range, or an obstacle's radius."""

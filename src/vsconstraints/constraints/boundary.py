@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import contourpy
 import numpy as np
 from scipy.spatial import cKDTree
 
 from ..kernels import load
-from ..rows import Array
+from ..rows import Array, IntArray
 
 STEP = 1.0
 """Distance between the grid points on which a curve is looked for [px]; narrower parts of it may be missed."""
@@ -92,6 +93,43 @@ def distance_to_lines(points: Array, lines: Sequence[Array]) -> Array:
     """
     if not lines:
         return np.full(points.shape[:-1], np.inf)
+    flat = points.reshape(-1, 2)
+    compiled = load("nearest")
+    if compiled is not None:
+        stride = points.shape[-2] if points.ndim > 2 else 1
+        found: Array = compiled.distances(flat, _prepared(lines), stride)
+        return found.reshape(points.shape[:-1])
+    vertices, before, after = _neighbours(lines)
+    nearest = cKDTree(vertices).query(flat)[1]
+    distance = np.minimum(
+        _distance_to_segments(flat, vertices[nearest], vertices[after[nearest]]),
+        _distance_to_segments(flat, vertices[nearest], vertices[before[nearest]]),
+    )
+    return distance.reshape(points.shape[:-1])
+
+
+REMEMBERED = 64
+"""Curves of which what the search needs is kept."""
+
+_kept: dict[tuple[int, ...], tuple[Sequence[Array], Any]] = {}
+
+
+def _prepared(lines: Sequence[Array]) -> Any:
+    """What the compiled search needs of some polylines; kept if they cannot change."""
+    key = tuple(id(line) for line in lines)
+    if key in _kept:
+        return _kept[key][1]
+    prepared = load("nearest").prepare(*_neighbours(lines))
+    if not any(line.flags.writeable for line in lines):
+        if len(_kept) >= REMEMBERED:
+            _kept.pop(next(iter(_kept)))
+        # with the lines themselves, so that no others get their identities
+        _kept[key] = tuple(lines), prepared
+    return prepared
+
+
+def _neighbours(lines: Sequence[Array]) -> tuple[Array, IntArray, IntArray]:
+    """(p, 2) all vertices, and (p,) the ones before and after each."""
     vertices = np.concatenate(lines)
     ends = np.cumsum([len(line) for line in lines])
     after = np.arange(1, len(vertices) + 1)
@@ -100,14 +138,7 @@ def distance_to_lines(points: Array, lines: Sequence[Array]) -> Array:
     after[ends - 1] = ends - 1
     starts = np.concatenate(([0], ends[:-1]))
     before[starts] = starts
-    flat = points.reshape(-1, 2)
-    compiled = load("nearest")
-    nearest = cKDTree(vertices).query(flat)[1] if compiled is None else compiled.nearest_vertices(flat, vertices)
-    distance = np.minimum(
-        _distance_to_segments(flat, vertices[nearest], vertices[after[nearest]]),
-        _distance_to_segments(flat, vertices[nearest], vertices[before[nearest]]),
-    )
-    return distance.reshape(points.shape[:-1])
+    return vertices, before, after
 
 
 def _distance_to_segments(p: Array, a: Array, b: Array) -> Array:

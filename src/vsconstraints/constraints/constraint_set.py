@@ -105,6 +105,11 @@ class ConstraintSet:
         parts = [c.clearance(trace, at) for c, at in zip(self.constraints, self._points, strict=True)]
         return np.concatenate([np.empty((len(trace.q), 0)), *parts], axis=1)
 
+    def least_clearance(self, trace: Trace) -> Array:
+        """(m,) least of :meth:`clearance` over a trace of at least one sample."""
+        parts = [c.least_clearance(trace, at) for c, at in zip(self.constraints, self._points, strict=True)]
+        return np.concatenate([np.empty(0), *parts])
+
 
 def _parts(block: RowBlock) -> tuple[Array, Array, Array, Array]:
     return block.sigma, block.phi, block.Lg, block.Lf

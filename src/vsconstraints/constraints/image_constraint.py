@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +12,14 @@ from ..rows import Array
 from ..scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_positive
 from .boundary import distance_to_lines, zero_lines
+
+EVERY = 16
+"""Of so many samples in a row, one is looked at to find the least clearance."""
+
+REMEMBERED = 64
+"""Curves that stand still, of which the polylines are kept: finding one takes as long as a thousand control steps."""
+
+_lines: dict[tuple[type, bytes, tuple[float, ...]], list[Array]] = {}
 
 
 class ImageConstraint(PositionConstraint):
@@ -70,13 +79,46 @@ class ImageConstraint(PositionConstraint):
         distance = distance_to_lines(pixels, self.boundary(trace.image_size, trace.t))
         return np.where(self.sigma(pixels) > 0.0, -distance, distance)
 
+    def least_clearance(self, trace: Trace, points: slice) -> Array:
+        """As :meth:`clearance`, of which it computes what may be least.
+
+        A distance changes by no more than the marker moves: from some of them, many others are known to be greater.
+        """
+        if type(self).clearance is not ImageConstraint.clearance:
+            return super().least_clearance(trace, points)
+        pixels = self.displaced(trace.pixels[:, self._at], trace.t)
+        lines = self.boundary(trace.image_size, trace.t)
+        wrong = self.sigma(pixels) > 0.0
+        some = (np.arange(len(pixels)) // EVERY) * EVERY
+        distance = distance_to_lines(pixels[::EVERY], lines)
+        least = distance.min(axis=0)
+        nearest = np.repeat(distance, EVERY, axis=0)[: len(pixels)]
+        moved = np.sqrt(((pixels - pixels[some]) ** 2).sum(axis=2))
+        found = np.full(wrong.shape, np.inf)
+        exact = wrong | (nearest - moved <= least)
+        found[exact] = distance_to_lines(pixels[exact], lines)
+        clearance: Array = np.where(wrong, -found, found).min(axis=0)
+        return clearance
+
     def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
         """The curve σ = 0 as it is at t = 0, as polylines (p, 2) [px].
 
         It is looked for in and around the image (W, H) [px] and, if it moves, wherever it is in the image at times t.
         """
         moved = None if self.motion is None or t is None or not len(t) else self.motion.displacement(t)
-        return zero_lines(self.sigma, self.gradient, image_size, moved)
+        if moved is not None:
+            return zero_lines(self.sigma, self.gradient, image_size, moved)
+        try:
+            key = (type(self), pickle.dumps(vars(self)), tuple(image_size))
+        except Exception:  # own constraints may hold anything
+            return zero_lines(self.sigma, self.gradient, image_size)
+        if key not in _lines:
+            if len(_lines) >= REMEMBERED:
+                _lines.pop(next(iter(_lines)))
+            _lines[key] = zero_lines(self.sigma, self.gradient, image_size)
+            for line in _lines[key]:
+                line.setflags(write=False)
+        return list(_lines[key])
 
     def characteristic_length(self, scene: Scene) -> Array:
         """The same length for every marker."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, ClassVar, get_args
 
 import numpy as np
 
 from ..errors import SolverError
-from ..rows import Command, Rows, Status, Task, check
+from ..rows import Array, BoolArray, Command, Rows, Status, Task, check
 
 
 class Controller(ABC):
@@ -72,8 +73,19 @@ class Controller(ABC):
         """
         return None
 
+    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> Callable[[], bool] | None:
+        """The compiled law on arrays that stay where they are: for loops that fill them anew in every sample.
+
+        Each call of what is returned writes ``acted`` (m,) and ``qdd`` (n,), and says whether they hold the answer;
+        if not, :meth:`command` has to be asked. None where there is no such thing.
+        """
+        return None
+
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        own = next(base for base in cls.__mro__ if {"solve", "command", "_compiled", "_bound"} & vars(base).keys())
+        if "_bound" not in vars(own):
+            cls._bound = Controller._bound  # type: ignore[method-assign]
         nearest = next(base for base in cls.__mro__ if {"solve", "_compiled"} & vars(base).keys())
         if "_compiled" not in vars(nearest):
             cls._compiled = Controller._compiled  # type: ignore[method-assign]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ..kernels import load
+from ..kernels.entry import entry
 from ..rows import Array, BoolArray, Command, Rows, Status, Task
 
 TRACKING, SLIDING, PRIORITY, ADDITIVE = 0, 1, 2, 3
@@ -58,6 +61,42 @@ def in_usual_layout(rows: Rows, task: Task) -> tuple[Rows, Task] | None:
         return None
     phi, Lg, Lf, gain, scale, J, b = (np.array(array, order="C") for array in arrays)
     return Rows(phi, Lg, Lf, gain, rows.labels, scale), Task(J, b)
+
+
+def bound_law(
+    rows: Rows,
+    task: Task,
+    acted: BoolArray,
+    qdd: Array,
+    rank_tolerance: float,
+    law: int,
+    region: float = 1.0,
+    exponent: float = 1.0,
+    strength: float = 1.0,
+) -> Callable[[], bool] | None:
+    """The law on these arrays: see ``Controller._bound``."""
+    kernels = load("task_priority")
+    if kernels is None:
+        return None
+    law_of_rows = partial(
+        entry(kernels.follow),
+        len(rows.labels),
+        rows.phi,
+        rows.Lg,
+        rows.Lf,
+        rows.switching_gain,
+        rows.scale,
+        task.J,
+        task.b,
+        rank_tolerance,
+        law,
+        region,
+        exponent,
+        strength,
+        acted,
+        qdd,
+    )
+    return lambda: not law_of_rows()
 
 
 def compiled_command(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from numbers import Real
 from typing import Any, Literal
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, InvalidInput, SolverError, unknown_name
 from ..kernels import load
+from ..kernels.entry import entry
 from ..qp import Cost, SolverChain, lexicographic
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
@@ -26,7 +28,7 @@ ZERO_GRADIENT = 1e-12
 """A row with ‖L_gφ‖ below this times its scale is one that no acceleration can influence."""
 
 AUTO = "auto"
-"""Compiled where there is a compiler, and else :data:`DEFAULT`."""
+"""Compiled where there is a compiler, and else daqp."""
 
 COMPILED = "compiled"
 """What commands call the compiled solver."""
@@ -169,6 +171,33 @@ class HierarchicalQP(Controller):
         answer = self._defined(rows, task)
         reason = f"the {COMPILED} solver has no answer that passes the check"
         return replace(answer, fallback="; ".join(filter(None, (reason, answer.fallback))))
+
+    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> Callable[[], bool] | None:
+        kernels = load("hierarchical_qp") if self.solver == AUTO else None
+        if kernels is None:
+            return None
+        law = partial(
+            entry(kernels.descend),
+            len(rows.labels),
+            rows.phi,
+            rows.Lg,
+            rows.Lf,
+            rows.switching_gain,
+            rows.scale,
+            task.J,
+            task.b,
+            self.rank_tolerance,
+            self.rows == "barrier",
+            self.alpha,
+            self._weights_of(rows.labels),
+            math.inf if self.max_acceleration is None else self.max_acceleration,
+            self.damping,
+            np.empty(len(rows.labels)),
+            acted,
+            qdd,
+        )
+        answers = (kernels.DONE, kernels.RELAXED_ROWS)
+        return lambda: law()[0] in answers
 
     def _weights_of(self, labels: tuple[str, ...]) -> Array:
         """:func:`row_weights`, kept for the labels of the last call."""

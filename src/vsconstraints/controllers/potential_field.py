@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
 
 from ..errors import InvalidInput, unknown_name
-from ..rows import Command, Rows, Task
+from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import ADDITIVE, PRIORITY, compiled_command
+from .compiled import ADDITIVE, PRIORITY, bound_law, compiled_command
 from .task_priority import prioritise
 from .tracking import RANK_TOLERANCE, check_rank_tolerance, track
 
@@ -87,3 +88,7 @@ class PotentialField(Controller):
     def _compiled(self, rows: Rows, task: Task) -> Command | None:
         law = PRIORITY if self.blend == "priority" else ADDITIVE
         return compiled_command(rows, task, self.rank_tolerance, law, self.region, self.exponent, self.strength)
+
+    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> Callable[[], bool] | None:
+        law = PRIORITY if self.blend == "priority" else ADDITIVE
+        return bound_law(rows, task, acted, qdd, self.rank_tolerance, law, self.region, self.exponent, self.strength)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from ..rows import Command, Rows, Task
+from collections.abc import Callable
+
+from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import SLIDING, compiled_command
+from .compiled import SLIDING, bound_law, compiled_command
 from .task_priority import prioritise
 from .tracking import RANK_TOLERANCE, check_rank_tolerance
 
@@ -34,3 +36,6 @@ class SlidingMode(Controller):
 
     def _compiled(self, rows: Rows, task: Task) -> Command | None:
         return compiled_command(rows, task, self.rank_tolerance, SLIDING)
+
+    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> Callable[[], bool] | None:
+        return bound_law(rows, task, acted, qdd, self.rank_tolerance, SLIDING)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import InvalidInput
-from ..rows import Array, Command, Rows, Task
+from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import TRACKING, compiled_command
+from .compiled import TRACKING, bound_law, compiled_command
 
 RANK_TOLERANCE = 1e-6
 """Singular values below this fraction of the largest one count as zero."""
@@ -88,3 +89,6 @@ class Tracking(Controller):
 
     def _compiled(self, rows: Rows, task: Task) -> Command | None:
         return compiled_command(rows, task, self.rank_tolerance, TRACKING)
+
+    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> Callable[[], bool] | None:
+        return bound_law(rows, task, acted, qdd, self.rank_tolerance, TRACKING)

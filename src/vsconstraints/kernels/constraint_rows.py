@@ -43,10 +43,8 @@ def write_rows(
     z: Array,
     p: Array,
     prismatic: IntArray,
-    phi: Array,
-    Lg: Array,
-    Lf: Array,
-    sigma: Array,
+    m: int,
+    out: Array,
 ) -> None:
     """Write φ, L_gφ, L_fφ and σ.
 
@@ -66,11 +64,12 @@ def write_rows(
         (3, n) scratch.
     z, p, prismatic
         (n, 3), (n, 3), (n,): axes, origins and kinds of the joints.
-    phi, Lg, Lf, sigma
-        (m,), (m, n), (m,), (m,): outputs.
+    m, out
+        The number of rows, and where φ (m,), L_gφ (m, n), L_fφ (m,) and σ (m,) go, one after the other.
     """
     n, at_camera = len(q), I[AT_CAMERA]
     fu, fv, ou, ov = F[at_camera + 24], F[at_camera + 25], F[at_camera + 26], F[at_camera + 27]
+    o_Lf, o_sigma = m + m * n, 2 * m + m * n
     L, pull, shift = np.empty((2, 6)), np.empty(6), np.zeros((3, 3))
     for number in range(I[BLOCKS]):
         block = I[AT_BLOCKS] + BLOCK * number
@@ -91,8 +90,8 @@ def write_rows(
                 value, gu, gv = curve(kind, F, at, u, vv)
                 rate = gu * ud + gv * vd
                 row = first + r
-                sigma[row], phi[row] = value, value + K * rate
-                Lf[row] = rate + K * (gu * udd + gv * vdd + curve_curvature(kind, F, at, u, vv, ud, vd))
+                out[o_sigma + row], out[row] = value, value + K * rate
+                out[o_Lf + row] = rate + K * (gu * udd + gv * vdd + curve_curvature(kind, F, at, u, vv, ud, vd))
                 interaction_rows(x, y, Z, L)
                 for j in range(6):
                     pull[j] = K * (gu * fu * L[0, j] + gv * fv * L[1, j])
@@ -100,7 +99,7 @@ def write_rows(
                     total = 0.0
                     for i6 in range(6):
                         total += pull[i6] * Jc[i6, j]
-                    Lg[row, j] = total
+                    out[m + row * n + j] = total
         elif kind == SPHERE:
             if moves:
                 displacement(F, I[block + MOTION], 3, t, shift)
@@ -124,12 +123,12 @@ def write_rows(
                 near = max(d, 1e-9)
                 radial = (dx * vx + dy * vy + dz * vz) / near
                 bend = -(vx * vx + vy * vy + vz * vz - radial * radial) / near
-                sigma[row], phi[row] = radius - d, radius - d + K * rate
-                Lf[row] = rate + K * (gx * ax + gy * ay + gz * az + bend)
+                out[o_sigma + row], out[row] = radius - d, radius - d + K * rate
+                out[o_Lf + row] = rate + K * (gx * ax + gy * ay + gz * az + bend)
                 link = I[I[AT_LINKS] + i]
                 point_jacobian(link, points[i, 0], z, p, prismatic, J_base)
                 for j in range(n):
-                    Lg[row, j] = K * (gx * J_base[0, j] + gy * J_base[1, j] + gz * J_base[2, j])
+                    out[m + row * n + j] = K * (gx * J_base[0, j] + gy * J_base[1, j] + gz * J_base[2, j])
         else:
             # linear in q or q̇: rows G and constants h
             x1 = q if kind == JOINTS_LINEAR else qd
@@ -140,9 +139,9 @@ def write_rows(
                     g = F[start + j]
                     value += g * x1[j]
                     rate += g * qd[j]
-                    Lg[row, j] = K * g if kind == JOINTS_LINEAR else g
-                sigma[row] = value
+                    out[m + row * n + j] = K * g if kind == JOINTS_LINEAR else g
+                out[o_sigma + row] = value
                 if kind == JOINTS_LINEAR:
-                    phi[row], Lf[row] = value + K * rate, rate
+                    out[row], out[o_Lf + row] = value + K * rate, rate
                 else:
-                    phi[row], Lf[row] = value, 0.0
+                    out[row], out[o_Lf + row] = value, 0.0

@@ -92,9 +92,8 @@ def point_jacobian(link: int, point: Array, z: Array, p: Array, prismatic: IntAr
 def chain(
     q: Array,
     qd: Array,
-    placement_R: Array,
-    placement_t: Array,
-    axis: Array,
+    F: Array,
+    at: int,
     prismatic: IntArray,
     R: Array,
     p: Array,
@@ -110,8 +109,9 @@ def chain(
     ----------
     q, qd
         (n,) joint coordinates and speeds.
-    placement_R, placement_t, axis
-        (n, 3, 3), (n, 3) and (n, 3): placement of joint i in the frame of joint i − 1, and its axis there.
+    F, at
+        Numbers, among which begin there (n, 3, 3), (n, 3) and (n, 3): placement of joint i in the frame of joint i − 1
+        (rotation, then translation), and its axis there.
     prismatic
         (n,) whether the joint moves along its axis.
     R, p, z
@@ -119,23 +119,24 @@ def chain(
     w, v, al, a
         (n, 3) angular velocity, velocity of the origin, angular acceleration and acceleration of the origin.
     """
-    turn, T, moved = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for i in range(len(q)):
-        ux, uy, uz = axis[i, 0], axis[i, 1], axis[i, 2]
+    scratch = np.empty((3, 3, 3))
+    turn, T, moved = scratch[0], scratch[1], scratch[2]
+    n = len(q)
+    for i in range(n):
+        R0, t0, u0 = at + 9 * i, at + 9 * n + 3 * i, at + 12 * n + 3 * i
+        ux, uy, uz = F[u0], F[u0 + 1], F[u0 + 2]
         if prismatic[i]:
             for j in range(3):
                 for k in range(3):
-                    T[j, k] = placement_R[i, j, k]
+                    T[j, k] = F[R0 + 3 * j + k]
         else:
             rodrigues(ux, uy, uz, np.sin(q[i]), np.cos(q[i]), turn)
             for j in range(3):
                 for k in range(3):
                     T[j, k] = (
-                        placement_R[i, j, 0] * turn[0, k]
-                        + placement_R[i, j, 1] * turn[1, k]
-                        + placement_R[i, j, 2] * turn[2, k]
+                        F[R0 + 3 * j] * turn[0, k] + F[R0 + 3 * j + 1] * turn[1, k] + F[R0 + 3 * j + 2] * turn[2, k]
                     )
-        x, y, h = placement_t[i, 0], placement_t[i, 1], placement_t[i, 2]
+        x, y, h = F[t0], F[t0 + 1], F[t0 + 2]
         if i == 0:
             p[0, 0], p[0, 1], p[0, 2] = x, y, h
             for j in range(3):

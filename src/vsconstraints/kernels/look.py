@@ -37,13 +37,9 @@ def look(t: Array, q: Array, I: IntArray, F: Array, pixels: Array, points: Array
     ``seen`` (N,) says whether all markers are in front of the camera; where they are not, the pixels do not count.
     """
     n, M, P = I[JOINTS], I[MARKERS], I[POINTS]
-    work = np.empty(27 * n)
-    at = I[AT_CHAIN]
-    R0, t0 = F[at : at + 9 * n].reshape(n, 3, 3), F[at + 9 * n : at + 12 * n].reshape(n, 3)
-    axis, prismatic = F[at + 12 * n : at + 15 * n].reshape(n, 3), I[I[AT_PRISMATIC] : I[AT_PRISMATIC] + n]
-    R, p, z = work[: 9 * n].reshape(n, 3, 3), work[9 * n : 12 * n].reshape(n, 3), work[12 * n : 15 * n].reshape(n, 3)
-    w, v = work[15 * n : 18 * n].reshape(n, 3), work[18 * n : 21 * n].reshape(n, 3)
-    al, a = work[21 * n : 24 * n].reshape(n, 3), work[24 * n : 27 * n].reshape(n, 3)
+    prismatic = I[I[AT_PRISMATIC] : I[AT_PRISMATIC] + n]
+    R, motions = np.empty((n, 3, 3)), np.empty((6, n, 3))
+    p, z, w, v, al, a = motions[0], motions[1], motions[2], motions[3], motions[4], motions[5]
     at = I[AT_CAMERA]
     C_R, C_t = F[at : at + 9].reshape(3, 3), F[at + 9 : at + 12]
     tip_R, tip_t = F[at + 12 : at + 21].reshape(3, 3), F[at + 21 : at + 24]
@@ -53,7 +49,7 @@ def look(t: Array, q: Array, I: IntArray, F: Array, pixels: Array, points: Array
     moved, there, X = np.empty((3, 3)), np.empty(3), np.empty(3)
     last = n - 1
     for k in range(len(t)):
-        chain(q[k], still, R0, t0, axis, prismatic, R, p, z, w, v, al, a)
+        chain(q[k], still, F, I[AT_CHAIN], prismatic, R, p, z, w, v, al, a)
         if I[FIXED_CAMERA]:
             for i in range(3):
                 eye[i] = C_t[i]

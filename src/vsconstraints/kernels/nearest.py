@@ -1,49 +1,130 @@
-"""The vertex nearest to each of many points."""
+"""Distances of many points to polylines, compiled."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from ..rows import Array, IntArray
-from .compiler import compiled
+from .compiler import compiled, inner
 
-BLOCK = 32
-"""Vertices that are looked at together."""
+BLOCK = 24
+"""Vertices that are looked at together, blocks of them, and groups of those likewise."""
+
+SLACK = 1.0 + 1e-9
+"""For the rounding of bounds."""
 
 
-def nearest_vertices(points: Array, vertices: Array) -> IntArray:
-    """(k,) index of the vertex (p, 2) nearest to each point (k, 2).
+def prepare(vertices: Array, before: IntArray, after: IntArray) -> tuple[Any, ...]:
+    """What :func:`distances` needs of polylines.
 
-    Consecutive vertices form blocks, each within a circle about one of its vertices. Only blocks whose circles may hold
-    the nearest vertex are looked at one by one.
+    Parameters
+    ----------
+    vertices
+        (p, 2) of all of them.
+    before, after
+        (p,) the vertices at the other ends of each vertex's segments.
     """
-    starts = np.arange(0, len(vertices), BLOCK)
-    middles = np.minimum(starts + BLOCK // 2, len(vertices) - 1)
-    block = np.arange(len(vertices)) // BLOCK
-    away = np.sqrt(((vertices - vertices[middles[block]]) ** 2).sum(axis=1))
-    reach = np.maximum.reduceat(away, starts)
-    nearest = np.empty(len(points), dtype=np.int64)
-    _search(np.ascontiguousarray(points), np.ascontiguousarray(vertices), middles.astype(np.int64), reach, nearest)
-    return nearest
+    vertices = np.ascontiguousarray(vertices)
+    chords = (_chords(vertices, BLOCK**level) for level in (1, 2, 3))
+    return vertices, *chords, before.astype(np.int64), after.astype(np.int64)
 
 
-@compiled("void(float64[:, ::1], float64[:, ::1], int64[::1], float64[::1], int64[::1])")
-def _search(points: Array, vertices: Array, middles: IntArray, reach: Array, nearest: IntArray) -> None:
-    blocks = len(middles)
-    coarse = np.empty(blocks)
+def distances(points: Array, prepared: tuple[Any, ...], stride: int) -> Array:
+    """(k,) distance of points (k, 2) to the two segments at the vertex that is nearest to each.
+
+    Consecutive vertices form blocks, each along a chord and not far from it; only blocks that may hold the nearest
+    vertex by that are looked at one by one. Of several nearest vertices it is the first.
+
+    Parameters
+    ----------
+    points
+        Where from.
+    prepared
+        The polylines, by :func:`prepare`.
+    stride
+        The vertex nearest to the point that many before is where the search for a point starts: that of the same
+        marker, where the points are those of several markers over time.
+    """
+    nearest, found = np.empty(len(points), dtype=np.int64), np.empty(len(points))
+    search: Any = _search
+    search(np.ascontiguousarray(points), *prepared, stride, nearest, found)
+    return found
+
+
+def _chords(vertices: Array, size: int) -> Array:
+    """(b, 6) of each block of that size: its first vertex, the way to its last, and how far from that chord it gets.
+
+    The last but one is 1/length² of the chord.
+    """
+    starts = np.arange(0, len(vertices), size)
+    first, last = vertices[starts], vertices[np.minimum(starts + size, len(vertices)) - 1]
+    block = np.arange(len(vertices)) // size
+    a, along = first[block], (last - first)[block]
+    inverse = 1.0 / np.maximum(((last - first) ** 2).sum(axis=1), 1e-300)
+    share = ((vertices - a) * along).sum(axis=1) * inverse[block]
+    away = np.sqrt(((vertices - a - np.clip(share, 0.0, 1.0)[:, None] * along) ** 2).sum(axis=1))
+    return np.column_stack((first, last - first, inverse, np.maximum.reduceat(away, starts)))
+
+
+@inner
+def to_segment(u: float, v: float, a: float, b: float, c: float, d: float) -> float:
+    """Squared distance of (u, v) to the segment from (a, b) to (c, d)."""
+    x, y = c - a, d - b
+    s = ((u - a) * x + (v - b) * y) / max(x * x + y * y, 1e-300)
+    s = min(max(s, 0.0), 1.0)
+    x, y = u - a - s * x, v - b - s * y
+    return x * x + y * y
+
+
+@inner
+def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
+    """Whether a block may hold a vertex within the bound."""
+    limit = (bound + chords[i, 5]) * SLACK
+    x, y, dx, dy = u - chords[i, 0], v - chords[i, 1], chords[i, 2], chords[i, 3]
+    s = min(max((x * dx + y * dy) * chords[i, 4], 0.0), 1.0)
+    x, y = x - s * dx, y - s * dy
+    return bool(x * x + y * y <= limit * limit)
+
+
+@compiled(
+    "void(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], "
+    "int64[::1], int64[::1], int64, int64[::1], float64[::1])"
+)
+def _search(
+    points: Array,
+    vertices: Array,
+    blocks: Array,
+    groups: Array,
+    regions: Array,
+    before: IntArray,
+    after: IntArray,
+    stride: int,
+    nearest: IntArray,
+    found: Array,
+) -> None:
+    count = len(vertices)
     for i in range(len(points)):
         u, v = points[i, 0], points[i, 1]
-        best, at = np.inf, 0
-        for b in range(blocks):
-            k = middles[b]
-            d = np.sqrt((vertices[k, 0] - u) ** 2 + (vertices[k, 1] - v) ** 2)
-            coarse[b] = d
-            if d < best:
-                best, at = d, k
-        for b in range(blocks):
-            if coarse[b] - reach[b] < best:
-                for k in range(b * BLOCK, min((b + 1) * BLOCK, len(vertices))):
-                    d = np.sqrt((vertices[k, 0] - u) ** 2 + (vertices[k, 1] - v) ** 2)
-                    if d < best:
-                        best, at = d, k
+        at = nearest[i - stride] if i >= stride else 0
+        best = (vertices[at, 0] - u) ** 2 + (vertices[at, 1] - v) ** 2
+        bound = np.sqrt(best)
+        for r in range(len(regions)):
+            if not may_hold(regions, r, u, v, bound):
+                continue
+            for g in range(r * BLOCK, min((r + 1) * BLOCK, len(groups))):
+                if not may_hold(groups, g, u, v, bound):
+                    continue
+                for b in range(g * BLOCK, min((g + 1) * BLOCK, len(blocks))):
+                    if not may_hold(blocks, b, u, v, bound):
+                        continue
+                    for k in range(b * BLOCK, min((b + 1) * BLOCK, count)):
+                        d = (vertices[k, 0] - u) ** 2 + (vertices[k, 1] - v) ** 2
+                        if d < best or (d == best and k < at):
+                            best, at = d, k
+                            bound = np.sqrt(best)
         nearest[i] = at
+        x, y, j, k = vertices[at, 0], vertices[at, 1], before[at], after[at]
+        squared = to_segment(u, v, x, y, vertices[j, 0], vertices[j, 1])
+        found[i] = np.sqrt(min(squared, to_segment(u, v, x, y, vertices[k, 0], vertices[k, 1])))

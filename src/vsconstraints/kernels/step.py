@@ -45,29 +45,29 @@ def evaluate_step(t: float, q: Array, qd: Array, I: IntArray, F: Array, memory: 
     for i in range(n):
         if not (np.isfinite(q[i]) and np.isfinite(qd[i])):
             return 1
-    work = np.empty(27 * n + 12 * n + 200)
-    at = I[AT_CHAIN]
-    R0, t0 = F[at : at + 9 * n].reshape(n, 3, 3), F[at + 9 * n : at + 12 * n].reshape(n, 3)
-    axis, prismatic = F[at + 12 * n : at + 15 * n].reshape(n, 3), I[I[AT_PRISMATIC] : I[AT_PRISMATIC] + n]
-    R, p, z = work[: 9 * n].reshape(n, 3, 3), work[9 * n : 12 * n].reshape(n, 3), work[12 * n : 15 * n].reshape(n, 3)
-    w, v = work[15 * n : 18 * n].reshape(n, 3), work[18 * n : 21 * n].reshape(n, 3)
-    al, a = work[21 * n : 24 * n].reshape(n, 3), work[24 * n : 27 * n].reshape(n, 3)
-    chain(q, qd, R0, t0, axis, prismatic, R, p, z, w, v, al, a)
+    # few arrays, and whole ones: making one, or a view of another shape, takes as long as some thirty products
+    prismatic = I[I[AT_PRISMATIC] : I[AT_PRISMATIC] + n]
+    R, motions, jacobians = np.empty((n, 3, 3)), np.empty((6, n, 3)), np.empty((9, n))
+    p, z, w, v, al, a = motions[0], motions[1], motions[2], motions[3], motions[4], motions[5]
+    Jc, J_base = jacobians[:6], jacobians[6:]
+    matrices, vectors = np.empty((6, 3, 3)), np.empty((13, 3))
+    chain(q, qd, F, I[AT_CHAIN], prismatic, R, p, z, w, v, al, a)
     last = n - 1
 
     # --- the camera: pose in the base frame, pose in the target's frame, and its motion relative to the target ---
     at = I[AT_CAMERA]
-    C_R, C_t = F[at : at + 9].reshape(3, 3), F[at + 9 : at + 12]
-    tip_R, tip_t = F[at + 12 : at + 21].reshape(3, 3), F[at + 21 : at + 24]
+    C_R, C_t = matrices[0], vectors[0]
+    for i in range(3):
+        C_t[i] = F[at + 9 + i]
+        for j in range(3):
+            C_R[i, j] = F[at + 3 * i + j]
     fu, fv, ou, ov = F[at + 24], F[at + 25], F[at + 26], F[at + 27]
-    camera_R, origin = np.empty((3, 3)), np.empty((3, 3))
-    Jc = work[27 * n : 33 * n].reshape(6, n)
-    J_base = work[33 * n : 36 * n].reshape(3, n)
+    camera_R, origin = matrices[1], matrices[2]
     sign = 1.0
     if I[FIXED_CAMERA]:
         sign = -1.0
         camera_R[:] = C_R
-        arm, from_link = np.empty(3), np.empty(3)
+        arm, from_link = vectors[1], vectors[2]
         for i in range(3):
             from_link[i] = C_t[i] - p[last, i]
         turned_back(R[last], from_link, arm)
@@ -85,14 +85,16 @@ def evaluate_step(t: float, q: Array, qd: Array, I: IntArray, F: Array, memory: 
         if not prismatic[j]:
             for i in range(3):
                 Jc[3 + i, j] = sign * (camera_R[0, i] * z[j, 0] + camera_R[1, i] * z[j, 1] + camera_R[2, i] * z[j, 2])
-    velocity, acceleration = np.empty(3), np.empty(3)
-    turning, spin = np.empty(3), np.empty(3)
-    target_R, target_t = np.eye(3), np.zeros(3)
+    velocity, acceleration, turning, spin = vectors[1], vectors[2], vectors[3], vectors[4]
+    target_R, target_t = matrices[3], vectors[5]
     for i in range(3):
+        target_t[i] = 0.0
+        for j in range(3):
+            target_R[i, j] = 1.0 if i == j else 0.0
         velocity[i], turning[i] = origin[1, i], w[last, i]
     if I[MOVING_TARGET]:
         at = I[AT_TARGET]
-        moved = np.empty((3, 3))
+        moved = matrices[4]
         target_pose(F, at, t, moved, target_R, target_t)
         omega, centre = F[at + 8 : at + 11], F[at + 11 : at + 14]
         away = np.empty(3)
@@ -120,7 +122,7 @@ def evaluate_step(t: float, q: Array, qd: Array, I: IntArray, F: Array, memory: 
         acceleration[0], acceleration[1], acceleration[2] = origin[2, 0] - cx, origin[2, 1] - cy, origin[2, 2] - cz
         for i in range(3):
             spin[i] = al[last, i]
-    cv, cw, cdv, cdw = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    cv, cw, cdv, cdw = vectors[6], vectors[7], vectors[8], vectors[9]
     turned_back(camera_R, velocity, cv)
     turned_back(camera_R, turning, cw)
     turned_back(camera_R, acceleration, cdv)
@@ -130,35 +132,33 @@ def evaluate_step(t: float, q: Array, qd: Array, I: IntArray, F: Array, memory: 
             cv[i], cw[i], cdv[i], cdw[i] = -cv[i], -cw[i], -cdv[i], -cdw[i]
     # frame that the markers are given in: base, the moving target, or the tip
     if I[FIXED_CAMERA]:
-        product(R[last], tip_R, target_R)
-        turned(R[last], tip_t, target_t)
+        at = I[AT_CAMERA]
+        product(R[last], F[at + 12 : at + 21].reshape(3, 3), target_R)
+        turned(R[last], F[at + 21 : at + 24], target_t)
         for i in range(3):
             target_t[i] += p[last, i]
-    eye = np.empty(3)
+    eye = vectors[10]
     for i in range(3):
         eye[i] = C_t[i] if I[FIXED_CAMERA] else origin[0, i]
 
     # --- the image ---
     seen = np.empty((M, 7))
     at = I[AT_MARKERS]
-    base, there, X = np.empty(3), np.empty(3), np.empty(3)
+    there, X = vectors[11], vectors[12]
     for i in range(M):
-        turned(target_R, F[at + 3 * i : at + 3 * i + 3], base)
+        x, y, h = F[at + 3 * i], F[at + 3 * i + 1], F[at + 3 * i + 2]
         for j in range(3):
-            there[j] = base[j] + target_t[j] - eye[j]
+            there[j] = target_R[j, 0] * x + target_R[j, 1] * y + target_R[j, 2] * h + target_t[j] - eye[j]
         turned_back(camera_R, there, X)
         if not X[2] >= MINIMUM_DEPTH:
             return 1
         marker_motion(X, cv, cw, cdv, cdw, seen[i])
 
     # --- parts of out ---
-    o_Lg, o_Lf, o_sigma = m, m + m * n, 2 * m + m * n
-    o_J, o_b, o_error = 3 * m + m * n, 3 * m + m * n + k * n, 3 * m + m * n + k * n + k
+    o_J, o_error = 3 * m + m * n, 3 * m + m * n + k * n + k
     o_pixels = o_error + k
     o_points = o_pixels + 2 * M
     o_camera = o_points + 3 * P
-    phi, Lg, Lf, sigma = out[:m], out[o_Lg:o_Lf].reshape(m, n), out[o_Lf:o_sigma], out[o_sigma:o_J]
-    J, b, error = out[o_J:o_b].reshape(k, n), out[o_b:o_error], out[o_error:o_pixels]
     for i in range(M):
         out[o_pixels + 2 * i], out[o_pixels + 2 * i + 1] = fu * seen[i, 0] + ou, fv * seen[i, 1] + ov
 
@@ -177,16 +177,19 @@ def evaluate_step(t: float, q: Array, qd: Array, I: IntArray, F: Array, memory: 
         for j in range(3):
             out[o_points + 3 * i + j] = points[i, 0, j]
 
-    write_rows(t, q, qd, I, F, seen, points, Jc, J_base, z, p, prismatic, phi, Lg, Lf, sigma)
+    write_rows(t, q, qd, I, F, seen, points, Jc, J_base, z, p, prismatic, m, out)
     # --- the camera relative to the target, for the task and for whoever logs it ---
-    relative_R, relative_t = out[o_camera : o_camera + 9].reshape(3, 3), out[o_camera + 9 : o_camera + 12]
+    relative_R, relative_t = matrices[5], vectors[12]
     for i in range(3):
         there[i] = eye[i] - target_t[i]
         for j in range(3):
             relative_R[i, j] = (
                 target_R[0, i] * camera_R[0, j] + target_R[1, i] * camera_R[1, j] + target_R[2, i] * camera_R[2, j]
             )
+            out[o_camera + 3 * i + j] = relative_R[i, j]
     turned_back(target_R, there, relative_t)
+    for i in range(3):
+        out[o_camera + 9 + i] = relative_t[i]
 
-    write_task(t, qd, I, F, memory, relative_R, relative_t, cv, cw, cdv, cdw, seen, Jc, J, b, error)
+    write_task(t, qd, I, F, memory, relative_R, relative_t, cv, cw, cdv, cdw, seen, Jc, k, out[o_J:o_pixels])
     return 0

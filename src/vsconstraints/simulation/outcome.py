@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import Pose, distance
+from ..geometry import Pose, distances
 from ..rows import Array
 from .setup import Setup
 from .trajectory import Outcome
@@ -21,7 +19,8 @@ def judge(
     goal: NDArray[np.int64],
     camera_error: Array,
     feature_error: Array,
-    camera: Sequence[Pose],
+    camera_R: Array,
+    camera_t: Array,
 ) -> tuple[Outcome, str]:
     """Status and reason of a run.
 
@@ -35,8 +34,8 @@ def judge(
         (N,) time [s] and index of the goal.
     camera_error, feature_error
         As in :class:`Trajectory`.
-    camera
-        N poses.
+    camera_R, camera_t
+        (N, 3, 3) and (N, 3): poses of the camera in the target's frame.
     """
     if ended == "failed":
         return "failed", reason
@@ -54,8 +53,8 @@ def judge(
         if np.isfinite(distance_now)
         else f"ends {_amount(feature_error[-1])} px from the goal"
     )
-    resting = [distance(camera[-1], pose) for pose in camera[int(np.argmax(t >= t[-1] - tolerances.rest)) :]]
-    moved, turned = np.max(resting, axis=0)
+    since = int(np.argmax(t >= t[-1] - tolerances.rest))
+    moved, turned = distances(camera_R[since:], camera_t[since:], Pose(camera_R[-1], camera_t[-1])).max(axis=0)
     if t[-1] >= tolerances.rest and moved < tolerances.translation and turned < tolerances.rotation:
         return "trapped", f"at rest, {final}"
     return "unfinished", f"still moving, {final}"

@@ -9,6 +9,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from ..errors import InvalidInput
+from ..kernels import load
+from ..kernels.entry import entry
 from ..order_filter import OrderFilter
 from ..rows import Array
 from .disturbances import Disturbances
@@ -25,8 +27,10 @@ class Plant:
 
     Attributes
     ----------
-    state
-        (n, s) the state at the beginning of the period: q and q̇ first, q̈_c and d_c last.
+    x
+        (s, n) the state at the beginning of the period: q and q̇ first, q̈_c and d_c last.
+    varies
+        Whether anything but the command changes where a period begins.
     """
 
     def __init__(self, q0: Array, qd0: Array, Ts: float, actuation: Actuation, disturbances: Disturbances) -> None:
@@ -41,37 +45,46 @@ class Plant:
             )
         self._follows_filter = self._filter is not None and tau > 0.0
         self._system = _system(actuation, tau)
-        self._over_period = _transition(self._system, Ts)
-        self.state = np.zeros((n, len(self._system)))
-        self.state[:, 0], self.state[:, 1] = q0, qd0
+        self._over_period = np.ascontiguousarray(_transition(self._system, Ts))
+        self.x = np.zeros((len(self._system), n))
+        self.x[0], self.x[1], self.x[-1] = q0, qd0, self.offset
+        self.varies = self._follows_filter or self.noise > 0.0
+        kernels = load("hold")
+        self._advance = None if kernels is None else entry(kernels.advance)
 
     @property
     def q(self) -> Array:
         """(n,) joint coordinates."""
-        q: Array = self.state[:, 0].copy()
+        q: Array = self.x[0].copy()
         return q
 
     @property
     def qd(self) -> Array:
         """(n,) joint speeds."""
-        qd: Array = self.state[:, 1].copy()
+        qd: Array = self.x[1].copy()
         return qd
 
     def hold(self, qdd: Array) -> Array:
         """Begin a period with the command ``qdd`` (n,); returns a copy of the state (n, s)."""
+        self.begin(qdd)
+        return self.x.T.copy()
+
+    def begin(self, qdd: Array) -> None:
+        """Begin a period with the command ``qdd`` (n,)."""
         if self._filter is not None and self._follows_filter:
-            self.state[:, 2], self.state[:, 3] = self._filter.q, self._filter.qd
-        self.state[:, -2] = qdd
-        self.state[:, -1] = self.offset
+            self.x[2], self.x[3] = self._filter.q, self._filter.qd
+        self.x[-2] = qdd
         if self.noise:
-            self.state[:, -1] += self.noise * self._random.standard_normal(len(qdd))
-        return self.state.copy()
+            self.x[-1] = self.offset + self.noise * self._random.standard_normal(len(qdd))
 
     def step(self) -> None:
         """Go to the end of the period."""
         if self._filter is not None:
-            self._filter.step(self.state[:, -2])
-        self.state = self.state @ self._over_period.T
+            self._filter.step(self.x[-2])
+        if self._advance is None:
+            self.x[:] = self._over_period @ self.x
+        else:
+            self._advance(self._over_period, self.x)
 
     def inside(self, states: Array, after: float) -> tuple[Array, Array]:
         """Q and q̇ (N, n) ``after`` [s] the beginning of periods that began with states (N, n, s)."""

@@ -1,0 +1,184 @@
+"""What is kept of a run while it lasts, and what it comes to at the end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..constraints import Trace
+from ..control_step import Bound, ControlStep
+from ..geometry import Pose, distances
+from ..rows import Array, Command
+from .outcome import judge
+from .plant import Plant
+from .setup import Setup
+from .trajectory import Trajectory
+
+BETWEEN = (0.25, 0.5, 0.75)
+"""Where inside a sampling period clearances are looked at, as fractions of it."""
+
+NEAR = 0.05
+"""Clearance, as a fraction of the characteristic length, below which the inside of a period is looked at."""
+
+STEPS = 256
+"""Compiled steps that are kept whole before they are taken apart together."""
+
+
+class Log:
+    """Arrays that a run fills, sample by sample.
+
+    Attributes
+    ----------
+    states
+        (N, s, n) of the plant at the beginning of each period, q, q̇ and the command among them.
+    active
+        (N, m) rows that shaped the command.
+    rows_times, step_times
+        Wall times of each sample; their length is the number of samples that came to a command.
+    """
+
+    def __init__(self, setup: Setup, control: ControlStep, plant: Plant) -> None:
+        N, m = setup.samples, len(setup.constraints.labels)
+        self.setup, self.control, self.plant, self.labels = setup, control, plant, setup.constraints.labels
+        self.t = np.arange(N) * setup.Ts
+        self.states = np.empty((N, *plant.x.shape))
+        self._error: Array | None = None
+        self.camera_R, self.camera_t = np.empty((N, 3, 3)), np.empty((N, 3))
+        begins = [goal.from_time for goal in setup.task.goals]
+        self.goal = np.maximum(np.searchsorted(begins, self.t + 1e-9, side="right") - 1, 0)
+        self.pixels = np.empty((N, len(setup.scene.markers), 2))
+        self.points = np.empty((N, len(setup.scene.points), 3))
+        self.phi, self.sigma = np.empty((N, m)), np.empty((N, m))
+        self.active = np.zeros((N, m), dtype=np.bool_)
+        self.rows_times: list[float] = []
+        self.step_times: list[float] = []
+        self.fallbacks = 0
+        self._bound: Bound | None = None
+        self._kept = 0
+
+    def error(self, k: int, error: Array) -> None:
+        """Keep the feature's error (k,), as the controller believes it to be."""
+        if self._error is None:
+            self._error = np.empty((len(self.t), len(error)))
+        self._error[k] = error
+
+    def true(self, k: int, phi: Array, sigma: Array, pixels: Array, points: Array, camera: Pose) -> None:
+        """Keep what is true."""
+        if self._bound is not None:
+            # a definition's sample among compiled ones
+            self.keep_steps(k)
+            self._kept = k + 1
+        self.phi[k], self.sigma[k], self.pixels[k], self.points[k] = phi, sigma, pixels, points
+        self.camera_R[k], self.camera_t[k] = camera.R, camera.t
+
+    def command(self, k: int, command: Command, rows_time: float, step_time: float) -> None:
+        """Keep a command and the state that it meets."""
+        self.states[k] = self.plant.x
+        self.active[k] = command.acted
+        self.rows_times.append(rows_time)
+        self.step_times.append(step_time)
+        self.fallbacks += bool(command.fallback)
+
+    def begin_steps(self, bound: Bound) -> Array:
+        """(STEPS, ·) where the compiled steps of a run go, sample k to row k % STEPS."""
+        self._bound = bound
+        self._steps = np.empty((STEPS, bound.packed.size))
+        self._error = np.empty((len(self.t), bound.packed.k))
+        return self._steps
+
+    def keep_steps(self, end: int) -> None:
+        """Take apart the compiled steps before sample ``end`` that have not been yet."""
+        begin, self._kept = self._kept, end
+        if self._bound is None or begin >= end:
+            return
+        assert self._error is not None
+        packed = self._bound.packed
+        steps = self._steps[begin % STEPS : begin % STEPS + end - begin]
+        for part, where in (
+            (self.phi, packed.phi),
+            (self.sigma, packed.sigma),
+            (self._error, packed.error),
+            (self.pixels, packed.pixels),
+            (self.points, packed.robot_points),
+            (self.camera_R, packed.camera_R),
+            (self.camera_t, packed.camera_t),
+        ):
+            part[begin:end] = steps[:, where].reshape(end - begin, *part.shape[1:])
+
+    def finish(self, ended: str, reason: str) -> Trajectory:
+        """The trajectory, of the samples that came to a command."""
+        setup, N = self.setup, len(self.step_times)
+        self.keep_steps(N)
+        q, qd, qdd = (np.ascontiguousarray(self.states[:N, i]) for i in (0, 1, -2))
+        image_size = setup.scene.camera.size
+        trace = Trace(self.t[:N], q, qd, self.pixels[:N], self.points[:N], image_size)
+        clearance = setup.constraints.clearance(trace)
+        between = _between(setup, self.control, self.plant, self.states[: max(N - 1, 0)], clearance)
+        camera_error, feature_error = self._errors(N)
+        camera_R, camera_t = self.camera_R[:N], self.camera_t[:N]
+        status, why = judge(
+            setup, ended, reason, self.t[:N], self.goal[:N], camera_error, feature_error, camera_R, camera_t
+        )
+        return Trajectory(
+            status,
+            why,
+            self.t[:N],
+            q,
+            qd,
+            qdd,
+            self._error[:N] if self._error is not None and N else np.empty((0, 0)),
+            camera_error,
+            feature_error,
+            camera_t,
+            self.pixels[:N],
+            self.points[:N],
+            setup.constraints.labels,
+            self.phi[:N],
+            self.sigma[:N],
+            clearance,
+            self.active[:N],
+            between,
+            np.array(self.rows_times),
+            np.array(self.step_times),
+            self.fallbacks,
+        )
+
+    def _errors(self, N: int) -> tuple[Array, Array]:
+        goals = self.setup.task.goals
+        camera_error = np.full((N, 2), np.nan)
+        wanted = np.array([goal.pixels for goal in goals])[self.goal[:N]]
+        feature_error: Array = np.sqrt(((self.pixels[:N] - wanted) ** 2).sum(axis=2)).max(axis=1, initial=0.0)
+        for number, goal in enumerate(goals):
+            if goal.camera is not None:
+                held = self.goal[:N] == number
+                camera_error[held] = distances(self.camera_R[:N][held], self.camera_t[:N][held], goal.camera)
+        return camera_error, feature_error
+
+
+def _between(setup: Setup, control: ControlStep, plant: Plant, states: Array, clearance: Array) -> Array:
+    """(m,) least clearance inside the sampling periods in which some row is near its boundary.
+
+    Parameters
+    ----------
+    setup, control, plant
+        What was run.
+    states
+        (N − 1, s, n) of the plant at the beginning of each period.
+    clearance
+        (N, m) in the samples.
+    """
+    m = clearance.shape[1]
+    least = np.full(m, np.inf)
+    if m == 0 or not len(states):
+        return least
+    near = np.asarray((clearance < NEAR * setup.constraints.characteristic_length).any(axis=1))
+    periods = np.flatnonzero(near[:-1] | near[1:])
+    if not len(periods):
+        return least
+    inside = [plant.inside(states[periods].transpose(0, 2, 1), share * setup.Ts) for share in BETWEEN]
+    q, qd = (np.concatenate(parts) for parts in zip(*inside, strict=True))
+    t = np.concatenate([(periods + share) * setup.Ts for share in BETWEEN])
+    pixels, points, seen = control.look(t, q)
+    if not seen.any():
+        return least
+    trace = Trace(t[seen], q[seen], qd[seen], pixels[seen], points[seen], setup.scene.camera.size)
+    return setup.constraints.least_clearance(trace)
