@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from scenes import WORLDS, build_constraint, constraint_tables, random_configuration, random_scene, robot, robot_names
-from vsconstraints.constraints import Constraint, ConstraintSet
+from vsconstraints.constraints import Constraint, ConstraintSet, Trace
 from vsconstraints.control_step import ControlStep, Evaluation
+from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
 from vsconstraints.errors import SceneError
 from vsconstraints.features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
 from vsconstraints.kernels import available
@@ -198,3 +199,38 @@ def test_a_subclass_may_compute_anything_and_runs_in_numpy() -> None:
     step = ControlStep(setup.scene, setup.constraints, task)
     assert step._packed is not None
     assert [c.kind for c, _, _ in step._packed.others] == ["occlusion"]
+
+
+@pytest.mark.parametrize("law", [Tracking(), SlidingMode(), PotentialField(blend="priority"), HierarchicalQP()])
+def test_state_to_command_is_step_then_law(law: Controller) -> None:
+    """In one call or in two, also where the definition of the law is asked, and after an option has changed."""
+    setup = Scenario.load("case-study-6r").setup()
+    one, two = (ControlStep(setup.scene, setup.constraints, setup.task) for _ in range(2))
+    rng = np.random.default_rng(3)
+    given = []
+    for k in range(30):
+        q, qd = setup.q0 + 0.02 * rng.normal(size=6), rng.normal(size=6) * (0.1 if k % 2 else 2.0)
+        found, command = one.command(law, 0.002 * k, q, qd)
+        expected = two.evaluate(0.002 * k, q, qd)
+        answer = law.command(expected.rows, expected.task)
+        assert_equal(found, expected)
+        np.testing.assert_array_equal(command.qdd, answer.qdd)
+        np.testing.assert_array_equal(command.acted, answer.acted)
+        assert (command.status, command.reason, command.labels) == (answer.status, answer.reason, answer.labels)
+        given.append((command, command.qdd.copy()))
+        if k == 20 and isinstance(law, SlidingMode):
+            law.rank_tolerance = 0.5
+    for command, qdd in given:
+        np.testing.assert_array_equal(command.qdd, qdd)
+
+
+def test_the_least_clearance_is_that_of_all_samples() -> None:
+    setup = Scenario.load("case-study-6r").setup()
+    rng = np.random.default_rng(5)
+    pixels = np.cumsum(rng.normal(scale=3.0, size=(500, len(setup.scene.markers), 2)), axis=0)
+    points = rng.normal(size=(500, len(setup.scene.points), 3))
+    q = rng.normal(size=(500, 6))
+    for scale in (1.0, 20.0):
+        trace = Trace(0.002 * np.arange(500), q, q, scale * pixels, points, setup.scene.camera.size)
+        least = setup.constraints.clearance(trace).min(axis=0)
+        np.testing.assert_array_equal(setup.constraints.least_clearance(trace), least)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,11 +12,13 @@ from .errors import InvalidInput, SceneError
 from .geometry import Pose
 from .kernels import load
 from .kernels.entry import entry
-from .rows import Array, BoolArray, Rows, Task
+from .rows import Array, BoolArray, Command, Rows, Task
 from .scene import Scene, State
 from .tracking import VisualTask
 
 if TYPE_CHECKING:
+    from .controllers import Controller
+    from .controllers.compiled import BoundLaw
     from .kernels.packing import Packed
 
 
@@ -55,6 +57,79 @@ class Evaluation:
         return Pose(self.camera_R, self.camera_t)
 
 
+class CompiledEvaluation(Evaluation):
+    """The same as one array, whose parts are made when they are asked for: views of it."""
+
+    __slots__ = ("_constraints", "_out", "_packed")
+
+    def __init__(self, control: ControlStep, out: Array) -> None:
+        assert control._packed is not None
+        self._packed, self._constraints, self._out = control._packed, control.constraints, out
+
+    @property
+    def rows(self) -> Rows:  # type: ignore[override]
+        """See :class:`Evaluation`."""
+        out, packed, constraints = self._out, self._packed, self._constraints
+        rows: Any = RowsDraft(
+            out[packed.phi],
+            out[packed.Lg].reshape(packed.m, packed.n),
+            out[packed.Lf],
+            constraints.switching_gain,
+            constraints.labels,
+            constraints.scale,
+        )
+        rows.__class__ = Rows
+        return rows  # type: ignore[no-any-return]
+
+    @property
+    def task(self) -> Task:  # type: ignore[override]
+        """See :class:`Evaluation`."""
+        out, packed = self._out, self._packed
+        return Task(out[packed.J].reshape(packed.k, packed.n), out[packed.b])
+
+    @property
+    def error(self) -> Array:  # type: ignore[override]
+        """See :class:`Evaluation`."""
+        return self._out[self._packed.error]
+
+    @property
+    def sigma(self) -> Array:  # type: ignore[override]
+        """See :class:`Evaluation`."""
+        return self._out[self._packed.sigma]
+
+    @property
+    def pixels(self) -> Array:  # type: ignore[override]
+        """See :class:`Evaluation`."""
+        return self._out[self._packed.pixels].reshape(-1, 2)
+
+    @property
+    def points(self) -> Array:  # type: ignore[override]
+        """See :class:`Evaluation`."""
+        return self._out[self._packed.robot_points].reshape(-1, 3)
+
+    @property
+    def camera_R(self) -> Array:  # type: ignore[override]  # noqa: N802 - the pose's R
+        """See :class:`Evaluation`."""
+        return self._out[self._packed.camera_R].reshape(3, 3)
+
+    @property
+    def camera_t(self) -> Array:  # type: ignore[override]
+        """See :class:`Evaluation`."""
+        return self._out[self._packed.camera_t]
+
+
+class RowsDraft:
+    """Rows in the making, of the same slots: see :class:`vsconstraints.controllers.compiled.Draft`."""
+
+    __slots__ = Rows.__slots__
+
+    def __init__(
+        self, phi: Array, Lg: Array, Lf: Array, switching_gain: Array, labels: tuple[str, ...], scale: Array
+    ) -> None:
+        self.phi, self.Lg, self.Lf = phi, Lg, Lf
+        self.switching_gain, self.labels, self.scale = switching_gain, labels, scale
+
+
 class ControlStep:
     """Evaluates a scene, its constraints and its task together: at compiled speed where all of them have that form.
 
@@ -78,6 +153,10 @@ class ControlStep:
         self.scene, self.constraints, self.visual_task = scene, constraints, task
         self.not_compiled = ""
         self._packed: Packed | None = None
+        self._controller: Controller | None = None
+        self._options: dict[str, Any] = {}
+        self._step: Bound | None = None
+        self._law: BoundLaw | None = None
         packing, step = load("packing"), load("step")
         if packing is None or step is None:
             self.not_compiled = "there is no compiler"
@@ -113,30 +192,42 @@ class ControlStep:
             state = self.scene.evaluate(t, q, qd)
             for constraint, rows, points in packed.others:
                 self._insert(out, rows, constraint, constraint.rows(state, points))
-        return self.read(out)
+        return CompiledEvaluation(self, out)
 
-    def read(self, out: Array) -> Evaluation:
-        """What the compiled step wrote: views of it."""
-        packed, constraints = self._packed, self.constraints
-        assert packed is not None
-        n, m = packed.n, packed.m
-        return Evaluation(
-            Rows(
-                out[packed.phi],
-                out[packed.Lg].reshape(m, n),
-                out[packed.Lf],
-                constraints.switching_gain,
-                constraints.labels,
-                constraints.scale,
-            ),
-            Task(out[packed.J].reshape(packed.k, n), out[packed.b]),
-            out[packed.error],
-            out[packed.sigma],
-            out[packed.pixels].reshape(-1, 2),
-            out[packed.robot_points].reshape(-1, 3),
-            out[packed.camera_R].reshape(3, 3),
-            out[packed.camera_t],
-        )
+    def command(self, controller: Controller, t: float, q: Array, qd: Array) -> tuple[Evaluation, Command]:
+        """From state to command: what :meth:`evaluate` and then ``controller.command`` give, at the least cost.
+
+        Where both are compiled, they run on arrays that stay where they are, and only what they come to is copied.
+
+        Raises
+        ------
+        SceneError
+            if a marker is not in front of the camera.
+        InvalidInput
+            as ``controller.command`` does.
+        """
+        if controller is not self._controller or controller.__dict__ != self._options:
+            self._bind(controller)
+        bound, law = self._step, self._law
+        if bound is not None and law is not None and q.shape == self._shape == qd.shape:
+            self._q[:] = q
+            self._qd[:] = qd
+            if bound.evaluate(t):
+                done = law.answer()
+                step = CompiledEvaluation(self, bound.out.copy())
+                return step, law.command() if done else controller.command(step.rows, step.task)
+        evaluation = self.evaluate(t, q, qd)
+        return evaluation, controller.command(evaluation.rows, evaluation.task)
+
+    def _bind(self, controller: Controller) -> None:
+        """Prepare :meth:`command` for a controller with the options that it has now."""
+        self._controller, self._options = controller, dict(vars(controller))
+        n, m = self.scene.robot.n, len(self.constraints.labels)
+        self._q, self._qd, self._shape = np.zeros(n), np.zeros(n), (n,)
+        self._step, self._law = self.bound(self._q, self._qd), None
+        if self._step is not None:
+            now = self._step.now
+            self._law = controller._bound(now.rows, now.task, np.empty(m, dtype=np.bool_), np.empty(n))
 
     def bound(self, q: Array, qd: Array) -> Bound | None:
         """The compiled step on arrays that stay where they are, ``q`` and ``qd`` (n,) among them.
@@ -213,7 +304,7 @@ class Bound:
                 raise InvalidInput(f"a bound step needs contiguous floats ({packed.n},), not {given!r}")
         self.packed = packed
         self.out = np.zeros(packed.size)
-        self.now = control.read(self.out)
+        self.now = CompiledEvaluation(control, self.out)
         self._evaluate = entry(control._evaluate)
         self._fixed = (q, qd, packed.I, packed.F, packed.memory, self.out)
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import Any, ClassVar, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import numpy as np
 
 from ..errors import SolverError
 from ..rows import Array, BoolArray, Command, Rows, Status, Task, check
+
+if TYPE_CHECKING:
+    from .compiled import BoundLaw
 
 
 class Controller(ABC):
@@ -73,11 +75,10 @@ class Controller(ABC):
         """
         return None
 
-    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> Callable[[], bool] | None:
+    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """The compiled law on arrays that stay where they are: for loops that fill them anew in every sample.
 
-        Each call of what is returned writes ``acted`` (m,) and ``qdd`` (n,), and says whether they hold the answer;
-        if not, :meth:`command` has to be asked. None where there is no such thing.
+        It writes ``acted`` (m,) and ``qdd`` (n,). None where there is no such thing.
         """
         return None
 

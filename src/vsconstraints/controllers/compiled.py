@@ -63,6 +63,28 @@ def in_usual_layout(rows: Rows, task: Task) -> tuple[Rows, Task] | None:
     return Rows(phi, Lg, Lf, gain, rows.labels, scale), Task(J, b)
 
 
+class BoundLaw:
+    """A compiled law on arrays that stay where they are, for loops: every call overwrites what the one before wrote.
+
+    Attributes
+    ----------
+    answer
+        Writes ``acted`` (m,) and ``qdd`` (n,), and says whether they hold the answer; if not, the controller's
+        ``command`` has to be asked.
+    """
+
+    __slots__ = ("acted", "answer", "labels", "qdd")
+
+    def __init__(self, answer: Callable[[], bool], labels: tuple[str, ...], acted: BoolArray, qdd: Array) -> None:
+        self.answer, self.labels, self.acted, self.qdd = answer, labels, acted, qdd
+
+    def command(self) -> Command:
+        """The last answer, in arrays of its own."""
+        command: Any = Draft(self.qdd.copy(), "ok", self.acted.copy(), self.labels)
+        command.__class__ = Command
+        return command  # type: ignore[no-any-return]
+
+
 def bound_law(
     rows: Rows,
     task: Task,
@@ -73,7 +95,7 @@ def bound_law(
     region: float = 1.0,
     exponent: float = 1.0,
     strength: float = 1.0,
-) -> Callable[[], bool] | None:
+) -> BoundLaw | None:
     """The law on these arrays: see ``Controller._bound``."""
     kernels = load("task_priority")
     if kernels is None:
@@ -96,7 +118,7 @@ def bound_law(
         acted,
         qdd,
     )
-    return lambda: not law_of_rows()
+    return BoundLaw(lambda: not law_of_rows(), rows.labels, acted, qdd)
 
 
 def compiled_command(

@@ -18,7 +18,7 @@ from ..kernels.entry import entry
 from ..qp import Cost, SolverChain, lexicographic
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import BOOL, NOT_FOR_COMPILED, Draft, in_usual_layout
+from .compiled import BOOL, NOT_FOR_COMPILED, BoundLaw, Draft, in_usual_layout
 from .tracking import RANK_TOLERANCE, LeastNorm, check_rank_tolerance, least_norm
 
 ROUNDING = 1e-12
@@ -159,12 +159,7 @@ class HierarchicalQP(Controller):
             usual = in_usual_layout(rows, task)
             return usual and self._compiled(*usual)
         if code in (kernels.DONE, kernels.RELAXED_ROWS):
-            command: Any = Draft(qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations)
-            if code == kernels.RELAXED_ROWS:
-                command.status = "relaxed"
-                command.reason = _unmet(labels, slack, np.flatnonzero(~acted & (slack > 0.0)))
-            command.__class__ = Command
-            return command  # type: ignore[no-any-return]
+            return _drafted(qdd, code == kernels.RELAXED_ROWS, acted, labels, slack, iterations)
         if code == kernels.ASK:
             return None
         self.solvers.failures[COMPILED] += 1
@@ -172,10 +167,11 @@ class HierarchicalQP(Controller):
         reason = f"the {COMPILED} solver has no answer that passes the check"
         return replace(answer, fallback="; ".join(filter(None, (reason, answer.fallback))))
 
-    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> Callable[[], bool] | None:
+    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         kernels = load("hierarchical_qp") if self.solver == AUTO else None
         if kernels is None:
             return None
+        slack = np.empty(len(rows.labels))
         law = partial(
             entry(kernels.descend),
             len(rows.labels),
@@ -192,12 +188,11 @@ class HierarchicalQP(Controller):
             self._weights_of(rows.labels),
             math.inf if self.max_acceleration is None else self.max_acceleration,
             self.damping,
-            np.empty(len(rows.labels)),
+            slack,
             acted,
             qdd,
         )
-        answers = (kernels.DONE, kernels.RELAXED_ROWS)
-        return lambda: law()[0] in answers
+        return _BoundHierarchy(law, (kernels.DONE, kernels.RELAXED_ROWS), rows.labels, acted, qdd, slack)
 
     def _weights_of(self, labels: tuple[str, ...]) -> Array:
         """:func:`row_weights`, kept for the labels of the last call."""
@@ -265,6 +260,46 @@ class HierarchicalQP(Controller):
             iterations=verified.answer.iterations if verified else 0,
             fallback=verified.fallback if verified else "",
         )
+
+
+class _BoundHierarchy(BoundLaw):
+    """The hierarchy on arrays that stay where they are."""
+
+    __slots__ = ("_done", "_last", "_law", "_relaxed", "_slack")
+
+    def __init__(
+        self,
+        law: Callable[[], tuple[int, int]],
+        codes: tuple[int, int],
+        labels: tuple[str, ...],
+        acted: BoolArray,
+        qdd: Array,
+        slack: Array,
+    ) -> None:
+        super().__init__(self._answer, labels, acted, qdd)
+        self._law, self._slack, self._last = law, slack, (0, 0)
+        self._done, self._relaxed = codes
+
+    def _answer(self) -> bool:
+        self._last = self._law()
+        return self._last[0] == self._done or self._last[0] == self._relaxed
+
+    def command(self) -> Command:
+        """The last answer, in arrays of its own."""
+        code, iterations = self._last
+        relaxed = code == self._relaxed
+        return _drafted(self.qdd.copy(), relaxed, self.acted.copy(), self.labels, self._slack.copy(), iterations)
+
+
+def _drafted(
+    qdd: Array, relaxed: bool, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
+) -> Command:
+    command: Any = Draft(qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations)
+    if relaxed:
+        command.status = "relaxed"
+        command.reason = _unmet(labels, slack, np.flatnonzero(~acted & (slack > 0.0)))
+    command.__class__ = Command
+    return command  # type: ignore[no-any-return]
 
 
 def demands(rows: Rows, form: Literal["barrier", "active"], alpha: float) -> tuple[IntArray, Array, Array]:

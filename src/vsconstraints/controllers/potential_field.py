@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from ..errors import InvalidInput, unknown_name
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import ADDITIVE, PRIORITY, bound_law, compiled_command
+from .compiled import ADDITIVE, PRIORITY, BoundLaw, bound_law, compiled_command
 from .task_priority import prioritise
 from .tracking import RANK_TOLERANCE, check_rank_tolerance, track
 
@@ -89,6 +88,6 @@ class PotentialField(Controller):
         law = PRIORITY if self.blend == "priority" else ADDITIVE
         return compiled_command(rows, task, self.rank_tolerance, law, self.region, self.exponent, self.strength)
 
-    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> Callable[[], bool] | None:
+    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         law = PRIORITY if self.blend == "priority" else ADDITIVE
         return bound_law(rows, task, acted, qdd, self.rank_tolerance, law, self.region, self.exponent, self.strength)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import SLIDING, bound_law, compiled_command
+from .compiled import SLIDING, BoundLaw, bound_law, compiled_command
 from .task_priority import prioritise
 from .tracking import RANK_TOLERANCE, check_rank_tolerance
 
@@ -37,5 +35,5 @@ class SlidingMode(Controller):
     def _compiled(self, rows: Rows, task: Task) -> Command | None:
         return compiled_command(rows, task, self.rank_tolerance, SLIDING)
 
-    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> Callable[[], bool] | None:
+    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         return bound_law(rows, task, acted, qdd, self.rank_tolerance, SLIDING)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from ..errors import InvalidInput
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import TRACKING, bound_law, compiled_command
+from .compiled import TRACKING, BoundLaw, bound_law, compiled_command
 
 RANK_TOLERANCE = 1e-6
 """Singular values below this fraction of the largest one count as zero."""
@@ -90,5 +89,5 @@ class Tracking(Controller):
     def _compiled(self, rows: Rows, task: Task) -> Command | None:
         return compiled_command(rows, task, self.rank_tolerance, TRACKING)
 
-    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> Callable[[], bool] | None:
+    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         return bound_law(rows, task, acted, qdd, self.rank_tolerance, TRACKING)

@@ -48,8 +48,9 @@ def distances(points: Array, prepared: tuple[Any, ...], stride: int) -> Array:
         marker, where the points are those of several markers over time.
     """
     nearest, found = np.empty(len(points), dtype=np.int64), np.empty(len(points))
-    search: Any = _search
-    search(np.ascontiguousarray(points), *prepared, stride, nearest, found)
+    vertices, blocks, groups, regions, before, after = prepared
+    points = np.ascontiguousarray(points)
+    _search(points, vertices, blocks, groups, regions, before, after, stride, nearest, found)
     return found
 
 

@@ -8,7 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ..control_step import ControlStep
+from ..control_step import CompiledEvaluation, ControlStep
 from ..controllers import Controller
 from ..errors import ConfigurationError, SceneError
 from ..rows import Command
@@ -121,7 +121,7 @@ class _Run:
         law = self.controller._bound(bound.now.rows, bound.now.task, acted, qdd)
         if law is None:
             return None
-        answer, evaluate, out, steps, active = law, bound.evaluate, bound.out, log.begin_steps(bound), log.active
+        answer, evaluate, out, steps, active = law.answer, bound.evaluate, bound.out, log.begin_steps(bound), log.active
         rows_times, step_times, states, varies = log.rows_times, log.step_times, log.states, plant.varies
 
         def sample(k: int) -> None:
@@ -138,7 +138,7 @@ class _Run:
                 log.keep_steps(k)
             steps[i] = out
             if not done:
-                step = control.read(out.copy())
+                step = CompiledEvaluation(control, out.copy())
                 command = self.controller.command(step.rows, step.task)
                 self._carry_out(k, command, ready - started, perf_counter() - ready)
                 return
