@@ -63,6 +63,7 @@ nitpick_ignore_regex = [
 ]
 nitpick_ignore = [
     ("py:class", "Path"),
+    ("py:class", "Packed"),  # of vsconstraints.kernels, named for type checkers only
     ("py:class", "dict[str"),  # aliases of types with a comma in them
     ("py:class", "tuple[int | None"),
     ("py:class", "vsconstraints.plugins.Base"),  # type variables
