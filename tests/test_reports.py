@@ -25,11 +25,13 @@ from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report
 from vsconstraints.reports.best import Cell, comparable, marked
 from vsconstraints.reports.figures.decimate import extremes, window_means, zigzag
+from vsconstraints.reports.figures.outlines import Outlines
 from vsconstraints.reports.markdown import code, plain, table
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.results import Results
 from vsconstraints.reports.rows_shown import MOST_LANES, MOST_PHI, lane_rows, lanes_left_out, phi_rows
 from vsconstraints.reports.style import OWN_COLOURS, looks, shortened
+from vsconstraints.scenarios import Scenario
 
 COMPETITORS = ("sliding-mode", "potential-field")
 
@@ -468,3 +470,15 @@ def test_tables_are_aligned_and_their_cells_safe() -> None:
     assert lines[2].startswith(r"| a\|b ")
     assert "``x`y``" in lines[3]
     assert plain("a*b_c_ <i>\n[x](y)") == r"a\*b_c\_ &lt;i&gt; \[x\](y)"
+
+
+def test_a_moving_boundary_is_drawn_while_it_is_in_the_image() -> None:
+    setup = Scenario.load("moving-occluder").setup()
+    size = np.asarray(setup.scene.camera.size)
+    outlines = Outlines.of(setup, setup.scene.camera.size)
+    times = [t for t, _ in outlines.moving]
+    assert len(times) == 5
+    assert 0.0 <= times[0] < times[-1] < setup.duration
+    for _, lines in outlines.moving:
+        assert any((np.abs(line) < 0.5 * size).all(axis=1).any() for line in lines)
+    assert Outlines.of(Scenario.load("example-2d-fov").setup(), (512.0, 512.0)).moving == []

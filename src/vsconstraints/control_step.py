@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .constraints import Constraint, ConstraintSet, RowBlock
 from .errors import InvalidInput, SceneError
-from .geometry import Pose
+from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
 from .kernels import load
-from .kernels.entry import entry
-from .rows import Array, BoolArray, Command, Rows, Task
+from .rows import Array, BoolArray, Command
 from .scene import Scene, State
 from .tracking import VisualTask
 
@@ -20,114 +18,6 @@ if TYPE_CHECKING:
     from .controllers import Controller
     from .controllers.compiled import BoundLaw
     from .kernels.packing import Packed
-
-
-@dataclass(slots=True)
-class Evaluation:
-    """What one step came to.
-
-    Attributes
-    ----------
-    rows, task
-        What a controller takes.
-    error
-        (k,) of the visual feature.
-    sigma
-        (m,) of each row.
-    pixels
-        (M, 2) markers from the image's centre [px].
-    points
-        (p, 3) the scene's robot points in the base frame [m].
-    camera_R, camera_t
-        (3, 3) and (3,): pose of the camera in the target's frame.
-    """
-
-    rows: Rows
-    task: Task
-    error: Array
-    sigma: Array
-    pixels: Array
-    points: Array
-    camera_R: Array
-    camera_t: Array
-
-    @property
-    def camera(self) -> Pose:
-        """Pose of the camera in the target's frame."""
-        return Pose(self.camera_R, self.camera_t)
-
-
-class CompiledEvaluation(Evaluation):
-    """The same as one array, whose parts are made when they are asked for: views of it."""
-
-    __slots__ = ("_constraints", "_out", "_packed")
-
-    def __init__(self, control: ControlStep, out: Array) -> None:
-        assert control._packed is not None
-        self._packed, self._constraints, self._out = control._packed, control.constraints, out
-
-    @property
-    def rows(self) -> Rows:  # type: ignore[override]
-        """See :class:`Evaluation`."""
-        out, packed, constraints = self._out, self._packed, self._constraints
-        rows: Any = RowsDraft(
-            out[packed.phi],
-            out[packed.Lg].reshape(packed.m, packed.n),
-            out[packed.Lf],
-            constraints.switching_gain,
-            constraints.labels,
-            constraints.scale,
-        )
-        rows.__class__ = Rows
-        return rows  # type: ignore[no-any-return]
-
-    @property
-    def task(self) -> Task:  # type: ignore[override]
-        """See :class:`Evaluation`."""
-        out, packed = self._out, self._packed
-        return Task(out[packed.J].reshape(packed.k, packed.n), out[packed.b])
-
-    @property
-    def error(self) -> Array:  # type: ignore[override]
-        """See :class:`Evaluation`."""
-        return self._out[self._packed.error]
-
-    @property
-    def sigma(self) -> Array:  # type: ignore[override]
-        """See :class:`Evaluation`."""
-        return self._out[self._packed.sigma]
-
-    @property
-    def pixels(self) -> Array:  # type: ignore[override]
-        """See :class:`Evaluation`."""
-        return self._out[self._packed.pixels].reshape(-1, 2)
-
-    @property
-    def points(self) -> Array:  # type: ignore[override]
-        """See :class:`Evaluation`."""
-        return self._out[self._packed.robot_points].reshape(-1, 3)
-
-    @property
-    def camera_R(self) -> Array:  # type: ignore[override]  # noqa: N802 - the pose's R
-        """See :class:`Evaluation`."""
-        return self._out[self._packed.camera_R].reshape(3, 3)
-
-    @property
-    def camera_t(self) -> Array:  # type: ignore[override]
-        """See :class:`Evaluation`."""
-        return self._out[self._packed.camera_t]
-
-
-class RowsDraft:
-    """Rows in the making, of the same slots: see :class:`vsconstraints.controllers.compiled.Draft`."""
-
-    __slots__ = Rows.__slots__
-
-    def __init__(
-        self, phi: Array, Lg: Array, Lf: Array, switching_gain: Array, labels: tuple[str, ...], scale: Array
-    ) -> None:
-        self.phi, self.Lg, self.Lf = phi, Lg, Lf
-        self.switching_gain, self.labels, self.scale = switching_gain, labels, scale
 
 
 class ControlStep:
@@ -192,7 +82,7 @@ class ControlStep:
             state = self.scene.evaluate(t, q, qd)
             for constraint, rows, points in packed.others:
                 self._insert(out, rows, constraint, constraint.rows(state, points))
-        return CompiledEvaluation(self, out)
+        return CompiledEvaluation(packed, self.constraints, out)
 
     def command(self, controller: Controller, t: float, q: Array, qd: Array) -> tuple[Evaluation, Command]:
         """From state to command: what :meth:`evaluate` and then ``controller.command`` give, at the least cost.
@@ -206,7 +96,9 @@ class ControlStep:
         InvalidInput
             as ``controller.command`` does.
         """
-        if controller is not self._controller or controller.__dict__ != self._options:
+        # only a law that is bound has options that were read beforehand
+        changed = self._law is not None and controller.__dict__ != self._options
+        if controller is not self._controller or changed:
             self._bind(controller)
         bound, law = self._step, self._law
         if bound is not None and law is not None and q.shape == self._shape == qd.shape:
@@ -214,7 +106,7 @@ class ControlStep:
             self._qd[:] = qd
             if bound.evaluate(t):
                 done = law.answer()
-                step = CompiledEvaluation(self, bound.out.copy())
+                step = CompiledEvaluation(bound.packed, self.constraints, bound.out.copy())
                 return step, law.command() if done else controller.command(step.rows, step.task)
         evaluation = self.evaluate(t, q, qd)
         return evaluation, controller.command(evaluation.rows, evaluation.task)
@@ -235,7 +127,7 @@ class ControlStep:
         None where anything runs in NumPy.
         """
         packed = self._packed
-        return None if packed is None or packed.others else Bound(self, packed, q, qd)
+        return None if packed is None or packed.others else Bound(self._evaluate, packed, self.constraints, q, qd)
 
     def _insert(self, out: Array, rows: slice, constraint: Constraint, block: RowBlock) -> None:
         """Write the rows of a constraint in NumPy between the compiled ones."""
@@ -269,8 +161,8 @@ class ControlStep:
         pixels, points = np.zeros((N, len(scene.markers), 2)), np.zeros((N, len(scene.points), 3))
         seen = np.ones(N, dtype=np.bool_)
         if self._packed is not None:
-            I, F = self._packed.I, self._packed.F  # noqa: E741 - integers and floats
-            load("look").look(np.ascontiguousarray(t), np.ascontiguousarray(q), I, F, pixels, points, seen)
+            packed, t, q = self._packed, np.ascontiguousarray(t), np.ascontiguousarray(q)
+            load("look").look(t, q, packed.I, packed.F, pixels, points, seen)
             return pixels, points, seen
         for k in range(N):
             try:
@@ -284,30 +176,6 @@ class ControlStep:
         rows, sigma = self.constraints.rows(state)
         task, error = self.visual_task.evaluate(state)
         camera = state.camera
-        return Evaluation(rows, task, error, sigma, state.pixels.position, state.robot.points, camera.R, camera.t)
-
-
-class Bound:
-    """The compiled step on arrays that stay where they are, for loops: every sample overwrites the one before.
-
-    Attributes
-    ----------
-    out
-        Everything that a step came to, as one array.
-    now
-        The same, by its parts.
-    """
-
-    def __init__(self, control: ControlStep, packed: Packed, q: Array, qd: Array) -> None:
-        for given in (q, qd):
-            if given.shape != (packed.n,) or given.dtype != np.float64 or not given.flags.c_contiguous:
-                raise InvalidInput(f"a bound step needs contiguous floats ({packed.n},), not {given!r}")
-        self.packed = packed
-        self.out = np.zeros(packed.size)
-        self.now = CompiledEvaluation(control, self.out)
-        self._evaluate = entry(control._evaluate)
-        self._fixed = (q, qd, packed.I, packed.F, packed.memory, self.out)
-
-    def evaluate(self, t: float) -> bool:
-        """Whether ``out`` now holds the step at time ``t`` [s]; if not, the definition says what is wrong."""
-        return not self._evaluate(t, *self._fixed)
+        return DefinedEvaluation(
+            rows, task, error, sigma, state.pixels.position, state.robot.points, camera.R, camera.t
+        )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from numbers import Real
@@ -18,7 +18,8 @@ from ..kernels.entry import entry
 from ..qp import Cost, SolverChain, lexicographic
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import BOOL, NOT_FOR_COMPILED, BoundLaw, Draft, in_usual_layout
+from .compiled import BOOL, NOT_FOR_COMPILED, BoundLaw, in_usual_layout
+from .compiled_hierarchy import COMPILED, BoundHierarchy, hierarchy_command, unmet
 from .tracking import RANK_TOLERANCE, LeastNorm, check_rank_tolerance, least_norm
 
 ROUNDING = 1e-12
@@ -29,9 +30,6 @@ ZERO_GRADIENT = 1e-12
 
 AUTO = "auto"
 """Compiled where there is a compiler, and else daqp."""
-
-COMPILED = "compiled"
-"""What commands call the compiled solver."""
 
 DEFAULT = "daqp"
 
@@ -134,32 +132,14 @@ class HierarchicalQP(Controller):
             return None
         labels = rows.labels
         try:
-            m, J = len(labels), task.J
-            acted, slack, qdd = np.empty(m, BOOL), np.empty(m), np.empty(J.shape[1])
-            code, iterations = kernels.descend(
-                m,
-                rows.phi,
-                rows.Lg,
-                rows.Lf,
-                rows.switching_gain,
-                rows.scale,
-                J,
-                task.b,
-                self.rank_tolerance,
-                self.rows == "barrier",
-                self.alpha,
-                self._weights_of(labels),
-                math.inf if self.max_acceleration is None else self.max_acceleration,
-                self.damping,
-                slack,
-                acted,
-                qdd,
-            )
+            m = len(labels)
+            acted, slack, qdd = np.empty(m, BOOL), np.empty(m), np.empty(task.J.shape[1])
+            code, iterations = kernels.descend(*self._arguments(rows, task, slack, acted, qdd))
         except NOT_FOR_COMPILED:
             usual = in_usual_layout(rows, task)
             return usual and self._compiled(*usual)
         if code in (kernels.DONE, kernels.RELAXED_ROWS):
-            return _drafted(qdd, code == kernels.RELAXED_ROWS, acted, labels, slack, iterations)
+            return hierarchy_command(qdd, code == kernels.RELAXED_ROWS, acted, labels, slack, iterations)
         if code == kernels.ASK:
             return None
         self.solvers.failures[COMPILED] += 1
@@ -172,8 +152,12 @@ class HierarchicalQP(Controller):
         if kernels is None:
             return None
         slack = np.empty(len(rows.labels))
-        law = partial(
-            entry(kernels.descend),
+        law = partial(entry(kernels.descend), *self._arguments(rows, task, slack, acted, qdd))
+        return BoundHierarchy(law, (kernels.DONE, kernels.RELAXED_ROWS), rows.labels, acted, qdd, slack)
+
+    def _arguments(self, rows: Rows, task: Task, slack: Array, acted: BoolArray, qdd: Array) -> tuple[Any, ...]:
+        """What :func:`vsconstraints.kernels.hierarchical_qp.descend` takes."""
+        return (
             len(rows.labels),
             rows.phi,
             rows.Lg,
@@ -192,7 +176,6 @@ class HierarchicalQP(Controller):
             acted,
             qdd,
         )
-        return _BoundHierarchy(law, (kernels.DONE, kernels.RELAXED_ROWS), rows.labels, acted, qdd, slack)
 
     def _weights_of(self, labels: tuple[str, ...]) -> Array:
         """:func:`row_weights`, kept for the labels of the last call."""
@@ -254,52 +237,12 @@ class HierarchicalQP(Controller):
             "relaxed" if slack.any() else "ok",
             acted,
             rows.labels,
-            reason=_unmet(rows.labels, slack, which[fixed]),
+            reason=unmet(rows.labels, slack, which[fixed]),
             slack=slack,
             solver=verified.solver if verified else "",
             iterations=verified.answer.iterations if verified else 0,
             fallback=verified.fallback if verified else "",
         )
-
-
-class _BoundHierarchy(BoundLaw):
-    """The hierarchy on arrays that stay where they are."""
-
-    __slots__ = ("_done", "_last", "_law", "_relaxed", "_slack")
-
-    def __init__(
-        self,
-        law: Callable[[], tuple[int, int]],
-        codes: tuple[int, int],
-        labels: tuple[str, ...],
-        acted: BoolArray,
-        qdd: Array,
-        slack: Array,
-    ) -> None:
-        super().__init__(self._answer, labels, acted, qdd)
-        self._law, self._slack, self._last = law, slack, (0, 0)
-        self._done, self._relaxed = codes
-
-    def _answer(self) -> bool:
-        self._last = self._law()
-        return self._last[0] == self._done or self._last[0] == self._relaxed
-
-    def command(self) -> Command:
-        """The last answer, in arrays of its own."""
-        code, iterations = self._last
-        relaxed = code == self._relaxed
-        return _drafted(self.qdd.copy(), relaxed, self.acted.copy(), self.labels, self._slack.copy(), iterations)
-
-
-def _drafted(
-    qdd: Array, relaxed: bool, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
-) -> Command:
-    command: Any = Draft(qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations)
-    if relaxed:
-        command.status = "relaxed"
-        command.reason = _unmet(labels, slack, np.flatnonzero(~acted & (slack > 0.0)))
-    command.__class__ = Command
-    return command  # type: ignore[no-any-return]
 
 
 def demands(rows: Rows, form: Literal["barrier", "active"], alpha: float) -> tuple[IntArray, Array, Array]:
@@ -346,20 +289,6 @@ def task_cost(tracking: LeastNorm, damping: float) -> Cost:
     size = float(np.linalg.norm(tracking.gains))
     relative = tracking.gains / size if size > 0.0 else tracking.gains
     return Cost(tracking.qdd, tracking.directions, np.sqrt(relative * relative + damping))
-
-
-def _unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
-    """Say which demands are unmet and by how much; empty if none is."""
-    unmet = np.flatnonzero(slack > 0.0)
-    if not unmet.size:
-        return ""
-    amounts = ", ".join(f"{labels[i]} by {slack[i]:.3g}" for i in unmet)
-    why = (
-        ""
-        if not np.isin(unmet, fixed).any()
-        else "; no acceleration influences " + ", ".join(labels[i] for i in unmet if i in fixed)
-    )
-    return f"no acceleration meets every demand; unmet, in units of φ per second: {amounts}{why}"
 
 
 def _require_positive(name: str, value: object) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..constraints import Trace
-from ..control_step import Bound, ControlStep
+from ..control_step import ControlStep
+from ..evaluation import Bound
 from ..geometry import Pose, distances
 from ..rows import Array, Command
 from .outcome import judge

@@ -8,9 +8,11 @@ from time import perf_counter
 
 import numpy as np
 
-from ..control_step import CompiledEvaluation, ControlStep
+from ..control_step import ControlStep
 from ..controllers import Controller
 from ..errors import ConfigurationError, SceneError
+from ..evaluation import CompiledEvaluation
+from ..geometry import Pose
 from ..rows import Command
 from .line_of_sight import LinesOfSight
 from .log import STEPS, Log
@@ -93,7 +95,7 @@ class _Run:
             true_rows, sigma = self.setup.constraints.rows(state)
             log.true(k, true_rows.phi, sigma, state.pixels.position, state.robot.points, state.camera)
         else:
-            log.true(k, step.rows.phi, step.sigma, step.pixels, step.points, step.camera)
+            log.true(k, step.rows.phi, step.sigma, step.pixels, step.points, Pose(step.camera_R, step.camera_t))
         called = perf_counter()
         command = self.controller.command(rows, step.task)
         self._carry_out(k, command, ready - started, perf_counter() - called)
@@ -138,7 +140,7 @@ class _Run:
                 log.keep_steps(k)
             steps[i] = out
             if not done:
-                step = CompiledEvaluation(control, out.copy())
+                step = CompiledEvaluation(bound.packed, self.setup.constraints, out.copy())
                 command = self.controller.command(step.rows, step.task)
                 self._carry_out(k, command, ready - started, perf_counter() - ready)
                 return

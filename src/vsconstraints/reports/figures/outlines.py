@@ -19,6 +19,9 @@ HATCH = "#B0B0B0"
 MOMENTS = 5
 """How often a boundary that moves is drawn."""
 
+LOOKS = 200
+"""How often it is looked at to find when it is in the image."""
+
 GRID_STEP = 2.0
 """Of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is exact."""
 
@@ -50,13 +53,11 @@ class Outlines:
         every = setup.constraints.constraints if setup is not None else ()
         image = tuple(c for c in every if isinstance(c, ImageConstraint))
         still = tuple(c for c in image if c.motion is None)
-        times = np.linspace(0.0, setup.duration if setup is not None else 0.0, MOMENTS)
-        moving = [(c.motion, c.boundary(size, times)) for c in image if c.motion is not None]
         return cls(
             still,
             [line for c in still for line in c.boundary(size)],
             0.5 * AROUND * np.asarray(size),
-            [(float(t), [line + m.displacement(t) for m, lines in moving for line in lines]) for t in times if moving],
+            _moments([c for c in image if c.motion is not None], setup.duration if setup is not None else 0.0, size),
         )
 
     @property
@@ -83,21 +84,34 @@ class Outlines:
         for k, (t, lines) in enumerate(self.moving):
             for line in lines:
                 ax.plot(*line.T, **moving_style(k), zorder=2.1)
-                highest = line[int(np.argmin(line[:, 1]))]
+                middle_of_it = 0.5 * (line.min(axis=0) + line.max(axis=0))
                 if centre is None:
                     ax.annotate(
-                        f"{t:g} s",
-                        highest,
-                        (0.0, 2.0),
-                        textcoords="offset points",
+                        f"{t:.1f} s",
+                        middle_of_it,
                         ha="center",
-                        va="bottom",
+                        va="center",
                         fontsize=7.5,
                         color="#444444",
                         clip_on=True,
                         annotation_clip=True,
                         zorder=2.2,
                     )
+
+
+def _moments(
+    moving: list[ImageConstraint], duration: float, size: tuple[float, float]
+) -> list[tuple[float, list[Array]]]:
+    """The moving boundaries at :data:`MOMENTS` instants from when the first is in the image to when the last is."""
+    every = np.linspace(0.0, duration, LOOKS)
+    lines = [(c.motion.displacement(every), line) for c in moving if c.motion for line in c.boundary(size, every)]
+    half = 0.5 * np.asarray(size)
+    seen = np.array([any((np.abs(line + d[k]) < half).all(axis=1).any() for d, line in lines) for k in range(LOOKS)])
+    if not seen.any():
+        return []
+    first, last = np.flatnonzero(seen)[[0, -1]]
+    at = np.unique(np.round(np.linspace(first, last, MOMENTS)).astype(int))
+    return [(float(every[k]), [line + d[k] for d, line in lines]) for k in at]
 
 
 def moving_style(moment: int) -> dict[str, Any]:

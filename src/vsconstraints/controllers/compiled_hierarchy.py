@@ -1,0 +1,73 @@
+"""Commands of the hierarchical QP's compiled form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..rows import Array, BoolArray, Command
+from .compiled import BoundLaw, Draft
+
+COMPILED = "compiled"
+"""What commands call the compiled solver."""
+
+
+class BoundHierarchy(BoundLaw):
+    """The hierarchy on arrays that stay where they are."""
+
+    __slots__ = ("_done", "_last", "_law", "_relaxed", "_slack")
+
+    def __init__(
+        self,
+        law: Callable[[], tuple[int, int]],
+        codes: tuple[int, int],
+        labels: tuple[str, ...],
+        acted: BoolArray,
+        qdd: Array,
+        slack: Array,
+    ) -> None:
+        super().__init__(self._answer, labels, acted, qdd)
+        self._law, self._slack, self._last = law, slack, (0, 0)
+        self._done, self._relaxed = codes
+
+    def _answer(self) -> bool:
+        self._last = self._law()
+        return self._last[0] == self._done or self._last[0] == self._relaxed
+
+    def command(self) -> Command:
+        """The last answer, in arrays of its own."""
+        code, iterations = self._last
+        relaxed = code == self._relaxed
+        return hierarchy_command(
+            self.qdd.copy(), relaxed, self.acted.copy(), self.labels, self._slack.copy(), iterations
+        )
+
+
+def hierarchy_command(
+    qdd: Array, relaxed: bool, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
+) -> Command:
+    """The command of the compiled hierarchy, from arrays that become its own."""
+    command: Any = Draft(qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations)
+    if relaxed:
+        command.status = "relaxed"
+        command.reason = unmet(labels, slack, np.flatnonzero(~acted & (slack > 0.0)))
+    command.__class__ = Command
+    made: Command = command
+    return made
+
+
+def unmet(labels: tuple[str, ...], slack: Array, fixed: NDArray[np.intp]) -> str:
+    """Say which demands are unmet and by how much; empty if none is."""
+    unmet = np.flatnonzero(slack > 0.0)
+    if not unmet.size:
+        return ""
+    amounts = ", ".join(f"{labels[i]} by {slack[i]:.3g}" for i in unmet)
+    why = (
+        ""
+        if not np.isin(unmet, fixed).any()
+        else "; no acceleration influences " + ", ".join(labels[i] for i in unmet if i in fixed)
+    )
+    return f"no acceleration meets every demand; unmet, in units of φ per second: {amounts}{why}"

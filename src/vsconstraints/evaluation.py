@@ -1,0 +1,165 @@
+"""What one control step comes to: rows, task, and what was seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from .errors import InvalidInput
+from .kernels.entry import entry
+from .rows import Array, Rows, Task
+
+if TYPE_CHECKING:
+    from .constraints import ConstraintSet
+    from .kernels.packing import Packed
+
+
+class Evaluation(Protocol):
+    """What one step came to; the arrays are its own."""
+
+    @property
+    def rows(self) -> Rows:
+        """The rows, as a controller takes them."""
+
+    @property
+    def task(self) -> Task:
+        """The task, likewise."""
+
+    @property
+    def error(self) -> Array:
+        """(k,) of the visual feature."""
+
+    @property
+    def sigma(self) -> Array:
+        """(m,) of each row."""
+
+    @property
+    def pixels(self) -> Array:
+        """(M, 2) markers from the image's centre [px]."""
+
+    @property
+    def points(self) -> Array:
+        """(p, 3) the scene's robot points in the base frame [m]."""
+
+    @property
+    def camera_R(self) -> Array:  # noqa: N802 - the pose's R
+        """(3, 3) orientation of the camera in the target's frame."""
+
+    @property
+    def camera_t(self) -> Array:
+        """(3,) position of the camera in the target's frame [m]."""
+
+
+@dataclass(slots=True)
+class DefinedEvaluation:
+    """An :class:`Evaluation` by the NumPy form."""
+
+    rows: Rows
+    task: Task
+    error: Array
+    sigma: Array
+    pixels: Array
+    points: Array
+    camera_R: Array
+    camera_t: Array
+
+
+class CompiledEvaluation:
+    """An :class:`Evaluation` as the array that the compiled step writes: its parts are views, made when asked for."""
+
+    __slots__ = ("_constraints", "_out", "_packed")
+
+    def __init__(self, packed: Packed, constraints: ConstraintSet, out: Array) -> None:
+        self._packed, self._constraints, self._out = packed, constraints, out
+
+    @property
+    def rows(self) -> Rows:
+        """See :class:`Evaluation`."""
+        out, packed, constraints = self._out, self._packed, self._constraints
+        rows: Any = RowsDraft(
+            out[packed.phi],
+            out[packed.Lg].reshape(packed.m, packed.n),
+            out[packed.Lf],
+            constraints.switching_gain,
+            constraints.labels,
+            constraints.scale,
+        )
+        rows.__class__ = Rows
+        made: Rows = rows
+        return made
+
+    @property
+    def task(self) -> Task:
+        """See :class:`Evaluation`."""
+        out, packed = self._out, self._packed
+        return Task(out[packed.J].reshape(packed.k, packed.n), out[packed.b])
+
+    @property
+    def error(self) -> Array:
+        """See :class:`Evaluation`."""
+        return self._out[self._packed.error]
+
+    @property
+    def sigma(self) -> Array:
+        """See :class:`Evaluation`."""
+        return self._out[self._packed.sigma]
+
+    @property
+    def pixels(self) -> Array:
+        """See :class:`Evaluation`."""
+        return self._out[self._packed.pixels].reshape(-1, 2)
+
+    @property
+    def points(self) -> Array:
+        """See :class:`Evaluation`."""
+        return self._out[self._packed.robot_points].reshape(-1, 3)
+
+    @property
+    def camera_R(self) -> Array:  # noqa: N802 - the pose's R
+        """See :class:`Evaluation`."""
+        return self._out[self._packed.camera_R].reshape(3, 3)
+
+    @property
+    def camera_t(self) -> Array:
+        """See :class:`Evaluation`."""
+        return self._out[self._packed.camera_t]
+
+
+class RowsDraft:
+    """Rows in the making, of the same slots: see :class:`vsconstraints.controllers.compiled.Draft`."""
+
+    __slots__ = Rows.__slots__
+
+    def __init__(
+        self, phi: Array, Lg: Array, Lf: Array, switching_gain: Array, labels: tuple[str, ...], scale: Array
+    ) -> None:
+        self.phi, self.Lg, self.Lf = phi, Lg, Lf
+        self.switching_gain, self.labels, self.scale = switching_gain, labels, scale
+
+
+class Bound:
+    """The compiled step on arrays that stay where they are, for loops: every sample overwrites the one before.
+
+    Attributes
+    ----------
+    out
+        Everything that a step came to, as one array.
+    now
+        The same, by its parts.
+    """
+
+    def __init__(self, evaluate: Any, packed: Packed, constraints: ConstraintSet, q: Array, qd: Array) -> None:
+        for given in (q, qd):
+            if given.shape != (packed.n,) or given.dtype != np.float64 or not given.flags.c_contiguous:
+                raise InvalidInput(f"a bound step needs contiguous floats ({packed.n},), not {given!r}")
+        self.packed = packed
+        self.out = np.zeros(packed.size)
+        self.now = CompiledEvaluation(packed, constraints, self.out)
+        self._evaluate = entry(evaluate)
+        self._fixed = (q, qd, packed.I, packed.F, packed.memory, self.out)
+
+    def evaluate(self, t: float) -> bool:
+        """Whether ``out`` now holds the step at time ``t`` [s]; if not, the definition says what is wrong."""
+        return not self._evaluate(t, *self._fixed)
