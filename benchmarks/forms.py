@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
+from time import perf_counter_ns
 
 import numpy as np
 
@@ -34,10 +35,13 @@ NO_OPERATION = "int64(float64, float64[::1], float64[::1], int64[::1], float64[:
 class NumPyWalk(Walk):
     """The same steps by their definition."""
 
-    def __init__(self, setup: Setup, controller: Controller, run: Trajectory, turns: int) -> None:
-        super().__init__(setup, controller, run, turns)
-        self.control._packed = None
-        self.command = controller._defined
+    def in_one(self, t: float, q: Array, qd: Array) -> int:
+        """Time of the definitions of both [ns]."""
+        clock, control, solve = perf_counter_ns, self.control, self.controller._defined
+        started = clock()
+        step = control.define(control.scene.evaluate(t, q, qd))
+        solve(step.rows, step.task)
+        return clock() - started
 
 
 def measure(effort: Effort) -> Part:
@@ -113,7 +117,7 @@ def three_active(setup: Setup, run: Trajectory) -> tuple[Rows, Task, tuple[float
 
 def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
     rows, task, (t, q, qd) = three_active(setup, run)
-    control = ControlStep(setup.scene, setup.constraints, setup.task)
+    control, both = (ControlStep(setup.scene, setup.constraints, setup.task) for _ in range(2))
     law, hierarchy, field = SlidingMode(), hierarchical_qp("auto"), PotentialField()
     m, n = len(rows.labels), task.J.shape[1]
     phi, Lg, Lf, gain, scale, J, b = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b
@@ -125,12 +129,11 @@ def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
         nothing = import_module("numba").njit(NO_OPERATION)(_nothing)
         out = np.empty(packed.size)
         subjects["an empty compiled function with 6 arrays"] = lambda: nothing(t, q, qd, packed.I, packed.F, q, out)
-        subjects["compiled function of rows and task"] = lambda: step.evaluate_step(
-            t, q, qd, packed.I, packed.F, packed.memory, out
-        )
+        subjects["compiled function of rows and task"] = lambda: step.evaluate_step(*packed.arguments, out, t, q, qd)
         subjects["compiled function of the sliding mode"] = lambda: laws.follow(
             m, phi, Lg, Lf, gain, scale, J, b, 1e-6, SLIDING, 1.0, 1.0, 1.0, acted, qdd
         )
+    subjects["ControlStep.command"] = lambda: both.command(law, t, q, qd)
     subjects["ControlStep.evaluate"] = lambda: control.evaluate(t, q, qd)
     subjects["SlidingMode.command"] = lambda: law.command(rows, task)
     subjects["PotentialField.command"] = lambda: field.command(rows, task)

@@ -149,10 +149,6 @@ def _steps(
         task = VisualTask(feature, [goal], TrackingGains(20.0))
         control = ControlStep(scene, ConstraintSet(constraints, scene), task)
 
-        def step() -> object:
-            now = control.evaluate(0.0, q, qd)
-            return law.command(now.rows, now.task)
-
-        return step
+        return lambda: control.command(law, 0.0, q, qd)
 
     return {f"{name}, {what}": subject(make()) for name, make in SUBJECTS.items()}

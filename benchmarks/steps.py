@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from time import perf_counter_ns
 
 import numpy as np
 
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller
-from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
 
@@ -17,11 +15,12 @@ from .part import CASE_STUDY, Effort, Part, Table, controllers, digits, median_p
 from .timing import BLOCK, UNIT, Array, Times, in_turn
 
 TEXT = f"""
-State in, command out: `ControlStep.evaluate` (rows: kinematics, features, rows and task) and `controller.command`,
-called along the controller's own run of the scenario, {BLOCK} samples in a row at places evenly spread over it, so that
-rows act where they act in the run. Times are median / p99 / max in µs; *ratio* is the total's median / p99 / max in
-units, measured in the same turn; *first* is the first step in µs, with the making of the `ControlStep`, in a process
-that has its code loaded.
+State in, command out, along the controller's own run of the scenario, {BLOCK} samples in a row at places evenly spread
+over it, so that rows act where they act in the run. *rows* is `ControlStep.evaluate` (kinematics, features, rows and
+task), *command* is `controller.command` of these, *total* is `ControlStep.command`, which does both in one, for the
+same samples right afterwards. Times are median / p99 / max in µs; *ratio* is the total's median / p99 / max in units,
+measured in the same turn; *first* is the first total in µs, with the making of the `ControlStep`, in a process that has
+its code loaded.
 """
 
 
@@ -29,7 +28,7 @@ class Walk:
     """Times steps of a controller along a run of it: rows, command and total of each sample."""
 
     def __init__(self, setup: Setup, controller: Controller, run: Trajectory, turns: int) -> None:
-        self.command: Callable[[Rows, Task], Command] = controller.command
+        self.controller = controller
         self.states = [(float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)]
         last = max(len(self.states) - BLOCK, 1)
         self.starts = np.linspace(min(1, last), last, turns).astype(int)
@@ -37,7 +36,7 @@ class Walk:
         setup.task.reset()
         started = perf_counter_ns()
         self.control = ControlStep(setup.scene, setup.constraints, setup.task)
-        self._step(self.states[0])
+        self.in_one(*self.states[0])
         self.first = 1e-9 * (perf_counter_ns() - started)
 
     @property
@@ -51,24 +50,36 @@ class Walk:
 
     def __call__(self, turn: int) -> Array:
         """(calls, 3) times of rows, command and total [ns]."""
-        start = int(self.starts[turn])
-        self.control.reset()
-        # what the task remembers from the sample before
-        self.control.evaluate(*self.states[start - 1])
         times = np.empty((BLOCK, 3))
-        for i in range(BLOCK):
-            times[i] = self._step(self.states[min(start + i, len(self.states) - 1)])
+        for i, state in enumerate(self._states_of(turn)):
+            times[i, :2] = self.in_two(*state)
+        for i, state in enumerate(self._states_of(turn)):
+            times[i, 2] = self.in_one(*state)
         return times
 
-    def _step(self, state: tuple[float, Array, Array]) -> tuple[int, int, int]:
-        t, q, qd = state
-        clock, evaluate, command = perf_counter_ns, self.control.evaluate, self.command
+    def _states_of(self, turn: int) -> list[tuple[float, Array, Array]]:
+        """Those of a turn; the task remembers the one before."""
+        start = int(self.starts[turn])
+        self.control.reset()
+        self.control.evaluate(*self.states[start - 1])
+        last = len(self.states) - 1
+        return [self.states[min(i, last)] for i in range(start, start + BLOCK)]
+
+    def in_two(self, t: float, q: Array, qd: Array) -> tuple[int, int]:
+        """Times of rows and command [ns]."""
+        clock, evaluate, command = perf_counter_ns, self.control.evaluate, self.controller.command
         started = clock()
         step = evaluate(t, q, qd)
         ready = clock()
         command(step.rows, step.task)
-        done = clock()
-        return ready - started, done - ready, done - started
+        return ready - started, clock() - ready
+
+    def in_one(self, t: float, q: Array, qd: Array) -> int:
+        """Time of both [ns]."""
+        clock, command, controller = perf_counter_ns, self.control.command, self.controller
+        started = clock()
+        command(controller, t, q, qd)
+        return clock() - started
 
 
 def measure(effort: Effort) -> Part:

@@ -20,7 +20,8 @@ from vsconstraints.motion import Motion
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import CONSTRAINTS, Scenario, shipped_scenarios
 from vsconstraints.scene import Scene, State
-from vsconstraints.simulation import simulate
+from vsconstraints.simulation import Setup, simulate
+from vsconstraints.simulation.loop import _Run
 from vsconstraints.tracking import TrackingGains, VisualTask
 
 COMPILED = ("field-of-view", "occlusion", "joint-range", "joint-speed", "forbidden-sphere")
@@ -52,13 +53,15 @@ def assert_equal(found: Evaluation, defined: Evaluation) -> None:
 
 
 def both(scene: Scene, constraints: ConstraintSet, task: VisualTask, states: list[tuple[float, Array, Array]]) -> None:
-    """Walk through states with both forms: what a task remembers counts too."""
-    step = ControlStep(scene, constraints, task)
-    assert step.not_compiled == ""
-    for _ in range(2):
-        step.reset()
-        for t, q, qd in states:
-            assert_equal(step.evaluate(t, q, qd), step.define(scene.evaluate(t, q, qd)))
+    """Walk through states with both forms, told of every motion or not: what a task remembers counts too."""
+    for told in (True, False):
+        step = ControlStep(scene, constraints, task, told=told)
+        assert step.not_compiled == ""
+        for _ in range(2):
+            step.reset()
+            for t, q, qd in states:
+                state = scene.evaluate(t, q, qd)
+                assert_equal(step.evaluate(t, q, qd), step.define(state if told else scene.believed(state)))
 
 
 def examples(arm: Any, world: str) -> list[Constraint]:
@@ -71,6 +74,7 @@ def examples(arm: Any, world: str) -> list[Constraint]:
             if world == "moving-target" and type_name in ("occlusion", "forbidden-sphere"):
                 d = 2 if type_name == "occlusion" else 3
                 constraint.moving(Motion([9.0, -0.2, 0.1][:d], amplitude=[0.1, 0.2, 0.3][:d], frequency=0.5, phase=0.4))
+                constraint.motion.known = i % 2 == 0
             found.append(constraint)
     return found
 
@@ -81,8 +85,10 @@ def test_every_robot_and_constraint_in_every_world(name: str, world: str) -> Non
     arm = robot(name)
     for seed, feature in enumerate(FEATURES):
         rng = np.random.default_rng([seed, *name.encode()])
-        for one in examples(arm, world):
+        for number, one in enumerate(examples(arm, world)):
             scene, q, qd = random_scene(arm, rng, [one], world)
+            if scene.motion is not None:
+                scene.motion.translation.known = number % 3 > 0
             state = scene.evaluate(0.7, q, qd)
             turn = [scene.camera_pose(random_configuration(arm, rng), 0.7) for _ in range(2)]
             goals = [
@@ -95,20 +101,37 @@ def test_every_robot_and_constraint_in_every_world(name: str, world: str) -> Non
             both(scene, ConstraintSet([one], scene), task, walk)
 
 
-IN_NUMPY = {"moving-target-unknown": "a target whose motion is not known"}
-"""Shipped scenarios that run in NumPy as a whole, and why; no other may."""
+def brief(name: str) -> Setup:
+    return Scenario.load(name).with_override("duration", 0.3).setup()
 
 
 @pytest.mark.parametrize("name", shipped_scenarios())
 def test_every_shipped_scenario(name: str) -> None:
-    setup = Scenario.load(name).setup()
-    step = ControlStep(setup.scene, setup.constraints, setup.task)
-    assert step.not_compiled == IN_NUMPY.get(name, "")
+    setup = brief(name)
     rng = np.random.default_rng(1)
-    for k in range(20):
-        t = 0.5 * k * setup.Ts
-        q, qd = setup.q0 + 0.01 * rng.normal(size=len(setup.q0)), 0.2 * rng.normal(size=len(setup.q0))
-        assert_equal(step.evaluate(t, q, qd), step.define(setup.scene.evaluate(t, q, qd)))
+    states = [
+        (0.5 * k * setup.Ts, setup.q0 + 0.01 * rng.normal(size=len(setup.q0)), 0.2 * rng.normal(size=len(setup.q0)))
+        for k in range(20)
+    ]
+    both(setup.scene, setup.constraints, setup.task, states)
+
+
+@pytest.mark.parametrize("law", [SlidingMode(), HierarchicalQP()])
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_the_compiled_loop_runs_every_shipped_scenario_as_the_other_does(
+    name: str, law: Controller, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = _Run(brief(name), law)
+    # what is measured wrongly has no compiled form
+    assert (run._compiled() is not None) == (not run.setup.disturbances.sensing and not run.gradient_error.any)
+    compiled = simulate(brief(name), law)
+    monkeypatch.setattr(_Run, "_compiled", lambda run: None)
+    usual = simulate(brief(name), law)
+    assert compiled.reason == usual.reason
+    for part in ("q", "qd", "qdd_command", "phi", "sigma", "error", "features_px", "points", "camera_position"):
+        mine, theirs = getattr(compiled, part), getattr(usual, part)
+        np.testing.assert_allclose(mine, theirs, rtol=1e-7, atol=1e-7 * max(1.0, np.abs(theirs).max(initial=0.0)))
+    np.testing.assert_array_equal(compiled.active, usual.active)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-13, 1e-9, 1e-4, 0.0999, 0.1001, 2.0, np.pi - 1e-7, np.pi, -np.pi, 3.5, 6.2])

@@ -8,7 +8,7 @@ import numpy as np
 
 from .constraints import Constraint, ConstraintSet, RowBlock
 from .errors import InvalidInput, SceneError
-from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
+from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation, StateToCommand, state_to_command
 from .kernels import load
 from .rows import Array, BoolArray, Command
 from .scene import Scene, State
@@ -16,7 +16,6 @@ from .tracking import VisualTask
 
 if TYPE_CHECKING:
     from .controllers import Controller
-    from .controllers.compiled import BoundLaw
     from .kernels.packing import Packed
 
 
@@ -32,6 +31,9 @@ class ControlStep:
     ----------
     scene, constraints, task
         What is evaluated.
+    told
+        Whether to take every motion for known. If not, what moves without the controller's being told (section 5.4) is
+        where it is, but taken for static, as controllers believe it to be.
 
     Attributes
     ----------
@@ -39,21 +41,21 @@ class ControlStep:
         Why the NumPy form runs for all; empty if the compiled one does.
     """
 
-    def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask) -> None:
+    def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask, *, told: bool = False) -> None:
         self.scene, self.constraints, self.visual_task = scene, constraints, task
         self.not_compiled = ""
+        self._believes = not told and has_unknown_motion(scene, constraints)
         self._packed: Packed | None = None
         self._controller: Controller | None = None
         self._options: dict[str, Any] = {}
-        self._step: Bound | None = None
-        self._law: BoundLaw | None = None
+        self._quick: StateToCommand | None = None
         packing, step = load("packing"), load("step")
         if packing is None or step is None:
             self.not_compiled = "there is no compiler"
             return
         self._evaluate = step.evaluate_step
         try:
-            self._packed = packing.Packed(scene, constraints, task)
+            self._packed = packing.Packed(scene, constraints, task, told)
         except packing.NotCompiled as reason:
             self.not_compiled = str(reason)
 
@@ -73,16 +75,20 @@ class ControlStep:
         """
         packed = self._packed
         if packed is None:
-            return self.define(self.scene.evaluate(t, q, qd))
+            return self.define(self._state(t, q, qd))
         out = np.empty(packed.size)
-        if self._evaluate(t, q, qd, packed.I, packed.F, packed.memory, out):
+        if self._evaluate(*packed.arguments, out, t, q, qd):
             # what cannot be evaluated is told by the definition
-            return self.define(self.scene.evaluate(t, q, qd))
+            return self.define(self._state(t, q, qd))
         if packed.others:
-            state = self.scene.evaluate(t, q, qd)
+            state = self._state(t, q, qd)
             for constraint, rows, points in packed.others:
                 self._insert(out, rows, constraint, constraint.rows(state, points))
         return CompiledEvaluation(packed, self.constraints, out)
+
+    def _state(self, t: float, q: Array, qd: Array) -> State:
+        state = self.scene.evaluate(t, q, qd)
+        return self.scene.believed(state) if self._believes else state
 
     def command(self, controller: Controller, t: float, q: Array, qd: Array) -> tuple[Evaluation, Command]:
         """From state to command: what :meth:`evaluate` and then ``controller.command`` give, at the least cost.
@@ -96,38 +102,31 @@ class ControlStep:
         InvalidInput
             as ``controller.command`` does.
         """
+        quick = self._quick
         # only a law that is bound has options that were read beforehand
-        changed = self._law is not None and controller.__dict__ != self._options
-        if controller is not self._controller or changed:
-            self._bind(controller)
-        bound, law = self._step, self._law
-        if bound is not None and law is not None and q.shape == self._shape == qd.shape:
-            self._q[:] = q
-            self._qd[:] = qd
-            if bound.evaluate(t):
-                done = law.answer()
-                step = CompiledEvaluation(bound.packed, self.constraints, bound.out.copy())
-                return step, law.command() if done else controller.command(step.rows, step.task)
+        if controller is not self._controller or (quick is not None and controller.__dict__ != self._options):
+            quick = self._bind(controller)
+        answer = quick(t, q, qd) if quick is not None else None
+        if answer is not None:
+            return answer
         evaluation = self.evaluate(t, q, qd)
         return evaluation, controller.command(evaluation.rows, evaluation.task)
 
-    def _bind(self, controller: Controller) -> None:
+    def _bind(self, controller: Controller) -> StateToCommand | None:
         """Prepare :meth:`command` for a controller with the options that it has now."""
         self._controller, self._options = controller, dict(vars(controller))
-        n, m = self.scene.robot.n, len(self.constraints.labels)
-        self._q, self._qd, self._shape = np.zeros(n), np.zeros(n), (n,)
-        self._step, self._law = self.bound(self._q, self._qd), None
-        if self._step is not None:
-            now = self._step.now
-            self._law = controller._bound(now.rows, now.task, np.empty(m, dtype=np.bool_), np.empty(n))
+        self._quick, step = None, self.bound()
+        if step is not None:
+            now, m = step.now, len(self.constraints.labels)
+            law = controller._bound(now.rows, now.task, np.empty(m, dtype=np.bool_), np.empty(step.packed.n))
+            if law is not None:
+                self._quick = state_to_command(step, law, controller, self.constraints)
+        return self._quick
 
-    def bound(self, q: Array, qd: Array) -> Bound | None:
-        """The compiled step on arrays that stay where they are, ``q`` and ``qd`` (n,) among them.
-
-        None where anything runs in NumPy.
-        """
+    def bound(self) -> Bound | None:
+        """The compiled step on arrays that stay where they are; None where anything runs in NumPy."""
         packed = self._packed
-        return None if packed is None or packed.others else Bound(self._evaluate, packed, self.constraints, q, qd)
+        return None if packed is None or packed.others else Bound(packed, self.constraints, self._evaluate)
 
     def _insert(self, out: Array, rows: slice, constraint: Constraint, block: RowBlock) -> None:
         """Write the rows of a constraint in NumPy between the compiled ones."""
@@ -162,7 +161,8 @@ class ControlStep:
         seen = np.ones(N, dtype=np.bool_)
         if self._packed is not None:
             packed, t, q = self._packed, np.ascontiguousarray(t), np.ascontiguousarray(q)
-            load("look").look(t, q, packed.I, packed.F, pixels, points, seen)
+            rest = np.zeros(packed.n)
+            load("look").look(t, q, rest, packed.I, packed.F, *packed.moving, pixels, points, seen)
             return pixels, points, seen
         for k in range(N):
             try:
@@ -179,3 +179,9 @@ class ControlStep:
         return DefinedEvaluation(
             rows, task, error, sigma, state.pixels.position, state.robot.points, camera.R, camera.t
         )
+
+
+def has_unknown_motion(scene: Scene, constraints: ConstraintSet) -> bool:
+    """Whether the target or something forbidden moves without controllers' being told."""
+    motions = [scene.motion, *(getattr(constraint, "motion", None) for constraint in constraints.constraints)]
+    return any(motion is not None and not motion.known for motion in motions)

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from .errors import InvalidInput
 from .kernels.entry import entry
-from .rows import Array, Rows, Task
+from .rows import Array, Command, Rows, Task
 
 if TYPE_CHECKING:
     from .constraints import ConstraintSet
+    from .controllers import Controller
+    from .controllers.compiled import BoundLaw
     from .kernels.packing import Packed
+
+FLOAT = np.dtype(np.float64)
 
 
 class Evaluation(Protocol):
@@ -144,22 +149,45 @@ class Bound:
 
     Attributes
     ----------
+    evaluate
+        Takes time [s], q and q̇, which must be contiguous floats (n,), and returns 0 if ``out`` now holds the step; if
+        not, the definition says what is wrong.
     out
         Everything that a step came to, as one array.
     now
         The same, by its parts.
     """
 
-    def __init__(self, evaluate: Any, packed: Packed, constraints: ConstraintSet, q: Array, qd: Array) -> None:
-        for given in (q, qd):
-            if given.shape != (packed.n,) or given.dtype != np.float64 or not given.flags.c_contiguous:
-                raise InvalidInput(f"a bound step needs contiguous floats ({packed.n},), not {given!r}")
+    __slots__ = ("evaluate", "now", "out", "packed")
+
+    def __init__(self, packed: Packed, constraints: ConstraintSet, evaluate_step: Any) -> None:
         self.packed = packed
         self.out = np.zeros(packed.size)
         self.now = CompiledEvaluation(packed, constraints, self.out)
-        self._evaluate = entry(evaluate)
-        self._fixed = (q, qd, packed.I, packed.F, packed.memory, self.out)
+        self.evaluate: Callable[[float, Array, Array], int] = partial(entry(evaluate_step), *packed.arguments, self.out)
 
-    def evaluate(self, t: float) -> bool:
-        """Whether ``out`` now holds the step at time ``t`` [s]; if not, the definition says what is wrong."""
-        return not self._evaluate(t, *self._fixed)
+
+StateToCommand = Callable[[float, Array, Array], tuple[Evaluation, Command] | None]
+"""From time [s], q and q̇ to what they come to; None if something else has to answer."""
+
+
+def state_to_command(step: Bound, law: BoundLaw, controller: Controller, constraints: ConstraintSet) -> StateToCommand:
+    """Step and law as one function, whose answers have arrays of their own; the law is that of the controller."""
+    evaluate, solve, command, out, packed = step.evaluate, law.solve, law.command, step.out, step.packed
+    shape = (packed.n,)
+
+    def quick(t: float, q: Array, qd: Array) -> tuple[Evaluation, Command] | None:
+        # compiled code takes for granted what is looked at here
+        if (
+            q.dtype is FLOAT is qd.dtype
+            and q.shape == shape == qd.shape
+            and q.flags.c_contiguous
+            and qd.flags.c_contiguous
+            and not evaluate(t, q, qd)
+        ):
+            asks = solve()
+            step = CompiledEvaluation(packed, constraints, out.copy())
+            return step, controller.command(step.rows, step.task) if asks else command()
+        return None
+
+    return quick

@@ -68,15 +68,15 @@ class BoundLaw:
 
     Attributes
     ----------
-    answer
-        Writes ``acted`` (m,) and ``qdd`` (n,), and says whether they hold the answer; if not, the controller's
+    solve
+        Writes ``acted`` (m,) and ``qdd`` (n,), and returns 0 if they hold the answer; if not, the controller's
         ``command`` has to be asked.
     """
 
-    __slots__ = ("acted", "answer", "labels", "qdd")
+    __slots__ = ("acted", "labels", "qdd", "solve")
 
-    def __init__(self, answer: Callable[[], bool], labels: tuple[str, ...], acted: BoolArray, qdd: Array) -> None:
-        self.answer, self.labels, self.acted, self.qdd = answer, labels, acted, qdd
+    def __init__(self, solve: Callable[[], int], labels: tuple[str, ...], acted: BoolArray, qdd: Array) -> None:
+        self.solve, self.labels, self.acted, self.qdd = solve, labels, acted, qdd
 
     def command(self) -> Command:
         """The last answer, in arrays of its own."""
@@ -101,7 +101,7 @@ def bound_law(
     kernels = load("task_priority")
     if kernels is None:
         return None
-    law_of_rows = partial(
+    solve = partial(
         entry(kernels.follow),
         len(rows.labels),
         rows.phi,
@@ -119,7 +119,7 @@ def bound_law(
         acted,
         qdd,
     )
-    return BoundLaw(lambda: not law_of_rows(), rows.labels, acted, qdd)
+    return BoundLaw(solve, rows.labels, acted, qdd)
 
 
 def compiled_command(

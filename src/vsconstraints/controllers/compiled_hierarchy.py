@@ -18,24 +18,24 @@ COMPILED = "compiled"
 class BoundHierarchy(BoundLaw):
     """The hierarchy on arrays that stay where they are."""
 
-    __slots__ = ("_done", "_last", "_law", "_relaxed", "_slack")
+    __slots__ = ("_last", "_law", "_relaxed", "_slack")
 
     def __init__(
         self,
         law: Callable[[], tuple[int, int]],
-        codes: tuple[int, int],
+        relaxed: int,
         labels: tuple[str, ...],
         acted: BoolArray,
         qdd: Array,
         slack: Array,
     ) -> None:
-        super().__init__(self._answer, labels, acted, qdd)
+        super().__init__(self._solve, labels, acted, qdd)
         self._law, self._slack, self._last = law, slack, (0, 0)
-        self._done, self._relaxed = codes
+        self._relaxed = relaxed
 
-    def _answer(self) -> bool:
-        self._last = self._law()
-        return self._last[0] == self._done or self._last[0] == self._relaxed
+    def _solve(self) -> int:
+        code, _ = self._last = self._law()
+        return 0 if code == self._relaxed else code
 
     def command(self) -> Command:
         """The last answer, in arrays of its own."""

@@ -153,7 +153,7 @@ class HierarchicalQP(Controller):
             return None
         slack = np.empty(len(rows.labels))
         law = partial(entry(kernels.descend), *self._arguments(rows, task, slack, acted, qdd))
-        return BoundHierarchy(law, (kernels.DONE, kernels.RELAXED_ROWS), rows.labels, acted, qdd, slack)
+        return BoundHierarchy(law, kernels.RELAXED_ROWS, rows.labels, acted, qdd, slack)
 
     def _arguments(self, rows: Rows, task: Task, slack: Array, acted: BoolArray, qdd: Array) -> tuple[Any, ...]:
         """What :func:`vsconstraints.kernels.hierarchical_qp.descend` takes."""

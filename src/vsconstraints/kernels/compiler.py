@@ -18,14 +18,24 @@ OPTIONS = {"error_model": "numpy", "fastmath": False}
 """Division by zero gives an infinity, as in NumPy; sums are never reordered, so that results repeat bit by bit."""
 
 
+IN_PLACE = {**OPTIONS, "_nrt": False}
+"""For functions that make no arrays: counting references to every view of one takes as long as computing."""
+
+
 def inner(function: F) -> F:
     """Compile for use by other compiled functions only."""
     compiled_function: F = numba.njit(**OPTIONS, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
     return compiled_function
 
 
-def compiled(signature: str) -> Callable[[F], F]:
-    """Compile for this signature, and keep the result on disk.
+def in_place(function: F) -> F:
+    """As :func:`inner`, for what makes no arrays."""
+    compiled_function: F = numba.njit(**IN_PLACE, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+    return compiled_function
+
+
+def compiled(signature: str, options: dict[str, Any] = OPTIONS) -> Callable[[F], F]:
+    """Compile for this signature, and keep the result on disk; ``options`` are :data:`OPTIONS` or :data:`IN_PLACE`.
 
     Arguments of other types raise TypeError.
     """
@@ -34,7 +44,7 @@ def compiled(signature: str) -> Callable[[F], F]:
         before = numba.config.CACHE_DIR
         numba.config.CACHE_DIR = str(_cache(function))
         try:
-            result: F = numba.njit(signature, cache=True, no_cfunc_wrapper=True, **OPTIONS)(function)
+            result: F = numba.njit(signature, cache=True, no_cfunc_wrapper=True, **options)(function)
         finally:
             numba.config.CACHE_DIR = before
         return result

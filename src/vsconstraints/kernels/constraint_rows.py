@@ -2,34 +2,34 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from ..rows import Array, IntArray
-from .compiler import inner
+from .compiler import in_place
 from .curves import curve, curve_curvature
-from .image import interaction_rows
+from .image import interaction, pulled
 from .kinematics import point_jacobian
 from .layout import (
     AT_BLOCKS,
+    AT_BODIES,
     AT_CAMERA,
-    AT_LINKS,
     BLOCK,
     BLOCKS,
     COUNT,
     FIRST,
-    HEART,
     JOINTS_LINEAR,
     K_AT,
     KIND,
     MOTION,
     PARAMETERS,
     SPHERE,
+    TOLD,
     WHICH,
 )
 from .target import displacement
 
 
-@inner
+@in_place
 def write_rows(
     t: float,
     q: Array,
@@ -38,11 +38,11 @@ def write_rows(
     F: Array,
     seen: Array,
     points: Array,
-    Jc: Array,
-    J_base: Array,
-    z: Array,
-    p: Array,
+    jacobians: Array,
+    motion: Array,
     prismatic: IntArray,
+    matrices: Array,
+    vectors: Array,
     m: int,
     out: Array,
 ) -> None:
@@ -58,90 +58,100 @@ def write_rows(
         (M, 7) the markers: see :func:`vsconstraints.kernels.image.marker_motion`.
     points
         (P, 3, 3) position, velocity and acceleration of the robot points.
-    Jc
-        (6, n) of the camera's twist relative to the target.
-    J_base
-        (3, n) scratch.
-    z, p, prismatic
-        (n, 3), (n, 3), (n,): axes, origins and kinds of the joints.
+    jacobians
+        (9, n): that of the camera's twist relative to the target, and scratch for those of points.
+    motion, prismatic
+        (n + 1, 6, 3) and (n,): see :func:`vsconstraints.kernels.kinematics.chain`.
+    matrices, vectors
+        (2, 3, 3) and (3, 3), scratch.
     m, out
         The number of rows, and where φ (m,), L_gφ (m, n), L_fφ (m,) and σ (m,) go, one after the other.
     """
-    n, at_camera = len(q), I[AT_CAMERA]
-    fu, fv, ou, ov = F[at_camera + 24], F[at_camera + 25], F[at_camera + 26], F[at_camera + 27]
-    o_Lf, o_sigma = m + m * n, 2 * m + m * n
-    L, pull, shift = np.empty((2, 6)), np.empty(6), np.zeros((3, 3))
+    n, eye = len(q), I[AT_CAMERA] + 24
+    o_Lf = m + m * n
+    Jc, J_point = jacobians[:6], jacobians[6:]
+    shift, y, g, pull = matrices[0], matrices[1], vectors[0], vectors[1:]
     for number in range(I[BLOCKS]):
         block = I[AT_BLOCKS] + BLOCK * number
-        kind, first, count, at = I[block + KIND], I[block + FIRST], I[block + COUNT], I[block + PARAMETERS]
+        kind, first, at = I[block + KIND], I[block + FIRST], I[block + PARAMETERS]
         K = F[I[block + K_AT]]
-        moves = I[block + MOTION] >= 0
-        if kind <= HEART:
-            if moves:
-                displacement(F, I[block + MOTION], 2, t, shift)
-            for r in range(count):
-                i = I[I[block + WHICH] + r]
-                x, y, Z = seen[i, 0], seen[i, 1], seen[i, 6]
-                u, vv = fu * x + ou, fv * y + ov
-                ud, vd, udd, vdd = fu * seen[i, 2], fv * seen[i, 3], fu * seen[i, 4], fv * seen[i, 5]
-                if moves:
-                    u, vv, ud, vd = u - shift[0, 0], vv - shift[0, 1], ud - shift[1, 0], vd - shift[1, 1]
-                    udd, vdd = udd - shift[2, 0], vdd - shift[2, 1]
-                value, gu, gv = curve(kind, F, at, u, vv)
-                rate = gu * ud + gv * vd
-                row = first + r
-                out[o_sigma + row], out[row] = value, value + K * rate
-                out[o_Lf + row] = rate + K * (gu * udd + gv * vdd + curve_curvature(kind, F, at, u, vv, ud, vd))
-                interaction_rows(x, y, Z, L)
-                for j in range(6):
-                    pull[j] = K * (gu * fu * L[0, j] + gv * fv * L[1, j])
-                for j in range(n):
+        if kind > SPHERE:
+            linear_rows(kind, first, I[block + COUNT], K, q, qd, F, at, m, out)
+            continue
+        size = 3 if kind == SPHERE else 2
+        for c in range(3):
+            g[c] = 0.0
+            for j in range(3):
+                shift[c, j] = 0.0
+        if I[block + MOTION] >= 0:
+            displacement(F, I[block + MOTION], size, t, shift)
+        for r in range(I[block + COUNT]):
+            row, i = first + r, I[I[block + WHICH] + r]
+            # position, velocity and acceleration relative to what is forbidden, as far as its motion is told
+            for c in range(3):
+                told = 1.0 if c == 0 or I[block + TOLD] else 0.0
+                for j in range(size):
+                    at_rest = points[i, c, j] if kind == SPHERE else F[eye + j] * seen[i, 2 * c + j]
+                    y[c, j] = at_rest - told * shift[c, j]
+            if kind == SPHERE:
+                value, bend = sphere(F, at, y, g)
+                point_jacobian(I[I[AT_BODIES] + i], points[i, 0], motion, prismatic, J_point)
+            else:
+                u, v = y[0, 0] + F[eye + 2], y[0, 1] + F[eye + 3]
+                value, g[0], g[1] = curve(kind, F, at, u, v)
+                bend = curve_curvature(kind, F, at, u, v, y[1, 0], y[1, 1])
+                interaction(K * g[0] * F[eye], K * g[1] * F[eye + 1], seen[i, 0], seen[i, 1], seen[i, 6], pull)
+            rate = 0.0
+            for j in range(size):
+                rate += g[j] * y[1, j]
+                bend += g[j] * y[2, j]
+            out[row] = value + K * rate
+            out[o_Lf + row] = rate + K * bend
+            out[o_Lf + m + row] = value
+            for j in range(n):
+                if kind == SPHERE:
                     total = 0.0
-                    for i6 in range(6):
-                        total += pull[i6] * Jc[i6, j]
-                    out[m + row * n + j] = total
-        elif kind == SPHERE:
-            if moves:
-                displacement(F, I[block + MOTION], 3, t, shift)
-            radius = F[at + 3]
-            for r in range(count):
-                i = I[I[block + WHICH] + r]
-                row = first + r
-                dx, dy, dz = points[i, 0, 0] - F[at], points[i, 0, 1] - F[at + 1], points[i, 0, 2] - F[at + 2]
-                vx, vy, vz = points[i, 1, 0], points[i, 1, 1], points[i, 1, 2]
-                ax, ay, az = points[i, 2, 0], points[i, 2, 1], points[i, 2, 2]
-                if moves:
-                    dx, dy, dz = dx - shift[0, 0], dy - shift[0, 1], dz - shift[0, 2]
-                    vx, vy, vz = vx - shift[1, 0], vy - shift[1, 1], vz - shift[1, 2]
-                    ax, ay, az = ax - shift[2, 0], ay - shift[2, 1], az - shift[2, 2]
-                d = np.sqrt(dx * dx + dy * dy + dz * dz)
-                if d > 0.0:
-                    gx, gy, gz = -dx / d, -dy / d, -dz / d
+                    for c in range(3):
+                        total += K * g[c] * J_point[c, j]
                 else:
-                    gx, gy, gz = 0.0, 0.0, -1.0
-                rate = gx * vx + gy * vy + gz * vz
-                near = max(d, 1e-9)
-                radial = (dx * vx + dy * vy + dz * vz) / near
-                bend = -(vx * vx + vy * vy + vz * vz - radial * radial) / near
-                out[o_sigma + row], out[row] = radius - d, radius - d + K * rate
-                out[o_Lf + row] = rate + K * (gx * ax + gy * ay + gz * az + bend)
-                link = I[I[AT_LINKS] + i]
-                point_jacobian(link, points[i, 0], z, p, prismatic, J_base)
-                for j in range(n):
-                    out[m + row * n + j] = K * (gx * J_base[0, j] + gy * J_base[1, j] + gz * J_base[2, j])
-        else:
-            # linear in q or q̇: rows G and constants h
-            x1 = q if kind == JOINTS_LINEAR else qd
-            for r in range(count):
-                row, start = first + r, at + (n + 1) * r
-                value, rate = F[start + n], 0.0
-                for j in range(n):
-                    g = F[start + j]
-                    value += g * x1[j]
-                    rate += g * qd[j]
-                    out[m + row * n + j] = K * g if kind == JOINTS_LINEAR else g
-                out[o_sigma + row] = value
-                if kind == JOINTS_LINEAR:
-                    out[row], out[o_Lf + row] = value + K * rate, rate
-                else:
-                    out[row], out[o_Lf + row] = value, 0.0
+                    total = pulled(pull, Jc, j)
+                out[m + row * n + j] = total
+
+
+@in_place
+def linear_rows(
+    kind: int, first: int, count: int, K: float, q: Array, qd: Array, F: Array, at: int, m: int, out: Array
+) -> None:
+    """Write rows that are linear in q or q̇, of which there begin the gradients (count, n + 1), each with a constant."""
+    n = len(q)
+    for row in range(first, first + count):
+        value, rate = F[at + n], 0.0
+        for j in range(n):
+            g = F[at + j]
+            value += g * (q[j] if kind == JOINTS_LINEAR else qd[j])
+            rate += g * qd[j] if kind == JOINTS_LINEAR else 0.0
+            out[m + row * n + j] = K * g if kind == JOINTS_LINEAR else g
+        out[row] = value + K * rate
+        out[m + m * n + row] = rate
+        out[m + m * n + m + row] = value
+        at += n + 1
+
+
+@in_place
+def sphere(F: Array, at: int, y: Array, g: Array) -> tuple[float, float]:
+    """Value and curvature along ẏ of r − ‖y − c‖, where there begin c and r; ``g`` gets the gradient.
+
+    ``y`` (3, 3) is position, velocity and acceleration.
+    """
+    squared = speed = radial = 0.0
+    for j in range(3):
+        g[j] = y[0, j] - F[at + j]
+        squared += g[j] * g[j]
+        speed += y[1, j] * y[1, j]
+        radial += g[j] * y[1, j]
+    d = math.sqrt(squared)
+    near = max(d, 1e-9)
+    radial /= near
+    for j in range(3):
+        g[j] = -g[j] / d if d > 0.0 else -1.0 if j == 2 else 0.0
+    return F[at + 3] - d, (radial * radial - speed) / near

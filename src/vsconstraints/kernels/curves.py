@@ -8,15 +8,15 @@ import numpy as np
 
 from ..constraints import formulas
 from ..rows import Array
-from .compiler import inner
+from .compiler import in_place
 from .layout import BOWL, CIRCLE, FIELD_OF_VIEW, HYPERELLIPSE
 
-circle, circle_curvature = inner(formulas.circle), inner(formulas.circle_curvature)
-bowl, bowl_curvature = inner(formulas.bowl), inner(formulas.bowl_curvature)
-heart, heart_curvature = inner(formulas.heart), inner(formulas.heart_curvature)
+circle, circle_curvature = in_place(formulas.circle), in_place(formulas.circle_curvature)
+bowl, bowl_curvature = in_place(formulas.bowl), in_place(formulas.bowl_curvature)
+heart, heart_curvature = in_place(formulas.heart), in_place(formulas.heart_curvature)
 
 
-@inner
+@in_place
 def power(x: float, n: float) -> float:
     """Xⁿ, x ≥ 0: by products for small whole n."""
     count = int(n) if 0.0 <= n <= 64.0 else -1
@@ -31,7 +31,7 @@ def power(x: float, n: float) -> float:
     return result
 
 
-@inner
+@in_place
 def superellipse(u: float, v: float, a: float, b: float, n: float) -> tuple[float, float, float]:
     """As :func:`vsconstraints.constraints.formulas.superellipse`."""
     x, y = abs(u) / a, abs(v) / b
@@ -39,7 +39,7 @@ def superellipse(u: float, v: float, a: float, b: float, n: float) -> tuple[floa
     return X * x + Y * y - 1.0, n / a * np.sign(u) * X, n / b * np.sign(v) * Y
 
 
-@inner
+@in_place
 def superellipse_curvature(u: float, v: float, a: float, b: float, n: float, u_dot: float, v_dot: float) -> float:
     """As :func:`vsconstraints.constraints.formulas.superellipse_curvature`."""
     X, Y = power(abs(u) / a, n - 2.0), power(abs(v) / b, n - 2.0)
@@ -47,7 +47,7 @@ def superellipse_curvature(u: float, v: float, a: float, b: float, n: float, u_d
     return bent
 
 
-@inner
+@in_place
 def curve(kind: int, F: Array, at: int, u: float, v: float) -> tuple[float, float, float]:
     """Value and derivatives of an image constraint at one pixel; ``at`` is where its parameters begin."""
     if kind == FIELD_OF_VIEW:
@@ -66,7 +66,7 @@ def curve(kind: int, F: Array, at: int, u: float, v: float) -> tuple[float, floa
     return value + margin, co * dx - si * dy, si * dx + co * dy
 
 
-@inner
+@in_place
 def curve_curvature(kind: int, F: Array, at: int, u: float, v: float, ud: float, vd: float) -> float:
     """ẏᵀ H ẏ of an image constraint, exactly."""
     bent: float

@@ -3,33 +3,58 @@
 from __future__ import annotations
 
 from ..rows import Array
-from .compiler import inner
+from .compiler import in_place
+from .kinematics import cross
 
 
-@inner
-def marker_motion(P: Array, v: Array, w: Array, dv: Array, dw: Array, out: Array) -> None:
-    """Write x, y, ẋ, ẏ, ẍ, ÿ (with q̈ = 0) and Z of a marker at P in the camera frame to ``out`` (7,).
+@in_place
+def marker_motion(P: Array, twist: Array, scratch: Array, out: Array) -> None:
+    """Write x, y, ẋ, ẏ, ẍ, ÿ (with q̈ = 0) and Z of a marker to ``out`` (7,).
 
-    The camera moves relative to the marker with the twist (v, w) and its derivative (dv, dw), in its own axes.
+    Parameters
+    ----------
+    P
+        (3,) the marker in the camera frame [m].
+    twist
+        (4, 3) v, ω, v̇ and ω̇ of the camera relative to the marker, in its own axes.
+    scratch
+        (3, 3).
+    out
+        (7,).
     """
-    X, Y, Z = P[0], P[1], P[2]
     # a fixed point seen from a moving frame: Ṗ = −v − ω × P and P̈ = −v̇ − ω̇ × P − ω × Ṗ
-    Xd = -v[0] - w[1] * Z + w[2] * Y
-    Yd = -v[1] - w[2] * X + w[0] * Z
-    Zd = -v[2] - w[0] * Y + w[1] * X
-    Xdd = -dv[0] - dw[1] * Z + dw[2] * Y - w[1] * Zd + w[2] * Yd
-    Ydd = -dv[1] - dw[2] * X + dw[0] * Z - w[2] * Xd + w[0] * Zd
-    Zdd = -dv[2] - dw[0] * Y + dw[1] * X - w[0] * Yd + w[1] * Xd
-    x, y = X / Z, Y / Z
-    xd, yd = (Xd - x * Zd) / Z, (Yd - y * Zd) / Z
-    out[0], out[1], out[2], out[3] = x, y, xd, yd
-    out[4] = (Xdd - x * Zdd - 2.0 * xd * Zd) / Z
-    out[5] = (Ydd - y * Zdd - 2.0 * yd * Zd) / Z
+    rate, bend, turn = scratch[0], scratch[1], scratch[2]
+    cross(P, twist[1], rate)
+    for i in range(3):
+        rate[i] -= twist[0, i]
+    cross(P, twist[3], bend)
+    cross(rate, twist[1], turn)
+    Z = P[2]
+    for i in range(2):
+        x = P[i] / Z
+        x_dot = (rate[i] - x * rate[2]) / Z
+        out[i], out[2 + i] = x, x_dot
+        drift, depth_drift = bend[i] + turn[i] - twist[2, i], bend[2] + turn[2] - twist[2, 2]
+        out[4 + i] = (drift - x * depth_drift - 2.0 * x_dot * rate[2]) / Z
     out[6] = Z
 
 
-@inner
-def interaction_rows(x: float, y: float, Z: float, L: Array) -> None:
-    """Write L_sx (2, 6) of eq. (24) to ``L``."""
-    L[0, 0], L[0, 1], L[0, 2], L[0, 3], L[0, 4], L[0, 5] = -1.0 / Z, 0.0, x / Z, x * y, -1.0 - x * x, y
-    L[1, 0], L[1, 1], L[1, 2], L[1, 3], L[1, 4], L[1, 5] = 0.0, -1.0 / Z, y / Z, 1.0 + y * y, -x * y, -x
+@in_place
+def interaction(a: float, b: float, x: float, y: float, Z: float, out: Array) -> None:
+    """Write (a, b) L_sx of eq. (24), by which v and by which ω is multiplied, to ``out`` (2, 3)."""
+    along = a * x + b * y
+    out[0, 0] = -a / Z
+    out[0, 1] = -b / Z
+    out[0, 2] = along / Z
+    out[1, 0] = along * y + b
+    out[1, 1] = -along * x - a
+    out[1, 2] = a * y - b * x
+
+
+@in_place
+def pulled(pull: Array, Jc: Array, j: int) -> float:
+    """Product of :func:`interaction` with column j of the Jacobian (6, n) of the camera's twist."""
+    total = 0.0
+    for i in range(3):
+        total += pull[0, i] * Jc[i, j] + pull[1, i] * Jc[3 + i, j]
+    return total

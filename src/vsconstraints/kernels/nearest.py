@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..rows import Array, IntArray
-from .compiler import compiled, inner
+from .compiler import IN_PLACE, compiled, in_place
 
 BLOCK = 24
 """Vertices that are looked at together, blocks of them, and groups of those likewise."""
@@ -69,7 +69,7 @@ def _chords(vertices: Array, size: int) -> Array:
     return np.column_stack((first, last - first, inverse, np.maximum.reduceat(away, starts)))
 
 
-@inner
+@in_place
 def to_segment(u: float, v: float, a: float, b: float, c: float, d: float) -> float:
     """Squared distance of (u, v) to the segment from (a, b) to (c, d)."""
     x, y = c - a, d - b
@@ -79,7 +79,7 @@ def to_segment(u: float, v: float, a: float, b: float, c: float, d: float) -> fl
     return x * x + y * y
 
 
-@inner
+@in_place
 def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
     """Whether a block may hold a vertex within the bound."""
     limit = (bound + chords[i, 5]) * SLACK
@@ -91,7 +91,8 @@ def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
 
 @compiled(
     "void(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], "
-    "int64[::1], int64[::1], int64, int64[::1], float64[::1])"
+    "int64[::1], int64[::1], int64, int64[::1], float64[::1])",
+    IN_PLACE,
 )
 def _search(
     points: Array,

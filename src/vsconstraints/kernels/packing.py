@@ -47,13 +47,17 @@ class Packed:
         What the task remembers between samples; see :class:`vsconstraints.tracking.TrackingMemory`.
     others
         Constraints without a compiled form, with their rows and their robot points: the step leaves those rows out.
+    moving
+        Scratch: R (n + 1, 3, 3) and motion (n + 1, 6, 3) of the bodies, matrices (·, 3, 3) and vectors (·, 3).
+    arguments
+        What :func:`vsconstraints.kernels.step.evaluate_step` takes before its output and the state.
     size
         Length of the array that the step writes to.
     rows, task, ...
         Slices of that array and their shapes.
     """
 
-    def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask) -> None:
+    def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask, told: bool = False) -> None:
         robot, camera = scene.robot, scene.camera
         n, M, P, m = robot.n, len(scene.markers), len(scene.points), len(constraints.labels)
         _demand(scene, Scene)
@@ -88,14 +92,12 @@ class Packed:
         head[layout.FIXED_CAMERA] = camera.fixed is not None
         head[layout.AT_CAMERA] = self._floats(eye.R, eye.t, tip.R, tip.t, camera.focal, camera.offset)
         head[layout.AT_MARKERS] = self._floats(scene.markers)
-        links, offsets = _points(scene)
+        bodies, offsets = _points(scene)
         head[layout.AT_POINTS] = self._floats(offsets)
         if scene.motion is not None:
             _demand(scene.motion, TargetMotion)
             _demand(scene.motion.translation, Motion)
-            if not scene.motion.known:
-                raise NotCompiled("a target whose motion is not known")
-            head[layout.MOVING_TARGET] = 1
+            head[layout.MOVING_TARGET], head[layout.TOLD_OF_TARGET] = 1, told or scene.motion.known
             head[layout.AT_TARGET] = self._motion(scene.motion.translation)
             self._floats(scene.motion.angular_velocity, scene.motion.centre)
         head[layout.GOALS] = len(task.goals)
@@ -108,7 +110,7 @@ class Packed:
         gains = task.gains
         head[layout.AT_GAINS] = self._floats([gains.Kp0, gains.slope, gains.damping])
         head[layout.AT_PRISMATIC] = self._ints(prismatic)
-        head[layout.AT_LINKS] = self._ints(links)
+        head[layout.AT_BODIES] = self._ints(bodies)
 
         self.others: list[tuple[Constraint, slice, slice]] = []
         blocks: list[list[int]] = []
@@ -122,8 +124,8 @@ class Packed:
                 continue
             at_K = self._floats([constraint.K])
             motion = getattr(constraint, "motion", None)
-            at_motion = -1 if motion is None else self._motion(motion)
-            blocks.append([kind, rows.start, count, parameters, at_motion, self._ints(which), at_K])
+            at_motion, knows = (-1, True) if motion is None else (self._motion(motion), told or motion.known)
+            blocks.append([kind, rows.start, count, parameters, at_motion, knows, self._ints(which), at_K])
         head[layout.BLOCKS] = len(blocks)
         head[layout.AT_BLOCKS] = self._ints([entry for block in blocks for entry in block])
 
@@ -139,6 +141,11 @@ class Packed:
         ) = (slice(a, b) for a, b in zip(starts, ends, strict=True))  # fmt: skip
         self.memory = np.empty(2 + 2 * k + k * n)
         self.reset()
+        R, motion = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 6, 3))
+        R[0] = np.eye(3)
+        self.moving = R, motion, np.empty((layout.MATRICES, 3, 3)), np.empty((layout.VECTORS, 3))
+        rest = np.empty((9, n)), np.empty((M, 7)), np.empty((P, 3, 3)), np.empty((3, k))
+        self.arguments = self.I, self.F, self.memory, *self.moving, *rest
 
     def reset(self) -> None:
         """Forget the last sample."""
@@ -164,8 +171,6 @@ class Packed:
         motion = getattr(constraint, "motion", None)
         if motion is not None:
             _demand(motion, Motion)
-            if not motion.known:
-                raise NotCompiled(f"a {constraint.kind} whose motion is not known")
         # a subclass may compute anything
         if type(constraint) in (FieldOfView, Occlusion):
             assert isinstance(constraint, FieldOfView | Occlusion)
@@ -234,12 +239,12 @@ def _in_joint(robot: Robot, frame_id: int, joint: int) -> Pose:
 
 
 def _points(scene: Scene) -> tuple[list[int], Array]:
-    """Link (counted from 0, −1 for the base) and position in its frame of every robot point."""
-    links, offsets = [], np.zeros((len(scene.points), 3))
+    """Body (counted from 0, the base) and position in its frame of every robot point."""
+    bodies, offsets = [], np.zeros((len(scene.points), 3))
     for i, point in enumerate(scene.points):
         frame = scene.robot.model.frames[scene.robot.frame_id(point.link)]
-        links.append(int(frame.parentJoint) - 1)
+        bodies.append(int(frame.parentJoint))
         offsets[i] = Pose(np.array(frame.placement.rotation), np.array(frame.placement.translation)).act(
             np.asarray(point.offset, dtype=np.float64)
         )
-    return links, offsets
+    return bodies, offsets

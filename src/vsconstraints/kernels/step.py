@@ -1,7 +1,8 @@
 """One control step up to the controller: kinematics, what the camera sees, rows and task, in one compiled function.
 
 What does not change from step to step is packed into two arrays, integers and floats, by
-:mod:`vsconstraints.kernels.packing`; what comes out is written to one array.
+:mod:`vsconstraints.kernels.packing`, which also makes the arrays that are scratch; what comes out is written to one
+array.
 """
 
 from __future__ import annotations
@@ -10,14 +11,24 @@ import numpy as np
 
 from ..rows import Array, IntArray
 from ..scene import MINIMUM_DEPTH
-from .compiler import compiled
+from .compiler import IN_PLACE, compiled
 from .constraint_rows import write_rows
 from .image import marker_motion
-from .kinematics import chain, cross, point_jacobian, point_motion, product, turned, turned_back
+from .kinematics import (
+    AXIS,
+    ORIGIN,
+    carried,
+    chain,
+    matrix_at,
+    point_jacobian,
+    product,
+    turned,
+    turned_back,
+)
 from .layout import (
+    AT_BODIES,
     AT_CAMERA,
     AT_CHAIN,
-    AT_LINKS,
     AT_MARKERS,
     AT_POINTS,
     AT_PRISMATIC,
@@ -29,14 +40,37 @@ from .layout import (
     POINTS,
     ROWS,
     SIZE,
+    TOLD_OF_TARGET,
 )
-from .target import target_pose
+from .target import relative_motion, target_pose
 from .visual_task import write_task
 
+SIGNATURE = (
+    "int64(int64[::1], float64[::1], float64[::1], float64[:, :, ::1], float64[:, :, ::1], float64[:, :, ::1], "
+    "float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], float64[:, ::1], "
+    "float64[::1], float64, float64[::1], float64[::1])"
+)
 
-@compiled("int64(float64, float64[::1], float64[::1], int64[::1], float64[::1], float64[::1], float64[::1])")
-def evaluate_step(t: float, q: Array, qd: Array, I: IntArray, F: Array, memory: Array, out: Array) -> int:  # noqa: E741 - integers and floats
-    """Write everything a controller needs to ``out``; see :class:`vsconstraints.kernels.packing.Packed` for its parts.
+
+@compiled(SIGNATURE, IN_PLACE)
+def evaluate_step(
+    I: IntArray,  # noqa: E741 - integers and floats
+    F: Array,
+    memory: Array,
+    R: Array,
+    motion: Array,
+    matrices: Array,
+    vectors: Array,
+    jacobians: Array,
+    seen: Array,
+    points: Array,
+    rates: Array,
+    out: Array,
+    t: float,
+    q: Array,
+    qd: Array,
+) -> int:
+    """Write everything a controller needs to ``out``; see :class:`vsconstraints.kernels.packing.Packed` for all arrays.
 
     Returns 0, or 1 if a marker is not in front of the camera or a number is not finite: then nothing in ``out`` counts,
     and ``memory`` is as it was.
@@ -45,151 +79,98 @@ def evaluate_step(t: float, q: Array, qd: Array, I: IntArray, F: Array, memory: 
     for i in range(n):
         if not (np.isfinite(q[i]) and np.isfinite(qd[i])):
             return 1
-    # few arrays, and whole ones: making one, or a view of another shape, takes as long as some thirty products
     prismatic = I[I[AT_PRISMATIC] : I[AT_PRISMATIC] + n]
-    R, motions, jacobians = np.empty((n, 3, 3)), np.empty((6, n, 3)), np.empty((9, n))
-    p, z, w, v, al, a = motions[0], motions[1], motions[2], motions[3], motions[4], motions[5]
     Jc, J_base = jacobians[:6], jacobians[6:]
-    matrices, vectors = np.empty((6, 3, 3)), np.empty((13, 3))
-    chain(q, qd, F, I[AT_CHAIN], prismatic, R, p, z, w, v, al, a)
-    last = n - 1
+    chain(q, qd, F, I[AT_CHAIN], prismatic, R, motion, matrices, vectors)
+    tip_R, tip = R[n], motion[n]
 
-    # --- the camera: pose in the base frame, pose in the target's frame, and its motion relative to the target ---
+    # --- the camera: its pose in the base frame ---
     at = I[AT_CAMERA]
-    C_R, C_t = matrices[0], vectors[0]
-    for i in range(3):
-        C_t[i] = F[at + 9 + i]
-        for j in range(3):
-            C_R[i, j] = F[at + 3 * i + j]
-    fu, fv, ou, ov = F[at + 24], F[at + 25], F[at + 26], F[at + 27]
-    camera_R, origin = matrices[1], matrices[2]
-    sign = 1.0
+    placed, camera_R, origin, target_R, moved = matrices[4], matrices[5], matrices[6], matrices[7], matrices[8]
+    r, s, target_t, X = vectors[0], vectors[1], vectors[2], vectors[3]
+    matrix_at(F, at, placed)
+    placed_t = F[at + 9 : at + 12]
     if I[FIXED_CAMERA]:
-        sign = -1.0
-        camera_R[:] = C_R
-        arm, from_link = vectors[1], vectors[2]
+        # as if the tip carried it: its motion is that of the target, reversed
+        matrix_at(F, at, camera_R)
         for i in range(3):
-            from_link[i] = C_t[i] - p[last, i]
-        turned_back(R[last], from_link, arm)
-        point_motion(last, arm[0], arm[1], arm[2], R, p, w, v, al, a, origin)
+            r[i] = placed_t[i] - tip[ORIGIN, i]
     else:
-        product(R[last], C_R, camera_R)
-        point_motion(last, C_t[0], C_t[1], C_t[2], R, p, w, v, al, a, origin)
-    point_jacobian(last, origin[0], z, p, prismatic, J_base)
-    for j in range(n):
-        for i in range(3):
-            Jc[i, j] = sign * (
-                camera_R[0, i] * J_base[0, j] + camera_R[1, i] * J_base[1, j] + camera_R[2, i] * J_base[2, j]
-            )
-            Jc[3 + i, j] = 0.0
-        if not prismatic[j]:
-            for i in range(3):
-                Jc[3 + i, j] = sign * (camera_R[0, i] * z[j, 0] + camera_R[1, i] * z[j, 1] + camera_R[2, i] * z[j, 2])
-    velocity, acceleration, turning, spin = vectors[1], vectors[2], vectors[3], vectors[4]
-    target_R, target_t = matrices[3], vectors[5]
+        product(tip_R, placed, camera_R)
+        turned(tip_R, placed_t, r)
+    carried(r, tip, s, origin)
+    eye = origin[0]
+
+    # --- the frame that the markers are given in, and how the camera moves relative to it ---
+    omega = vectors[4]
     for i in range(3):
-        target_t[i] = 0.0
+        target_t[i] = omega[i] = 0.0
         for j in range(3):
-            target_R[i, j] = 1.0 if i == j else 0.0
-        velocity[i], turning[i] = origin[1, i], w[last, i]
+            moved[i, j], target_R[i, j] = 0.0, 1.0 if i == j else 0.0
     if I[MOVING_TARGET]:
-        at = I[AT_TARGET]
-        moved = matrices[4]
-        target_pose(F, at, t, moved, target_R, target_t)
-        omega, centre = F[at + 8 : at + 11], F[at + 11 : at + 14]
-        away = np.empty(3)
+        target_pose(F, I[AT_TARGET], t, moved, target_R, target_t, omega)
+        told = 1.0 if I[TOLD_OF_TARGET] else 0.0
         for i in range(3):
-            away[i] = origin[0, i] - centre[i] - moved[0, i]
-        # velocity of the target's body at the camera's origin
-        bx, by, bz = cross(omega, away)
-        velocity[0] -= moved[1, 0] + bx
-        velocity[1] -= moved[1, 1] + by
-        velocity[2] -= moved[1, 2] + bz
-        drift = np.empty(3)
+            omega[i] = told * F[I[AT_TARGET] + 8 + i]
+            r[i] = eye[i] - F[I[AT_TARGET] + 11 + i] - moved[0, i]
+            moved[1, i] *= told
+            moved[2, i] *= told
+    twist = vectors[5:9]
+    relative_motion(tip, origin, moved, omega, r, s, vectors[9:13], twist, camera_R)
+    sign = -1.0 if I[FIXED_CAMERA] else 1.0
+    for i in range(4):
+        for j in range(3):
+            twist[i, j] *= sign
+    point_jacobian(n, eye, motion, prismatic, J_base)
+    for j in range(n):
+        joint = motion[j + 1]
         for i in range(3):
-            drift[i] = origin[1, i] - moved[1, i]
-        bx, by, bz = cross(omega, drift)
-        cx, cy, cz = cross(w[last], velocity)
-        acceleration[0] = origin[2, 0] - moved[2, 0] - bx - cx
-        acceleration[1] = origin[2, 1] - moved[2, 1] - by - cy
-        acceleration[2] = origin[2, 2] - moved[2, 2] - bz - cz
-        bx, by, bz = cross(w[last], omega)
-        spin[0], spin[1], spin[2] = al[last, 0] + bx, al[last, 1] + by, al[last, 2] + bz
-        for i in range(3):
-            turning[i] -= omega[i]
-    else:
-        cx, cy, cz = cross(turning, velocity)
-        acceleration[0], acceleration[1], acceleration[2] = origin[2, 0] - cx, origin[2, 1] - cy, origin[2, 2] - cz
-        for i in range(3):
-            spin[i] = al[last, i]
-    cv, cw, cdv, cdw = vectors[6], vectors[7], vectors[8], vectors[9]
-    turned_back(camera_R, velocity, cv)
-    turned_back(camera_R, turning, cw)
-    turned_back(camera_R, acceleration, cdv)
-    turned_back(camera_R, spin, cdw)
-    if sign < 0.0:
-        for i in range(3):
-            cv[i], cw[i], cdv[i], cdw[i] = -cv[i], -cw[i], -cdv[i], -cdw[i]
-    # frame that the markers are given in: base, the moving target, or the tip
+            along = about = 0.0
+            for c in range(3):
+                along += camera_R[c, i] * J_base[c, j]
+                about += camera_R[c, i] * joint[AXIS, c]
+            Jc[i, j], Jc[3 + i, j] = sign * along, 0.0 if prismatic[j] else sign * about
     if I[FIXED_CAMERA]:
-        at = I[AT_CAMERA]
-        product(R[last], F[at + 12 : at + 21].reshape(3, 3), target_R)
-        turned(R[last], F[at + 21 : at + 24], target_t)
+        matrix_at(F, at + 12, placed)
+        product(tip_R, placed, target_R)
+        turned(tip_R, F[at + 21 : at + 24], target_t)
         for i in range(3):
-            target_t[i] += p[last, i]
-    eye = vectors[10]
-    for i in range(3):
-        eye[i] = C_t[i] if I[FIXED_CAMERA] else origin[0, i]
+            target_t[i] += tip[ORIGIN, i]
 
     # --- the image ---
-    seen = np.empty((M, 7))
-    at = I[AT_MARKERS]
-    there, X = vectors[11], vectors[12]
-    for i in range(M):
-        x, y, h = F[at + 3 * i], F[at + 3 * i + 1], F[at + 3 * i + 2]
-        for j in range(3):
-            there[j] = target_R[j, 0] * x + target_R[j, 1] * y + target_R[j, 2] * h + target_t[j] - eye[j]
-        turned_back(camera_R, there, X)
-        if not X[2] >= MINIMUM_DEPTH:
-            return 1
-        marker_motion(X, cv, cw, cdv, cdw, seen[i])
-
-    # --- parts of out ---
-    o_J, o_error = 3 * m + m * n, 3 * m + m * n + k * n + k
-    o_pixels = o_error + k
+    o_J = 3 * m + m * n
+    o_pixels = o_J + k * n + 2 * k
     o_points = o_pixels + 2 * M
     o_camera = o_points + 3 * P
     for i in range(M):
-        out[o_pixels + 2 * i], out[o_pixels + 2 * i + 1] = fu * seen[i, 0] + ou, fv * seen[i, 1] + ov
+        here = I[AT_MARKERS] + 3 * i
+        turned(target_R, F[here : here + 3], r)
+        for j in range(3):
+            r[j] += target_t[j] - eye[j]
+        turned_back(camera_R, r, X)
+        if not X[2] >= MINIMUM_DEPTH:
+            return 1
+        marker_motion(X, twist, vectors[9:12], seen[i])
+        for j in range(2):
+            out[o_pixels + 2 * i + j] = F[at + 24 + j] * seen[i, j] + F[at + 26 + j]
 
     # --- robot points ---
-    points = np.empty((P, 3, 3))
-    at = I[AT_POINTS]
     for i in range(P):
-        link = I[I[AT_LINKS] + i]
-        if link < 0:
-            # fixed to the base
-            points[i, 1:] = 0.0
-            points[i, 0] = F[at + 3 * i : at + 3 * i + 3]
-        else:
-            here = at + 3 * i
-            point_motion(link, F[here], F[here + 1], F[here + 2], R, p, w, v, al, a, points[i])
+        here, body = I[AT_POINTS] + 3 * i, I[I[AT_BODIES] + i]
+        turned(R[body], F[here : here + 3], r)
+        carried(r, motion[body], s, points[i])
         for j in range(3):
             out[o_points + 3 * i + j] = points[i, 0, j]
 
-    write_rows(t, q, qd, I, F, seen, points, Jc, J_base, z, p, prismatic, m, out)
+    write_rows(t, q, qd, I, F, seen, points, jacobians, motion, prismatic, matrices[9:], vectors[9:], m, out)
     # --- the camera relative to the target, for the task and for whoever logs it ---
-    relative_R, relative_t = matrices[5], vectors[12]
     for i in range(3):
-        there[i] = eye[i] - target_t[i]
+        r[i] = eye[i] - target_t[i]
         for j in range(3):
-            relative_R[i, j] = (
-                target_R[0, i] * camera_R[0, j] + target_R[1, i] * camera_R[1, j] + target_R[2, i] * camera_R[2, j]
-            )
-            out[o_camera + 3 * i + j] = relative_R[i, j]
-    turned_back(target_R, there, relative_t)
-    for i in range(3):
-        out[o_camera + 9 + i] = relative_t[i]
-
-    write_task(t, qd, I, F, memory, relative_R, relative_t, cv, cw, cdv, cdw, seen, Jc, k, out[o_J:o_pixels])
+            total = 0.0
+            for c in range(3):
+                total += target_R[c, i] * camera_R[c, j]
+            out[o_camera + 3 * i + j] = total
+    turned_back(target_R, r, out[o_camera + 9 :])
+    write_task(t, qd, I, F, memory, out[o_camera:], twist, seen, Jc, matrices, vectors[9:], rates, k, out[o_J:o_pixels])
     return 0

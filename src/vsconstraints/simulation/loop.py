@@ -109,38 +109,46 @@ class _Run:
             self.plant.step()
 
     def _compiled(self) -> Callable[[int], None] | None:
-        """One sample where step and law are compiled and nothing is disturbed; None if that is not so.
+        """One sample where step and law are compiled and measured is what is true; None if that is not so.
 
         Both work on arrays that stay where they are: making new ones takes longer than computing what they hold.
         """
-        if self.sensor.disturbed or self.gradient_error.any:
+        if self.setup.disturbances.sensing or self.gradient_error.any:
             return None
-        Ts, x, log, plant, control = self.setup.Ts, self.plant.x, self.log, self.plant, self.control
-        bound = control.bound(x[0], x[1])
-        if bound is None:
+        setup, x, log, plant = self.setup, self.plant.x, self.log, self.plant
+        Ts, bound = setup.Ts, self.control.bound()
+        # what is kept is what is true; where no motion is unknown, that is what controllers are told
+        true = bound
+        if self.sensor.disturbed:
+            true = ControlStep(setup.scene, setup.constraints, setup.task, told=True).bound()
+        if bound is None or true is None:
             return None
-        acted, qdd = np.empty(len(log.labels), dtype=np.bool_), x[-2]
+        q, qd, acted, qdd = x[0], x[1], np.empty(len(log.labels), dtype=np.bool_), x[-2]
         law = self.controller._bound(bound.now.rows, bound.now.task, acted, qdd)
         if law is None:
             return None
-        answer, evaluate, out, steps, active = law.answer, bound.evaluate, bound.out, log.begin_steps(bound), log.active
+        solve, evaluate, out, steps, active = law.solve, bound.evaluate, true.out, log.begin_steps(true), log.active
+        look = None if true is bound else true.evaluate
         rows_times, step_times, states, varies = log.rows_times, log.step_times, log.states, plant.varies
 
         def sample(k: int) -> None:
+            t = k * Ts
+            if look is not None:
+                look(t, q, qd)
             started = perf_counter()
-            if not evaluate(k * Ts):
+            if evaluate(t, q, qd):
                 # for the reason, or for the answer of the definition
                 self._sample(k)
                 return
             ready = perf_counter()
-            done = answer()
+            asks = solve()
             ended = perf_counter()
             i = k % STEPS
             if i == 0:
                 log.keep_steps(k)
             steps[i] = out
-            if not done:
-                step = CompiledEvaluation(bound.packed, self.setup.constraints, out.copy())
+            if asks:
+                step = CompiledEvaluation(bound.packed, setup.constraints, bound.out.copy())
                 command = self.controller.command(step.rows, step.task)
                 self._carry_out(k, command, ready - started, perf_counter() - ready)
                 return

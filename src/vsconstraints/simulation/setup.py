@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..constraints import ConstraintSet, ImageConstraint
-from ..constraints.base import PositionConstraint
+from ..control_step import has_unknown_motion
 from ..errors import ConfigurationError, InvalidInput, SceneError
 from ..features import CameraPose
 from ..rows import Array, BoolArray
@@ -112,9 +112,7 @@ class Setup:
 
     def sensor(self) -> Sensor:
         """What turns true states into what a controller believes."""
-        motions = [c.motion for c in self.constraints.constraints if isinstance(c, PositionConstraint)]
-        unknown = any(motion is not None and not motion.known for motion in motions)
-        return Sensor(self.scene, self.disturbances, self.Ts, unknown)
+        return Sensor(self.scene, self.disturbances, self.Ts, has_unknown_motion(self.scene, self.constraints))
 
     def gradient_error(self) -> GradientError:
         """What spoils the rows' gradients."""
