@@ -23,7 +23,8 @@ from vsconstraints.scene import Scene, State
 from vsconstraints.simulation import simulate
 from vsconstraints.tracking import TrackingGains, VisualTask
 
-COMPILED = ("field-of-view", "occlusion", "joint-range", "joint-speed", "forbidden-sphere")
+REGIONS = tuple(f"forbidden-{shape}" for shape in ("sphere", "half-space", "box", "cylinder", "capsule"))
+COMPILED = ("field-of-view", "occlusion", "joint-range", "joint-speed", *REGIONS)
 """Types of constraints that have a compiled form."""
 
 CLOSE = 1e-9
@@ -68,7 +69,7 @@ def examples(arm: Any, world: str) -> list[Constraint]:
             constraint = build_constraint(type_name, {**table}, arm)
             if hasattr(constraint, "name"):
                 constraint.name = f"{type_name} {i}"
-            if world == "moving-target" and type_name in ("occlusion", "forbidden-sphere"):
+            if world == "moving-target" and type_name in ("occlusion", *REGIONS):
                 d = 2 if type_name == "occlusion" else 3
                 constraint.moving(Motion([9.0, -0.2, 0.1][:d], amplitude=[0.1, 0.2, 0.3][:d], frequency=0.5, phase=0.4))
             found.append(constraint)
@@ -104,6 +105,7 @@ def test_every_shipped_scenario(name: str) -> None:
     setup = Scenario.load(name).setup()
     step = ControlStep(setup.scene, setup.constraints, setup.task)
     assert step.not_compiled == IN_NUMPY.get(name, "")
+    assert (step.bound(setup.q0.copy(), setup.qd0.copy()) is None) == (name in IN_NUMPY)
     rng = np.random.default_rng(1)
     for k in range(20):
         t = 0.5 * k * setup.Ts

@@ -54,6 +54,7 @@ class ControlStep:
         self._evaluate = step.evaluate_step
         try:
             self._packed = packing.Packed(scene, constraints, task)
+            self._after = tuple(load(name).add_rows for name in self._packed.after)
         except packing.NotCompiled as reason:
             self.not_compiled = str(reason)
 
@@ -78,6 +79,8 @@ class ControlStep:
         if self._evaluate(t, q, qd, packed.I, packed.F, packed.memory, out):
             # what cannot be evaluated is told by the definition
             return self.define(self.scene.evaluate(t, q, qd))
+        for add_rows in self._after:
+            add_rows(t, q, qd, packed.I, packed.F, packed.memory, out)
         if packed.others:
             state = self.scene.evaluate(t, q, qd)
             for constraint, rows, points in packed.others:
@@ -127,7 +130,9 @@ class ControlStep:
         None where anything runs in NumPy.
         """
         packed = self._packed
-        return None if packed is None or packed.others else Bound(self._evaluate, packed, self.constraints, q, qd)
+        if packed is None or packed.others:
+            return None
+        return Bound(self._evaluate, packed, self.constraints, q, qd, self._after)
 
     def _insert(self, out: Array, rows: slice, constraint: Constraint, block: RowBlock) -> None:
         """Write the rows of a constraint in NumPy between the compiled ones."""

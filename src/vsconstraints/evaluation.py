@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -150,16 +151,28 @@ class Bound:
         The same, by its parts.
     """
 
-    def __init__(self, evaluate: Any, packed: Packed, constraints: ConstraintSet, q: Array, qd: Array) -> None:
+    def __init__(
+        self,
+        evaluate: Any,
+        packed: Packed,
+        constraints: ConstraintSet,
+        q: Array,
+        qd: Array,
+        after: Sequence[Any] = (),
+    ) -> None:
         for given in (q, qd):
             if given.shape != (packed.n,) or given.dtype != np.float64 or not given.flags.c_contiguous:
                 raise InvalidInput(f"a bound step needs contiguous floats ({packed.n},), not {given!r}")
         self.packed = packed
         self.out = np.zeros(packed.size)
         self.now = CompiledEvaluation(packed, constraints, self.out)
-        self._evaluate = entry(evaluate)
+        self._evaluate, self._after = entry(evaluate), tuple(entry(add_rows) for add_rows in after)
         self._fixed = (q, qd, packed.I, packed.F, packed.memory, self.out)
 
     def evaluate(self, t: float) -> bool:
         """Whether ``out`` now holds the step at time ``t`` [s]; if not, the definition says what is wrong."""
-        return not self._evaluate(t, *self._fixed)
+        if self._evaluate(t, *self._fixed):
+            return False
+        for add_rows in self._after:
+            add_rows(t, *self._fixed)
+        return True

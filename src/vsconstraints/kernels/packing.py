@@ -15,6 +15,10 @@ from ..constraints import (
     ConstraintSet,
     Curve,
     FieldOfView,
+    ForbiddenBox,
+    ForbiddenCapsule,
+    ForbiddenCylinder,
+    ForbiddenHalfSpace,
     ForbiddenSphere,
     Heart,
     Hyperellipse,
@@ -22,6 +26,7 @@ from ..constraints import (
     JointSpeed,
     Occlusion,
 )
+from ..constraints.forbidden_region import RegionByFormula
 from ..features import CameraPose, ImagePoints
 from ..geometry import Pose
 from ..motion import Motion, TargetMotion
@@ -30,6 +35,14 @@ from ..rows import Array
 from ..scene import Scene
 from ..tracking import TrackingGains, VisualTask
 from . import layout
+
+REGIONS = {
+    ForbiddenHalfSpace: layout.HALF_SPACE,
+    ForbiddenBox: layout.BOX,
+    ForbiddenCylinder: layout.CYLINDER,
+    ForbiddenCapsule: layout.CAPSULE,
+}
+"""Constraints whose rows :mod:`vsconstraints.kernels.regions` computes, by their kind in the layout."""
 
 
 class NotCompiled(Exception):
@@ -45,6 +58,8 @@ class Packed:
         Integers and floats that do not change.
     memory
         What the task remembers between samples; see :class:`vsconstraints.tracking.TrackingMemory`.
+    after
+        Modules of this package whose ``add_rows`` has to follow the step, for constraints that it leaves out.
     others
         Constraints without a compiled form, with their rows and their robot points: the step leaves those rows out.
     size
@@ -112,6 +127,7 @@ class Packed:
 
         self.others: list[tuple[Constraint, slice, slice]] = []
         blocks: list[list[int]] = []
+        regions: list[list[int]] = []
         first = 0
         for constraint, count, points in constraints.blocks():
             rows, first = slice(first, first + count), first + count
@@ -123,9 +139,12 @@ class Packed:
             at_K = self._floats([constraint.K])
             motion = getattr(constraint, "motion", None)
             at_motion = -1 if motion is None else self._motion(motion)
-            blocks.append([kind, rows.start, count, parameters, at_motion, self._ints(which), at_K])
-        head[layout.BLOCKS] = len(blocks)
+            block = [kind, rows.start, count, parameters, at_motion, self._ints(which), at_K]
+            (regions if type(constraint) in REGIONS else blocks).append(block)
+        head[layout.BLOCKS], head[layout.REGIONS] = len(blocks), len(regions)
         head[layout.AT_BLOCKS] = self._ints([entry for block in blocks for entry in block])
+        head[layout.AT_REGIONS] = self._ints([entry for block in regions for entry in block])
+        self.after = ("regions",) if regions else ()
 
         self.I: NDArray[np.int64] = np.array(self._I, dtype=np.int64)
         self.F: Array = np.array(self._F, dtype=np.float64)
@@ -188,6 +207,11 @@ class Packed:
         if type(constraint) is ForbiddenSphere:
             at = self._floats(constraint.centre, [constraint.radius + constraint.margin])
             return layout.SPHERE, at, list(range(points.start, points.stop))
+        if type(constraint) in REGIONS:
+            assert isinstance(constraint, RegionByFormula)
+            pose, sizes = constraint.pose, (constraint.margin, *constraint.lengths)
+            at = self._floats(pose.R, pose.t, sizes)
+            return REGIONS[type(constraint)], at, list(range(points.start, points.stop))
         if type(constraint) in (JointRange, JointSpeed):
             assert isinstance(constraint, JointRange | JointSpeed)
             rest = np.zeros(robot.n)
