@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scenes import WORLDS, build_constraint, constraint_tables, random_configuration, random_scene, robot, robot_names
-from vsconstraints.constraints import Constraint, ConstraintSet, Trace
+from vsconstraints.constraints import Collision, Constraint, ConstraintSet, SelfCollision, Trace
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
 from vsconstraints.errors import SceneError
@@ -24,7 +24,7 @@ from vsconstraints.simulation import simulate
 from vsconstraints.tracking import TrackingGains, VisualTask
 
 REGIONS = tuple(f"forbidden-{shape}" for shape in ("sphere", "half-space", "box", "cylinder", "capsule"))
-COMPILED = ("field-of-view", "occlusion", "joint-range", "joint-speed", *REGIONS)
+COMPILED = ("field-of-view", "occlusion", "joint-range", "joint-speed", *REGIONS, "manipulability")
 """Types of constraints that have a compiled form."""
 
 CLOSE = 1e-9
@@ -52,10 +52,17 @@ def assert_equal(found: Evaluation, defined: Evaluation) -> None:
     assert found.rows.labels == defined.rows.labels
 
 
+def kind_in_numpy(constraint: Constraint) -> bool:
+    """Whether a constraint is of the kinds that are in NumPy only."""
+    return isinstance(constraint, Collision | SelfCollision)
+
+
 def both(scene: Scene, constraints: ConstraintSet, task: VisualTask, states: list[tuple[float, Array, Array]]) -> None:
     """Walk through states with both forms: what a task remembers counts too."""
     step = ControlStep(scene, constraints, task)
     assert step.not_compiled == ""
+    assert step._packed is not None
+    assert all(kind_in_numpy(one) for one, _, _ in step._packed.others)
     for _ in range(2):
         step.reset()
         for t, q, qd in states:

@@ -53,10 +53,15 @@ class ControlStep:
             return
         self._evaluate = step.evaluate_step
         try:
-            self._packed = packing.Packed(scene, constraints, task)
-            self._after = tuple(load(name).add_rows for name in self._packed.after)
+            packed = packing.Packed(scene, constraints, task)
         except packing.NotCompiled as reason:
             self.not_compiled = str(reason)
+            return
+        after = [load(name) for name in packed.after]
+        if None in after:
+            self.not_compiled = "there is no compiler"
+            return
+        self._packed, self._after = packed, tuple(module.add_rows for module in after)
 
     def reset(self) -> None:
         """Forget the last sample."""

@@ -16,6 +16,9 @@ import numpy as np
 SMALL = 1e-9
 """Distance [m] below which a direction or a curvature is taken as that at this distance, so that it stays finite."""
 
+SINGULAR = 1e-9
+"""Singular value below which manipulability's curvature is taken as that at this value, so that it stays finite."""
+
 
 def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> tuple[Any, Any, Any]:
     """|u/a|ⁿ + |v/b|ⁿ − 1 and its derivatives (eqs. 20 and 23)."""

@@ -6,8 +6,8 @@ FIXED_CAMERA, MOVING_TARGET, GOALS, BLOCKS = range(9, 13)
 AT_CHAIN, AT_CAMERA, AT_MARKERS, AT_POINTS, AT_TARGET = range(13, 18)
 AT_GOALS, AT_GAINS, AT_PRISMATIC, AT_LINKS, AT_BLOCKS = range(18, 23)
 # what is computed after the step, by modules of their own: how many blocks, and where
-REGIONS, AT_REGIONS = range(23, 25)
-HEADER = 25
+REGIONS, AT_REGIONS, MEASURES, AT_MEASURES = range(23, 27)
+HEADER = 27
 # entries of a block of rows
 KIND, FIRST, COUNT, PARAMETERS, MOTION, WHICH, K_AT = range(7)
 BLOCK = 7

@@ -24,9 +24,11 @@ from ..constraints import (
     Hyperellipse,
     JointRange,
     JointSpeed,
+    Manipulability,
     Occlusion,
 )
 from ..constraints.forbidden_region import RegionByFormula
+from ..constraints.manipulability import ROWS_OF
 from ..features import CameraPose, ImagePoints
 from ..geometry import Pose
 from ..motion import Motion, TargetMotion
@@ -42,7 +44,17 @@ REGIONS = {
     ForbiddenCylinder: layout.CYLINDER,
     ForbiddenCapsule: layout.CAPSULE,
 }
-"""Constraints whose rows :mod:`vsconstraints.kernels.regions` computes, by their kind in the layout."""
+"""Kinds of regions in the layout."""
+
+AFTER = {**dict.fromkeys(REGIONS, "regions"), Manipulability: "manipulability"}
+"""Modules of this package that compute the rows of constraints which the step leaves out."""
+
+LISTS = {
+    "": (layout.BLOCKS, layout.AT_BLOCKS),
+    "regions": (layout.REGIONS, layout.AT_REGIONS),
+    "manipulability": (layout.MEASURES, layout.AT_MEASURES),
+}
+"""Where the blocks of these modules, and those of the step itself, stand."""
 
 
 class NotCompiled(Exception):
@@ -126,8 +138,7 @@ class Packed:
         head[layout.AT_LINKS] = self._ints(links)
 
         self.others: list[tuple[Constraint, slice, slice]] = []
-        blocks: list[list[int]] = []
-        regions: list[list[int]] = []
+        blocks: dict[str, list[list[int]]] = {module: [] for module in LISTS}
         first = 0
         for constraint, count, points in constraints.blocks():
             rows, first = slice(first, first + count), first + count
@@ -140,11 +151,11 @@ class Packed:
             motion = getattr(constraint, "motion", None)
             at_motion = -1 if motion is None else self._motion(motion)
             block = [kind, rows.start, count, parameters, at_motion, self._ints(which), at_K]
-            (regions if type(constraint) in REGIONS else blocks).append(block)
-        head[layout.BLOCKS], head[layout.REGIONS] = len(blocks), len(regions)
-        head[layout.AT_BLOCKS] = self._ints([entry for block in blocks for entry in block])
-        head[layout.AT_REGIONS] = self._ints([entry for block in regions for entry in block])
-        self.after = ("regions",) if regions else ()
+            blocks[AFTER.get(type(constraint), "")].append(block)
+        for module, (number, at) in LISTS.items():
+            head[number] = len(blocks[module])
+            head[at] = self._ints([entry for block in blocks[module] for entry in block])
+        self.after = tuple(module for module in blocks if module and blocks[module])
 
         self.I: NDArray[np.int64] = np.array(self._I, dtype=np.int64)
         self.F: Array = np.array(self._F, dtype=np.float64)
@@ -212,6 +223,10 @@ class Packed:
             pose, sizes = constraint.pose, (constraint.margin, *constraint.lengths)
             at = self._floats(pose.R, pose.t, sizes)
             return REGIONS[type(constraint)], at, list(range(points.start, points.stop))
+        if type(constraint) is Manipulability:
+            directions = range(6)[ROWS_OF[constraint.part]]
+            at = self._floats([constraint.minimum, constraint.w_scale])
+            return 0, at, [directions.start, len(directions)]
         if type(constraint) in (JointRange, JointSpeed):
             assert isinstance(constraint, JointRange | JointSpeed)
             rest = np.zeros(robot.n)
