@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -92,14 +92,16 @@ class RegionByFormula(ForbiddenRegion):
 
     Attributes
     ----------
-    formula
-        From x, y, z in the region's frame, its lengths, and ẋ, ẏ, ż: d, ∂d/∂x, ∂d/∂y, ∂d/∂z and ẋᵀ (∂²d/∂x²) ẋ.
     lengths
-        What it takes between point and velocity [m].
+        What the formula takes between point and velocity [m].
     """
 
-    formula: ClassVar[Callable[..., tuple[Any, Any, Any, Any, Any]]]
     lengths: tuple[float, ...] = ()
+
+    @property
+    @abstractmethod
+    def formula(self) -> Callable[..., tuple[Any, Any, Any, Any, Any]]:
+        """From x, y, z in the region's frame, its lengths, and ẋ, ẏ, ż: d, its three derivatives and its bend."""
 
     def distance(self, x: Array) -> Array:
         """See :class:`ForbiddenRegion`."""
@@ -117,7 +119,7 @@ class RegionByFormula(ForbiddenRegion):
 
     def _evaluate(self, x: Array, velocity: Array) -> tuple[Any, Any, Any, Any, Any]:
         point, motion = (x[..., 0], x[..., 1], x[..., 2]), (velocity[..., 0], velocity[..., 1], velocity[..., 2])
-        return type(self).formula(*point, *self.lengths, *motion)
+        return self.formula(*point, *self.lengths, *motion)
 
 
 def axis_pose(start: Array, end: Array, what: str) -> tuple[Pose, float]:
