@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scenes import WORLDS, build_constraint, constraint_tables, random_configuration, random_scene, robot, robot_names
-from vsconstraints.constraints import Constraint, ConstraintSet, Trace
+from vsconstraints.constraints import Collision, Constraint, ConstraintSet, SelfCollision, Trace
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
 from vsconstraints.errors import SceneError
@@ -24,7 +24,8 @@ from vsconstraints.simulation import Setup, simulate
 from vsconstraints.simulation.loop import _Run
 from vsconstraints.tracking import TrackingGains, VisualTask
 
-COMPILED = ("field-of-view", "occlusion", "joint-range", "joint-speed", "forbidden-sphere")
+REGIONS = tuple(f"forbidden-{shape}" for shape in ("sphere", "half-space", "box", "cylinder", "capsule"))
+COMPILED = ("field-of-view", "occlusion", "joint-range", "joint-speed", *REGIONS, "manipulability")
 """Types of constraints that have a compiled form."""
 
 CLOSE = 1e-9
@@ -52,11 +53,18 @@ def assert_equal(found: Evaluation, defined: Evaluation) -> None:
     assert found.rows.labels == defined.rows.labels
 
 
+def kind_in_numpy(constraint: Constraint) -> bool:
+    """Whether a constraint is of the kinds that are in NumPy only."""
+    return isinstance(constraint, Collision | SelfCollision)
+
+
 def both(scene: Scene, constraints: ConstraintSet, task: VisualTask, states: list[tuple[float, Array, Array]]) -> None:
     """Walk through states with both forms, told of every motion or not: what a task remembers counts too."""
     for told in (True, False):
         step = ControlStep(scene, constraints, task, told=told)
         assert step.not_compiled == ""
+        assert step._packed is not None
+        assert all(kind_in_numpy(one) for one, _, _ in step._packed.others)
         for _ in range(2):
             step.reset()
             for t, q, qd in states:
@@ -71,7 +79,7 @@ def examples(arm: Any, world: str) -> list[Constraint]:
             constraint = build_constraint(type_name, {**table}, arm)
             if hasattr(constraint, "name"):
                 constraint.name = f"{type_name} {i}"
-            if world == "moving-target" and type_name in ("occlusion", "forbidden-sphere"):
+            if world == "moving-target" and type_name in ("occlusion", *REGIONS):
                 d = 2 if type_name == "occlusion" else 3
                 constraint.moving(Motion([9.0, -0.2, 0.1][:d], amplitude=[0.1, 0.2, 0.3][:d], frequency=0.5, phase=0.4))
                 constraint.motion.known = i % 2 == 0

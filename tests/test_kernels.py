@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -409,3 +410,21 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
     assert all(file.is_file() for file in compiler._sources())
     folder = compiler.cache_folder(law)
     assert any(folder.rglob("*follow*.nbi"))
+
+
+def test_of_several_that_need_a_function_one_compiles_it(tmp_path):
+    """The others wait: a lock of one folder is not held twice."""
+    compiler = pytest.importorskip("vsconstraints.kernels.compiler")
+    order = []
+
+    def other():
+        with compiler._alone(tmp_path):
+            order.append("second")
+
+    waiting = threading.Thread(target=other)
+    with compiler._alone(tmp_path):
+        waiting.start()
+        waiting.join(0.2)
+        order.append("first")
+    waiting.join()
+    assert order == ["first", "second"]

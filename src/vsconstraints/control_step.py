@@ -55,9 +55,15 @@ class ControlStep:
             return
         self._evaluate = step.evaluate_step
         try:
-            self._packed = packing.Packed(scene, constraints, task, told)
+            packed = packing.Packed(scene, constraints, task, told)
         except packing.NotCompiled as reason:
             self.not_compiled = str(reason)
+            return
+        after = [load(name) for name in packed.after]
+        if None in after:
+            self.not_compiled = "there is no compiler"
+            return
+        self._packed, self._after = packed, tuple(module.add_rows for module in after)
 
     def reset(self) -> None:
         """Forget the last sample."""
@@ -80,6 +86,8 @@ class ControlStep:
         if self._evaluate(*packed.arguments, out, t, q, qd):
             # what cannot be evaluated is told by the definition
             return self.define(self._state(t, q, qd))
+        for add_rows in self._after:
+            add_rows(*packed.arguments, out, t, q, qd)
         if packed.others:
             state = self._state(t, q, qd)
             for constraint, rows, points in packed.others:
@@ -126,7 +134,9 @@ class ControlStep:
     def bound(self) -> Bound | None:
         """The compiled step on arrays that stay where they are; None where anything runs in NumPy."""
         packed = self._packed
-        return None if packed is None or packed.others else Bound(packed, self.constraints, self._evaluate)
+        if packed is None or packed.others:
+            return None
+        return Bound(packed, self.constraints, (self._evaluate, *self._after))
 
     def _insert(self, out: Array, rows: slice, constraint: Constraint, block: RowBlock) -> None:
         """Write the rows of a constraint in NumPy between the compiled ones."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
@@ -160,11 +160,25 @@ class Bound:
 
     __slots__ = ("evaluate", "now", "out", "packed")
 
-    def __init__(self, packed: Packed, constraints: ConstraintSet, evaluate_step: Any) -> None:
+    def __init__(self, packed: Packed, constraints: ConstraintSet, kernels: Sequence[Any]) -> None:
         self.packed = packed
         self.out = np.zeros(packed.size)
         self.now = CompiledEvaluation(packed, constraints, self.out)
-        self.evaluate: Callable[[float, Array, Array], int] = partial(entry(evaluate_step), *packed.arguments, self.out)
+        evaluate, *after = (partial(entry(kernel), *packed.arguments, self.out) for kernel in kernels)
+        self.evaluate: Callable[[float, Array, Array], int] = _in_turn(evaluate, after) if after else evaluate
+
+
+def _in_turn(
+    evaluate: Callable[[float, Array, Array], int], after: Sequence[Callable[[float, Array, Array], None]]
+) -> Callable[[float, Array, Array], int]:
+    def all_of_them(t: float, q: Array, qd: Array) -> int:
+        code = evaluate(t, q, qd)
+        if not code:
+            for add_rows in after:
+                add_rows(t, q, qd)
+        return code
+
+    return all_of_them
 
 
 StateToCommand = Callable[[float, Array, Array], tuple[Evaluation, Command] | None]

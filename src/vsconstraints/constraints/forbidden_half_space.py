@@ -9,11 +9,12 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..geometry import Pose, vector
 from ..kinematics import RobotPoint
-from ..rows import Array
-from .forbidden_region import SMALL, ForbiddenRegion, frame_along
+from . import formulas
+from .forbidden_region import RegionByFormula, frame_along
+from .formulas import SMALL
 
 
-class ForbiddenHalfSpace(ForbiddenRegion):
+class ForbiddenHalfSpace(RegionByFormula):
     """Margin − n·(p − a) ≤ 0: points stay on the side of a plane that its normal n points to.
 
     Parameters
@@ -35,6 +36,7 @@ class ForbiddenHalfSpace(ForbiddenRegion):
     """
 
     kind = "half-space"
+    formula = staticmethod(formulas.half_space)
 
     def __init__(
         self,
@@ -62,15 +64,3 @@ class ForbiddenHalfSpace(ForbiddenRegion):
             robot_points=robot_points,
             name=name,
         )
-
-    def distance(self, x: Array) -> Array:
-        """Height above the plane."""
-        return x[..., 2]
-
-    def outwards(self, x: Array) -> Array:
-        """The normal."""
-        return np.broadcast_to(np.array([0.0, 0.0, 1.0]), x.shape)
-
-    def bending(self, x: Array, velocity: Array) -> Array:
-        """Zero: the plane is flat."""
-        return np.zeros(x.shape[:-1])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +12,8 @@ from ..errors import ConfigurationError
 from ..geometry import Pose
 from ..kinematics import RobotPoint
 from ..rows import Array
+from .formulas import SMALL
 from .point_constraint import PointConstraint
-
-SMALL = 1e-9
-"""Distance [m] below which a direction or a curvature is taken as that at this distance, so that it stays finite."""
 
 
 class ForbiddenRegion(PointConstraint):
@@ -88,9 +87,39 @@ class ForbiddenRegion(PointConstraint):
         return local
 
 
-def signs(x: Array) -> Array:
-    """±1, and +1 at zero."""
-    return np.where(x < 0.0, -1.0, 1.0)
+class RegionByFormula(ForbiddenRegion):
+    """A region whose distance and derivatives are one formula of :mod:`vsconstraints.constraints.formulas`.
+
+    Attributes
+    ----------
+    lengths
+        What the formula takes between point and velocity [m].
+    """
+
+    lengths: tuple[float, ...] = ()
+
+    @property
+    @abstractmethod
+    def formula(self) -> Callable[..., tuple[Any, Any, Any, Any, Any]]:
+        """From x, y, z in the region's frame, its lengths, and ẋ, ẏ, ż: d, its three derivatives and its bend."""
+
+    def distance(self, x: Array) -> Array:
+        """See :class:`ForbiddenRegion`."""
+        distance: Array = self._evaluate(x, np.zeros(3))[0]
+        return distance
+
+    def outwards(self, x: Array) -> Array:
+        """See :class:`ForbiddenRegion`."""
+        return np.stack(self._evaluate(x, np.zeros(3))[1:4], axis=-1)
+
+    def bending(self, x: Array, velocity: Array) -> Array:
+        """See :class:`ForbiddenRegion`."""
+        bending: Array = self._evaluate(x, velocity)[4]
+        return bending
+
+    def _evaluate(self, x: Array, velocity: Array) -> tuple[Any, Any, Any, Any, Any]:
+        point, motion = (x[..., 0], x[..., 1], x[..., 2]), (velocity[..., 0], velocity[..., 1], velocity[..., 2])
+        return self.formula(*point, *self.lengths, *motion)
 
 
 def axis_pose(start: Array, end: Array, what: str) -> tuple[Pose, float]:

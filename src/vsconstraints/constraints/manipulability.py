@@ -12,14 +12,13 @@ from ..robot import Robot
 from ..rows import Array
 from ..scene import Scene, State
 from .base import Constraint, RowBlock, Trace, demand_positive
+from .formulas import SINGULAR
 
 Part = Literal["pose", "position", "orientation"]
 """Which rows of the tip's Jacobian count."""
 
-_ROWS = {"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3, 6)}
-
-SINGULAR = 1e-9
-"""Singular value below which a curvature is taken as that at this value, so that it stays finite."""
+ROWS_OF = {"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3, 6)}
+"""Which these are."""
 
 
 class Manipulability(Constraint):
@@ -72,7 +71,7 @@ class Manipulability(Constraint):
             raise unknown_name("part of manipulability", part, get_args(Part))
         self.robot, self.part = robot, part
         self.minimum, self.w_scale = float(minimum), float(minimum if scale is None else scale)
-        self._rows, self._evaluate = _ROWS[part], robot.evaluator()
+        self._rows, self._evaluate = ROWS_OF[part], robot.evaluator()
         rng = np.random.default_rng(0)
         if max(measure(self._jacobian(q)) for q in rng.uniform(-1.0, 1.0, (8, robot.n))) < 1e-12:
             raise ConfigurationError(

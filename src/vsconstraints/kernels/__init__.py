@@ -6,6 +6,7 @@ use it. Everything else is for functions that are compiled themselves:
 
 - ``linear``: ``resolve`` (eq. (15) with its rank decisions, or without rows J†b) and the factorizations it uses.
 - ``task_priority``: ``follow``, the sliding mode, both potential fields and tracking.
+- ``regions``, ``manipulability``: rows that ``step`` leaves out, for scenes that have them.
 - ``least_distance``, ``least_violation``: the two halves of the hierarchy; ``hierarchical_qp``: ``descend``, all of it.
 
 ``follow`` and ``descend`` check their input, have fixed signatures, and are kept on disk. They return a code:
@@ -24,7 +25,11 @@ VARIABLE = "VSCONSTRAINTS_COMPILE"
 """Environment variable; 0 turns compilation off."""
 
 MODULES = ("task_priority", "hierarchical_qp", "packing", "step", "look", "nearest")
-"""Modules whose functions are called from Python."""
+"""Modules whose functions are called from Python, of which any simulation may need each.
+
+Those for rows of some constraints only (``Packed.after``) are compiled where a scene has such constraints; of several
+processes that need one, the first compiles it and the others wait for it.
+"""
 
 _loaded: dict[str, Any] = {}
 _told = False

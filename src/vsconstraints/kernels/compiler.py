@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
@@ -41,15 +43,26 @@ def compiled(signature: str, options: dict[str, Any] = OPTIONS) -> Callable[[F],
     """
 
     def decorate(function: F) -> F:
-        before = numba.config.CACHE_DIR
-        numba.config.CACHE_DIR = str(_cache(function))
+        before, folder = numba.config.CACHE_DIR, _cache(function)
+        numba.config.CACHE_DIR = str(folder)
         try:
-            result: F = numba.njit(signature, cache=True, no_cfunc_wrapper=True, **options)(function)
+            with _alone(folder):
+                result: F = numba.njit(signature, cache=True, no_cfunc_wrapper=True, **options)(function)
         finally:
             numba.config.CACHE_DIR = before
         return result
 
     return decorate
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """One process at a time: of workers that need the same function, one compiles it and the others read it."""
+    with (folder / "lock").open("w") as lock:
+        # where files cannot be locked each compiles for itself
+        with suppress(OSError):
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def cache_folder(function: Callable[..., Any]) -> Path:

@@ -15,13 +15,20 @@ from ..constraints import (
     ConstraintSet,
     Curve,
     FieldOfView,
+    ForbiddenBox,
+    ForbiddenCapsule,
+    ForbiddenCylinder,
+    ForbiddenHalfSpace,
     ForbiddenSphere,
     Heart,
     Hyperellipse,
     JointRange,
     JointSpeed,
+    Manipulability,
     Occlusion,
 )
+from ..constraints.forbidden_region import RegionByFormula
+from ..constraints.manipulability import ROWS_OF
 from ..features import CameraPose, ImagePoints
 from ..geometry import Pose
 from ..motion import Motion, TargetMotion
@@ -30,6 +37,24 @@ from ..rows import Array
 from ..scene import Scene
 from ..tracking import TrackingGains, VisualTask
 from . import layout
+
+REGIONS = {
+    ForbiddenHalfSpace: layout.HALF_SPACE,
+    ForbiddenBox: layout.BOX,
+    ForbiddenCylinder: layout.CYLINDER,
+    ForbiddenCapsule: layout.CAPSULE,
+}
+"""Kinds of regions in the layout."""
+
+AFTER = {**dict.fromkeys(REGIONS, "regions"), Manipulability: "manipulability"}
+"""Modules of this package that compute the rows of constraints which the step leaves out."""
+
+LISTS = {
+    "": (layout.BLOCKS, layout.AT_BLOCKS),
+    "regions": (layout.REGIONS, layout.AT_REGIONS),
+    "manipulability": (layout.MEASURES, layout.AT_MEASURES),
+}
+"""Where the blocks of these modules, and those of the step itself, stand."""
 
 
 class NotCompiled(Exception):
@@ -45,6 +70,8 @@ class Packed:
         Integers and floats that do not change.
     memory
         What the task remembers between samples; see :class:`vsconstraints.tracking.TrackingMemory`.
+    after
+        Modules of this package whose ``add_rows`` has to follow the step, for constraints that it leaves out.
     others
         Constraints without a compiled form, with their rows and their robot points: the step leaves those rows out.
     moving
@@ -113,7 +140,7 @@ class Packed:
         head[layout.AT_BODIES] = self._ints(bodies)
 
         self.others: list[tuple[Constraint, slice, slice]] = []
-        blocks: list[list[int]] = []
+        blocks: dict[str, list[list[int]]] = {module: [] for module in LISTS}
         first = 0
         for constraint, count, points in constraints.blocks():
             rows, first = slice(first, first + count), first + count
@@ -125,9 +152,12 @@ class Packed:
             at_K = self._floats([constraint.K])
             motion = getattr(constraint, "motion", None)
             at_motion, knows = (-1, True) if motion is None else (self._motion(motion), told or motion.known)
-            blocks.append([kind, rows.start, count, parameters, at_motion, knows, self._ints(which), at_K])
-        head[layout.BLOCKS] = len(blocks)
-        head[layout.AT_BLOCKS] = self._ints([entry for block in blocks for entry in block])
+            block = [kind, rows.start, count, parameters, at_motion, knows, self._ints(which), at_K]
+            blocks[AFTER.get(type(constraint), "")].append(block)
+        for module, (number, at) in LISTS.items():
+            head[number] = len(blocks[module])
+            head[at] = self._ints([entry for block in blocks[module] for entry in block])
+        self.after = tuple(module for module in blocks if module and blocks[module])
 
         self.I: NDArray[np.int64] = np.array(self._I, dtype=np.int64)
         self.F: Array = np.array(self._F, dtype=np.float64)
@@ -193,6 +223,15 @@ class Packed:
         if type(constraint) is ForbiddenSphere:
             at = self._floats(constraint.centre, [constraint.radius + constraint.margin])
             return layout.SPHERE, at, list(range(points.start, points.stop))
+        if type(constraint) in REGIONS:
+            assert isinstance(constraint, RegionByFormula)
+            pose, sizes = constraint.pose, (constraint.margin, *constraint.lengths)
+            at = self._floats(pose.R, pose.t, sizes)
+            return REGIONS[type(constraint)], at, list(range(points.start, points.stop))
+        if type(constraint) is Manipulability:
+            directions = range(6)[ROWS_OF[constraint.part]]
+            at = self._floats([constraint.minimum, constraint.w_scale])
+            return 0, at, [directions.start, len(directions)]
         if type(constraint) in (JointRange, JointSpeed):
             assert isinstance(constraint, JointRange | JointSpeed)
             rest = np.zeros(robot.n)

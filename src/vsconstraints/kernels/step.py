@@ -45,14 +45,15 @@ from .layout import (
 from .target import relative_motion, target_pose
 from .visual_task import write_task
 
-SIGNATURE = (
-    "int64(int64[::1], float64[::1], float64[::1], float64[:, :, ::1], float64[:, :, ::1], float64[:, :, ::1], "
+ARGUMENTS = (
+    "(int64[::1], float64[::1], float64[::1], float64[:, :, ::1], float64[:, :, ::1], float64[:, :, ::1], "
     "float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], float64[:, ::1], "
     "float64[::1], float64, float64[::1], float64[::1])"
 )
+"""Of the step, and of what adds rows to it afterwards."""
 
 
-@compiled(SIGNATURE, IN_PLACE)
+@compiled(f"int64{ARGUMENTS}", IN_PLACE)
 def evaluate_step(
     I: IntArray,  # noqa: E741 - integers and floats
     F: Array,

@@ -1,0 +1,199 @@
+"""The rows of manipulability, after the step itself: see :mod:`vsconstraints.constraints.manipulability`.
+
+They are apart so that only who has such rows compiles them. Twists are in the base frame's axes, about the tip's
+origin: singular values, and brackets up to that rotation, are the same there as in the tip's axes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..constraints.formulas import SINGULAR
+from ..rows import Array, IntArray
+from .compiler import compiled, inner
+from .kinematics import AXIS, ORIGIN, point_jacobian, turned
+from .layout import (
+    AT_CAMERA,
+    AT_MEASURES,
+    AT_PRISMATIC,
+    BLOCK,
+    FIRST,
+    JOINTS,
+    K_AT,
+    MEASURES,
+    PARAMETERS,
+    ROWS,
+    WHICH,
+)
+from .linear import decompose, dot
+from .step import ARGUMENTS
+
+GONE = 1e-14
+"""Singular value, relative to the largest, below which the vector that belongs to it is only rounding."""
+
+
+@inner
+def add_bracket(a: Array, b: Array, out: Array) -> None:
+    """Add [a, b] = (ω_a × v_b + v_a × ω_b, ω_a × ω_b) of twists (v, ω) to ``out`` (6,)."""
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        out[i] += a[3 + j] * b[k] - a[3 + k] * b[j] + a[j] * b[3 + k] - a[k] * b[3 + j]
+        out[3 + i] += a[3 + j] * b[3 + k] - a[3 + k] * b[3 + j]
+
+
+@inner
+def tip_twists(qd: Array, I: IntArray, F: Array, R: Array, motion: Array, J: Array, T: Array) -> None:  # noqa: E741
+    """Write J, J̇ and J̈ of the tip when q̈ = 0, by columns (3, n, 6)."""
+    n = I[JOINTS]
+    prismatic = I[I[AT_PRISMATIC] : I[AT_PRISMATIC] + n]
+    tip, after, at = np.empty(3), np.zeros((2, 6)), I[AT_CAMERA] + 21
+    turned(R[n], F[at : at + 3], tip)
+    for i in range(3):
+        tip[i] += motion[n, ORIGIN, i]
+    point_jacobian(n, tip, motion, prismatic, J)
+    for j in range(n - 1, -1, -1):
+        for i in range(3):
+            T[0, j, i], T[0, j, 3 + i] = J[i, j], 0.0 if prismatic[j] else motion[j + 1, AXIS, i]
+        for i in range(6):
+            T[1, j, i] = T[2, j, i] = 0.0
+        # a joint moves the columns of those before it, as seen from the tip: J̇_j = [J_j, sum of J_k q̇_k after it]
+        add_bracket(T[0, j], after[0], T[1, j])
+        add_bracket(T[0, j], after[1], T[2, j])
+        add_bracket(T[1, j], after[0], T[2, j])
+        for i in range(6):
+            after[0, i] += T[0, j, i] * qd[j]
+            after[1, i] += T[1, j, i] * qd[j]
+
+
+@inner
+def units(gains: Array, W: Array, U: Array) -> None:
+    """Write unit vectors (c, l) of :func:`vsconstraints.kernels.linear.decompose`, the last one orthogonal in any case.
+
+    Without it, w would have no side to leave a singular configuration on.
+    """
+    c, l = W.shape  # noqa: E741
+    last = c - 1
+    for m in range(last):
+        for i in range(l):
+            U[m, i] = W[m, i] / gains[m] if gains[m] > 0.0 else 0.0
+    best, least = 0, math.inf
+    for i in range(l):
+        U[last, i] = W[last, i]
+        taken = 0.0
+        for m in range(last):
+            taken += U[m, i] * U[m, i]
+        if taken < least:
+            best, least = i, taken
+    if gains[last] <= GONE * gains[0]:
+        for i in range(l):
+            U[last, i] = 1.0 if i == best else 0.0
+    for _ in range(2):
+        for m in range(last):
+            along = dot(U[m], U[last], 0, l)
+            for i in range(l):
+                U[last, i] -= along * U[m, i]
+        size = math.sqrt(dot(U[last], U[last], 0, l))
+        for i in range(l):
+            U[last, i] /= size
+
+
+@inner
+def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, float]:
+    """Return w and q̇ᵀ (∂²w/∂q²) q̇ of rows of J, and write ∂w/∂q (n,).
+
+    Parameters
+    ----------
+    T
+        (3, n, 6) of :func:`tip_twists`.
+    first, count
+        The rows that count.
+    slope
+        Where ∂w/∂q goes.
+    """
+    n = T.shape[1]
+    wide = count <= n
+    c, l = min(count, n), max(count, n)  # noqa: E741
+    # P = Σ s v uᵀ: J, or Jᵀ where there are fewer joints than directions; its derivatives by rows, in the basis of v
+    M, U, D, change = np.empty((l, c)), np.empty((c, l)), np.zeros((2, c, l)), np.zeros(6)
+    for i in range(count):
+        for j in range(n):
+            if wide:
+                M[j, i] = T[0, j, first + i]
+            else:
+                M[i, j] = T[0, j, first + i]
+    s, W, V = decompose(M)
+    units(s, W, U)
+    for k in range(n):
+        slope[k] = 0.0
+    whole = 1.0
+    for m in range(c):
+        others = 1.0
+        for o in range(c):
+            others *= 1.0 if o == m else s[o]
+        whole *= max(s[m], SINGULAR)
+        for j in range(n):
+            for i in range(count):
+                x, y = (i, j) if wide else (j, i)
+                for order in range(2):
+                    D[order, m, y] += V[m, x] * T[1 + order, j, first + i]
+            for k in range(j + 1, n):
+                for i in range(6):
+                    change[i] = 0.0
+                # ∂J_j/∂q_k = −[J_k, J_j]
+                add_bracket(T[0, j], T[0, k], change)
+                for i in range(count):
+                    x, y = (i, j) if wide else (j, i)
+                    slope[k] += others * V[m, x] * U[m, y] * change[first + i]
+    # the first two derivatives of log det of G = P Pᵀ along q̇, in the basis of v, where G is diagonal
+    rate = second = squared = 0.0
+    for m in range(c):
+        gain = max(s[m], SINGULAR) ** 2
+        rate += dot(D[0, m], W[m], 0, l) / gain
+        second += 2.0 * (dot(D[1, m], W[m], 0, l) + dot(D[0, m], D[0, m], 0, l)) / gain
+        for o in range(c):
+            G_dot = dot(D[0, m], W[o], 0, l) + dot(W[m], D[0, o], 0, l)
+            squared += G_dot * G_dot / (gain * max(s[o], SINGULAR) ** 2)
+    product = 1.0
+    for m in range(c):
+        product *= s[m]
+    return product, whole * (rate * rate + 0.5 * (second - squared))
+
+
+@compiled(f"void{ARGUMENTS}")
+def add_rows(
+    I: IntArray,  # noqa: E741
+    F: Array,
+    memory: Array,
+    R: Array,
+    motion: Array,
+    matrices: Array,
+    vectors: Array,
+    jacobians: Array,
+    seen: Array,
+    points: Array,
+    rates: Array,
+    out: Array,
+    t: float,
+    q: Array,
+    qd: Array,
+) -> None:
+    """Write φ, L_gφ, L_fφ and σ of manipulability to ``out``.
+
+    Arguments are those of :func:`vsconstraints.kernels.step.evaluate_step`, as it has left them.
+    """
+    n, m = I[JOINTS], I[ROWS]
+    T, slope = np.empty((3, n, 6)), np.empty(n)
+    tip_twists(qd, I, F, R, motion, jacobians[6:], T)
+    for number in range(I[MEASURES]):
+        block = I[AT_MEASURES] + BLOCK * number
+        row, at, which, K = I[block + FIRST], I[block + PARAMETERS], I[block + WHICH], F[I[block + K_AT]]
+        w, bend = measure(T, I[which], I[which + 1], slope)
+        # parameters: least w, scale
+        sigma, factor, rate = (F[at] - w) / F[at + 1], -1.0 / F[at + 1], 0.0
+        for j in range(n):
+            rate += factor * slope[j] * qd[j]
+            out[m + row * n + j] = K * factor * slope[j]
+        out[2 * m + m * n + row], out[row] = sigma, sigma + K * rate
+        out[m + m * n + row] = rate + K * factor * bend
