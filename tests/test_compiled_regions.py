@@ -210,7 +210,7 @@ def test_a_scene_with_a_region_goes_through_the_fast_loop() -> None:
 
 
 def test_a_region_that_moves_unknown_to_controllers_is_where_it_is_but_static() -> None:
-    region = MAKE["box"]().moving(Motion([0.1, 0.0, 0.0], known=False))
+    region = MAKE["box"]().moving(Motion([0.1, 0.2, 0.3], known=False))
     scene, task = far_scene(region)
     untold, told = (ControlStep(scene, ConstraintSet([region], scene), task, told=told) for told in (False, True))
     assert untold._packed is not None
