@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from importlib.metadata import distribution
 from typing import Any
 
 import numpy as np
@@ -24,11 +25,16 @@ TEXT = """
 Ours: everything from state to command on the scenario `ur5-fov`, along its runs. Peers: the same UR5 and their own
 standard step with joint range and speed limits and one frame task, in a process each, which takes the unit in turn with
 them; what they solve is not the same problem, but what one would put in its place. Pink and TSID raise or fail where
-limits are violated already; TSID solves inverse dynamics.
+limits are violated already; TSID solves inverse dynamics, and placo velocities, both in C++.
 """
 
 PYTHON = "VSCONSTRAINTS_PEERS_PYTHON"
-"""Environment variable: the interpreter that has the peers, if it is another one."""
+"""Environment variable: other interpreters, separated as in PATH, of which each peer runs in the first that has it.
+
+TSID and placo want other versions of Pinocchio than this package.
+"""
+
+UR5 = "cmeel.prefix/share/example-robot-data/robots/ur_description/urdf/ur5_robot.urdf"
 
 
 def measure(effort: Effort) -> Part:
@@ -62,11 +68,21 @@ def measure(effort: Effort) -> Part:
 
 
 def peer(name: str, turns: int) -> dict[str, Any]:
-    """What :mod:`benchmarks.peers` printed; RuntimeError with the reason if it could not measure."""
-    python = os.environ.get(PYTHON) or sys.executable
+    """What :mod:`benchmarks.peers` printed; RuntimeError with the reasons if no interpreter could measure."""
+    reasons = []
+    for python in (sys.executable, *filter(None, os.environ.get(PYTHON, "").split(os.pathsep))):
+        try:
+            return _measured(python, name, turns)
+        except RuntimeError as error:
+            reasons.append(str(error))
+    raise RuntimeError("; ".join(dict.fromkeys(reasons)))
+
+
+def _measured(python: str, name: str, turns: int) -> dict[str, Any]:
+    urdf = str(distribution("example-robot-data").locate_file(UR5))
     try:
         ended = subprocess.run(
-            [python, "-m", "benchmarks.peers", name, str(turns)],
+            [python, "-m", "benchmarks.peers", name, str(turns), urdf],
             capture_output=True,
             text=True,
             cwd=HERE.parent,

@@ -1,15 +1,16 @@
 """Other packages' steps on a UR5. Run in a process of its own, which may have an environment of its own.
 
-``python -m benchmarks.peers NAME TURNS`` prints times [s] as JSON; without the package it ends with the reason.
+``python -m benchmarks.peers NAME TURNS URDF`` prints times [s] as JSON; without the package it ends with the reason.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 import warnings
 from collections.abc import Callable
-from importlib.metadata import distribution, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +19,14 @@ from .timing import compare
 SAMPLING_TIME = 0.002
 
 
-def pink() -> dict[str, Callable[[], object]]:
+def pink(urdf: str) -> dict[str, Callable[[], object]]:
     """Differential kinematics as one QP: joint ranges and speeds, one frame task, solved by daqp."""
     import pinocchio as pin
     from pink import Configuration, solve_ik
     from pink.limits import ConfigurationLimit, VelocityLimit
     from pink.tasks import FrameTask
 
-    model, q, goal, frame = _ur5()
+    model, q, goal, frame = _ur5(urdf)
     task = FrameTask(frame, position_cost=1.0, orientation_cost=1.0)
     task.set_target(goal)
     configuration = Configuration(model, model.createData(), q)
@@ -46,13 +47,13 @@ def pink() -> dict[str, Callable[[], object]]:
     return {"solve_ik alone": solve, "configuration update and solve_ik": step}
 
 
-def tsid() -> dict[str, Callable[[], object]]:
+def tsid(urdf: str) -> dict[str, Callable[[], object]]:
     """Inverse dynamics as a hierarchy of two levels: joint ranges, speeds and accelerations; one SE3 task; damping."""
     import numpy as np
     import tsid as t
 
-    model, q, goal, frame = _ur5()
-    robot = t.RobotWrapper(_urdf(), [], False)
+    model, q, goal, frame = _ur5(urdf)
+    robot = t.RobotWrapper(urdf, [], False)
     dynamics = t.InverseDynamicsFormulationAccForce("UR5", robot, False)
     v = np.zeros(robot.nv)
     dynamics.computeProblemData(0.0, q, v)
@@ -86,24 +87,49 @@ def tsid() -> dict[str, Callable[[], object]]:
     return {"computeProblemData and solve": step}
 
 
-PEERS: dict[str, tuple[str, Callable[[], dict[str, Callable[[], object]]]]] = {
+def placo(urdf: str) -> dict[str, Callable[[], object]]:
+    """Differential kinematics as one QP in C++: joint ranges and speeds, one frame task."""
+    # where meshes are looked for
+    os.environ["ROS_PACKAGE_PATH"] = str(Path(urdf).parents[4])
+    import numpy as np
+    import placo as p
+
+    _, q, goal, frame = _ur5(urdf)
+    robot = p.RobotWrapper(urdf, p.Flags.ignore_collisions)
+    solver = p.KinematicsSolver(robot)
+    solver.mask_fbase(True)
+    for name, angle in zip(robot.joint_names(), q, strict=True):
+        robot.set_joint(name, angle)
+    robot.update_kinematics()
+    task = solver.add_frame_task(frame, np.array(goal.homogeneous))
+    task.configure(frame, "soft", 1.0, 1.0)
+    solver.enable_joint_limits(True)
+    solver.enable_velocity_limits(True)
+    solver.dt = SAMPLING_TIME
+
+    def step() -> Any:
+        robot.update_kinematics()
+        return solver.solve(False)
+
+    if not np.abs(step()).max() > 0.0:
+        raise RuntimeError("its answer is zero")
+    return {"update_kinematics and solve": step}
+
+
+PEERS: dict[str, tuple[str, Callable[[str], dict[str, Callable[[], object]]]]] = {
     "pink": ("pin-pink", pink),
     "tsid": ("tsid", tsid),
+    "placo": ("placo", placo),
 }
-"""Name of the distribution and what makes the subjects."""
+"""Name of the distribution and what makes the subjects of a robot's URDF."""
 
 
-def _urdf() -> str:
-    shared = "cmeel.prefix/share/example-robot-data/robots/ur_description/urdf/ur5_robot.urdf"
-    return str(Path(str(distribution("example-robot-data").locate_file(shared))))
-
-
-def _ur5() -> tuple[Any, Any, Any, str]:
+def _ur5(urdf: str) -> tuple[Any, Any, Any, str]:
     """Model, configuration, a pose of the tool some centimetres away, and the tool's name."""
     import numpy as np
     import pinocchio as pin
 
-    model, frame = pin.buildModelFromUrdf(_urdf()), "tool0"
+    model, frame = pin.buildModelFromUrdf(urdf), "tool0"
     q = np.array([0.664, -1.778, 1.729, -1.729, -1.935, -0.151])
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
@@ -111,12 +137,12 @@ def _ur5() -> tuple[Any, Any, Any, str]:
     return model, q, data.oMf[model.getFrameId(frame)] * away, frame
 
 
-def main(name: str, turns: int) -> None:
+def main(name: str, turns: int, urdf: str) -> None:
     """Measure a peer and print what was found."""
     warnings.simplefilter("ignore")
     package, make = PEERS[name]
     try:
-        subjects = make()
+        subjects = make(urdf)
     except ImportError as error:
         raise SystemExit(f"{type(error).__name__}: {error}") from None
     times = compare(subjects, turns)
@@ -125,4 +151,4 @@ def main(name: str, turns: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]))
+    main(sys.argv[1], int(sys.argv[2]), sys.argv[3])
