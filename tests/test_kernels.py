@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
@@ -402,14 +403,37 @@ def test_a_cache_that_cannot_be_written_is_told_once_and_the_definition_runs(tmp
 
 
 def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
+    """Also of the files that kernels take constants from, which are compiled in and leave no trace."""
     compiler = kernels.load("compiler")
-    law = kernels.load("task_priority").follow
-    files = {file.name for file in compiler._sources()}
-    # constants of the last two are compiled in
-    assert {"linear.py", "task_priority.py", "formulas.py", "layout.py", "scene.py"} <= files
+    package = Path(kernels.__file__).parents[1]
+    files = {file.relative_to(package).with_suffix("").as_posix() for file in compiler._sources()}
+    types = {"rows"}
+    for kernel in (package / "kernels").glob("*.py"):
+        assert f"kernels/{kernel.stem}" in files
+        if kernel.stem == "packing":
+            continue
+        for node in ast.walk(ast.parse(kernel.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.level == 2:
+                module = (node.module or "").replace(".", "/")
+                names = [f"{module}/{name.name}" for name in node.names] if (package / module).is_dir() else [module]
+                assert set(names) <= files | types, f"{kernel.name} imports from {names}"
     assert all(file.is_file() for file in compiler._sources())
-    folder = compiler.cache_folder(law)
+    folder = compiler.cache_folder(kernels.load("task_priority").follow)
     assert any(folder.rglob("*follow*.nbi"))
+
+
+def test_code_that_was_not_used_for_long_is_removed(tmp_path, monkeypatch):
+    compiler, law = kernels.load("compiler"), kernels.load("task_priority").follow
+    for i in range(12):
+        old = tmp_path / f"task_priority-{i:016}"
+        (old / "inner").mkdir(parents=True)
+        os.utime(old, (1e9 + i, 1e9 + i))
+    (tmp_path / "task_priority_of_others").mkdir()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    folder = compiler._cache(law)
+    kept = {path.name for path in tmp_path.iterdir()}
+    last = {f"task_priority-{i:016}" for i in range(12 - compiler.KEPT + 1, 12)}
+    assert kept == {folder.name, "task_priority_of_others", *last}
 
 
 def test_of_several_that_need_a_function_one_compiles_it(tmp_path):

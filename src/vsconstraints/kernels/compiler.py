@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -19,6 +20,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 OPTIONS = {"error_model": "numpy", "fastmath": False}
 """Division by zero gives an infinity, as in NumPy; sums are never reordered, so that results repeat bit by bit."""
 
+
+KEPT, HASH = 8, 16
+"""States of a module's code that are kept compiled, those used last, and the length of their names' ends."""
 
 IN_PLACE = {**OPTIONS, "_nrt": False}
 """For functions that make no arrays: counting references to every view of one takes as long as computing."""
@@ -82,7 +86,7 @@ def cache_folder(function: Callable[..., Any]) -> Path:
         state.update(file.read_bytes())
     processor = import_module("llvmlite.binding").get_host_cpu_name()
     state.update(f"{numba.__version__} {sys.version} {processor}".encode())
-    name = f"{function.__module__.rpartition('.')[2]}-{state.hexdigest()[:16]}"
+    name = f"{function.__module__.rpartition('.')[2]}-{state.hexdigest()[:HASH]}"
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     caches = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
     candidates = [Path(chosen)] if chosen else [Path(__file__).parent / "__pycache__", caches / "vsconstraints"]
@@ -99,16 +103,22 @@ def cache_folder(function: Callable[..., Any]) -> Path:
 def _sources() -> list[Path]:
     """Every file that compiled code may be made of; constants are compiled in, and leave no trace of their origin."""
     package = Path(__file__).parent.parent
-    return [*sorted((package / "kernels").glob("*.py")), package / "constraints" / "formulas.py", package / "scene.py"]
+    others = ("constraints/formulas.py", "qp/least_violation.py", "qp/lexicographic.py", "scene.py")
+    return [*sorted((package / "kernels").glob("*.py")), *(package / other for other in others)]
 
 
 _announced = False
 
 
 def _cache(function: Callable[..., Any]) -> Path:
-    """The cache folder; says so, once, if it is empty, since filling it takes a while."""
+    """The cache folder; says so, once, if it is empty, since filling it takes a while, and removes old ones."""
     global _announced
     folder = cache_folder(function)
+    with suppress(OSError):
+        os.utime(folder)
+        states = folder.parent.glob(f"{folder.name.rpartition('-')[0]}-{'?' * HASH}")
+        for old in sorted(states, key=lambda state: -state.stat().st_mtime)[KEPT:]:
+            shutil.rmtree(old, ignore_errors=True)
     if not _announced and next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None:
         _announced = True
         print(f"vsconstraints: compiling the control step, once; kept in {folder.parent}", file=sys.stderr, flush=True)
