@@ -31,8 +31,7 @@ task = VisualTask(
 step, controller = ControlStep(scene, ConstraintSet(constraints, scene), task), SlidingMode()
 
 for k in range(3000):
-    now = step.evaluate(k * Ts, q, qd)
-    command = controller.command(now.rows, now.task)
+    now, command = step.command(controller, k * Ts, q, qd)
     if command.status != "ok":
         raise SystemExit(f"{command.status}: {command.reason}")
     q, qd = q + Ts * qd + 0.5 * Ts**2 * command.qdd, qd + Ts * command.qdd  # robot
