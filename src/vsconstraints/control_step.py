@@ -171,8 +171,7 @@ class ControlStep:
         seen = np.ones(N, dtype=np.bool_)
         if self._packed is not None:
             packed, t, q = self._packed, np.ascontiguousarray(t), np.ascontiguousarray(q)
-            rest = np.zeros(packed.n)
-            load("look").look(t, q, rest, packed.I, packed.F, *packed.moving, pixels, points, seen)
+            load("look").look(t, q, packed.I, packed.F, *packed.moving, pixels, points, seen)
             return pixels, points, seen
         for k in range(N):
             try:

@@ -93,7 +93,8 @@ class ImageConstraint(PositionConstraint):
         distance = distance_to_lines(pixels[::EVERY], lines)
         least = distance.min(axis=0)
         nearest = np.repeat(distance, EVERY, axis=0)[: len(pixels)]
-        moved = np.sqrt(((pixels - pixels[some]) ** 2).sum(axis=2))
+        du, dv = np.moveaxis(pixels - pixels[some], 2, 0)
+        moved = np.sqrt(du * du + dv * dv)
         found = np.full(wrong.shape, np.inf)
         exact = wrong | (nearest - moved <= least)
         found[exact] = distance_to_lines(pixels[exact], lines)

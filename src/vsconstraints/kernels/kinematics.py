@@ -106,9 +106,8 @@ def point_jacobian(body: int, point: Array, motion: Array, prismatic: IntArray, 
 
 
 @in_place
-def chain(
+def poses(
     q: Array,
-    qd: Array,
     F: Array,
     at: int,
     prismatic: IntArray,
@@ -117,12 +116,12 @@ def chain(
     matrices: Array,
     vectors: Array,
 ) -> None:
-    """Write pose and motion of every body, after its joint has moved, in the base frame.
+    """Write orientation, origin and axis of every body, after its joint has moved, in the base frame.
 
     Parameters
     ----------
-    q, qd
-        (n,) joint coordinates and speeds.
+    q
+        (n,) joint coordinates.
     F, at
         Numbers, among which begin there (n, 3, 3), (n, 3) and (n, 3): placement of joint i in the body before it
         (rotation, then translation), and its axis there.
@@ -131,10 +130,9 @@ def chain(
     R, motion
         (n + 1, 3, 3) and (n + 1, 6, 3), of which the first, those of the base, are not touched.
     matrices, vectors
-        (4, 3, 3) and (3, 3) at least, scratch.
+        (3, 3, 3) and (1, 3) at least, scratch.
     """
-    placed, turn, T, moved = matrices[0], matrices[1], matrices[2], matrices[3]
-    r, s, bend = vectors[0], vectors[1], vectors[2]
+    placed, turn, T, r = matrices[0], matrices[1], matrices[2], vectors[0]
     n = len(q)
     for i in range(n):
         t0, u0 = at + 9 * n + 3 * i, at + 12 * n + 3 * i
@@ -146,24 +144,42 @@ def chain(
             turn_about(axis, np.sin(q[i]), np.cos(q[i]), turn)
             product(placed, turn, T)
             product(R[i], T, R[i + 1])
-        turned(R[i], F[t0 : t0 + 3], r)
-        carried(r, before, s, moved)
         # a turn about the axis leaves the axis
         turned(R[i + 1], axis, body[AXIS])
+        turned(R[i], F[t0 : t0 + 3], r)
+        along = q[i] if prismatic[i] else 0.0
         for j in range(3):
-            body[ORIGIN, j], body[VELOCITY, j], body[ACCELERATION, j] = moved[0, j], moved[1, j], moved[2, j]
-            body[TURNING, j], body[SPIN, j] = before[TURNING, j], before[SPIN, j]
+            body[ORIGIN, j] = before[ORIGIN, j] + r[j] + along * body[AXIS, j]
+
+
+@in_place
+def chain(
+    q: Array,
+    qd: Array,
+    F: Array,
+    at: int,
+    prismatic: IntArray,
+    R: Array,
+    motion: Array,
+    matrices: Array,
+    vectors: Array,
+) -> None:
+    """Write pose and motion of every body in the base frame; parameters as for :func:`poses`.
+
+    ``qd`` (n,) are the speeds; of matrices and vectors three are scratch.
+    """
+    poses(q, F, at, prismatic, R, motion, matrices, vectors)
+    moved, r, s, bend = matrices[0], vectors[0], vectors[1], vectors[2]
+    for i in range(len(q)):
+        body, before = motion[i + 1], motion[i]
+        along, about = qd[i] if prismatic[i] else 0.0, 0.0 if prismatic[i] else qd[i]
+        for j in range(3):
+            r[j] = body[ORIGIN, j] - before[ORIGIN, j]
+        carried(r, before, s, moved)
         # ω × z q̇: how the axis turns
-        cross(body[TURNING], body[AXIS], bend)
-        if prismatic[i]:
-            for j in range(3):
-                r[j] = body[AXIS, j] * q[i]
-            carried(r, body, s, moved)
-            for j in range(3):
-                body[ORIGIN, j] = moved[0, j]
-                body[VELOCITY, j] = moved[1, j] + body[AXIS, j] * qd[i]
-                body[ACCELERATION, j] = moved[2, j] + 2.0 * bend[j] * qd[i]
-        else:
-            for j in range(3):
-                body[SPIN, j] += bend[j] * qd[i]
-                body[TURNING, j] += body[AXIS, j] * qd[i]
+        cross(before[TURNING], body[AXIS], bend)
+        for j in range(3):
+            body[TURNING, j] = before[TURNING, j] + about * body[AXIS, j]
+            body[SPIN, j] = before[SPIN, j] + about * bend[j]
+            body[VELOCITY, j] = moved[1, j] + along * body[AXIS, j]
+            body[ACCELERATION, j] = moved[2, j] + 2.0 * along * bend[j]

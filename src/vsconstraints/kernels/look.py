@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..rows import Array, BoolArray, IntArray
 from ..scene import MINIMUM_DEPTH
 from .compiler import IN_PLACE, compiled
-from .kinematics import ORIGIN, chain, matrix_at, product, turned, turned_back
+from .kinematics import ORIGIN, matrix_at, poses, product, turned, turned_back
 from .layout import (
     AT_BODIES,
     AT_CAMERA,
@@ -23,7 +23,7 @@ from .layout import (
 from .target import target_pose
 
 SIGNATURE = (
-    "void(float64[::1], float64[:, ::1], float64[::1], int64[::1], float64[::1], float64[:, :, ::1], "
+    "void(float64[::1], float64[:, ::1], int64[::1], float64[::1], float64[:, :, ::1], "
     "float64[:, :, ::1], float64[:, :, ::1], float64[:, ::1], float64[:, :, ::1], float64[:, :, ::1], boolean[::1])"
 )
 
@@ -32,7 +32,6 @@ SIGNATURE = (
 def look(
     t: Array,
     q: Array,
-    qd: Array,
     I: IntArray,  # noqa: E741
     F: Array,
     R: Array,
@@ -45,9 +44,8 @@ def look(
 ) -> None:
     """Write pixels (N, M, 2) and robot points (N, P, 3) at times t (N,) and coordinates q (N, n).
 
-    The speeds ``qd`` (n,) do not matter. ``seen`` (N,) says whether all markers are in front of the camera; where they
-    are not, the pixels do not count. The arrays between F and pixels are scratch: see
-    :class:`vsconstraints.kernels.packing.Packed`.
+    ``seen`` (N,) says whether all markers are in front of the camera; where they are not, the pixels do not count. The
+    arrays between F and pixels are scratch: see :class:`vsconstraints.kernels.packing.Packed`.
     """
     n, M, P = I[JOINTS], I[MARKERS], I[POINTS]
     prismatic = I[I[AT_PRISMATIC] : I[AT_PRISMATIC] + n]
@@ -62,7 +60,7 @@ def look(
         for j in range(3):
             target_R[i, j] = 1.0 if i == j else 0.0
     for k in range(len(t)):
-        chain(q[k], qd, F, I[AT_CHAIN], prismatic, R, motion, matrices, vectors)
+        poses(q[k], F, I[AT_CHAIN], prismatic, R, motion, matrices, vectors)
         if I[FIXED_CAMERA]:
             product(R[n], mounted, target_R)
             turned(R[n], F[at + 21 : at + 24], target_t)

@@ -147,7 +147,8 @@ class Log:
         goals = self.setup.task.goals
         camera_error = np.full((N, 2), np.nan)
         wanted = np.array([goal.pixels for goal in goals])[self.goal[:N]]
-        feature_error: Array = np.sqrt(((self.pixels[:N] - wanted) ** 2).sum(axis=2)).max(axis=1, initial=0.0)
+        du, dv = np.moveaxis(self.pixels[:N] - wanted, 2, 0)
+        feature_error: Array = np.sqrt((du * du + dv * dv).max(axis=1, initial=0.0))
         for number, goal in enumerate(goals):
             if goal.camera is not None:
                 held = self.goal[:N] == number
