@@ -4,7 +4,7 @@ The NumPy form of a law is its definition, and runs wherever this one cannot; te
 :func:`load` imports a module of this package when it is first needed, so that nobody pays for a compiler who does not
 use it. Everything else is for functions that are compiled themselves:
 
-- ``linear``: ``resolve`` (eq. (15) with its rank decisions, or without rows J†b) and the factorizations it uses.
+- ``least_squares``: ``resolve`` (eq. (15) with its rank decisions, or without rows J†b); ``linear``: what it uses.
 - ``task_priority``: ``follow``, the sliding mode, both potential fields and tracking.
 - ``regions``, ``manipulability``: rows that ``step`` leaves out, for scenes that have them.
 - ``least_distance``, ``least_violation``: the two halves of the hierarchy; ``hierarchical_qp``: ``descend``, all of it.

@@ -9,22 +9,10 @@ import numpy as np
 from ..qp.lexicographic import DEPENDENT, PULLING, RELAXED, SIGNIFICANT
 from ..rows import Array, BoolArray
 from .compiler import compiled, inner
-from .least_distance import FAILED, INCOMPATIBLE, nearest
+from .least_distance import FAILED, INCOMPATIBLE, MULTIPLIER, POINT, SIDE, nearest
+from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import least_violation
-from .linear import (
-    ASK,
-    CERTAIN,
-    DONE,
-    apply_transposed,
-    decompose,
-    dot,
-    factor,
-    finite,
-    full_rank_solution,
-    norm,
-    resolve,
-    solve_upper,
-)
+from .linear import ASK, DONE, S_ROWS, START, add, apply, constant, copy, dot, finite
 from .task_priority import OUTPUT, ROWS, TASK, valid
 
 RELAXED_ROWS = 4
@@ -37,173 +25,103 @@ ZERO_GRADIENT = 1e-12
 """A row with ‖L_gφ‖ below this times its scale is one that no acceleration can influence."""
 
 
-@inner
-def cost(J: Array, b: Array, tolerance: float, damping: float) -> Array:
-    """E by columns, (n, ·): levels 2 and 3 are ½‖E (q̈ − J†b)‖² (see the controller's ``task_cost``)."""
-    k, n = J.shape
-    size = norm(J)
-    Y = np.empty((1, n))
-    if k > 0 and full_rank_solution(J, 0, b, CERTAIN * tolerance * size, Y):
-        E = np.zeros((n, k + n))
-        for j in range(n):
-            for i in range(k):
-                E[j, i] = J[i, j] / size
-            E[j, k + j] = math.sqrt(damping)
-        return E
-    gains, _, V = decompose(J)
-    floor = tolerance * gains[0]
-    size = 0.0
-    for j in range(n):
-        if not gains[j] > floor:
-            gains[j] = 0.0
-        size = math.hypot(size, gains[j])
-    E = np.zeros((n, n))
-    for i in range(n):
-        relative = gains[i] / size if size > 0.0 else 0.0
-        stiffness = math.sqrt(relative * relative + damping)
-        for j in range(n):
-            E[j, i] = stiffness * V[i, j]
-    return E
+CENTER, ORIGIN, OFFSET, ROWS_OF_X = constant(5), constant(6), constant(7), constant(8)
+"""Rows of the work space behind those of :func:`nearest`: J†b, a point, and the way to it; and how many there are."""
 
 
 @inner
-def metric(E: Array, offset: Array, Z: Array, T: Array, shift: Array) -> None:
-    """The change of variables in which ½‖E (offset + Z y)‖² is ½‖u‖², up to a constant: Z y = T u − shift.
+def metric(G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array) -> None:
+    """Levels 2 and 3, ½‖G (offset + Z y)‖² / ‖G‖² + ½ damping ‖offset + Z y‖², as ½‖R y + r‖² up to a constant.
+
+    Householder QR of the rows √damping I above those of G Z / ‖G‖: the reflection of column j leaves all of the former
+    but the j-th alone, so that the work grows with the square of the number of columns.
 
     Parameters
     ----------
-    E
-        (n, r) by columns.
-    offset
-        (n,).
+    G
+        (k, n) or more columns: the task, without what counts as its null space.
     Z
-        (p, n) by columns.
-    T, shift
-        (p, n) by columns and (n,), outputs.
+        (p, n): an orthonormal basis by columns, or none: the identity.
+    X
+        (8, n), with the row ``OFFSET``.
+    R, S
+        (p + 1, p) and (3, p) outputs: R by columns with r as the last one, and the inverses of the diagonal.
     """
-    n, r = E.shape
-    p = Z.shape[0]
-    F, S, X = np.zeros((p, r)), np.empty((2, p)), np.zeros((1, r))
-    for i in range(r):
-        for j in range(n):
-            X[0, i] += E[j, i] * offset[j]
-            for d in range(p):
-                F[d, i] += E[j, i] * Z[d, j]
-    factor(F, S)
-    apply_transposed(F, S, X, 0)
-    solve_upper(F, S, X, 0)
-    for j in range(n):
-        shift[j] = 0.0
-        for d in range(p):
-            shift[j] += X[0, d] * Z[d, j]
-    for d in range(p):
+    k, n, p = G.shape[0], X.shape[1], R.shape[1]
+    reduced = Z.shape[0] > 0
+    B = np.zeros((p + 1, k))
+    size = 0.0
+    for i in range(k):
+        size += dot(G, i, G, i, START, n)
+    for j in range(p + 1):
         for i in range(p):
-            X[0, i] = 1.0 if i == d else 0.0
-        solve_upper(F, S, X, 0)
-        for j in range(n):
-            T[d, j] = 0.0
-            for i in range(d + 1):
-                T[d, j] += X[0, i] * Z[i, j]
+            R[j, i] = 0.0
+        if j < p:
+            R[j, j] = math.sqrt(damping)
+        elif reduced:
+            for i in range(p):
+                R[p, i] = math.sqrt(damping) * dot(Z, i, X, OFFSET, START, n)
+        if size > 0.0:
+            for i in range(k):
+                if j < p:
+                    B[j, i] = (dot(G, i, Z, j, START, n) if reduced else G[i, j]) / math.sqrt(size)
+                else:
+                    B[j, i] = dot(G, i, X, OFFSET, START, n) / math.sqrt(size)
+    for j in range(p):
+        length = math.sqrt(R[j, j] * R[j, j] + dot(B, j, B, j, START, k))
+        head = R[j, j] + length
+        for other in range(j + 1, p + 1):
+            scale = (head * R[other, j] + dot(B, j, B, other, START, k)) / (length * head)
+            R[other, j] -= scale * head
+            add(B, other, -scale, B, j, START, k)
+        R[j, j] = -length
+        S[0, j] = -1.0 / length
 
 
 @inner
-def within_least_violation(
-    walls: Array,
-    sides: Array,
-    weights: Array,
-    E: Array,
-    T: Array,
-    bound: float,
-    center: Array,
-    x: Array,
-    violation: Array,
-    multipliers: Array,
-) -> tuple[int, int]:
-    """The least cost among the points that violate as little as x, which becomes that point."""
+def settle(
+    walls: Array, sides: Array, weights: Array, bound: float, X: Array, relaxed: Array, violation: Array
+) -> Array:
+    """What every point that violates least has in common with a given one: rows A of equalities, as [A | 0].
+
+    Parameters
+    ----------
+    walls, sides
+        (w, n) and (w,).
+    weights
+        (m,) of level 1; the rows of the box, from m on, have none.
+    bound
+        Half the width of the box.
+    X
+        (8, n): its row ``ORIGIN`` is a point that violates least.
+    relaxed, violation
+        (w,) and (m,) outputs: sides that the point meets, with a little room, since the rows may leave a set without
+        interior; and what it exceeds the given ones by, where that is more than rounding.
+    """
     w, n = walls.shape
     m = weights.size
-    length = norm(x)
-    relaxed = sides.copy()
-    pinned, forces, terms = np.zeros(n, np.bool_), np.zeros(n), np.zeros(n)
-    count = 0
+    A, pull = np.zeros((m + n, n + 1)), np.zeros((S_ROWS, n))
+    length = math.sqrt(dot(X, ORIGIN, X, ORIGIN, START, n))
+    at = 0
     for i in range(w):
-        value = dot(walls[i], x, 0, n)
-        size = norm(walls[i])
-        if i < m and value - sides[i] > SIGNIFICANT * (size * length + abs(sides[i])):
+        value = dot(walls, i, X, ORIGIN, START, n)
+        size = math.sqrt(dot(walls, i, walls, i, START, n))
+        room = size * length + abs(sides[i])
+        relaxed[i] = max(sides[i], value) + RELAXED * room
+        if i < m and value - sides[i] > SIGNIFICANT * room:
             violation[i] = value - sides[i]
-            count += 1
             for j in range(n):
                 force = walls[i, j] * weights[i] * weights[i] * violation[i]
-                forces[j] += force
-                terms[j] += abs(force)
-        # x itself becomes feasible, with a little room: the rows may leave a set without interior
-        room = RELAXED * (size * length + abs(sides[i]))
-        relaxed[i] = max(sides[i], value) + room
-    if count == 0:
-        code, steps = nearest(center, T, walls, relaxed, x, multipliers)
-        return (FAILED if code == INCOMPATIBLE else code), steps
+                pull[0, j] += force
+                pull[1, j] += abs(force)
+                A[at, j] = walls[i, j] / size
+            at += 1
     # where the violations pull a coordinate against the box, every point that violates least has it at that bound
     for j in range(n):
-        pinned[j] = abs(forces[j]) > SIGNIFICANT * terms[j] and abs(x[j]) >= bound
-        count += pinned[j]
-    settled = np.zeros((count, n))
-    at = 0
-    for i in range(m):
-        if violation[i] > 0.0:
-            size = norm(walls[i])
-            for j in range(n):
-                settled[at, j] = walls[i, j] / size
+        if abs(pull[0, j]) > SIGNIFICANT * pull[1, j] and abs(X[ORIGIN, j]) >= bound:
+            A[at, j] = 1.0
             at += 1
-    for j in range(n):
-        if pinned[j]:
-            settled[at, j] = 1.0
-            at += 1
-    gains, _, V = decompose(settled)
-    rank = 0
-    while rank < n and gains[rank] > DEPENDENT * gains[0]:
-        rank += 1
-    for i in range(w):
-        multipliers[i] = 0.0
-    if rank == n:
-        return DONE, 0
-    Z = V[rank:]
-    p = n - rank
-    others = np.zeros(w, np.bool_)
-    count = 0
-    for i in range(w):
-        if i >= m or violation[i] == 0.0:
-            seen = 0.0
-            for d in range(p):
-                seen = math.hypot(seen, dot(walls[i], Z[d], 0, n))
-            # rows within the span of the violated ones are settled by the equalities
-            others[i] = seen > DEPENDENT * norm(walls[i])
-            count += others[i]
-    G, h, held = np.empty((count, n)), np.empty(count), np.empty(count)
-    at = 0
-    for i in range(w):
-        if others[i]:
-            h[at] = relaxed[i]
-            for j in range(n):
-                G[at, j] = walls[i, j]
-            at += 1
-    offset, reduced, shift = np.empty(n), np.empty((p, n)), np.empty(n)
-    for j in range(n):
-        offset[j] = x[j] - center[j]
-    metric(E, offset, Z, reduced, shift)
-    for j in range(n):
-        shift[j] = x[j] - shift[j]
-    code, steps = nearest(shift, reduced, G, h, x, held)
-    at = 0
-    for i in range(w):
-        if others[i]:
-            multipliers[i] = held[at]
-            at += 1
-    for j in range(n):
-        x[j] = min(max(x[j], -bound), bound)
-    for i in range(m):
-        if violation[i] > 0.0:
-            violation[i] = max(0.0, dot(walls[i], x, 0, n) - sides[i])
-    return (FAILED if code == INCOMPATIBLE else code), steps
+    return A[:at]
 
 
 OPTIONS = "float64, boolean, float64, float64[::1], float64, float64"
@@ -260,36 +178,40 @@ def descend(
     if not valid(m, phi, Lg, Lf, gain, scale, J, b, qdd.size) or acted.size != m or slack.size != m:
         return ASK, 0
     n = qdd.size
-    resolve(Lg[:0], phi[:0], J, b, tolerance, qdd)
+    k = J.shape[0]
+    G, X = np.empty((k, n + 1)), np.zeros((ROWS_OF_X, n))
+    for i in range(k):
+        copy(G, i, J, i, n)
+        G[i, n] = b[i]
+    pseudoinverse(G, START, CERTAIN * tolerance, tolerance, G, X, CENTER)
     # demands A q̈ ≤ c of the rows that have any
     c, fixed = np.empty(m), np.zeros(m, np.bool_)
-    length = norm(qdd)
-    below = within = True
+    below = within = tracks = True
     for j in range(n):
+        qdd[j] = X[ORIGIN, j] = X[CENTER, j]
         within = within and abs(qdd[j]) <= bound
-    tracks = True
+    length = math.sqrt(dot(X, CENTER, X, CENTER, START, n))
+    free = 0
     for i in range(m):
         acted[i] = barrier or phi[i] >= 0.0
         slack[i] = 0.0
-        if not acted[i]:
-            continue
-        c[i] = -alpha * phi[i] - Lf[i] if barrier else -gain[i]
-        size = norm(Lg[i])
-        excess = dot(Lg[i], qdd, 0, n) - c[i]
-        fixed[i] = size <= ZERO_GRADIENT * scale[i]
-        below = below and excess <= 0.0
-        tracks = tracks and (c[i] >= 0.0 if fixed[i] else excess <= ROUNDING * (size * length + abs(c[i])))
+        if acted[i]:
+            c[i] = -alpha * phi[i] - Lf[i] if barrier else -gain[i]
+            size = math.sqrt(dot(Lg, i, Lg, i, START, n))
+            excess = dot(Lg, i, X, CENTER, START, n) - c[i]
+            fixed[i] = size <= ZERO_GRADIENT * scale[i]
+            below = below and excess <= 0.0
+            tracks = tracks and (c[i] >= 0.0 if fixed[i] else excess <= ROUNDING * (size * length + abs(c[i])))
+            free += not fixed[i]
     if within and (below or tracks):
         for i in range(m):
             acted[i] = False
         return (DONE if finite(qdd) else ASK), 0
 
-    free = 0
-    for i in range(m):
-        free += acted[i] and not fixed[i]
-    walls = np.zeros((free + (2 * n if bound < math.inf else 0), n))
-    sides, W, index = np.empty(walls.shape[0]), np.empty(free), np.empty(free, np.int64)
-    at = 0
+    w = free + (2 * n if bound < math.inf else 0)
+    walls, sides, W, index = np.zeros((w, n)), np.empty(w), np.empty(free), np.empty(free, np.int64)
+    relaxed, violation, rows = np.empty(w), np.empty(free), np.empty((S_ROWS, w))
+    at = START
     unmet = False
     for i in range(m):
         if acted[i]:
@@ -298,38 +220,77 @@ def descend(
                 slack[i] = max(0.0, -c[i])
                 unmet = unmet or slack[i] > 0.0
             else:
-                sides[at], W[at], index[at] = c[i], weights[i], i
-                for j in range(n):
-                    walls[at, j] = Lg[i, j]
+                sides[at], W[at], index[at], violation[at] = c[i], weights[i], i, 0.0
+                copy(walls, at, Lg, i, n)
                 at += 1
-    for i in range(free, walls.shape[0]):
+    for i in range(free, w):
         j = i - free
         walls[i, j % n] = 1.0 if j < n else -1.0
         sides[i] = bound
-    violation, multipliers = np.zeros(free), np.empty(walls.shape[0])
-    E = cost(J, b, tolerance, damping)
-    center, T, shift, Z = qdd.copy(), np.empty((n, n)), np.zeros(n), np.zeros((n, n))
-    for j in range(n):
-        Z[j, j] = 1.0
-    metric(E, shift, Z, T, shift)
-    code, steps = nearest(center, T, walls, sides, qdd, multipliers)
-    if code == INCOMPATIBLE:
-        for j in range(n):
-            qdd[j] = center[j]
-        code = least_violation(walls[:free], sides[:free], W, bound, qdd)
-        if code == DONE:
-            code, steps = within_least_violation(walls, sides, W, E, T, bound, center, qdd, violation, multipliers)
+
+    # x = origin + Z y, in all directions first, and if that is in vain in those which the least violations leave
+    Z, p, steps = np.empty((START, n)), n, 0
+    for relaxing in range(2):
+        if relaxing == 1:
+            code = least_violation(walls[:free], sides[:free], W, bound, qdd)
+            if code != DONE:
+                return code, steps
+            for j in range(n):
+                X[ORIGIN, j] = qdd[j]
+                X[OFFSET, j] = qdd[j] - X[CENTER, j]
+            A = settle(walls, sides, W, bound, X, relaxed, violation)
+            if A.shape[0] == 0:
+                copy(X, ORIGIN, X, CENTER, n)
+            else:
+                F, T, rank = pseudoinverse(A, START, CERTAIN * DEPENDENT, DEPENDENT, A, X, POINT)
+                p = n - rank
+                if p == 0:
+                    steps = 0
+                    break
+                Z = np.zeros((p, n))
+                for d in range(p):
+                    Z[d, rank + d] = 1.0
+                    apply(F, T, rank, Z, d)
+        H, R, T = np.empty((p, w)), np.empty((p + 1, p)), np.empty((S_ROWS, p))
+        for i in range(w):
+            outside = 0.0
+            for d in range(p):
+                H[d, i] = walls[i, d] if p == n else dot(walls, i, Z, d, START, n)
+                outside += H[d, i] * H[d, i]
+            side = (relaxed[i] if relaxing == 1 else sides[i]) - dot(walls, i, X, ORIGIN, START, n)
+            if not abs(side) < math.inf:
+                return FAILED, 0
+            if p < n:
+                # rows within the span of the violated ones are settled
+                settled = outside <= DEPENDENT * DEPENDENT * dot(walls, i, walls, i, START, n)
+                if settled or (i < free and violation[i] > 0.0):
+                    side = math.inf
+            rows[SIDE, i] = side
+        metric(G, damping, Z, X, R, T)
+        code, steps = nearest(H, rows, R, T, X)
+        if code != INCOMPATIBLE:
+            break
     if code != DONE:
-        return code, steps
+        return (FAILED if code == INCOMPATIBLE else code), steps
     for j in range(n):
-        qdd[j] = min(max(qdd[j], -bound), bound)
+        value = X[POINT, j] if p == n else 0.0
+        if p < n:
+            for d in range(p):
+                value += X[POINT, d] * Z[d, j]
+        qdd[j] = min(max(X[ORIGIN, j] + value, -bound), bound)
     strongest = 0.0
-    for i in range(walls.shape[0]):
-        strongest = max(strongest, multipliers[i])
+    for i in range(w):
+        strongest = max(strongest, rows[MULTIPLIER, i])
     for i in range(free):
-        slack[index[i]] = violation[i]
+        at = index[i]
+        if violation[i] > 0.0:
+            excess = -sides[i]
+            for j in range(n):
+                excess += walls[i, j] * qdd[j]
+            violation[i] = max(0.0, excess)
+        slack[at] = violation[i]
         unmet = unmet or violation[i] > 0.0
-        acted[index[i]] = violation[i] > 0.0 or multipliers[i] > PULLING * strongest
+        acted[at] = violation[i] > 0.0 or rows[MULTIPLIER, i] > PULLING * strongest
     if not (finite(qdd) and finite(slack)):
         return ASK, steps
     return (RELAXED_ROWS if unmet else DONE), steps

@@ -8,7 +8,20 @@ import numpy as np
 
 from ..rows import Array
 from .compiler import inner
-from .linear import DONE, apply, dot, make_reflection, norm, reflect, solve_lower, solve_upper
+from .linear import (
+    DONE,
+    S_ROWS,
+    START,
+    add,
+    apply,
+    apply_transposed,
+    constant,
+    copy,
+    dot,
+    make_reflection,
+    solve_lower,
+    solve_upper,
+)
 
 FAILED = 2
 """No answer that passes the check."""
@@ -26,148 +39,140 @@ OPTIMAL = 1e-9
 """Largest error in the optimality conditions, relative to the size of the answer."""
 
 
-@inner
-def nearest(center: Array, T: Array, walls: Array, sides: Array, x: Array, multipliers: Array) -> tuple[int, int]:
-    """Minimise ½‖u‖² subject to walls · x ≤ sides, x = center + T u: the code, and how many rows were added.
+NONE = constant(-1)
+"""No row."""
 
-    Parameters
-    ----------
-    center
-        (n,) the answer where no row excludes it.
-    T
-        (p, n) by columns.
-    walls, sides
-        (m, n) and (m,).
-    x, multipliers
-        (n,) and (m,) outputs; the multipliers are those of rows of unit norm in u.
-    """
-    m, n = walls.shape
-    p = T.shape[0]
-    G, h, u = np.empty((m, p)), np.empty(m), np.empty(p)
-    size = 0.0
-    for i in range(m):
-        squared = 0.0
-        for j in range(p):
-            G[i, j] = dot(walls[i], T[j], 0, n)
-            squared += G[i, j] * G[i, j]
-        length = math.sqrt(squared)
-        h[i] = (sides[i] - dot(walls[i], center, 0, n)) / length
-        if not abs(h[i]) < math.inf:
-            return FAILED, 0
-        size = max(size, -h[i])
-        for j in range(p):
-            G[i, j] /= length
-    for j in range(n):
-        x[j] = center[j]
-    for i in range(m):
-        multipliers[i] = 0.0
-    if size == 0.0:
-        return DONE, 0
-    for i in range(m):
-        h[i] /= size
-    code, steps = nearest_to_origin(G, h, u, multipliers)
-    for j in range(p):
-        for i in range(n):
-            x[i] += size * u[j] * T[j, i]
-    return code, steps
+SIDE, EXCESS, MULTIPLIER = constant(0), constant(1), constant(2)
+"""Of every row of the problem: its side, by how much it is exceeded, and its multiplier."""
+
+POINT, NEW, DIRECTION, FORCE, RATIO = constant(0), constant(1), constant(2), constant(3), constant(4)
+"""Rows of the work space."""
 
 
 @inner
-def nearest_to_origin(G: Array, h: Array, u: Array, multipliers: Array) -> tuple[int, int]:
-    """Minimise ½‖u‖² subject to G u ≤ h, rows of unit norm: the code, and how many rows were added.
+def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array) -> tuple[int, int]:
+    """Minimise ½‖R y + r‖² subject to Gᵀ y ≤ h: the code, and how many rows were added.
 
-    The most violated row is added to the active ones; those whose multiplier would turn negative on the way leave.
-    The active rows are kept as a QR factorization, and the point and the multipliers are computed from it anew after
-    every addition, so that errors do not accumulate. Each addition makes the point longer, so that no set of active
-    rows returns; one that does not, by rounding, ends the search.
+    In u = R y + r, and with rows of unit norm, this is the point of Gᵀ u ≤ h nearest to the origin. The most violated
+    row is added to the active ones; those whose multiplier would turn negative on the way leave. The active rows are
+    kept as a QR factorization, and the point and the multipliers are computed from it anew after every addition, so
+    that errors do not accumulate. Each addition makes the point longer, so that no set of active rows returns; one that
+    does not, by rounding, ends the search.
 
     Reference: Goldfarb, Idnani, "A numerically stable dual method for solving strictly convex quadratic programs",
     Mathematical Programming, 1983.
+
+    Parameters
+    ----------
+    G
+        (p, m), a column for each row of the problem, so that all are worked on at once; used up.
+    rows
+        (3, m): h, where ∞ is no row at all; space for use here; and the output: the multipliers of rows of unit norm.
+    R, S
+        (p + 1, p) and (3, p): the upper triangular matrix by columns, with r as the last one, and the inverses of its
+        diagonal in the first row.
+    X
+        (5, p) or more columns, for use here; the first p entries of its first row are the answer y.
     """
-    m, p = G.shape
-    F, S, X = np.zeros((p, p)), np.empty((2, p + 1)), np.zeros((2, p))
-    active, force, ratio = np.zeros(p, np.int64), np.zeros(p + 1), np.zeros((1, p + 1))
+    p, m = G.shape
+    F, T, active = np.empty((p, p)), np.empty((S_ROWS, p)), np.empty(p, np.int64)
+    for i in range(m):
+        rows[EXCESS, i] = 0.0 if rows[SIDE, i] < math.inf else math.inf
     for j in range(p):
-        u[j] = 0.0
-    q = steps = 0
-    length = 0.0
-    for steps in range(10 * (m + p)):
-        chosen, worst = -1, 0.0
+        for i in range(j):
+            add(G, j, -R[j, i], G, i, START, m)
         for i in range(m):
-            excess = dot(G[i], u, 0, p) - h[i]
-            if excess > worst and excess > EXCEEDED * (length + abs(h[i])):
+            G[j, i] *= S[0, j]
+            rows[EXCESS, i] += G[j, i] * G[j, i]
+        add(rows, SIDE, R[p, j], G, j, START, m)
+    for i in range(m):
+        rows[MULTIPLIER, i] = 0.0
+        rows[EXCESS, i] = 1.0 / math.sqrt(rows[EXCESS, i])
+        if rows[EXCESS, i] > 0.0:
+            rows[SIDE, i] *= rows[EXCESS, i]
+            if not abs(rows[SIDE, i]) < math.inf:
+                return FAILED, 0
+    for j in range(p):
+        for i in range(m):
+            G[j, i] *= rows[EXCESS, i]
+    for j in range(p):
+        X[POINT, j] = 0.0
+    q, steps = START, 0
+    length, before = 0.0, -1.0
+    met = False
+    for steps in range(10 * (m + p)):
+        chosen, worst = NONE, 0.0
+        for i in range(m):
+            rows[EXCESS, i] = -rows[SIDE, i]
+        for j in range(p):
+            add(rows, EXCESS, X[POINT, j], G, j, START, m)
+        for i in range(m):
+            excess = rows[EXCESS, i]
+            if excess > worst and excess > EXCEEDED * (length + abs(rows[SIDE, i])):
                 chosen, worst = i, excess
-        if chosen < 0:
+        met = chosen < 0 or not length > before
+        if met:
             break
-        amount = 0.0
         while True:
+            excess = -rows[SIDE, chosen]
             for j in range(p):
-                X[0, j] = G[chosen, j]
+                X[NEW, j] = G[j, chosen]
+                excess += X[NEW, j] * X[POINT, j]
+            apply_transposed(F, T, q, X, NEW)
+            copy(X, RATIO, X, NEW, q)
+            solve_upper(F, T, q, X, RATIO)
+            outside = dot(X, NEW, X, NEW, q, p)
+            leaving, step = NONE, math.inf
             for j in range(q):
-                reflect(F, j, S[1, j], X, 0)
-            outside = 0.0
-            for j in range(q, p):
-                outside += X[0, j] * X[0, j]
-            for j in range(q):
-                ratio[0, j] = X[0, j]
-            solve_upper(F[:q], S, ratio, 0)
-            leaving, step = -1, math.inf
-            for j in range(q):
-                if ratio[0, j] > 0.0 and force[j] < step * ratio[0, j]:
-                    leaving, step = j, force[j] / ratio[0, j]
-            independent = math.sqrt(outside) > DEPENDENT
-            full = (dot(G[chosen], u, 0, p) - h[chosen]) / outside if independent else math.inf
-            if full <= step:
-                leaving, step = -1, full
+                if X[RATIO, j] > 0.0 and X[FORCE, j] < step * X[RATIO, j]:
+                    leaving, step = j, X[FORCE, j] / X[RATIO, j]
+            if math.sqrt(outside) > DEPENDENT:
+                full = excess / outside
+                if full <= step:
+                    leaving, step = NONE, full
+                copy(X, DIRECTION, X, NEW, p)
+                for j in range(q):
+                    X[DIRECTION, j] = 0.0
+                apply(F, T, q, X, DIRECTION)
+                add(X, POINT, -step, X, DIRECTION, START, p)
             if step == math.inf:
                 return INCOMPATIBLE, steps
-            if independent:
-                for j in range(p):
-                    X[1, j] = X[0, j] if j >= q else 0.0
-                apply(F[:q], S, X, 1)
-                for j in range(p):
-                    u[j] -= step * X[1, j]
             for j in range(q):
-                force[j] = max(0.0, force[j] - step * ratio[0, j])
-            amount += step
+                X[FORCE, j] = max(0.0, X[FORCE, j] - step * X[RATIO, j])
             if leaving < 0:
                 break
             q -= 1
             for j in range(leaving, q):
-                active[j], force[j] = active[j + 1], force[j + 1]
+                active[j], X[FORCE, j] = active[j + 1], X[FORCE, j + 1]
                 for i in range(p):
-                    F[j, i] = G[active[j], i]
-                for i in range(j):
-                    reflect(F, i, S[1, i], F, j)
-                make_reflection(F, S, j)
-        for j in range(p):
-            F[q, j] = X[0, j]
-        make_reflection(F, S, q)
+                    F[j, i] = G[i, active[j]]
+                apply_transposed(F, T, j, F, j)
+                make_reflection(F, T, j)
+        copy(F, q, X, NEW, p)
+        make_reflection(F, T, q)
         active[q] = chosen
         q += 1
         for j in range(p):
-            X[0, j] = h[active[j]] if j < q else 0.0
-        solve_lower(F[:q], S, X, 0)
+            X[POINT, j] = rows[SIDE, active[j]] if j < q else 0.0
+        solve_lower(F, T, q, X, POINT)
+        copy(X, FORCE, X, POINT, q)
+        solve_upper(F, T, q, X, FORCE)
         for j in range(q):
-            ratio[0, j] = X[0, j]
-        solve_upper(F[:q], S, ratio, 0)
-        for j in range(q):
-            force[j] = max(0.0, -ratio[0, j])
-        apply(F[:q], S, X, 0)
-        for j in range(p):
-            u[j] = X[0, j]
-        before, length = length, norm(u)
-        if not length > before:
-            break
+            X[FORCE, j] = max(0.0, -X[FORCE, j])
+        apply(F, T, q, X, POINT)
+        before, length = length, math.sqrt(dot(X, POINT, X, POINT, START, p))
+    # rows met, multipliers only where a row is reached, and the point a sum of those rows
+    met = met and length < math.inf
     for i in range(m):
-        if not dot(G[i], u, 0, p) - h[i] <= OPTIMAL * (length + abs(h[i])):
-            return FAILED, steps
-    for j in range(p):
-        X[0, j] = u[j]
+        met = met and rows[EXCESS, i] <= OPTIMAL * (length + abs(rows[SIDE, i]))
+    copy(X, NEW, X, POINT, p)
     for i in range(q):
-        multipliers[active[i]] = force[i]
-        if not force[i] * abs(dot(G[active[i]], u, 0, p) - h[active[i]]) <= OPTIMAL * length * length:
-            return FAILED, steps
+        row = active[i]
+        rows[MULTIPLIER, row] = X[FORCE, i]
+        met = met and X[FORCE, i] * abs(rows[EXCESS, row]) <= OPTIMAL * length * length
         for j in range(p):
-            X[0, j] += force[i] * G[active[i], j]
-    return (DONE if math.sqrt(dot(X[0], X[0], 0, p)) <= OPTIMAL * length else FAILED), steps
+            X[NEW, j] += X[FORCE, i] * G[j, row]
+    met = met and math.sqrt(dot(X, NEW, X, NEW, START, p)) <= OPTIMAL * length
+    add(X, POINT, -1.0, R, p, START, p)
+    solve_upper(R, S, p, X, POINT)
+    return (DONE if met else FAILED), steps

@@ -10,7 +10,8 @@ from ..qp.least_violation import CONVERGED, ROUNDING
 from ..rows import Array, BoolArray
 from .compiler import inner
 from .least_distance import FAILED
-from .linear import DONE, add_solution, decompose, dot, full_rank_solution, norm
+from .least_squares import pseudoinverse
+from .linear import DONE, ONE, START, dot
 
 
 @inner
@@ -18,23 +19,24 @@ def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) 
     """As :func:`vsconstraints.qp.least_violation.least_violation`, beginning at x, which becomes the minimiser."""
     m, n = A.shape
     B, d, rounding, sizes = np.empty((m, n)), np.empty(m), np.empty(m), np.empty(m)
-    residual, change, step = np.empty(m), np.empty(m), np.empty(n)
+    residual, change = np.empty(m), np.empty(m)
+    X, step, Y, longest = np.empty((ONE, n)), np.empty((ONE, n)), np.empty((ONE, n)), np.empty(n)
     held, violated = np.zeros(n, np.bool_), np.zeros(m, np.bool_)
     for i in range(m):
         for j in range(n):
             B[i, j] = weights[i] * A[i, j]
         d[i] = weights[i] * c[i]
-        sizes[i] = norm(B[i])
+        sizes[i] = math.sqrt(dot(B, i, B, i, START, n))
     for j in range(n):
-        x[j] = min(max(x[j], -bound), bound)
+        x[j] = X[0, j] = min(max(x[j], -bound), bound)
     last = released_at = math.inf
     fruitless = 0
     for _ in range(20 + 10 * (m + n)):
-        length = norm(x)
         met = True
         value = 0.0
+        length = math.sqrt(dot(X, START, X, START, START, n))
         for i in range(m):
-            residual[i] = dot(B[i], x, 0, n) - d[i]
+            residual[i] = dot(B, i, X, START, START, n) - d[i]
             rounding[i] = ROUNDING * (sizes[i] * length + abs(d[i]))
             met = met and residual[i] <= rounding[i]
             # rows exceeded by rounding alone count here: a row of large scale holds small ones by just that much
@@ -43,11 +45,17 @@ def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) 
                 value += residual[i] * residual[i]
         if met:
             return DONE
-        newton_step(B, residual, violated, held, step)
+        # the step that takes the violated rows to their bounds in the least-squares sense, held coordinates apart
+        M = newton_system(B, residual, violated, held)
+        pseudoinverse(M, START, 1e-4, 1e-14, M, Y, START)
+        free = 0
+        for j in range(n):
+            step[0, j] = 0.0 if held[j] else Y[0, free]
+            free += not held[j]
         still = CONVERGED * math.sqrt(value)
         stationary = True
         for i in range(m):
-            change[i] = dot(B[i], step, 0, n)
+            change[i] = dot(B, i, step, START, START, n)
             stationary = stationary and (not violated[i] or abs(change[i]) <= still + rounding[i])
         if stationary or value >= last:
             # stationary on this face of the box: which held coordinate is pulled inward the most?
@@ -58,7 +66,7 @@ def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) 
                     if violated[i]:
                         pull += residual[i] * B[i, j]
                         noise += abs(B[i, j]) * (still + rounding[i])
-                pull *= np.sign(x[j]) if held[j] else 0.0
+                pull *= math.copysign(1.0, x[j]) if held[j] else 0.0
                 if pull > strongest:
                     worst, strongest, threshold = j, pull, noise
             # in a corner several releases may be needed before there is descent; more than n are a cycle of rounding
@@ -71,52 +79,41 @@ def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) 
             continue
         limit = math.inf
         for j in range(n):
-            if step[j] != 0.0:
-                limit = min(limit, max(0.0, (bound - math.copysign(1.0, step[j]) * x[j]) / abs(step[j])))
+            moves = step[0, j]
+            longest[j] = (bound - math.copysign(1.0, moves) * x[j]) / abs(moves) if moves != 0.0 else math.inf
+            limit = min(limit, max(0.0, longest[j]))
         t = line_search(residual, change, limit)
         last = math.inf if t >= limit else value
         for j in range(n):
-            blocked = (
-                t >= limit and step[j] != 0.0 and (bound - math.copysign(1.0, step[j]) * x[j]) / abs(step[j]) <= limit
-            )
-            x[j] += t * step[j]
-            if blocked:
+            x[j] += t * step[0, j]
+            if t >= limit and longest[j] <= limit:
                 held[j] = True
-                x[j] = math.copysign(bound, step[j])
+                x[j] = math.copysign(bound, step[0, j])
+            X[0, j] = x[j]
     return FAILED
 
 
 @inner
-def newton_step(B: Array, residual: Array, violated: BoolArray, held: BoolArray, step: Array) -> None:
-    """The step that takes the violated rows to their bounds in the least-squares sense, held coordinates apart."""
+def newton_system(B: Array, residual: Array, violated: BoolArray, held: BoolArray) -> Array:
+    """The violated rows and what they ask of the coordinates that are not held: [M | target]."""
     m, n = B.shape
     rows = columns = 0
     for i in range(m):
         rows += violated[i]
     for j in range(n):
         columns += not held[j]
-        step[j] = 0.0
-    M, target, Y = np.empty((rows, columns)), np.empty(rows), np.zeros((1, columns))
+    M = np.empty((rows, columns + 1))
     at = 0
     for i in range(m):
         if violated[i]:
-            target[at] = -residual[i]
             to = 0
             for j in range(n):
                 if not held[j]:
                     M[at, to] = B[i, j]
                     to += 1
+            M[at, to] = -residual[i]
             at += 1
-    if rows == 0 or columns == 0:
-        return
-    if not full_rank_solution(M, 0, target, 1e-4 * norm(M), Y):
-        gains, W, V = decompose(M)
-        add_solution(gains, W, V, target, 1e-14 * gains[0], Y[0])
-    to = 0
-    for j in range(n):
-        if not held[j]:
-            step[j] = Y[0, to]
-            to += 1
+    return M
 
 
 @inner

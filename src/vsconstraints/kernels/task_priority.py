@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..rows import Array, BoolArray
 from .compiler import compiled, inner
-from .linear import ASK, DONE, finite, positive, rank_of, resolve
+from .least_squares import resolve
+from .linear import ASK, DONE, START, copy, finite
 
 TRACKING, SLIDING, PRIORITY, ADDITIVE = 0, 1, 2, 3
 """The laws; the last two are the blends of the potential field."""
@@ -15,37 +18,28 @@ TRACKING, SLIDING, PRIORITY, ADDITIVE = 0, 1, 2, 3
 @inner
 def valid(m: int, phi: Array, Lg: Array, Lf: Array, gain: Array, scale: Array, J: Array, b: Array, n: int) -> bool:
     """Whether :func:`vsconstraints.rows.check` has nothing to say, and outputs of n joints fit."""
-    return (
-        phi.size == m
-        and Lg.shape[0] == m
-        and Lf.size == m
-        and gain.size == m
-        and scale.size == m
-        and n > 0
-        and J.shape[1] == n
-        and Lg.shape[1] == n
-        and b.size == J.shape[0]
-        and finite(phi)
-        and finite(Lg)
-        and finite(Lf)
-        and positive(gain)
-        and positive(scale)
-        and finite(J)
-        and finite(b)
-    )
+    if phi.size != m or Lg.shape[0] != m or Lf.size != m or gain.size != m or scale.size != m:
+        return False
+    if n <= 0 or J.shape[1] != n or Lg.shape[1] != n or b.size != J.shape[0]:
+        return False
+    wrong = 0
+    for i in range(m):
+        wrong |= not ((abs(phi[i]) < math.inf) & (abs(Lf[i]) < math.inf))
+        wrong |= not ((gain[i] > 0.0) & (gain[i] < math.inf) & (scale[i] > 0.0) & (scale[i] < math.inf))
+    return wrong == 0 and finite(Lg.reshape(Lg.size)) and finite(J.reshape(J.size)) and finite(b)
 
 
 @inner
-def gather(Lg: Array, demand: Array, acted: BoolArray, A: Array, target: Array) -> None:
-    """Copy the rows that act."""
-    m, n = Lg.shape
-    at = 0
-    for i in range(m):
-        if acted[i]:
-            target[at] = demand[i]
-            for j in range(n):
-                A[at, j] = Lg[i, j]
+def gather(Lg: Array, demand: Array, phi: Array, acted: BoolArray, least: float, A: Array) -> int:
+    """Copy the rows that act and have φ ≥ least, with their demands; their number."""
+    n = Lg.shape[1]
+    at = START
+    for i in range(phi.size):
+        if acted[i] and phi[i] >= least:
+            copy(A, at, Lg, i, n)
+            A[at, n] = demand[i]
             at += 1
+    return at
 
 
 CONSTANT = "Array(float64, 1, 'C', readonly=True)"
@@ -109,14 +103,14 @@ def follow(
     if not valid(m, phi, Lg, Lf, gain, scale, J, b, qdd.size) or acted.size != m:
         return ASK
     n = qdd.size
-    demand = np.empty(m)
+    demand, A = np.empty(m), np.empty((m, n + 1))
     if law != SLIDING:
-        resolve(Lg[:0], demand[:0], J, b, tolerance, qdd)
-    acting = reached = 0
+        resolve(A[:0], J, b, tolerance, qdd)
     for i in range(m):
         demand[i] = -gain[i]
         acted[i] = law == SLIDING and phi[i] >= 0.0
-        if law >= PRIORITY:
+    if law >= PRIORITY:
+        for i in range(m):
             psi = max(1.0 + phi[i] / (region * scale[i]), 0.0)
             if exponent != 1.0:
                 psi = psi**exponent
@@ -131,21 +125,15 @@ def follow(
             else:
                 # a row whose gradient vanishes cannot be pushed: its pseudoinverse is zero
                 demand[i] = psi * strength * gain[i] / squared if acted[i] and squared > 0.0 else 0.0
-        acting += acted[i]
-        reached += acted[i] and phi[i] >= 0.0
     if law == ADDITIVE:
         for i in range(m):
             for j in range(n):
                 qdd[j] -= demand[i] * Lg[i, j]
-    elif law == SLIDING or acting > 0:
-        A, target = np.empty((acting, n)), np.empty(acting)
-        gather(Lg, demand, acted, A, target)
-        if resolve(A, target, J, b, tolerance, qdd) < acting:
+    elif law != TRACKING:
+        acting = gather(Lg, demand, phi, acted, -math.inf, A)
+        if (law == SLIDING or acting > 0) and resolve(A[:acting], J, b, tolerance, qdd) < acting:
             # a dependence among rows that act before their boundary is reached is met in the least-squares sense
-            at_boundary = acted.copy()
-            for i in range(m):
-                at_boundary[i] = acted[i] and phi[i] >= 0.0
-            gather(Lg, demand, at_boundary, A, target)
-            if reached == acting or rank_of(A[:reached], tolerance) < reached:
+            reached = gather(Lg, demand, phi, acted, 0.0, A)
+            if reached == acting or resolve(A[:reached], J, b, tolerance, np.empty(n)) < reached:
                 return ASK
     return DONE if finite(qdd) else ASK

@@ -1,0 +1,224 @@
+"""Least squares and task priority, compiled, with the rank decisions of the definition.
+
+Where full rank can be proved, by the norm of an inverse, an answer by Householder reflections is that of the definition
+by singular values. Elsewhere singular values are computed, by Jacobi rotations of as few rows as there are: what rows
+leave of the task of a redundant arm loses ranks by construction.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..rows import Array
+from .compiler import inner
+from .linear import ONE, S_ROWS, START, WORK, apply, apply_transposed, dot, factor, solve_lower, solve_upper
+
+CERTAIN = 30.0
+"""Full rank is certain if the bound of the least singular value exceeds the tolerance by this factor.
+
+1 would do for the rank. More keeps the fast way to matrices for which it is as accurate as singular values are.
+"""
+
+SWEEPS = 60
+"""Jacobi sweeps at most; some six are usual."""
+
+
+@inner
+def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
+    """Turn the first rows of X into others, by an orthogonal matrix from the left, that are orthogonal to each other.
+
+    Orthogonal in the columns from ``first`` up to ``last``; all columns from there on are turned alike. The lengths of
+    the rows within these columns are then the singular values of that part of X. One-sided Jacobi rotations.
+
+    Returns
+    -------
+    float
+        The largest of these lengths.
+    """
+    small = 2e-16 * (last - first)
+    total = 0.0
+    for i in range(rows):
+        total += dot(X, i, X, i, first, last)
+    for _ in range(SWEEPS):
+        turned = False
+        for p in range(rows - 1):
+            for q in range(p + 1, rows):
+                a, b = dot(X, p, X, p, first, last), dot(X, q, X, q, first, last)
+                d = dot(X, p, X, q, first, last)
+                # a row of rounding alone has no direction to get right
+                if min(a, b) <= 1e-30 * total or abs(d) <= small * math.sqrt(a) * math.sqrt(b):
+                    continue
+                turned = True
+                z = (b - a) / (2.0 * d)
+                t = math.copysign(1.0, z) / (abs(z) + math.sqrt(1.0 + z * z))
+                c = 1.0 / math.sqrt(1.0 + t * t)
+                for i in range(first, X.shape[1]):
+                    u = X[p, i]
+                    X[p, i] = c * (u - t * X[q, i])
+                    X[q, i] = c * (t * u + X[q, i])
+        if not turned:
+            break
+    largest = 0.0
+    for i in range(rows):
+        largest = max(largest, dot(X, i, X, i, first, last))
+    return math.sqrt(largest)
+
+
+@inner
+def shorten(W: Array, rows: int, first: int, tolerance: float, whole: Array) -> int:
+    """Make the first rows of :func:`pseudoinverse` orthogonal and drop those too short; how many are left."""
+    n = W.shape[1] - 1
+    # the squares of very small numbers would vanish
+    scale = size = 0.0
+    for i in range(whole.shape[0]):
+        for j in range(n):
+            scale = max(scale, abs(whole[i, j]))
+    scale = scale if scale > 0.0 else 1.0
+    for i in range(rows):
+        for j in range(first, n + 1):
+            W[i, j] /= scale
+    largest = orthogonalise(W, rows, first, n)
+    if first > 0:
+        for i in range(whole.shape[0]):
+            for j in range(n):
+                size += (whole[i, j] / scale) ** 2
+        # the square of the greatest singular value is between ‖whole‖_F² / n and that: which one seldom matters
+        largest = math.sqrt(size)
+        for i in range(rows):
+            gain = dot(W, i, W, i, first, n) / (tolerance * tolerance)
+            if 0.99 * size <= n * gain and gain <= 1.01 * size:
+                # it is the greatest singular value of wholeᵀ whole, of which this matrix keeps all digits
+                X = np.zeros((n, n))
+                for a in range(whole.shape[0]):
+                    for b in range(n):
+                        for j in range(n):
+                            X[b, j] += (whole[a, b] / scale) * (whole[a, j] / scale)
+                largest = math.sqrt(orthogonalise(X, n, START, n))
+                break
+    left = 0
+    for i in range(rows):
+        kept = math.sqrt(dot(W, i, W, i, first, n)) > tolerance * largest
+        for j in range(first, n + 1):
+            value = W[i, j] if kept else 0.0
+            W[i, j] = 0.0
+            W[left, j] = value
+        left += kept
+    return left
+
+
+@inner
+def pseudoinverse(
+    W: Array, first: int, certain: float, tolerance: float, whole: Array, Y: Array, row: int
+) -> tuple[Array, Array, int]:
+    """Solve y ← M† b for W = [· | M | b], M beginning with the column ``first``, and y being Y[row, first:].
+
+    QR of M (k, p), or of Mᵀ where it has more columns than rows. Unless that proves full rank, the rows of [M | b], or
+    of [R | Qᵀb] where k ≥ p, are turned until those of M are orthogonal. Those that are too short are dropped: they are
+    left zero. The others have full rank, and the same M† b.
+
+    Parameters
+    ----------
+    W
+        (k, n + 1); used up. M is unchanged if its rank is full for certain, and otherwise replaced by a matrix with
+        the same MᵀM up to a factor, apart from the singular values that were dropped.
+    first
+        Of n columns.
+    certain
+        M has full rank for certain if its least singular value exceeds this times the Frobenius norm of ``whole``.
+    tolerance
+        Singular values below this fraction of the largest one of ``whole`` count as zero.
+    whole
+        (k', n) or more columns, of which n count: W where ``first`` is 0.
+    Y
+        Rows of n entries.
+
+    Returns
+    -------
+    tuple
+        F, S and the rank; where this is less than p, its number of columns of Q of :func:`factor` span the rows of M.
+    """
+    k, n = W.shape[0], W.shape[1] - 1
+    p = n - first
+    rows, tall = k, k >= p
+    size = 0.0
+    for i in range(whole.shape[0]):
+        for j in range(n):
+            size += whole[i, j] * whole[i, j]
+    size = math.sqrt(size)
+    S = np.empty((S_ROWS, k if tall else p))
+    for again in range(2):
+        c = p if tall else rows
+        F = np.empty((c, k if tall else p))
+        for j in range(c):
+            for i in range(F.shape[1]):
+                F[j, i] = W[i, first + j] if tall else W[j, first + i]
+        full = factor(F, S) > certain * size
+        for i in range(p):
+            S[WORK, i] = 0.0
+        for i in range(rows):
+            S[WORK, i] = W[i, n]
+        if tall:
+            apply_transposed(F, S, p, S, WORK)
+        if again == 1 or full:
+            break
+        if tall:
+            for i in range(k):
+                for j in range(p):
+                    W[i, first + j] = F[j, i] if i < j else 0.0
+                if i < p:
+                    W[i, first + i] = 1.0 / S[0, i]
+                    W[i, n] = S[WORK, i]
+        rows = shorten(W, c, first, tolerance, whole)
+        tall = False
+    if tall:
+        solve_upper(F, S, p, S, WORK)
+    else:
+        solve_lower(F, S, rows, S, WORK)
+        apply(F, S, rows, S, WORK)
+    for j in range(p):
+        Y[row, first + j] = S[WORK, j]
+    return F, S, c
+
+
+@inner
+def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> int:
+    """q̈ ← A₁†b₁ + (A₂(I − A₁†A₁))†(b₂ − A₂A₁†b₁), as :func:`vsconstraints.controllers.task_priority.resolve`.
+
+    Parameters
+    ----------
+    A1
+        (b, n + 1), b ≥ 0: [A₁ | b₁]; used up. Without rows this is
+        :func:`vsconstraints.controllers.tracking.least_norm`.
+    A2, b2
+        (k, n) and (k,), k ≥ 0.
+    tolerance
+        Singular values below this fraction of the largest one count as zero.
+    qdd
+        (n,) output.
+
+    Returns
+    -------
+    int
+        The rank of A₁.
+    """
+    n = qdd.size
+    k = A2.shape[0]
+    W: Array = np.empty((k, n + 1))
+    Y, F, S, rank = np.zeros((WORK, n)), W, W, START
+    if A1.shape[0] > 0:
+        F, S, rank = pseudoinverse(A1, START, CERTAIN * tolerance, tolerance, A1, Y, START)
+    if rank < n:
+        for i in range(k):
+            rest = b2[i]
+            for j in range(n):
+                W[i, j] = A2[i, j]
+                rest -= A2[i, j] * Y[0, j]
+            W[i, n] = rest
+            apply_transposed(F, S, rank, W, i)
+        pseudoinverse(W, rank, CERTAIN * tolerance, tolerance, A2 if rank > 0 else W, Y, ONE)
+        apply(F, S, rank, Y, ONE)
+    for j in range(n):
+        qdd[j] = Y[0, j] + Y[1, j]
+    return rank

@@ -1,0 +1,120 @@
+"""Arms with more joints than the task needs, compiled: what the rows leave of the task loses ranks by construction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from test_kernels import agree, agree_hierarchy, conditioned
+from vsconstraints import kernels
+from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking
+from vsconstraints.rows import Rows, Task
+
+TOLERANCE = 1e-6
+LAWS = (SlidingMode(), PotentialField(blend="priority"), PotentialField(), Tracking())
+
+
+def rows_of(A, rng, phi=0.1):
+    """Rows with these gradients, all of the same φ."""
+    m = len(A)
+    labels = tuple(f"row[{i}]" for i in range(m))
+    return Rows(np.full(m, phi), np.ascontiguousarray(A), np.zeros(m), rng.uniform(0.5, 2.0, m), labels)
+
+
+def orthonormal(rng, k, n):
+    """(k, n), k ≤ n, with orthonormal rows."""
+    return np.ascontiguousarray(np.linalg.qr(rng.normal(size=(n, k)))[0].T)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: f"{law.name} {getattr(law, 'blend', '')}")
+@pytest.mark.parametrize(("n", "k"), [(7, 6), (12, 6), (12, 24), (30, 6), (30, 24), (30, 40)])
+def test_rows_within_the_span_of_the_task(law, n, k):
+    """As rows on the camera's pose are within that of a task on it: of 6 ranks, A₂Z keeps 6 − b."""
+    rng = np.random.default_rng(n + k)
+    for b in (1, 3, 5, 6):
+        pose = conditioned(rng, 6, n)
+        task = Task(conditioned(rng, k, 6) @ pose, rng.normal(size=k))
+        assert agree(law, rows_of(conditioned(rng, b, 6) @ pose, rng), task) is not None
+
+
+@pytest.mark.parametrize("n", [7, 12, 30])
+@pytest.mark.parametrize("k", [4, 9, 40])
+@pytest.mark.parametrize("share", [1e-13, 1e-9, 1e-7, 0.05, 0.3, 0.9, 1.1, 3.0, 20.0, 1e3])
+def test_the_cut_of_what_rows_leave_of_the_task_is_relative_to_the_whole_task(n, k, share):
+    """The least singular value of A₂Z is that share of tolerance · σ₁(A₂), and all of A₂Z is small."""
+    rng = np.random.default_rng(k)
+    for b, size in ((1, 1.0), (3, 1e-2)):
+        frame = orthonormal(rng, n, n)
+        A1, Z = conditioned(rng, b, b) @ frame[:b], frame[b:]
+        ranks = min(k, n - b)
+        A2 = rng.normal(size=(k, b)) @ frame[:b]
+        U, V = orthonormal(rng, ranks, k), orthonormal(rng, ranks, n - b)
+        gains = size * rng.uniform(0.3, 1.0, ranks)
+        gains[-1] = 0.0
+        whole = np.linalg.norm(A2 + (U.T * gains) @ V @ Z, 2)
+        gains[-1] = share * TOLERANCE * whole
+        task = Task(A2 + (U.T * gains) @ V @ Z, rng.normal(size=k))
+        assert agree(SlidingMode(rank_tolerance=TOLERANCE), rows_of(A1, rng), task) is not None
+
+
+@pytest.mark.parametrize("n", [7, 12, 30])
+@pytest.mark.parametrize("share", [0.0, 1e-10, 1e-7, 0.9, 1.1, 100.0])
+def test_rows_that_nearly_depend_on_each_other(n, share):
+    rng = np.random.default_rng(n)
+    U, V = orthonormal(rng, 5, 5), orthonormal(rng, 5, n)
+    A = (U * np.array([1.0, 0.8, 0.6, 0.4, share * TOLERANCE])) @ V
+    task = Task(conditioned(rng, 6, n), rng.normal(size=6))
+    field = PotentialField(blend="priority", rank_tolerance=TOLERANCE)
+    # before the boundary a dependence is met in the least-squares sense, at it the definition has a name for it
+    assert agree(field, rows_of(A, rng, phi=-0.3), task) is not None
+    for law in (field, SlidingMode(rank_tolerance=TOLERANCE)):
+        assert (agree(law, rows_of(A, rng), task) is not None) == (share > 1.0)
+
+
+@pytest.mark.parametrize("n", [7, 12, 30])
+@pytest.mark.parametrize("bound", [None, 10.0])
+def test_the_hierarchy_of_redundant_arms(n, bound):
+    rng = np.random.default_rng(n)
+    law = HierarchicalQP(rows="active", max_acceleration=bound)
+    relaxed = 0
+    for _ in range(20):
+        A = conditioned(rng, 5, n)
+        if rng.random() < 0.5:
+            A[1] = -A[0]  # contradictory
+        pose = conditioned(rng, 3, n)
+        task = Task(conditioned(rng, 6, 3) @ pose, rng.normal(size=6))
+        rows = rows_of(A, rng)
+        agree_hierarchy(law, rows, task)
+        relaxed += law.command(rows, task).status == "relaxed"
+    assert 0 < relaxed < 20
+
+
+@pytest.mark.parametrize(("k", "n", "rank"), [(3, 30, 3), (6, 12, 4), (12, 6, 4), (9, 9, 9), (9, 9, 5), (40, 7, 7)])
+def test_the_pseudoinverse_keeps_the_singular_values_above_the_tolerance(k, n, rank):
+    inner, start = kernels.load("least_squares").pseudoinverse, kernels.load("linear").START
+    solve = kernels.load("compiler").numba.njit(lambda W, cut, Y: inner(W, start, 30.0 * cut, cut, W, Y, start))
+    rng = np.random.default_rng(0)
+    c = min(k, n)
+    for cut in (1e-6, 1e-2):
+        gains = rng.uniform(1.5 * cut, 1.0, c)
+        gains[0] = 1.0
+        gains[rank:] *= 0.5 * cut / gains[rank:] if rank < c else 1.0
+        M = (orthonormal(rng, c, k).T * gains) @ orthonormal(rng, c, n)
+        b = rng.normal(size=k)
+        W, Y = np.column_stack((M, b)), np.zeros((1, n))
+        F, S, found = solve(W, cut, Y)
+        assert found == rank
+        expected = np.linalg.pinv(M, rcond=cut) @ b
+        np.testing.assert_allclose(Y[0], expected, atol=1e-9 * np.linalg.norm(expected))
+        # what is left of W has the same Gram matrix, without what was cut
+        _, s, Vt = np.linalg.svd(M, full_matrices=False)
+        gram = (Vt.T * np.where(s > cut, s, 0.0) ** 2) @ Vt
+        left = W[:, :n].T @ W[:, :n]
+        np.testing.assert_allclose(left / np.trace(left), gram / np.trace(gram), atol=1e-13)
+        if rank < n:
+            # the reflections turn the rest of the unit vectors into a basis of the null space
+            Z = np.eye(n)[rank:]
+            for j in reversed(range(rank)):
+                v = np.concatenate((np.zeros(j), F[j, j:]))
+                Z -= S[1, j] * np.outer(Z @ v, v)
+            np.testing.assert_allclose(Z @ Vt[:rank].T, 0.0, atol=1e-9)
