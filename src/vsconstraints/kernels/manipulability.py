@@ -27,7 +27,8 @@ from .layout import (
     ROWS,
     WHICH,
 )
-from .linear import decompose, dot
+from .least_squares import orthogonalise
+from .linear import START, add, dot
 from .step import ARGUMENTS
 
 GONE = 1e-14
@@ -68,35 +69,49 @@ def tip_twists(qd: Array, I: IntArray, F: Array, R: Array, motion: Array, J: Arr
 
 
 @inner
-def units(gains: Array, W: Array, U: Array) -> None:
-    """Write unit vectors (c, l) of :func:`vsconstraints.kernels.linear.decompose`, the last one orthogonal in any case.
+def singular(M: Array, s: Array, U: Array) -> Array:
+    """Singular values s (c,) of M (l, c), l ≥ c, decreasing, with unit vectors u (c, l), and [M v | v] (c, l + c).
 
-    Without it, w would have no side to leave a singular configuration on.
+    The last u is orthogonal to the others in any case. Without it, w would have no side to leave a singular
+    configuration on.
     """
-    c, l = W.shape  # noqa: E741
+    l, c = M.shape  # noqa: E741
     last = c - 1
+    X = np.zeros((c, l + c))
+    for m in range(c):
+        X[m, l + m] = 1.0
+        for i in range(l):
+            X[m, i] = M[i, m]
+    orthogonalise(X, c, START, l)
+    for m in range(c):
+        best = m
+        for o in range(m, c):
+            s[o] = math.sqrt(dot(X, o, X, o, START, l))
+            best = o if s[o] > s[best] else best
+        s[m], s[best] = s[best], s[m]
+        for i in range(l + c):
+            X[m, i], X[best, i] = X[best, i], X[m, i]
     for m in range(last):
         for i in range(l):
-            U[m, i] = W[m, i] / gains[m] if gains[m] > 0.0 else 0.0
+            U[m, i] = X[m, i] / s[m] if s[m] > 0.0 else 0.0
     best, least = 0, math.inf
     for i in range(l):
-        U[last, i] = W[last, i]
+        U[last, i] = X[last, i]
         taken = 0.0
         for m in range(last):
             taken += U[m, i] * U[m, i]
         if taken < least:
             best, least = i, taken
-    if gains[last] <= GONE * gains[0]:
+    if s[last] <= GONE * s[0]:
         for i in range(l):
             U[last, i] = 1.0 if i == best else 0.0
     for _ in range(2):
         for m in range(last):
-            along = dot(U[m], U[last], 0, l)
-            for i in range(l):
-                U[last, i] -= along * U[m, i]
-        size = math.sqrt(dot(U[last], U[last], 0, l))
+            add(U, last, -dot(U, m, U, last, START, l), U, m, START, l)
+        size = math.sqrt(dot(U, last, U, last, START, l))
         for i in range(l):
             U[last, i] /= size
+    return X
 
 
 @inner
@@ -115,16 +130,16 @@ def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, floa
     n = T.shape[1]
     wide = count <= n
     c, l = min(count, n), max(count, n)  # noqa: E741
-    # P = Σ s v uᵀ: J, or Jᵀ where there are fewer joints than directions; its derivatives by rows, in the basis of v
-    M, U, D, change = np.empty((l, c)), np.empty((c, l)), np.zeros((2, c, l)), np.zeros(6)
+    # P = Σ s v uᵀ: J, or Jᵀ where there are fewer joints than directions; its derivatives, in the basis of v
+    M, U, D, D2 = np.empty((l, c)), np.empty((c, l)), np.zeros((c, l)), np.zeros((c, l))
+    s, change = np.zeros(c), np.zeros(6)
     for i in range(count):
         for j in range(n):
             if wide:
                 M[j, i] = T[0, j, first + i]
             else:
                 M[i, j] = T[0, j, first + i]
-    s, W, V = decompose(M)
-    units(s, W, U)
+    W = singular(M, s, U)
     for k in range(n):
         slope[k] = 0.0
     whole = 1.0
@@ -136,8 +151,8 @@ def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, floa
         for j in range(n):
             for i in range(count):
                 x, y = (i, j) if wide else (j, i)
-                for order in range(2):
-                    D[order, m, y] += V[m, x] * T[1 + order, j, first + i]
+                D[m, y] += W[m, l + x] * T[1, j, first + i]
+                D2[m, y] += W[m, l + x] * T[2, j, first + i]
             for k in range(j + 1, n):
                 for i in range(6):
                     change[i] = 0.0
@@ -145,15 +160,15 @@ def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, floa
                 add_bracket(T[0, j], T[0, k], change)
                 for i in range(count):
                     x, y = (i, j) if wide else (j, i)
-                    slope[k] += others * V[m, x] * U[m, y] * change[first + i]
+                    slope[k] += others * W[m, l + x] * U[m, y] * change[first + i]
     # the first two derivatives of log det of G = P Pᵀ along q̇, in the basis of v, where G is diagonal
     rate = second = squared = 0.0
     for m in range(c):
         gain = max(s[m], SINGULAR) ** 2
-        rate += dot(D[0, m], W[m], 0, l) / gain
-        second += 2.0 * (dot(D[1, m], W[m], 0, l) + dot(D[0, m], D[0, m], 0, l)) / gain
+        rate += dot(D, m, W, m, START, l) / gain
+        second += 2.0 * (dot(D2, m, W, m, START, l) + dot(D, m, D, m, START, l)) / gain
         for o in range(c):
-            G_dot = dot(D[0, m], W[o], 0, l) + dot(W[m], D[0, o], 0, l)
+            G_dot = dot(D, m, W, o, START, l) + dot(W, m, D, o, START, l)
             squared += G_dot * G_dot / (gain * max(s[o], SINGULAR) ** 2)
     product = 1.0
     for m in range(c):
