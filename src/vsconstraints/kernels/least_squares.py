@@ -216,7 +216,8 @@ def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> in
                 W[i, j] = A2[i, j]
                 rest -= A2[i, j] * Y[0, j]
             W[i, n] = rest
-            apply_transposed(F, S, rank, W, i)
+            if rank > 0:
+                apply_transposed(F, S, rank, W, i)
         pseudoinverse(W, rank, CERTAIN * tolerance, tolerance, A2 if rank > 0 else W, Y, ONE)
         apply(F, S, rank, Y, ONE)
     for j in range(n):

@@ -83,8 +83,10 @@ def make_reflection(F: Array, S: Array, j: int) -> None:
     size = math.sqrt(squared)
     away = math.copysign(size, F[j, j])
     F[j, j] += away
-    S[0, j] = -1.0 / away
-    S[1, j] = 1.0 / (away * F[j, j]) if size > 0.0 else 0.0
+    # 1 / away is beta F[j, j], without another division
+    beta = 1.0 / (away * F[j, j]) if size > 0.0 else 0.0
+    S[0, j] = -beta * F[j, j] if size > 0.0 else math.inf
+    S[1, j] = beta
 
 
 @inner
