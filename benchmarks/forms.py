@@ -118,6 +118,7 @@ def three_active(setup: Setup, run: Trajectory) -> tuple[Rows, Task, tuple[float
 def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
     rows, task, (t, q, qd) = three_active(setup, run)
     control, both = (ControlStep(setup.scene, setup.constraints, setup.task) for _ in range(2))
+    to_command = ControlStep(setup.scene, setup.constraints, setup.task).bind(SlidingMode())
     law, hierarchy, field = SlidingMode(), hierarchical_qp("auto"), PotentialField()
     m, n = len(rows.labels), task.J.shape[1]
     phi, Lg, Lf, gain, scale, J, b = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b
@@ -134,6 +135,7 @@ def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
             m, phi, Lg, Lf, gain, scale, J, b, 1e-6, SLIDING, 1.0, 1.0, 1.0, acted, qdd
         )
     subjects["ControlStep.command"] = lambda: both.command(law, t, q, qd)
+    subjects["the function of ControlStep.bind"] = lambda: to_command(t, q, qd)
     subjects["ControlStep.evaluate"] = lambda: control.evaluate(t, q, qd)
     subjects["SlidingMode.command"] = lambda: law.command(rows, task)
     subjects["PotentialField.command"] = lambda: field.command(rows, task)

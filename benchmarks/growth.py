@@ -147,8 +147,7 @@ def _steps(
 
     def subject(law: Controller) -> Callable[[], object]:
         task = VisualTask(feature, [goal], TrackingGains(20.0))
-        control = ControlStep(scene, ConstraintSet(constraints, scene), task)
-
-        return lambda: control.command(law, 0.0, q, qd)
+        to_command = ControlStep(scene, ConstraintSet(constraints, scene), task).bind(law)
+        return lambda: to_command(0.0, q, qd)
 
     return {f"{name}, {what}": subject(make()) for name, make in SUBJECTS.items()}

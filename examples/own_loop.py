@@ -28,10 +28,10 @@ pixels = scene.project(desired)
 task = VisualTask(
     CameraPose(), [Goal(0.0, pixels, camera.normalised(pixels), desired)], TrackingGains(Kp0=10.0, slope=5.0)
 )
-step, controller = ControlStep(scene, ConstraintSet(constraints, scene), task), SlidingMode()
+to_command = ControlStep(scene, ConstraintSet(constraints, scene), task).bind(SlidingMode())
 
 for k in range(3000):
-    now, command = step.command(controller, k * Ts, q, qd)
+    now, command = to_command(k * Ts, q, qd)
     if command.status != "ok":
         raise SystemExit(f"{command.status}: {command.reason}")
     q, qd = q + Ts * qd + 0.5 * Ts**2 * command.qdd, qd + Ts * command.qdd  # robot

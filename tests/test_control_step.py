@@ -12,7 +12,7 @@ from scenes import WORLDS, build_constraint, constraint_tables, random_configura
 from vsconstraints.constraints import Collision, Constraint, ConstraintSet, SelfCollision, Trace
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
-from vsconstraints.errors import SceneError
+from vsconstraints.errors import InvalidInput, SceneError
 from vsconstraints.evaluation import Evaluation
 from vsconstraints.features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
 from vsconstraints.kernels import available
@@ -259,6 +259,39 @@ def test_state_to_command_is_step_then_law(law: Controller) -> None:
             law.rank_tolerance = 0.5
     for command, qdd in given:
         np.testing.assert_array_equal(command.qdd, qdd)
+
+
+def test_states_of_other_kinds_are_converted_or_refused() -> None:
+    setup = Scenario.load("case-study-6r").setup()
+    law, n = SlidingMode(), len(setup.q0)
+    expected = ControlStep(setup.scene, setup.constraints, setup.task).command(law, 0.0, setup.q0, setup.qd0)
+    apart = np.zeros((n, 3))
+    apart[:, 1] = setup.q0
+    for q in (
+        list(setup.q0),
+        apart[:, 1],
+        setup.q0.astype(object),
+        setup.q0.astype(">f8"),
+        setup.q0[::-1].copy()[::-1],
+    ):
+        step = ControlStep(setup.scene, setup.constraints, setup.task)
+        for _ in range(2):
+            step.reset()
+            found, command = step.command(law, 0, q, setup.qd0)
+            assert_equal(found, expected[0])
+            np.testing.assert_allclose(command.qdd, expected[1].qdd, rtol=1e-12)
+            step.reset()
+            assert_equal(step.evaluate(0.0, q, setup.qd0), expected[0])
+    bad = setup.q0.copy()
+    bad[2] = np.nan
+    cases = [(0.0, q, setup.qd0, "q of") for q in (setup.q0[:5], np.append(setup.q0, 0.0), setup.q0[None], bad, 1.0)]
+    cases += [(0.0, setup.q0, qd, "qd of") for qd in (setup.q0[:1], bad, "fast")]
+    cases += [(t, setup.q0, setup.qd0, "finite number of seconds") for t in (np.nan, np.inf)]
+    for t, q, qd, words in cases:
+        step.reset()
+        for ask in (step.evaluate, lambda *state: step.command(law, *state)):
+            with pytest.raises(InvalidInput, match=words):
+                ask(t, q, qd)
 
 
 def test_the_least_clearance_is_that_of_all_samples() -> None:

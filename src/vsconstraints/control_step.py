@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .constraints import Constraint, ConstraintSet, RowBlock
 from .errors import InvalidInput, SceneError
-from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation, StateToCommand, state_to_command
+from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
 from .kernels import load
 from .rows import Array, BoolArray, Command
 from .scene import Scene, State
@@ -17,6 +19,11 @@ from .tracking import VisualTask
 if TYPE_CHECKING:
     from .controllers import Controller
     from .kernels.packing import Packed
+
+FLOAT = np.dtype(np.float64)
+
+StateToCommand = Callable[[float, Array, Array], tuple[Evaluation, Command]]
+"""From time [s], q and q̇ (n,) to what they come to."""
 
 
 class ControlStep:
@@ -47,8 +54,7 @@ class ControlStep:
         self._believes = not told and has_unknown_motion(scene, constraints)
         self._packed: Packed | None = None
         self._controller: Controller | None = None
-        self._options: dict[str, Any] = {}
-        self._quick: StateToCommand | None = None
+        self._options: dict[str, Any] | None = None
         packing, step = load("packing"), load("step")
         if packing is None or step is None:
             self.not_compiled = "there is no compiler"
@@ -78,12 +84,19 @@ class ControlStep:
         ------
         SceneError
             if a marker is not in front of the camera.
+        InvalidInput
+            if t is not finite, or q or qd are not (n,) finite numbers.
         """
         packed = self._packed
         if packed is None:
             return self.define(self._state(t, q, qd))
         out = np.empty(packed.size)
-        if self._evaluate(*packed.arguments, out, t, q, qd):
+        try:
+            refused = self._evaluate(*packed.arguments, out, t, q, qd)
+        except TypeError:
+            t, q, qd = self._checked(t, q, qd)
+            refused = self._evaluate(*packed.arguments, out, t, q, qd)
+        if refused:
             # what cannot be evaluated is told by the definition
             return self.define(self._state(t, q, qd))
         for add_rows in self._after:
@@ -95,41 +108,66 @@ class ControlStep:
         return CompiledEvaluation(packed, self.constraints, out)
 
     def _state(self, t: float, q: Array, qd: Array) -> State:
-        state = self.scene.evaluate(t, q, qd)
+        state = self.scene.evaluate(*self._checked(t, q, qd))
         return self.scene.believed(state) if self._believes else state
 
-    def command(self, controller: Controller, t: float, q: Array, qd: Array) -> tuple[Evaluation, Command]:
-        """From state to command: what :meth:`evaluate` and then ``controller.command`` give, at the least cost.
+    def _checked(self, t: float, q: Array, qd: Array) -> tuple[float, Array, Array]:
+        robot = self.scene.robot
+        if not math.isfinite(t):
+            raise InvalidInput(f"the time must be a finite number of seconds, not {t}")
+        return float(t), robot.configuration(q), robot.configuration(qd, "qd")
 
-        Where both are compiled, they run on arrays that stay where they are, and only what they come to is copied.
+    def command(self, controller: Controller, t: float, q: Array, qd: Array) -> tuple[Evaluation, Command]:
+        """From state to command: what :meth:`evaluate` and then ``controller.command`` give.
 
         Raises
         ------
         SceneError
             if a marker is not in front of the camera.
         InvalidInput
-            as ``controller.command`` does.
+            as both of them do.
         """
-        quick = self._quick
-        # only a law that is bound has options that were read beforehand
-        if controller is not self._controller or (quick is not None and controller.__dict__ != self._options):
-            quick = self._bind(controller)
-        answer = quick(t, q, qd) if quick is not None else None
-        if answer is not None:
-            return answer
-        evaluation = self.evaluate(t, q, qd)
-        return evaluation, controller.command(evaluation.rows, evaluation.task)
+        options = self._options
+        if controller is not self._controller or (options is not None and controller.__dict__ != options):
+            self.bind(controller)
+        return self._to_command(t, q, qd)
 
-    def _bind(self, controller: Controller) -> StateToCommand | None:
-        """Prepare :meth:`command` for a controller with the options that it has now."""
-        self._controller, self._options = controller, dict(vars(controller))
-        self._quick, step = None, self.bound()
+    def bind(self, controller: Controller) -> StateToCommand:
+        """Make a function for loops that does as :meth:`command`, for this controller with the options that it has now.
+
+        Where step and law are compiled, they run on arrays that stay where they are, and only what they come to is
+        copied.
+        """
+
+        def in_two(t: float, q: Array, qd: Array) -> tuple[Evaluation, Command]:
+            evaluation = self.evaluate(t, q, qd)
+            return evaluation, controller.command(evaluation.rows, evaluation.task)
+
+        self._controller, self._options, self._to_command = controller, None, in_two
+        step, law = self.bound(), None
         if step is not None:
-            now, m = step.now, len(self.constraints.labels)
-            law = controller._bound(now.rows, now.task, np.empty(m, dtype=np.bool_), np.empty(step.packed.n))
-            if law is not None:
-                self._quick = state_to_command(step, law, controller, self.constraints)
-        return self._quick
+            now, acted, qdd = step.now, np.empty(step.packed.m, dtype=np.bool_), np.empty(step.packed.n)
+            law = controller._bound(now.rows, now.task, acted, qdd)
+        if step is None or law is None:
+            return in_two
+        evaluate, solve, command, out, packed = step.evaluate, law.solve, law.command, step.out, step.packed
+        constraints = self.constraints
+
+        def in_one(t: float, q: Array, qd: Array) -> tuple[Evaluation, Command]:
+            try:
+                # the compiled function takes this type for granted, and looks at the rest by itself
+                if q.dtype is not FLOAT or qd.dtype is not FLOAT or evaluate(t, q, qd):
+                    return in_two(t, q, qd)
+            except (AttributeError, TypeError):
+                # not arrays, or not of one dimension
+                return in_two(t, q, qd)
+            asks = solve()
+            evaluation = CompiledEvaluation(packed, constraints, out.copy())
+            return evaluation, controller.command(evaluation.rows, evaluation.task) if asks else command()
+
+        # only a law that is bound has options that were read beforehand
+        self._options, self._to_command = dict(vars(controller)), in_one
+        return in_one
 
     def bound(self) -> Bound | None:
         """The compiled step on arrays that stay where they are; None where anything runs in NumPy."""

@@ -10,15 +10,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from .kernels.entry import entry
-from .rows import Array, Command, Rows, Task
+from .rows import Array, Rows, Task
 
 if TYPE_CHECKING:
     from .constraints import ConstraintSet
-    from .controllers import Controller
-    from .controllers.compiled import BoundLaw
     from .kernels.packing import Packed
-
-FLOAT = np.dtype(np.float64)
 
 
 class Evaluation(Protocol):
@@ -150,8 +146,8 @@ class Bound:
     Attributes
     ----------
     evaluate
-        Takes time [s], q and q̇, which must be contiguous floats (n,), and returns 0 if ``out`` now holds the step; if
-        not, the definition says what is wrong.
+        Takes time [s], q and q̇, which must be arrays of ``float64`` with one dimension, and returns 0 if ``out`` now
+        holds the step; if not, the definition says what is wrong.
     out
         Everything that a step came to, as one array.
     now
@@ -179,29 +175,3 @@ def _in_turn(
         return code
 
     return all_of_them
-
-
-StateToCommand = Callable[[float, Array, Array], tuple[Evaluation, Command] | None]
-"""From time [s], q and q̇ to what they come to; None if something else has to answer."""
-
-
-def state_to_command(step: Bound, law: BoundLaw, controller: Controller, constraints: ConstraintSet) -> StateToCommand:
-    """Step and law as one function, whose answers have arrays of their own; the law is that of the controller."""
-    evaluate, solve, command, out, packed = step.evaluate, law.solve, law.command, step.out, step.packed
-    shape = (packed.n,)
-
-    def quick(t: float, q: Array, qd: Array) -> tuple[Evaluation, Command] | None:
-        # compiled code takes for granted what is looked at here
-        if (
-            q.dtype is FLOAT is qd.dtype
-            and q.shape == shape == qd.shape
-            and q.flags.c_contiguous
-            and qd.flags.c_contiguous
-            and not evaluate(t, q, qd)
-        ):
-            asks = solve()
-            step = CompiledEvaluation(packed, constraints, out.copy())
-            return step, controller.command(step.rows, step.task) if asks else command()
-        return None
-
-    return quick

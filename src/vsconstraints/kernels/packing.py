@@ -77,7 +77,9 @@ class Packed:
     moving
         Scratch: R (n + 1, 3, 3) and motion (n + 1, 6, 3) of the bodies, matrices (·, 3, 3) and vectors (·, 3).
     arguments
-        What :func:`vsconstraints.kernels.step.evaluate_step` takes before its output and the state.
+        What :func:`vsconstraints.kernels.step.evaluate_step` takes before its output and the state: I, F, memory, those
+        of ``moving``, Jacobians of the camera's twist and of a point (6 + 3, n), markers (M, 7), robot points
+        (P, 3, 3), and rates of the features (3, k).
     size
         Length of the array that the step writes to.
     rows, task, ...

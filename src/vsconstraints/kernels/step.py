@@ -73,10 +73,15 @@ def evaluate_step(
 ) -> int:
     """Write everything a controller needs to ``out``; see :class:`vsconstraints.kernels.packing.Packed` for all arrays.
 
-    Returns 0, or 1 if a marker is not in front of the camera or a number is not finite: then nothing in ``out`` counts,
-    and ``memory`` is as it was.
+    Returns 0, or 1 if q or q̇ has another size, a number is not finite, or a marker is not in front of the camera:
+    then nothing in ``out`` counts, and ``memory`` is as it was.
     """
     n, M, P, m, k = I[JOINTS], I[MARKERS], I[POINTS], I[ROWS], I[SIZE]
+    if q.size != n or qd.size != n or not abs(t) < np.inf:
+        return 1
+    # who calls the entry point without a look at the types may bring others
+    if n > 1 and (q.strides[0] != q.itemsize or qd.strides[0] != qd.itemsize):
+        return 1
     for i in range(n):
         if not (np.isfinite(q[i]) and np.isfinite(qd[i])):
             return 1
