@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -420,6 +421,23 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
     assert all(file.is_file() for file in compiler._sources())
     folder = compiler.cache_folder(kernels.load("task_priority").follow)
     assert any(folder.rglob("*follow*.nbi"))
+
+
+def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
+    """Here one needs the search alone, the second process begins with the laws."""
+    code = "from vsconstraints import kernels; kernels.load('nearest')"
+    for name, variables in (("alone", {"VSCONSTRAINTS_COMPILE": "alone"}), ("together", {})):
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / name), **variables}
+        done = subprocess.run(
+            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120, check=True
+        )
+        assert done.stderr.count("compiling the control step, once") == 1
+        assert any((tmp_path / name).glob("nearest-*/**/*.nbi"))
+    until = time.monotonic() + 120.0
+    while not any((tmp_path / "together").glob("task_priority-*/**/*.nbi")):
+        assert time.monotonic() < until, "the other process compiles nothing"
+        time.sleep(0.2)
+    assert len(list((tmp_path / "alone").iterdir())) == 1
 
 
 def test_code_that_was_not_used_for_long_is_removed(tmp_path, monkeypatch):

@@ -22,7 +22,7 @@ from importlib import import_module
 from typing import Any
 
 VARIABLE = "VSCONSTRAINTS_COMPILE"
-"""Environment variable; 0 turns compilation off."""
+"""Environment variable; 0 turns compilation off, and with ``alone`` no second process helps with the first one."""
 
 MODULES = ("task_priority", "hierarchical_qp", "packing", "step", "look", "nearest")
 """Modules whose functions are called from Python, of which any simulation may need each.

@@ -6,12 +6,15 @@ import fcntl
 import hashlib
 import os
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
+
+from . import VARIABLE
 
 numba = import_module("numba")  # not typed
 
@@ -20,6 +23,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 OPTIONS = {"error_model": "numpy", "fastmath": False}
 """Division by zero gives an infinity, as in NumPy; sums are never reordered, so that results repeat bit by bit."""
 
+
+ALONE = "alone"
+"""Value of the environment variable with which a process compiles everything it needs by itself."""
 
 KEPT, HASH = 8, 16
 """States of a module's code that are kept compiled, those used last, and the length of their names' ends."""
@@ -109,6 +115,9 @@ def _sources() -> list[Path]:
 
 _announced = False
 
+_helpers: list[subprocess.Popen[bytes]] = []
+"""Kept, since the end of a process that nobody holds is complained about."""
+
 
 def _cache(function: Callable[..., Any]) -> Path:
     """The cache folder; says so, once, if it is empty, since filling it takes a while, and removes old ones."""
@@ -122,4 +131,28 @@ def _cache(function: Callable[..., Any]) -> Path:
     if not _announced and next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None:
         _announced = True
         print(f"vsconstraints: compiling the control step, once; kept in {folder.parent}", file=sys.stderr, flush=True)
+        _share(function.__module__.rpartition(".")[2])
     return folder
+
+
+def _share(module: str) -> None:
+    """Let another process compile the other modules in the meantime, so that they are there when they are needed.
+
+    Locks keep the two from compiling the same; nothing waits for that process, and nothing is lost if it fails.
+    """
+    if os.environ.get(VARIABLE) == ALONE or not sys.executable or (os.cpu_count() or 1) < 2:
+        return
+    package = __name__.rpartition(".")[0]
+    code = f"from {package} import MODULES, load\nfor name in MODULES:\n    if name != {module!r}:\n        load(name)"
+    nowhere = subprocess.DEVNULL
+    path = os.pathsep.join(filter(None, sys.path))
+    with suppress(OSError):
+        _helpers.append(
+            subprocess.Popen(
+                [sys.executable, "-c", code],
+                stdin=nowhere,
+                stdout=nowhere,
+                stderr=nowhere,
+                env={**os.environ, VARIABLE: ALONE, "PYTHONPATH": path},
+            )
+        )

@@ -134,17 +134,25 @@ def factor(F: Array, S: Array) -> float:
     float
         A lower bound of the least singular value: 1/‖R⁻¹‖_F.
     """
-    c = F.shape[0]
+    c, r = F.shape
+    # columns to the right do not wait for each other, nor do entries of a row of R⁻¹: the processor overlaps them
     for j in range(c):
-        apply_transposed(F, S, j, F, j)
         make_reflection(F, S, j)
+        beta = S[1, j]
+        for other in range(j + 1, c):
+            scale = 0.0
+            for i in range(j, r):
+                scale += F[j, i] * F[other, i]
+            scale *= beta
+            for i in range(j, r):
+                F[other, i] -= scale * F[j, i]
     total = 0.0
     for k in range(c):
         for j in range(k, c):
-            entry = 1.0 if j == k else 0.0
-            for i in range(k, j):
-                entry -= F[j, i] * S[WORK, i]
-            entry *= S[0, j]
-            S[WORK, j] = entry
+            S[WORK, j] = 1.0 if j == k else 0.0
+        for j in range(k, c):
+            entry = S[WORK, j] * S[0, j]
             total += entry * entry
+            for i in range(j + 1, c):
+                S[WORK, i] -= F[i, j] * entry
     return 1.0 / math.sqrt(total)
