@@ -208,11 +208,16 @@ def test_near_180_degrees_the_mean_matrix_neither_retreats_nor_runs_into_the_tar
     assert -current.q[:, 0].min() > 2.0 * ends[1] or current.q[:, 0].max() > 0.0
 
 
-def test_rows_turn_a_collision_into_convergence() -> None:
-    """150° with the desired matrix: tracking runs into the target; held in the image, the camera cannot."""
+def test_rows_turn_a_collision_into_convergence_on_the_symmetric_path_alone() -> None:
+    """150° with the desired matrix: tracking runs into the target; held in the image, the camera cannot.
+
+    The path is a saddle: four markers in symmetric places slide at once, and beside the axis two of them are lost.
+    """
     held = run("rotation-150-desired", SlidingMode())
     assert held.status == "converged"
-    # four markers in symmetric places slide at once: rounding decides which switches first, and a sample moves 0.1 px
-    assert held.clearance.min() > -0.1
+    # rounding decides which marker switches first: none is farther out than one sample moves it
+    assert held.clearance.min() > -np.abs(np.diff(held.clearance, axis=0)).max()
     assert -held.q[:, 0].max() > 0.4
     assert rotation(150.0, "desired").status == "failed"
+    beside = run("rotation-150-desired", SlidingMode(), q0=[-1.0, 0.01, 0.0, 0.0, 0.0, -np.radians(150.0)])
+    assert beside.clearance.min() < -10.0
