@@ -164,7 +164,7 @@ def test_a_missing_peer_is_named(monkeypatch):
 
     monkeypatch.setattr(sys, "executable", "/no/such/python")
     monkeypatch.setenv(beside_peers.PYTHON, "/nor/this/python")
-    with pytest.raises(RuntimeError, match="No such file.*; .*No such file"):
+    with pytest.raises(RuntimeError, match=r"No such file.*; .*No such file"):
         beside_peers.peer("pink", 1)
 
 

@@ -18,7 +18,15 @@ BETWEEN = (0.25, 0.5, 0.75)
 """Where inside a sampling period clearances are looked at, as fractions of it."""
 
 NEAR = 0.05
-"""Clearance, as a fraction of the characteristic length, below which the inside of a period is looked at."""
+"""Clearance, as a fraction of the characteristic length, below which the inside of a period may be looked at."""
+
+DIP = 2.0, 0.001
+"""How much less than at both its ends a clearance may be inside a period: a multiple of the greatest change of the
+run from one sample to the next, and a fraction of the characteristic length.
+
+Half the change would do at a constant rate; periods whose ends are farther than that above the run's least are left
+out.
+"""
 
 STEPS = 256
 """Compiled steps that are kept whole before they are taken apart together."""
@@ -157,7 +165,9 @@ class Log:
 
 
 def _between(setup: Setup, control: ControlStep, plant: Plant, states: Array, clearance: Array) -> Array:
-    """(m,) least clearance inside the sampling periods in which some row is near its boundary.
+    """(m,) least clearance inside the sampling periods in which that of some row may be its least of the run.
+
+    These are near its boundary (:data:`NEAR`) and not far from its least in the samples (:data:`DIP`).
 
     Parameters
     ----------
@@ -172,8 +182,10 @@ def _between(setup: Setup, control: ControlStep, plant: Plant, states: Array, cl
     least = np.full(m, np.inf)
     if m == 0 or not len(states):
         return least
-    near = np.asarray((clearance < NEAR * setup.constraints.characteristic_length).any(axis=1))
-    periods = np.flatnonzero(near[:-1] | near[1:])
+    length = setup.constraints.characteristic_length
+    change = np.abs(np.diff(clearance, axis=0)).max(axis=0)
+    far = np.minimum(NEAR * length, clearance.min(axis=0) + DIP[0] * change + DIP[1] * length)
+    periods = np.flatnonzero((np.minimum(clearance[:-1], clearance[1:]) < far).any(axis=1))
     if not len(periods):
         return least
     inside = [plant.inside(states[periods].transpose(0, 2, 1), share * setup.Ts) for share in BETWEEN]
