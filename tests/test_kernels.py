@@ -94,6 +94,21 @@ def test_random_problems(name, n):
     assert compiled >= 50
 
 
+@pytest.mark.parametrize("k", [6, 9])
+@pytest.mark.parametrize("name", ["sliding", "priority"])
+def test_tracking_corrected_for_rows_is_the_task_resolved_after_them(name, k):
+    """What tracks is corrected, unless task or rows are too ill-conditioned for that."""
+    rng, law = np.random.default_rng(k), LAWS[name]
+    for worst in 10.0 ** np.arange(0.0, 5.5, 0.5):
+        for _ in range(5):
+            rows, task = problem(rng, 6, m=9, k=k, active=int(rng.integers(1, 5)))
+            for M in (task.J, rows.Lg):
+                U, s, Vt = np.linalg.svd(M, full_matrices=False)
+                s[-1] = s[0] / worst
+                M[:] = (U * s) @ Vt
+            agree(law, rows, task, relative=1e-9)
+
+
 def degenerate(kind, rng):
     """Problems at which a rank, or a gain, vanishes; those with rows that depend on each other say so."""
     rows, task = problem(rng, 6, m=9, k=6, active=3)

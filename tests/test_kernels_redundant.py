@@ -102,7 +102,7 @@ def test_the_pseudoinverse_keeps_the_singular_values_above_the_tolerance(k, n, r
         M = (orthonormal(rng, c, k).T * gains) @ orthonormal(rng, c, n)
         b = rng.normal(size=k)
         W, Y = np.column_stack((M, b)), np.zeros((1, n))
-        F, S, found = solve(W, cut, Y)
+        F, S, found, _ = solve(W, cut, Y)
         assert found == rank
         expected = np.linalg.pinv(M, rcond=cut) @ b
         np.testing.assert_allclose(Y[0], expected, atol=1e-9 * np.linalg.norm(expected))

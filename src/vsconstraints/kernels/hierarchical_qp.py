@@ -242,7 +242,7 @@ def descend(
             if A.shape[0] == 0:
                 copy(X, ORIGIN, X, CENTER, n)
             else:
-                F, T, rank = pseudoinverse(A, START, CERTAIN * DEPENDENT, DEPENDENT, A, X, POINT)
+                F, T, rank, _ = pseudoinverse(A, START, CERTAIN * DEPENDENT, DEPENDENT, A, X, POINT)
                 p = n - rank
                 if p == 0:
                     steps = 0

@@ -21,6 +21,9 @@ CERTAIN = 30.0
 1 would do for the rank. More keeps the fast way to matrices for which it is as accurate as singular values are.
 """
 
+WELL = 1e-4
+"""Least singular value of A over κ(J) ‖A‖_F with which :func:`bring` is as accurate as :func:`resolve`."""
+
 SWEEPS = 60
 """Jacobi sweeps at most; some six are usual."""
 
@@ -111,7 +114,7 @@ def shorten(W: Array, rows: int, first: int, tolerance: float, whole: Array) -> 
 @inner
 def pseudoinverse(
     W: Array, first: int, certain: float, tolerance: float, whole: Array, Y: Array, row: int
-) -> tuple[Array, Array, int]:
+) -> tuple[Array, Array, int, float]:
     """Solve y ← M† b for W = [· | M | b], M beginning with the column ``first``, and y being Y[row, first:].
 
     QR of M (k, p), or of Mᵀ where it has more columns than rows. Unless that proves full rank, the rows of [M | b], or
@@ -138,6 +141,7 @@ def pseudoinverse(
     -------
     tuple
         F, S and the rank; where this is less than p, its number of columns of Q of :func:`factor` span the rows of M.
+        Then, where F and S are the QR of M, a lower bound of its least singular value; 0 where they are not.
     """
     k, n = W.shape[0], W.shape[1] - 1
     p = n - first
@@ -154,7 +158,8 @@ def pseudoinverse(
         for j in range(c):
             for i in range(F.shape[1]):
                 F[j, i] = W[i, first + j] if tall else W[j, first + i]
-        full = factor(F, S) > certain * size
+        least = factor(F, S)
+        full = least > certain * size
         for i in range(p):
             S[WORK, i] = 0.0
         for i in range(rows):
@@ -179,11 +184,11 @@ def pseudoinverse(
         apply(F, S, rows, S, WORK)
     for j in range(p):
         Y[row, first + j] = S[WORK, j]
-    return F, S, c
+    return F, S, c, least if tall else 0.0
 
 
 @inner
-def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> int:
+def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> tuple[int, Array, Array, float]:
     """q̈ ← A₁†b₁ + (A₂(I − A₁†A₁))†(b₂ − A₂A₁†b₁), as :func:`vsconstraints.controllers.task_priority.resolve`.
 
     Parameters
@@ -200,15 +205,16 @@ def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> in
 
     Returns
     -------
-    int
-        The rank of A₁.
+    tuple
+        The rank of A₁; and F, S and the bound of :func:`pseudoinverse` for what it leaves of A₂: all, without A₁.
     """
     n = qdd.size
     k = A2.shape[0]
     W: Array = np.empty((k, n + 1))
     Y, F, S, rank = np.zeros((WORK, n)), W, W, START
+    G, T, least = W, W, 0.0
     if A1.shape[0] > 0:
-        F, S, rank = pseudoinverse(A1, START, CERTAIN * tolerance, tolerance, A1, Y, START)
+        F, S, rank, _ = pseudoinverse(A1, START, CERTAIN * tolerance, tolerance, A1, Y, START)
     if rank < n:
         for i in range(k):
             rest = b2[i]
@@ -218,8 +224,57 @@ def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> in
             W[i, n] = rest
             if rank > 0:
                 apply_transposed(F, S, rank, W, i)
-        pseudoinverse(W, rank, CERTAIN * tolerance, tolerance, A2 if rank > 0 else W, Y, ONE)
+        whole = A2 if rank > 0 else W
+        G, T, _, least = pseudoinverse(W, rank, CERTAIN * tolerance, tolerance, whole, Y, ONE)
         apply(F, S, rank, Y, ONE)
     for j in range(n):
         qdd[j] = Y[0, j] + Y[1, j]
-    return rank
+    return rank, G, T, least
+
+
+@inner
+def bring(F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Array) -> bool:
+    """Bring x = J†b to A x = d with the least change of ‖J x − b‖: x ← x + R⁻¹ (A R⁻¹)† (d − A x), with J = Q R.
+
+    Where J has full column rank, :func:`resolve` of A before J comes to the same.
+
+    Parameters
+    ----------
+    F, S, least
+        Those of J: see :func:`resolve`.
+    A
+        (b, n + 1): [A | d].
+    tolerance
+        Singular values below this fraction of the largest one count as zero.
+    qdd
+        (n,) x, J†b before.
+
+    Returns
+    -------
+    bool
+        False, and nothing done, unless J and A have full rank for certain.
+    """
+    n, b = qdd.size, A.shape[0]
+    if b > n or least == 0.0:
+        return False
+    L, T = np.empty((b, n)), np.empty((S_ROWS, n))
+    size = 0.0
+    for i in range(b):
+        for j in range(n):
+            L[i, j] = A[i, j]
+            size += A[i, j] * A[i, j]
+        solve_lower(F, S, n, L, i)
+    if not factor(L, T) * least > max(CERTAIN * tolerance, WELL) * math.sqrt(size):
+        return False
+    for i in range(n):
+        T[WORK, i] = 0.0
+    for i in range(b):
+        T[WORK, i] = A[i, n]
+        for j in range(n):
+            T[WORK, i] -= A[i, j] * qdd[j]
+    solve_lower(L, T, b, T, WORK)
+    apply(L, T, b, T, WORK)
+    solve_upper(F, S, n, T, WORK)
+    for j in range(n):
+        qdd[j] += T[WORK, j]
+    return True

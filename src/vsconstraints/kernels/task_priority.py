@@ -8,7 +8,7 @@ import numpy as np
 
 from ..rows import Array, BoolArray
 from .compiler import compiled, inner
-from .least_squares import resolve
+from .least_squares import bring, resolve
 from .linear import ASK, DONE, START, copy, finite
 
 TRACKING, SLIDING, PRIORITY, ADDITIVE = 0, 1, 2, 3
@@ -103,9 +103,13 @@ def follow(
     if not valid(m, phi, Lg, Lf, gain, scale, J, b, qdd.size) or acted.size != m:
         return ASK
     n = qdd.size
-    demand, A = np.empty(m), np.empty((m, n + 1))
-    if law != SLIDING:
-        resolve(A[:0], J, b, tolerance, qdd)
+    demand = np.empty(m)
+    A: Array = np.empty((m, n + 1))
+    F, S, least = A, A, 0.0
+    # a task of full column rank is tracked first, and corrected for the rows that act
+    tracked = law != SLIDING or J.shape[0] >= n
+    if tracked:
+        _, F, S, least = resolve(A[:0], J, b, tolerance, qdd)
     for i in range(m):
         demand[i] = -gain[i]
         acted[i] = law == SLIDING and phi[i] >= 0.0
@@ -131,9 +135,12 @@ def follow(
                 qdd[j] -= demand[i] * Lg[i, j]
     elif law != TRACKING:
         acting = gather(Lg, demand, phi, acted, -math.inf, A)
-        if (law == SLIDING or acting > 0) and resolve(A[:acting], J, b, tolerance, qdd) < acting:
+        if (
+            not (tracked and (acting == 0 or bring(F, S, least, A[:acting], tolerance, qdd)))
+            and resolve(A[:acting], J, b, tolerance, qdd)[0] < acting
+        ):
             # a dependence among rows that act before their boundary is reached is met in the least-squares sense
             reached = gather(Lg, demand, phi, acted, 0.0, A)
-            if reached == acting or resolve(A[:reached], J, b, tolerance, np.empty(n)) < reached:
+            if reached == acting or resolve(A[:reached], J, b, tolerance, np.empty(n))[0] < reached:
                 return ASK
     return DONE if finite(qdd) else ASK
