@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -9,13 +11,22 @@ import numpy as np
 import pytest
 
 from scenes import WORLDS, build_constraint, constraint_tables, random_configuration, random_scene, robot, robot_names
-from vsconstraints.constraints import Collision, Constraint, ConstraintSet, SelfCollision, Trace
+from vsconstraints import Robot
+from vsconstraints.constraints import (
+    Collision,
+    Constraint,
+    ConstraintSet,
+    Manipulability,
+    RowBlock,
+    SelfCollision,
+    Trace,
+)
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
 from vsconstraints.errors import InvalidInput, SceneError
 from vsconstraints.evaluation import Evaluation
 from vsconstraints.features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
-from vsconstraints.kernels import available
+from vsconstraints.kernels import _loaded, available
 from vsconstraints.motion import Motion
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import CONSTRAINTS, Scenario, shipped_scenarios
@@ -29,7 +40,7 @@ COMPILED = ("field-of-view", "occlusion", "joint-range", "joint-speed", *REGIONS
 """Types of constraints that have a compiled form."""
 
 CLOSE = 1e-9
-"""Relative to the largest entry: what issues of rounding, and of differences along a velocity, leave."""
+"""Relative to the largest entry: what rounding and differences along a velocity leave."""
 
 FEATURES: list[Feature] = [CameraPose(), ImagePoints(), ImagePoints("desired"), ImagePoints("mean")]
 
@@ -70,6 +81,11 @@ def both(scene: Scene, constraints: ConstraintSet, task: VisualTask, states: lis
             for t, q, qd in states:
                 state = scene.evaluate(t, q, qd)
                 assert_equal(step.evaluate(t, q, qd), step.define(state if told else scene.believed(state)))
+    pixels, points, seen = step.look(np.array([t for t, _, _ in states]), np.array([q for _, q, _ in states]))
+    assert seen.all()
+    for k, (t, q, _) in enumerate(states):
+        for mine, theirs in zip((pixels[k], points[k]), scene.glance(q, t), strict=True):
+            np.testing.assert_allclose(mine, theirs, rtol=CLOSE, atol=CLOSE * max(1.0, np.abs(theirs).max(initial=0.0)))
 
 
 def examples(arm: Any, world: str) -> list[Constraint]:
@@ -192,12 +208,15 @@ def test_a_feature_without_a_compiled_form_is_named() -> None:
 
 
 def test_a_marker_behind_the_camera_is_named_and_nothing_is_remembered() -> None:
-    setup = Scenario.load("case-study-6r").setup()
-    step = ControlStep(setup.scene, setup.constraints, setup.task)
-    step.evaluate(0.0, setup.q0, setup.qd0)
+    setup = Scenario.load("case-study-6r").with_override("task.velocity", "differences").setup()
+    step, other = (ControlStep(setup.scene, setup.constraints, setup.task) for _ in range(2))
+    for one in (step, other):
+        one.evaluate(0.0, setup.q0, setup.qd0)
     away = setup.q0 + np.array([0.0, 0.0, 0.0, 0.0, np.pi, 0.0])
     with pytest.raises(SceneError, match="not in front of the camera: marker 1"):
         step.evaluate(0.002, away, setup.qd0)
+    state = 0.004, setup.q0 + 0.01, setup.qd0
+    np.testing.assert_array_equal(step.evaluate(*state).task.b, other.evaluate(*state).task.b)
 
 
 def test_a_step_leaves_what_was_given_before_alone() -> None:
@@ -286,12 +305,34 @@ def test_states_of_other_kinds_are_converted_or_refused() -> None:
     bad[2] = np.nan
     cases = [(0.0, q, setup.qd0, "q of") for q in (setup.q0[:5], np.append(setup.q0, 0.0), setup.q0[None], bad, 1.0)]
     cases += [(0.0, setup.q0, qd, "qd of") for qd in (setup.q0[:1], bad, "fast")]
+    cases += [(0.0, setup.q0, setup.qd0.reshape((n,) + (1,) * 11), "qd of")]
     cases += [(t, setup.q0, setup.qd0, "finite number of seconds") for t in (np.nan, np.inf)]
     for t, q, qd, words in cases:
         step.reset()
         for ask in (step.evaluate, lambda *state: step.command(law, *state)):
             with pytest.raises(InvalidInput, match=words):
                 ask(t, q, qd)
+        if t == 0.0:
+            with pytest.raises(TypeError, match="real number"):
+                ask("0.5", setup.q0, setup.qd0)
+
+
+@pytest.mark.parametrize("n", [1, 8])
+def test_states_of_other_dimensions_are_refused(n: int) -> None:
+    """Rows of as many joints as a number has bytes, and single numbers, too."""
+    limits = np.full(n, 3.0)
+    table = [[0.0, 0.05, 0.8 / n, (-1) ** i * np.pi / 2] for i in range(n)]
+    arm = Robot.from_dh(table, q_min=-limits, q_max=limits, qd_max=limits)
+    scene, q, qd = random_scene(arm, np.random.default_rng(2))
+    pixels = scene.glance(q)[0]
+    task = VisualTask(ImagePoints(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0))
+    to_command = ControlStep(scene, ConstraintSet([], scene), task).bind(SlidingMode())
+    to_command(0.0, q, qd)
+    for wrong in (q[None], q[:, None], q[0]):
+        with pytest.raises(InvalidInput, match="q of"):
+            to_command(0.0, wrong, qd)
+        with pytest.raises(InvalidInput, match="qd of"):
+            to_command(0.0, q, wrong)
 
 
 def test_the_least_clearance_is_that_of_all_samples() -> None:
@@ -331,6 +372,66 @@ def test_own_laws_go_through_their_own_code() -> None:
     _, command = step.command(Limited(), 0.0, setup.q0, setup.qd0)
     assert np.abs(command.qdd).max() == 0.05
     assert np.abs(simulate(setup, Limited()).qdd_command).max() == 0.05
+
+
+def test_what_replaces_the_command_of_a_controller_is_asked() -> None:
+    setup = Scenario.load("case-study-6r").with_override("duration", 0.05).setup()
+    law, calls = SlidingMode(), list[Rows]()
+
+    def counted(rows: Rows, task: Task) -> Command:
+        calls.append(rows)
+        return SlidingMode().command(rows, task)
+
+    law.command = counted  # type: ignore[method-assign]
+    ControlStep(setup.scene, setup.constraints, setup.task).command(law, 0.0, setup.q0, setup.qd0)
+    simulate(setup, law)
+    assert len(calls) == 1 + setup.samples
+
+
+def test_a_used_step_can_be_copied_and_a_law_may_hold_arrays() -> None:
+    setup = Scenario.load("case-study-6r").with_override("task.velocity", "differences").setup()
+    step, law = ControlStep(setup.scene, setup.constraints, setup.task), SlidingMode()
+    for k in range(2):
+        law.last = np.full(3, float(k))
+        step.command(law, 0.002 * k, setup.q0, setup.qd0)
+    for copied in (copy.deepcopy(step), pickle.loads(pickle.dumps(step))):
+        state = 0.004, setup.q0 + 0.01, setup.qd0
+        copied.command(law, 0.004, setup.q0 - 0.01, setup.qd0)
+        found, expected = (ControlStep.command(one, law, *state)[1].qdd for one in (step, copy.deepcopy(step)))
+        np.testing.assert_allclose(found, expected)
+
+
+def test_a_sample_whose_rows_could_not_be_made_is_not_remembered() -> None:
+    class Raises(Manipulability):
+        calls = 0
+
+        def rows(self, state: State, points: slice) -> RowBlock:
+            self.calls += 1
+            if self.calls == 2:
+                raise RuntimeError("now")
+            return super().rows(state, points)
+
+    setup = Scenario.load("case-study-6r").with_override("task.velocity", "differences").setup()
+    scene = Scene(setup.scene.robot, setup.scene.camera, setup.scene.markers)
+    raises = Raises(scene.robot, K=0.1, switching_gain=1.0, minimum=0.001)
+    step = ControlStep(scene, ConstraintSet([raises], scene), setup.task)
+    step.evaluate(0.0, setup.q0, setup.qd0)
+    with pytest.raises(RuntimeError, match="now"):
+        step.evaluate(0.002, setup.q0 - 0.02, setup.qd0)
+    other = ControlStep(scene, ConstraintSet([], scene), setup.task)
+    other.evaluate(0.0, setup.q0, setup.qd0)
+    state = 0.004, setup.q0 + 0.01, setup.qd0
+    np.testing.assert_array_equal(step.evaluate(*state).task.b, other.evaluate(*state).task.b)
+
+
+def test_looks_without_their_compiled_form_are_those_of_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    setup = Scenario.load("moving-target").setup()
+    t, q = np.linspace(0.0, 1.0, 3), setup.q0 + np.linspace(0.0, 0.02, 3)[:, None]
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    expected = step.look(t, q)
+    monkeypatch.setitem(_loaded, "look", None)
+    for found, wanted in zip(ControlStep(setup.scene, setup.constraints, setup.task).look(t, q), expected, strict=True):
+        np.testing.assert_allclose(found, wanted, atol=1e-9)
 
 
 def test_options_that_change_between_samples_count() -> None:

@@ -60,7 +60,8 @@ def test_the_plant_is_the_solution_of_its_differential_equation(actuation: Actua
 
     x = np.concatenate((q0, qd0, np.zeros(n)) if actuation == "acceleration" else (q0, qd0, q0, qd0))
     for u in commands:
-        state = plant.hold(u)
+        plant.begin(u)
+        state = plant.x.T.copy()
         half = solve_ivp(dynamics(u), (0.0, 0.4 * Ts), x, rtol=1e-11, atol=1e-13).y[:, -1]
         q_in, qd_in = plant.inside(state[None], 0.4 * Ts)
         np.testing.assert_allclose(q_in[0], half[:n], atol=1e-10)
@@ -117,7 +118,7 @@ def test_a_constant_disturbance_enters_lf() -> None:
     """Eq. (18): φ̇ = (∂φ/∂q)ᵀ q̇ + (∂φ/∂q̇)ᵀ d_c where nothing is commanded."""
     there = case(acceleration=[0.1, -0.2, 0.1, 0.3, -0.1, 0.2])
     plant = there.plant()
-    plant.hold(np.zeros(6))
+    plant.begin(np.zeros(6))
     plant.step()
     np.testing.assert_allclose(plant.qd, there.Ts * np.array([0.1, -0.2, 0.1, 0.3, -0.1, 0.2]), rtol=1e-12)
     rows, _ = there.constraints.rows(there.scene.evaluate(0.0, there.q0, there.qd0))
@@ -152,7 +153,8 @@ def test_every_controller_meets_the_same_disturbances() -> None:
         for k in range(20):
             state = there.scene.evaluate(k * there.Ts, there.q0, there.qd0)
             seen.append(sensor.observe(state).pixels.position - state.pixels.position)
-            pushed.append(plant.hold(np.zeros(6))[:, -1])
+            plant.begin(np.zeros(6))
+            pushed.append(plant.x[-1].copy())
         return np.array(seen), np.array(pushed)
 
     for first, again, other, elsewhere in zip(noise(), noise(), noise(seed=1), noise(trial=1), strict=True):

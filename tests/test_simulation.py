@@ -80,7 +80,7 @@ def columns(trajectory: Trajectory) -> dict[str, Array]:
 def test_one_step_is_the_motion_of_constant_acceleration(Ts: float) -> None:
     q, qd, qdd = np.random.default_rng(1).normal(size=(3, 6))
     plant = Plant(q, qd, Ts, "acceleration", Disturbances())
-    plant.hold(qdd)
+    plant.begin(qdd)
     plant.step()
     np.testing.assert_allclose(plant.q, q + qd * Ts + qdd * Ts**2 / 2, rtol=1e-13, atol=1e-14)
     np.testing.assert_allclose(plant.qd, qd + qdd * Ts, rtol=1e-13, atol=1e-14)
@@ -435,6 +435,26 @@ def test_clearance_between_samples_is_that_of_a_fine_grid(law: Controller) -> No
     assert (found[near] - fine[near] <= missed_by_samples / 3.0 + 1e-5 * length[near]).all()
     # and looking there matters: samples alone miss some of it
     assert (missed_by_samples > 1e-4 * length[near]).any()
+
+
+def test_a_joint_that_goes_out_and_back_inside_periods_is_looked_at() -> None:
+    """Chatter of which samples show nothing, far out at first; then a slow drift, nearer to the boundary in samples."""
+    Ts, N = 0.05, 400
+    k = np.arange(N + 1)
+    speed = 6.4 * (-1.0) ** (k + 1) * 0.98**k - np.where(k > 0, 2e-3, 0.0)
+    qdd = np.zeros((N, 6))
+    qdd[:, 5] = np.diff(speed) / Ts
+    limits = {"type": "joint-range", "joints": [6], "lower": [START[5] - 0.044], "upper": [START[5] + 1.956], "K": 0.1}
+    there = setup(
+        sampling_time=Ts,
+        duration=Ts * (N - 1),
+        constraints=[{**limits, "switching_gain": 1.0}],
+        qd0=[0.0, 0.0, 0.0, 0.0, 0.0, speed[0]],
+    )
+    trajectory = simulate(there, Played(qdd))
+    assert trajectory.clearance.min() > 0.0
+    # out by Ts v / 4 in the first period, of a margin of 0.044
+    assert trajectory.between_clearance.min() == pytest.approx(0.044 - Ts * 6.4 / 4, abs=2e-3)
 
 
 def test_nothing_near_a_boundary_is_not_looked_at() -> None:

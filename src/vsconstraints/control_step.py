@@ -34,13 +34,16 @@ class ControlStep:
     then it says why. Constraints without a compiled form (own ones, for example) give their rows in NumPy beside the
     compiled ones of the others.
 
+    Constraints and task are compiled with the options that they have when a step is made. A step keeps scratch: threads
+    need one each.
+
     Parameters
     ----------
     scene, constraints, task
         What is evaluated.
     told
-        Whether to take every motion for known. If not, what moves without the controller's being told (section 5.4) is
-        where it is, but taken for static, as controllers believe it to be.
+        Whether motions that controllers are not told of (section 5.4) count as known. If not, such an object is where
+        it is, but its velocity is taken for zero.
 
     Attributes
     ----------
@@ -59,7 +62,7 @@ class ControlStep:
         if packing is None or step is None:
             self.not_compiled = "there is no compiler"
             return
-        self._evaluate = step.evaluate_step
+        self._evaluate, self._look = step.evaluate_step, getattr(load("look"), "look", None)
         try:
             packed = packing.Packed(scene, constraints, task, told)
         except packing.NotCompiled as reason:
@@ -70,6 +73,10 @@ class ControlStep:
             self.not_compiled = "there is no compiler"
             return
         self._packed, self._after = packed, tuple(module.add_rows for module in after)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the function of the last controller, which is made again when it is needed."""
+        return {**self.__dict__, "_controller": None, "_options": None, "_to_command": None}
 
     def reset(self) -> None:
         """Forget the last sample."""
@@ -91,6 +98,7 @@ class ControlStep:
         if packed is None:
             return self.define(self._state(t, q, qd))
         out = np.empty(packed.size)
+        before = packed.memory.copy() if packed.others else packed.memory
         try:
             refused = self._evaluate(*packed.arguments, out, t, q, qd)
         except TypeError:
@@ -102,9 +110,14 @@ class ControlStep:
         for add_rows in self._after:
             add_rows(*packed.arguments, out, t, q, qd)
         if packed.others:
-            state = self._state(t, q, qd)
-            for constraint, rows, points in packed.others:
-                self._insert(out, rows, constraint, constraint.rows(state, points))
+            try:
+                state = self._state(t, q, qd)
+                for constraint, rows, points in packed.others:
+                    self._insert(out, rows, constraint, constraint.rows(state, points))
+            except BaseException:
+                # a sample without rows is not remembered
+                packed.memory[:] = before
+                raise
         return CompiledEvaluation(packed, self.constraints, out)
 
     def _state(self, t: float, q: Array, qd: Array) -> State:
@@ -128,7 +141,12 @@ class ControlStep:
             as both of them do.
         """
         options = self._options
-        if controller is not self._controller or (options is not None and controller.__dict__ != options):
+        try:
+            changed = options is not None and controller.__dict__ != options
+        except ValueError:
+            # arrays of its own do not compare
+            changed = True
+        if changed or controller is not self._controller:
             self.bind(controller)
         return self._to_command(t, q, qd)
 
@@ -147,7 +165,7 @@ class ControlStep:
         step, law = self.bound(), None
         if step is not None:
             now, acted, qdd = step.now, np.empty(step.packed.m, dtype=np.bool_), np.empty(step.packed.n)
-            law = controller._bound(now.rows, now.task, acted, qdd)
+            law = controller._bind(now.rows, now.task, acted, qdd)
         if step is None or law is None:
             return in_two
         evaluate, solve, command, out, packed = step.evaluate, law.solve, law.command, step.out, step.packed
@@ -155,11 +173,18 @@ class ControlStep:
 
         def in_one(t: float, q: Array, qd: Array) -> tuple[Evaluation, Command]:
             try:
-                # the compiled function takes this type for granted, and looks at the rest by itself
-                if q.dtype is not FLOAT or qd.dtype is not FLOAT or evaluate(t, q, qd):
+                # the compiled function takes type and dimension for granted, looks at the rest by itself, and would
+                # make a number of a string
+                if (
+                    q.dtype is not FLOAT
+                    or qd.dtype is not FLOAT
+                    or q.ndim != 1
+                    or qd.ndim != 1
+                    or evaluate(t + 0.0, q, qd)
+                ):
                     return in_two(t, q, qd)
             except (AttributeError, TypeError):
-                # not arrays, or not of one dimension
+                # not arrays
                 return in_two(t, q, qd)
             asks = solve()
             evaluation = CompiledEvaluation(packed, constraints, out.copy())
@@ -207,9 +232,9 @@ class ControlStep:
         scene, N = self.scene, len(t)
         pixels, points = np.zeros((N, len(scene.markers), 2)), np.zeros((N, len(scene.points), 3))
         seen = np.ones(N, dtype=np.bool_)
-        if self._packed is not None:
+        if self._packed is not None and self._look is not None:
             packed, t, q = self._packed, np.ascontiguousarray(t), np.ascontiguousarray(q)
-            load("look").look(t, q, packed.I, packed.F, *packed.moving, pixels, points, seen)
+            self._look(t, q, packed.I, packed.F, *packed.moving, pixels, points, seen)
             return pixels, points, seen
         for k in range(N):
             try:

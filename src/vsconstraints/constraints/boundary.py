@@ -94,7 +94,7 @@ def distance_to_lines(points: Array, lines: Sequence[Array]) -> Array:
     if not lines:
         return np.full(points.shape[:-1], np.inf)
     flat = points.reshape(-1, 2)
-    compiled = load("nearest")
+    compiled = load("polylines")
     if compiled is not None:
         stride = points.shape[-2] if points.ndim > 2 else 1
         found: Array = compiled.distances(flat, _prepared(lines), stride)
@@ -119,7 +119,7 @@ def _prepared(lines: Sequence[Array]) -> Any:
     key = tuple(id(line) for line in lines)
     if key in _kept:
         return _kept[key][1]
-    prepared = load("nearest").prepare(*_neighbours(lines))
+    prepared = load("polylines").prepare(*_neighbours(lines))
     if not any(line.flags.writeable for line in lines):
         if len(_kept) >= REMEMBERED:
             _kept.pop(next(iter(_kept)))

@@ -75,11 +75,16 @@ class Controller(ABC):
         """
         return None
 
-    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
+    def _bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """The compiled law on arrays that stay where they are: for loops that fill them anew in every sample.
 
-        It writes ``acted`` (m,) and ``qdd`` (n,). None where there is no such thing.
+        It writes ``acted`` (m,) and ``qdd`` (n,). None where there is no such thing: for a law in NumPy, and for a
+        controller whose ``command`` was replaced.
         """
+        return None if "command" in vars(self) else self._bound(rows, task, acted, qdd)
+
+    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
+        """What :meth:`_bind` gives."""
         return None
 
     def __init_subclass__(cls, **kwargs: Any) -> None:

@@ -12,9 +12,6 @@ from ..kernels import load
 from ..kernels.entry import entry
 from ..rows import Array, BoolArray, Command, Rows, Status, Task
 
-TRACKING, SLIDING, PRIORITY, ADDITIVE = 0, 1, 2, 3
-"""Laws, as the compiled function counts them; the last two are the blends of the potential field."""
-
 BOOL = np.dtype(np.bool_)
 """Made once: looking it up takes a third of the time of making a small array."""
 
@@ -97,7 +94,7 @@ def bound_law(
     exponent: float = 1.0,
     strength: float = 1.0,
 ) -> BoundLaw | None:
-    """The law on these arrays: see ``Controller._bound``."""
+    """The law on these arrays: see ``Controller._bind``."""
     kernels = load("task_priority")
     if kernels is None:
         return None

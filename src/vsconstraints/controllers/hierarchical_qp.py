@@ -16,17 +16,12 @@ from ..errors import ConfigurationError, InvalidInput, SolverError, unknown_name
 from ..kernels import load
 from ..kernels.entry import entry
 from ..qp import Cost, SolverChain, lexicographic
+from ..qp.lexicographic import MET, ZERO_GRADIENT
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
 from .compiled import BOOL, NOT_FOR_COMPILED, BoundLaw, in_usual_layout
 from .compiled_hierarchy import COMPILED, BoundHierarchy, hierarchy_command, unmet
 from .tracking import RANK_TOLERANCE, LeastNorm, check_rank_tolerance, least_norm
-
-ROUNDING = 1e-12
-"""A demand exceeded by less than this fraction of its terms is met: it is the rounding of A q̈ − c."""
-
-ZERO_GRADIENT = 1e-12
-"""A row with ‖L_gφ‖ below this times its scale is one that no acceleration can influence."""
 
 AUTO = "auto"
 """Compiled where there is a compiler, and else daqp."""
@@ -119,6 +114,8 @@ class HierarchicalQP(Controller):
             raise ConfigurationError(f"weights must map beginnings of labels to numbers, not {self.weights!r}")
         for prefix, weight in (self.weights or {}).items():
             _require_positive(f"weights[{prefix!r}]", weight)
+        if self.weights is not None:
+            object.__setattr__(self, "weights", dict(self.weights))
         check_rank_tolerance(self.rank_tolerance)
         object.__setattr__(self, "solvers", SolverChain(DEFAULT if self.solver == AUTO else self.solver))
 
@@ -198,7 +195,7 @@ class HierarchicalQP(Controller):
                 return self._tracks(rows, tracking)
             norms = np.sqrt(np.einsum("ij,ij->i", A, A))
             fixed = norms <= ZERO_GRADIENT * rows.scale[which]
-            met = excess <= ROUNDING * (norms * np.linalg.norm(tracking.qdd) + np.abs(c))
+            met = excess <= MET * (norms * np.linalg.norm(tracking.qdd) + np.abs(c))
             if inside and (met & ~fixed | (c >= 0.0) & fixed).all():
                 return self._tracks(rows, tracking)
             return self._resist(rows, tracking, bound, (which, A, c, fixed))

@@ -7,9 +7,10 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InvalidInput, unknown_name
+from ..kernels.layout import ADDITIVE, PRIORITY
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import ADDITIVE, PRIORITY, BoundLaw, bound_law, compiled_command
+from .compiled import BoundLaw, bound_law, compiled_command
 from .task_priority import prioritise
 from .tracking import RANK_TOLERANCE, check_rank_tolerance, track
 

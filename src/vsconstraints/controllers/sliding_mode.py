@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from ..kernels.layout import SLIDING
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import SLIDING, BoundLaw, bound_law, compiled_command
+from .compiled import BoundLaw, bound_law, compiled_command
 from .task_priority import prioritise
 from .tracking import RANK_TOLERANCE, check_rank_tolerance
 

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InvalidInput
+from ..kernels.layout import TRACKING
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import TRACKING, BoundLaw, bound_law, compiled_command
+from .compiled import BoundLaw, bound_law, compiled_command
 
 RANK_TOLERANCE = 1e-6
 """Singular values below this fraction of the largest one count as zero."""

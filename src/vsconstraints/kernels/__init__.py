@@ -2,16 +2,17 @@
 
 The NumPy form of a law is its definition, and runs wherever this one cannot; tests hold the two together.
 :func:`load` imports a module of this package when it is first needed, so that nobody pays for a compiler who does not
-use it. Everything else is for functions that are compiled themselves:
+use it. Called from elsewhere are:
 
-- ``least_squares``: ``resolve`` (eq. (15) with its rank decisions, or without rows J†b); ``linear``: what it uses.
-- ``task_priority``: ``follow``, the sliding mode, both potential fields and tracking.
-- ``regions``, ``manipulability``: rows that ``step`` leaves out, for scenes that have them.
-- ``least_distance``, ``least_violation``: the two halves of the hierarchy; ``hierarchical_qp``: ``descend``, all of it.
+- ``step`` (what it needs: ``packing``, ``layout``): from a state to rows and task; ``regions`` and ``manipulability``
+  add rows that few scenes have.
+- ``task_priority.follow``: tracking, the sliding mode and both potential fields; ``hierarchical_qp.descend``: the
+  hierarchy.
+- ``look``, ``hold``, ``polylines``: what a camera sees, the robot over one period, distances to curves.
 
-``follow`` and ``descend`` check their input, have fixed signatures, and are kept on disk. They return a code:
-:data:`~vsconstraints.kernels.linear.DONE` says that the outputs hold the answer of the definition; ``ASK`` that the
-definition has to be asked, which gives the answer or says what is wrong.
+The others are called by these. Both laws check their input. Their code :data:`~vsconstraints.kernels.linear.DONE` says
+that the outputs hold the definition's answer, ``ASK`` that the definition has to be asked; ``descend`` has two more,
+and returns the iterations too.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from typing import Any
 VARIABLE = "VSCONSTRAINTS_COMPILE"
 """Environment variable; 0 turns compilation off, and with ``alone`` no second process helps with the first one."""
 
-MODULES = ("task_priority", "hierarchical_qp", "packing", "step", "look", "nearest")
+MODULES = ("task_priority", "hierarchical_qp", "packing", "step", "look", "polylines", "hold")
 """Modules whose functions are called from Python, of which any simulation may need each.
 
 Those for rows of some constraints only (``Packed.after``) are compiled where a scene has such constraints; of several
@@ -63,6 +64,8 @@ def _load(name: str) -> Any:
     if os.environ.get(VARIABLE, "").strip() == "0":
         return None
     try:
+        if import_module("numba").config.DISABLE_JIT:
+            raise RuntimeError("NUMBA_DISABLE_JIT is set")
         return import_module(f"{__name__}.{name}")
     except Exception as error:  # whatever is wrong with the compiler, the definition runs
         if _told:

@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
@@ -56,8 +56,17 @@ def compiled(signature: str, options: dict[str, Any] = OPTIONS) -> Callable[[F],
         before, folder = numba.config.CACHE_DIR, _cache(function)
         numba.config.CACHE_DIR = str(folder)
         try:
+            compile_or_read = numba.njit(signature, cache=True, no_cfunc_wrapper=True, **options)
             with _alone(folder):
-                result: F = numba.njit(signature, cache=True, no_cfunc_wrapper=True, **options)(function)
+                try:
+                    result: F = compile_or_read(function)
+                except Exception:  # a file that was cut short, for example on a full disk, can raise anything
+                    kept = list(folder.rglob(f"*.{function.__name__}-*.nb[ci]"))
+                    if not kept:
+                        raise
+                    for file in kept:
+                        file.unlink()
+                    result = compile_or_read(function)
         finally:
             numba.config.CACHE_DIR = before
         return result
@@ -68,10 +77,10 @@ def compiled(signature: str, options: dict[str, Any] = OPTIONS) -> Callable[[F],
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """One process at a time: of workers that need the same function, one compiles it and the others read it."""
-    with (folder / "lock").open("w") as lock:
+    with ExitStack() as stack:
         # where files cannot be locked each compiles for itself
         with suppress(OSError):
-            fcntl.flock(lock, fcntl.LOCK_EX)
+            fcntl.flock(stack.enter_context((folder / "lock").open("w")), fcntl.LOCK_EX)
         yield
 
 

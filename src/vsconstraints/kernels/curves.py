@@ -18,7 +18,7 @@ heart, heart_curvature = in_place(formulas.heart), in_place(formulas.heart_curva
 
 @in_place
 def power(x: float, n: float) -> float:
-    """Xⁿ, x ≥ 0: by products for small whole n."""
+    """Power xⁿ, x ≥ 0: by products for small whole n."""
     count = int(n) if 0.0 <= n <= 64.0 else -1
     if count != n:
         return math.pow(x, n)

@@ -6,23 +6,17 @@ import math
 
 import numpy as np
 
-from ..qp.lexicographic import DEPENDENT, PULLING, RELAXED, SIGNIFICANT
+from ..qp.lexicographic import DEPENDENT, MET, PULLING, RELAXED, SIGNIFICANT, ZERO_GRADIENT
 from ..rows import Array, BoolArray
 from .compiler import compiled, inner
 from .least_distance import FAILED, INCOMPATIBLE, MULTIPLIER, POINT, SIDE, nearest
 from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import least_violation
 from .linear import ASK, DONE, S_ROWS, START, add, apply, constant, copy, dot, finite
-from .task_priority import OUTPUT, ROWS, TASK, valid
+from .task_priority import OUTPUT_SIGNATURE, ROWS_SIGNATURE, TASK_SIGNATURE, valid
 
 RELAXED_ROWS = 4
 """The outputs hold the answer; some demands are unmet."""
-
-ROUNDING = 1e-12
-"""A demand exceeded by less than this fraction of its terms is met: it is the rounding of A q̈ − c."""
-
-ZERO_GRADIENT = 1e-12
-"""A row with ‖L_gφ‖ below this times its scale is one that no acceleration can influence."""
 
 
 CENTER, ORIGIN, OFFSET, ROWS_OF_X = constant(5), constant(6), constant(7), constant(8)
@@ -124,11 +118,11 @@ def settle(
     return A[:at]
 
 
-OPTIONS = "float64, boolean, float64, float64[::1], float64, float64"
+INPUT_SIGNATURE = f"{ROWS_SIGNATURE}, {TASK_SIGNATURE}, float64, boolean, float64, float64[::1], float64, float64"
 """Signature of the tolerance, the form of the rows, α, weights, box and damping."""
 
 
-@compiled(f"UniTuple(int64, 2)({ROWS}, {TASK}, {OPTIONS}, float64[::1], {OUTPUT})")
+@compiled(f"UniTuple(int64, 2)({INPUT_SIGNATURE}, float64[::1], {OUTPUT_SIGNATURE})")
 def descend(
     m: int,
     phi: Array,
@@ -201,7 +195,7 @@ def descend(
             excess = dot(Lg, i, X, CENTER, START, n) - c[i]
             fixed[i] = size <= ZERO_GRADIENT * scale[i]
             below = below and excess <= 0.0
-            tracks = tracks and (c[i] >= 0.0 if fixed[i] else excess <= ROUNDING * (size * length + abs(c[i])))
+            tracks = tracks and (c[i] >= 0.0 if fixed[i] else excess <= MET * (size * length + abs(c[i])))
             free += not fixed[i]
     if within and (below or tracks):
         for i in range(m):

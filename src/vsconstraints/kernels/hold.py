@@ -10,7 +10,7 @@ from .compiler import compiled
 
 @compiled("void(float64[:, ::1], float64[:, ::1])")
 def advance(transition: Array, x: Array) -> None:
-    """X ← transition x: the state (s, n) at the end of a period, from that at its beginning."""
+    """Set x ← transition x: the state (s, n) at the end of a period, from that at its beginning."""
     s, n = x.shape
     after = np.empty(s)
     for j in range(n):

@@ -12,7 +12,7 @@ import numpy as np
 from ..rows import Array, IntArray
 from .compiler import in_place
 
-ORIGIN, AXIS, TURNING, VELOCITY, SPIN, ACCELERATION = range(6)
+ORIGIN, AXIS, ANGULAR_VELOCITY, VELOCITY, ANGULAR_ACCELERATION, ACCELERATION = range(6)
 """Rows of a body's motion (6, 3): origin p, axis z of its joint, ω, v of the origin, ω̇, and v̇ of the origin."""
 
 
@@ -79,13 +79,13 @@ def carried(r: Array, body: Array, s: Array, out: Array) -> None:
 
     ``s`` (3,) gets ω × r.
     """
-    cross(body[TURNING], r, s)
+    cross(body[ANGULAR_VELOCITY], r, s)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         out[0, i] = body[ORIGIN, i] + r[i]
         out[1, i] = body[VELOCITY, i] + s[i]
-        out[2, i] = body[ACCELERATION, i] + body[SPIN, j] * r[k] - body[SPIN, k] * r[j]
-        out[2, i] += body[TURNING, j] * s[k] - body[TURNING, k] * s[j]
+        out[2, i] = body[ACCELERATION, i] + body[ANGULAR_ACCELERATION, j] * r[k] - body[ANGULAR_ACCELERATION, k] * r[j]
+        out[2, i] += body[ANGULAR_VELOCITY, j] * s[k] - body[ANGULAR_VELOCITY, k] * s[j]
 
 
 @in_place
@@ -177,9 +177,9 @@ def chain(
             r[j] = body[ORIGIN, j] - before[ORIGIN, j]
         carried(r, before, s, moved)
         # ω × z q̇: how the axis turns
-        cross(before[TURNING], body[AXIS], bend)
+        cross(before[ANGULAR_VELOCITY], body[AXIS], bend)
         for j in range(3):
-            body[TURNING, j] = before[TURNING, j] + about * body[AXIS, j]
-            body[SPIN, j] = before[SPIN, j] + about * bend[j]
+            body[ANGULAR_VELOCITY, j] = before[ANGULAR_VELOCITY, j] + about * body[AXIS, j]
+            body[ANGULAR_ACCELERATION, j] = before[ANGULAR_ACCELERATION, j] + about * bend[j]
             body[VELOCITY, j] = moved[1, j] + along * body[AXIS, j]
             body[ACCELERATION, j] = moved[2, j] + 2.0 * along * bend[j]

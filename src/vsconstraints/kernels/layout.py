@@ -1,4 +1,4 @@
-"""Where what the compiled step needs stands in its two arrays; see :mod:`vsconstraints.kernels.packing`."""
+"""Where what the compiled step needs stands in its two arrays (see :mod:`vsconstraints.kernels.packing`), and kinds."""
 
 # entries of the integer array
 JOINTS, MARKERS, POINTS, ROWS, SIZE, FEATURE, INTERACTION, DRIFT_DIFFERENCES, VELOCITY_DIFFERENCES = range(9)
@@ -17,5 +17,7 @@ CAMERA_POSE, IMAGE_POINTS = range(2)
 CURRENT, DESIRED, MEAN = range(3)
 # kinds of regions
 HALF_SPACE, BOX, CYLINDER, CAPSULE = range(4)
+# laws of eq. (15); the last two are the blends of the potential field
+TRACKING, SLIDING, PRIORITY, ADDITIVE = range(4)
 # scratch: so many 3 × 3 matrices and vectors of three
-MATRICES, VECTORS = 11, 18
+MATRICES, VECTORS = 11, 15

@@ -22,7 +22,10 @@ CERTAIN = 30.0
 """
 
 WELL = 1e-4
-"""Least singular value of A over κ(J) ‖A‖_F with which :func:`bring` is as accurate as :func:`resolve`."""
+"""Least singular value, over the norm, with which triangular factors alone are accurate, whatever the tolerance."""
+
+CANCELLED = 1e-6
+"""Square of the answer over that of J†b below which :func:`bring` has lost digits."""
 
 SWEEPS = 60
 """Jacobi sweeps at most; some six are usual."""
@@ -252,10 +255,11 @@ def bring(F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Arr
     Returns
     -------
     bool
-        False, and nothing done, unless J and A have full rank for certain.
+        False, and nothing done, unless J and A have full rank for certain, A fewer rows than columns, and J†b is not
+        much larger than the answer.
     """
     n, b = qdd.size, A.shape[0]
-    if b > n or least == 0.0:
+    if b >= n or least == 0.0:
         return False
     L, T = np.empty((b, n)), np.empty((S_ROWS, n))
     size = 0.0
@@ -275,6 +279,14 @@ def bring(F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Arr
     solve_lower(L, T, b, T, WORK)
     apply(L, T, b, T, WORK)
     solve_upper(F, S, n, T, WORK)
+    before = after = 0.0
     for j in range(n):
-        qdd[j] += T[WORK, j]
+        T[WORK, j] += qdd[j]
+        before += qdd[j] * qdd[j]
+        after += T[WORK, j] * T[WORK, j]
+    # what cancels leaves its rounding
+    if after < CANCELLED * before:
+        return False
+    for j in range(n):
+        qdd[j] = T[WORK, j]
     return True

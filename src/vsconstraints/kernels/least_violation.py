@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from ..qp.least_violation import CONVERGED, ROUNDING
+from ..qp.least_violation import CONVERGED, RANK, ROUNDING
 from ..rows import Array, BoolArray
 from .compiler import inner
 from .least_distance import FAILED
-from .least_squares import pseudoinverse
+from .least_squares import WELL, pseudoinverse
 from .linear import DONE, ONE, START, dot
 
 
@@ -47,7 +47,7 @@ def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) 
             return DONE
         # the step that takes the violated rows to their bounds in the least-squares sense, held coordinates apart
         M = newton_system(B, residual, violated, held)
-        pseudoinverse(M, START, 1e-4, 1e-14, M, Y, START)
+        pseudoinverse(M, START, WELL, RANK, M, Y, START)
         free = 0
         for j in range(n):
             step[0, j] = 0.0 if held[j] else Y[0, free]

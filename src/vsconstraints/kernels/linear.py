@@ -23,6 +23,9 @@ def constant(value: int) -> int:
 START, ONE, WORK, S_ROWS = constant(0), constant(1), constant(2), constant(3)
 """The first column, or row; the next; the row of S of :func:`factor` that is free; and how many it has."""
 
+LARGE = 1e280
+"""Squares beyond this are for the definition."""
+
 DONE = 0
 """The outputs hold the answer."""
 
@@ -36,6 +39,18 @@ def finite(x: Array) -> bool:
     wrong = 0
     for i in range(x.size):
         wrong |= not abs(x[i]) < math.inf
+    return wrong == 0
+
+
+@inner
+def in_range(X: Array) -> bool:
+    """Whether every row of X is finite, and far from where squares leave the range of floating point, or zero."""
+    wrong = 0
+    for i in range(X.shape[0]):
+        squared = 0.0
+        for j in range(X.shape[1]):
+            squared += X[i, j] * X[i, j]
+        wrong |= not ((squared < LARGE) & ((squared > 1.0 / LARGE) | (squared == 0.0)))
     return wrong == 0
 
 

@@ -163,7 +163,7 @@ class Packed:
 
         self.I: NDArray[np.int64] = np.array(self._I, dtype=np.int64)
         self.F: Array = np.array(self._F, dtype=np.float64)
-        self.n, self.m, self.k, self.markers, self.points = n, m, k, M, P
+        self.n, self.m, self.k = n, m, k
         ends = np.cumsum([m, m * n, m, m, k * n, k, k, 2 * M, 3 * P, 9, 3]).tolist()
         self.size = ends[-1]
         starts = [0, *ends[:-1]]

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..rows import Array
 from .compiler import in_place
-from .kinematics import SPIN, TURNING, cross, turn_about, turned, turned_back
+from .kinematics import ANGULAR_ACCELERATION, ANGULAR_VELOCITY, cross, turn_about, turned, turned_back
 from .rotation import length
 
 
@@ -71,15 +71,15 @@ def relative_motion(
     cross(omega, away, s)
     for i in range(3):
         base[0, i] = origin[1, i] - moved[1, i] - s[i]
-        base[1, i] = tip[TURNING, i] - omega[i]
+        base[1, i] = tip[ANGULAR_VELOCITY, i] - omega[i]
         # until it is needed for what it is
         base[3, i] = origin[1, i] - moved[1, i]
     cross(omega, base[3], s)
-    cross(tip[TURNING], base[0], base[2])
+    cross(tip[ANGULAR_VELOCITY], base[0], base[2])
     for i in range(3):
         base[2, i] = origin[2, i] - moved[2, i] - s[i] - base[2, i]
-    cross(tip[TURNING], omega, base[3])
+    cross(tip[ANGULAR_VELOCITY], omega, base[3])
     for i in range(3):
-        base[3, i] += tip[SPIN, i]
+        base[3, i] += tip[ANGULAR_ACCELERATION, i]
     for i in range(4):
         turned_back(camera_R, base[i], twist[i])

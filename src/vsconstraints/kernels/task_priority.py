@@ -8,16 +8,14 @@ import numpy as np
 
 from ..rows import Array, BoolArray
 from .compiler import compiled, inner
+from .layout import ADDITIVE, PRIORITY, SLIDING, TRACKING
 from .least_squares import bring, resolve
-from .linear import ASK, DONE, START, copy, finite
-
-TRACKING, SLIDING, PRIORITY, ADDITIVE = 0, 1, 2, 3
-"""The laws; the last two are the blends of the potential field."""
+from .linear import ASK, DONE, START, copy, finite, in_range
 
 
 @inner
 def valid(m: int, phi: Array, Lg: Array, Lf: Array, gain: Array, scale: Array, J: Array, b: Array, n: int) -> bool:
-    """Whether :func:`vsconstraints.rows.check` has nothing to say, and outputs of n joints fit."""
+    """Whether :func:`vsconstraints.rows.check` has nothing to say, squares are in range, and outputs fit."""
     if phi.size != m or Lg.shape[0] != m or Lf.size != m or gain.size != m or scale.size != m:
         return False
     if n <= 0 or J.shape[1] != n or Lg.shape[1] != n or b.size != J.shape[0]:
@@ -26,7 +24,7 @@ def valid(m: int, phi: Array, Lg: Array, Lf: Array, gain: Array, scale: Array, J
     for i in range(m):
         wrong |= not ((abs(phi[i]) < math.inf) & (abs(Lf[i]) < math.inf))
         wrong |= not ((gain[i] > 0.0) & (gain[i] < math.inf) & (scale[i] > 0.0) & (scale[i] < math.inf))
-    return wrong == 0 and finite(Lg.reshape(Lg.size)) and finite(J.reshape(J.size)) and finite(b)
+    return wrong == 0 and in_range(Lg) and in_range(J) and finite(b)
 
 
 @inner
@@ -45,17 +43,17 @@ def gather(Lg: Array, demand: Array, phi: Array, acted: BoolArray, least: float,
 CONSTANT = "Array(float64, 1, 'C', readonly=True)"
 """Signature of a vector that may be read-only, as those of a set of constraints are."""
 
-ROWS = f"int64, float64[::1], float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}"
+ROWS_SIGNATURE = f"int64, float64[::1], float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}"
 """Signature of the number of labels, φ, L_gφ, L_fφ, u⁺ and scale."""
 
-TASK = "float64[:, ::1], float64[::1]"
+TASK_SIGNATURE = "float64[:, ::1], float64[::1]"
 """Signature of J and b."""
 
-OUTPUT = "boolean[::1], float64[::1]"
+OUTPUT_SIGNATURE = "boolean[::1], float64[::1]"
 """Signature of the rows that acted, and q̈."""
 
 
-@compiled(f"int64({ROWS}, {TASK}, float64, int64, float64, float64, float64, {OUTPUT})")
+@compiled(f"int64({ROWS_SIGNATURE}, {TASK_SIGNATURE}, float64, int64, float64, float64, float64, {OUTPUT_SIGNATURE})")
 def follow(
     m: int,
     phi: Array,

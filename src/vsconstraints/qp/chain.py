@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from importlib.util import find_spec
 
 from ..errors import ConfigurationError, SolverError
 from ..rows import Array
 from .registry import make_solver
 from .solver import Answer, QPSolver
 
-FALLBACKS = ("daqp", "proxqp", "osqp")
+FALLBACKS = ("daqp", "proxqp", "osqp", *(("quadprog",) if find_spec("quadprog") else ()))
 """Who is asked, in this order, when the solver that was asked for has failed.
 
-All three are installed with the package, so that the order is the same on every machine.
+Three are installed with the package, so that the order is the same on every machine; quadprog comes last, where a user
+has installed it.
 """
 
 

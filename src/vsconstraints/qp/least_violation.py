@@ -13,6 +13,9 @@ ROUNDING = 1e-13
 CONVERGED = 1e-12
 """A step that would change no violation by more than this fraction of their norm, or by more than rounding, is none."""
 
+RANK = 1e-14
+"""Singular values below this fraction of the largest count as zero in a step."""
+
 
 def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: float = np.inf) -> Array:
     """Find a minimiser of ½‖max(0, W(Ax − c))‖² in the box |x| ≤ bound, W = diag(weights).
@@ -61,7 +64,7 @@ def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: flo
         excess = residual[violated]
         free = ~held
         step = np.zeros(x.size)
-        step[free] = np.linalg.lstsq(B[violated][:, free], -excess, rcond=1e-14)[0]
+        step[free] = np.linalg.lstsq(B[violated][:, free], -excess, rcond=RANK)[0]
         change = B @ step
         value = float(excess @ excess)
         still = CONVERGED * np.sqrt(value) + rounding[violated]

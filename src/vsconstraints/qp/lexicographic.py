@@ -24,6 +24,12 @@ DEPENDENT = 1e-9
 PULLING = 1e-6
 """A row holds the solution if its multiplier exceeds this fraction of the largest one."""
 
+MET = 1e-12
+"""A demand exceeded by less than this fraction of its terms is met: it is the rounding of A q̈ − c."""
+
+ZERO_GRADIENT = 1e-12
+"""A row with ‖L_gφ‖ below this times its scale is one that no acceleration can influence."""
+
 
 @dataclass(frozen=True, slots=True)
 class Cost:

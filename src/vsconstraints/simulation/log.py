@@ -25,8 +25,11 @@ DIP = 2.0, 0.001
 run from one sample to the next, and a fraction of the characteristic length.
 
 Half the change would do at a constant rate; periods whose ends are farther than that above the run's least are left
-out.
+out, unless a joint turns back inside.
 """
+
+BACK = 1e-5
+"""Way that a joint goes out and back inside a period [rad or m] from which on its turning counts."""
 
 STEPS = 256
 """Compiled steps that are kept whole before they are taken apart together."""
@@ -121,7 +124,7 @@ class Log:
         image_size = setup.scene.camera.size
         trace = Trace(self.t[:N], q, qd, self.pixels[:N], self.points[:N], image_size)
         clearance = setup.constraints.clearance(trace)
-        between = _between(setup, self.control, self.plant, self.states[: max(N - 1, 0)], clearance)
+        between = _between(setup, self.control, self.plant, self.states[:N], clearance)
         camera_error, feature_error = self._errors(N)
         camera_R, camera_t = self.camera_R[:N], self.camera_t[:N]
         status, why = judge(
@@ -167,25 +170,31 @@ class Log:
 def _between(setup: Setup, control: ControlStep, plant: Plant, states: Array, clearance: Array) -> Array:
     """(m,) least clearance inside the sampling periods in which that of some row may be its least of the run.
 
-    These are near its boundary (:data:`NEAR`) and not far from its least in the samples (:data:`DIP`).
+    These are near its boundary (:data:`NEAR`), and not far from its least in the samples (:data:`DIP`) or such that a
+    joint turns back inside (:data:`BACK`).
 
     Parameters
     ----------
     setup, control, plant
         What was run.
     states
-        (N − 1, s, n) of the plant at the beginning of each period.
+        (N, s, n) of the plant in the samples, at which periods begin.
     clearance
         (N, m) in the samples.
     """
     m = clearance.shape[1]
     least = np.full(m, np.inf)
-    if m == 0 or not len(states):
+    if m == 0 or len(states) < 2:
         return least
-    length = setup.constraints.characteristic_length
-    change = np.abs(np.diff(clearance, axis=0)).max(axis=0)
-    far = np.minimum(NEAR * length, clearance.min(axis=0) + DIP[0] * change + DIP[1] * length)
-    periods = np.flatnonzero((np.minimum(clearance[:-1], clearance[1:]) < far).any(axis=1))
+    near = NEAR * setup.constraints.characteristic_length
+    ends = np.minimum(clearance[:-1], clearance[1:])
+    with np.errstate(invalid="ignore"):
+        change = np.abs(np.diff(clearance, axis=0)).max(axis=0)
+    change[~np.isfinite(change)] = np.inf
+    dip = DIP[0] * change + DIP[1] * setup.constraints.characteristic_length
+    looks = (ends < np.fmin(near, clearance.min(axis=0) + dip)).any(axis=1)
+    turn = -(states[:-1, 1] * states[1:, 1]).min(axis=1) > (4.0 * BACK / setup.Ts) ** 2
+    periods = np.flatnonzero(looks | turn & (ends < near).any(axis=1))
     if not len(periods):
         return least
     inside = [plant.inside(states[periods].transpose(0, 2, 1), share * setup.Ts) for share in BETWEEN]

@@ -124,7 +124,7 @@ class _Run:
         if bound is None or true is None:
             return None
         q, qd, acted, qdd = x[0], x[1], np.empty(len(log.labels), dtype=np.bool_), x[-2]
-        law = self.controller._bound(bound.now.rows, bound.now.task, acted, qdd)
+        law = self.controller._bind(bound.now.rows, bound.now.task, acted, qdd)
         if law is None:
             return None
         solve, evaluate, out, steps, active = law.solve, bound.evaluate, true.out, log.begin_steps(true), log.active

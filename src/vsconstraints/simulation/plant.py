@@ -64,11 +64,6 @@ class Plant:
         qd: Array = self.x[1].copy()
         return qd
 
-    def hold(self, qdd: Array) -> Array:
-        """Begin a period with the command ``qdd`` (n,); returns a copy of the state (n, s)."""
-        self.begin(qdd)
-        return self.x.T.copy()
-
     def begin(self, qdd: Array) -> None:
         """Begin a period with the command ``qdd`` (n,)."""
         if self._filter is not None and self._follows_filter:
