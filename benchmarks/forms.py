@@ -47,7 +47,7 @@ class NumPyWalk(Walk):
 def measure(effort: Effort) -> Part:
     """See the module."""
     part = Part("The case study's step in several forms", TEXT)
-    scenario = shortened(Scenario.load(CASE_STUDY), effort)
+    scenario = shortened(Scenario.load(CASE_STUDY), effort.duration)
     setup = scenario.setup()
     run = simulate(setup, SlidingMode())
     laws: dict[str, Callable[[], Controller]] = {
