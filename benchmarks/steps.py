@@ -20,7 +20,7 @@ over it, so that rows act where they act in the run. *rows* is `ControlStep.eval
 task), *command* is `controller.command` of these, *total* is the function of `ControlStep.bind`, which does both in
 one, for the same samples right afterwards. Times are median / p99 / max in µs; *ratio* is the total's median / p99 /
 max in units, measured in the same turn; *first* is the first total in µs, with the making of the `ControlStep`, in a
-process that has its code loaded.
+process that has its code loaded. Of long runs, the first 60 s.
 """
 
 
