@@ -40,7 +40,7 @@ UR5 = "cmeel.prefix/share/example-robot-data/robots/ur_description/urdf/ur5_robo
 def measure(effort: Effort) -> Part:
     """See the module."""
     part = Part("Beside other packages", TEXT)
-    scenario = shortened(Scenario.load("ur5-fov"), effort)
+    scenario = shortened(Scenario.load("ur5-fov"), effort.duration)
     walks = {}
     for law in (SlidingMode(), HierarchicalQP()):
         setup = scenario.setup()

@@ -9,7 +9,8 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
-from matplotlib.ticker import NullFormatter
+from matplotlib.axis import Axis
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from vsconstraints.reports.style import looks
 
@@ -26,6 +27,13 @@ def draw(name: str, part: Part, folder: Path) -> None:
     plt.close(figure)
 
 
+def _readable(axis: Axis) -> None:
+    """Numbers on a logarithmic axis that spans one or two decades: 0.1, 0.2, 0.5, 1 ..."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
 def _steps(part: Part) -> plt.Figure:
     """Ratio of the total by scenario."""
     found: dict[str, dict[str, float]] = {}
@@ -34,14 +42,18 @@ def _steps(part: Part) -> plt.Figure:
         if match:
             found.setdefault(match[2], {})[match[1]] = value
     scenarios = list(dict.fromkeys(name for values in found.values() for name in values))
-    figure, axes = plt.subplots(figsize=(10.0, 1.6 + 0.28 * len(scenarios)), layout="constrained")
-    for law, look in looks(list(found)).items():
-        at = [scenarios.index(name) for name in found[law]]
-        axes.plot(list(found[law].values()), at, look.marker, color=look.colour, label=law)
+    figure, axes = plt.subplots(figsize=(10.0, 1.6 + 0.45 * len(scenarios)), layout="constrained")
+    for i, (law, look) in enumerate(looks(list(found)).items()):
+        # one below the other, since times of several laws are the same
+        at = [scenarios.index(name) + 0.15 * (i - 0.5 * (len(found) - 1)) for name in found[law]]
+        axes.plot(list(found[law].values()), at, look.marker, color=look.colour, ms=5.5, mec="w", mew=0.5, label=law)
+    for row in range(1, len(scenarios)):
+        axes.axhline(row - 0.5, color="0.85", linewidth=0.6, zorder=0)
     axes.set_yticks(range(len(scenarios)), scenarios)
+    axes.set_ylim(len(scenarios) - 0.5, -0.5)
     axes.set_xscale("log")
-    axes.invert_yaxis()
-    axes.grid(alpha=0.3)
+    _readable(axes.xaxis)
+    axes.grid(alpha=0.3, axis="x")
     axes.set_xlabel("median step time, state in, command out [numpy.linalg.pinv of 8×6]")
     figure.legend(loc="outside upper center", ncols=3)
     return figure
@@ -54,20 +66,29 @@ def _growth(part: Part) -> plt.Figure:
         match = re.fullmatch(r"(\w+), (.+), (\d+): ratio", key)
         if match:
             found.setdefault(match[1], {}).setdefault(match[2], {})[int(match[3])] = value
-    figure, panels = plt.subplots(1, max(len(found), 1), figsize=(13.0, 4.5), layout="constrained", squeeze=False)
+    figure, panels = plt.subplots(
+        1, max(len(found), 1), figsize=(13.0, 4.8), layout="constrained", squeeze=False, sharey=True
+    )
+    entries: dict[str, plt.Line2D] = {}
     for axes, (what, curves) in zip(panels[0], found.items(), strict=False):
         laws = looks(list(dict.fromkeys(name.partition(",")[0] for name in curves)))
-        for name, curve in curves.items():
+        # the tasks of a law one after the other: one below the other in the legend
+        for name in sorted(curves, key=lambda name: [*laws].index(name.partition(",")[0])):
             law, _, kind = name.partition(", ")
-            line = "--" if kind == "image" else "-"
-            axes.loglog(list(curve), list(curve.values()), line + laws[law].marker, color=laws[law].colour, label=name)
+            line, label = ("--", f"{law}, image task") if kind == "image" else ("-", law)
+            look, curve = line + laws[law].marker, curves[name]
+            # hollow markers, since times of two laws can be the same
+            (entries[label],) = axes.loglog(list(curve), list(curve.values()), look, color=laws[law].colour, mfc="none")
         sizes = list(next(iter(curves.values())))
-        top = max(curve[sizes[-1]] for curve in curves.values())
-        axes.loglog(sizes, [top * size / sizes[-1] for size in sizes], ":", color="black", label="linear")
+        least = min(curve[sizes[0]] for curve in curves.values())
+        linear = [least * size / sizes[0] for size in sizes]
+        (entries["linear growth"],) = axes.loglog(sizes, linear, ":", color="black")
         axes.set_xticks(sizes, [str(size) for size in sizes])
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel(f"number of {what}")
-        axes.grid(alpha=0.3, which="both")
-        axes.legend(fontsize=8)
+        axes.set_title("command alone" if what == "rows" else "state in, command out")
+        axes.grid(alpha=0.3)
+    _readable(panels[0][0].yaxis)
     panels[0][0].set_ylabel("median time [numpy.linalg.pinv of 8×6]")
+    figure.legend(list(entries.values()), list(entries), loc="outside upper center", ncols=4)
     return figure

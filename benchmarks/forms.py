@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
 from time import perf_counter_ns
 
 import numpy as np
@@ -25,11 +24,10 @@ TEXT = """
 The same samples of the case study, state in, command out, in several forms taken in turn. *NumPy form* is the
 definition, which runs where there is no compiler (`VSCONSTRAINTS_COMPILE=0`). *Appendix B* is the paper's algorithm in
 plain NumPy with two pseudoinverses (`benchmarks/appendix_b.py`).
+
+The second table shows where the time goes: parts of one step, at one sample of the case study with three rows made
+active.
 """
-
-WHERE = "Where the time goes: parts of one step, at one sample of the case study with three rows made active."
-
-NO_OPERATION = "int64(float64, float64[::1], float64[::1], int64[::1], float64[::1], float64[::1], float64[::1])"
 
 
 class NumPyWalk(Walk):
@@ -47,7 +45,7 @@ class NumPyWalk(Walk):
 def measure(effort: Effort) -> Part:
     """See the module."""
     part = Part("The case study's step in several forms", TEXT)
-    scenario = shortened(Scenario.load(CASE_STUDY), effort)
+    scenario = shortened(Scenario.load(CASE_STUDY), effort.duration)
     setup = scenario.setup()
     run = simulate(setup, SlidingMode())
     laws: dict[str, Callable[[], Controller]] = {
@@ -125,12 +123,13 @@ def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
     qdd, acted = np.empty(n), np.empty(m, dtype=np.bool_)
     labels = rows.labels
     subjects: dict[str, Callable[[], object]] = {}
-    packed, step, laws = control._packed, load("step"), load("task_priority")
-    if packed is not None and step is not None and laws is not None:
-        nothing = import_module("numba").njit(NO_OPERATION)(_nothing)
+    packed, compiler, step, laws = control._packed, load("compiler"), load("step"), load("task_priority")
+    if packed is not None:
+        # what numba does with the arguments depends on their types and on its options: both are those of the step
+        nothing = compiler.numba.njit(f"int64{step.ARGUMENTS}", **compiler.IN_PLACE)(_nothing)
         out = np.empty(packed.size)
-        subjects["an empty compiled function with 6 arrays"] = lambda: nothing(t, q, qd, packed.I, packed.F, q, out)
         subjects["compiled function of rows and task"] = lambda: step.evaluate_step(*packed.arguments, out, t, q, qd)
+        subjects["an empty function with the same arguments"] = lambda: nothing(*packed.arguments, out, t, q, qd)
         subjects["compiled function of the sliding mode"] = lambda: laws.follow(
             m, phi, Lg, Lf, gain, scale, J, b, 1e-6, SLIDING, 1.0, 1.0, 1.0, acted, qdd
         )
@@ -150,5 +149,21 @@ def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
     return Table([f"part ({m} rows, {n} joints)", "µs: median / p99 / max", "ratio", "p99/median"], lines)
 
 
-def _nothing(t: float, q: Array, qd: Array, integers: Array, floats: Array, memory: Array, out: Array) -> int:
+def _nothing(
+    integers: Array,
+    floats: Array,
+    memory: Array,
+    R: Array,
+    motion: Array,
+    matrices: Array,
+    vectors: Array,
+    jacobians: Array,
+    seen: Array,
+    points: Array,
+    rates: Array,
+    out: Array,
+    t: float,
+    q: Array,
+    qd: Array,
+) -> int:
     return 0

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.synchronize import Barrier
 from time import perf_counter
@@ -13,7 +13,7 @@ import numpy as np
 
 from vsconstraints.controllers import make_controller
 from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation import Setup, simulate
+from vsconstraints.simulation import simulate
 
 from .part import CASE_STUDY, Effort, Part, Table, controllers, digits, microseconds
 from .steps import shortened
@@ -35,7 +35,7 @@ UNIT_TURNS = 8
 def measure(effort: Effort) -> Part:
     """Simulated steps per second."""
     part = Part("Closed loop", TEXT)
-    scenario = shortened(Scenario.load(CASE_STUDY), effort)
+    scenario = shortened(Scenario.load(CASE_STUDY), effort.duration)
     runs = {name: (scenario.setup(), law) for name, law in controllers().items()}
     for setup, law in runs.values():
         simulate(setup, law)
@@ -90,18 +90,13 @@ def measure_trials(effort: Effort) -> Part:
                 pool.submit(int)
             ready.wait(timeout=120.0)
             started = perf_counter()
-            found = list(pool.map(_trial, *zip(*_trials(effort), strict=True)))
+            found = list(pool.map(partial(_trial, duration=effort.duration), range(1, effort.trials + 1)))
             rate = len(found) / (perf_counter() - started)
         part.numbers[f"{count} cores: trials per second"] = rate
         efficiency = rate / count / part.numbers["1 cores: trials per second"]
         lines.append([str(count), str(len(found)), digits(rate), f"{efficiency:.2f}"])
     part.tables.append(Table(["cores", "trials", "trials per second", "efficiency"], lines))
     return part
-
-
-def _trials(effort: Effort) -> Iterator[tuple[int, float]]:
-    for number in range(1, effort.trials + 1):
-        yield number, effort.duration
 
 
 def _get_ready(ready: Barrier) -> None:
@@ -112,8 +107,6 @@ def _get_ready(ready: Barrier) -> None:
 
 def _trial(number: int, duration: float) -> int:
     """Samples of one trial."""
-    scenario = Scenario.load(CASE_STUDY)
-    if duration < float(scenario.tables["duration"]):
-        scenario = scenario.with_override("duration", duration)
-    setup: Setup = scenario.with_override("start_deviation", 0.01).setup(number)
+    scenario = shortened(Scenario.load(CASE_STUDY), duration)
+    setup = scenario.with_override("start_deviation", 0.01).setup(number)
     return len(simulate(setup, make_controller("sliding-mode")).t)

@@ -13,16 +13,16 @@ from vsconstraints.comparisons.machine import git_commit, machine, package_versi
 from vsconstraints.reports.markdown import plain, table
 
 from .figures import draw
-from .part import Part
+from .part import Part, Table
 from .targets import judged
 from .timing import BLOCK, UNIT
 
 HOW = f"""
 Times are divided by that of the *unit*, `{UNIT}`, since machines differ. The subjects of a table and
 the unit take turns in one process: {BLOCK} calls in a row of the first, as many of the second, and so on, then again
-from the first; so whatever else the machine does hits all alike. Every call is timed by itself; a turn of each goes
-before, unmeasured. Linear algebra libraries use one thread. Garbage is collected as in any program, but not looked for
-among what was there before.
+from the first; so whatever else the machine does hits all alike. Every call is timed by itself. Each subject has one
+unmeasured turn first. Linear algebra libraries use one thread. Garbage is collected as usual, but objects that existed
+before are not searched.
 """
 
 
@@ -62,8 +62,8 @@ def write(parts: Mapping[str, Part], failures: Mapping[str, str], out: Path, com
     return report
 
 
-def _table(one: object) -> str:
-    return table(one.header, one.lines, one.text_columns)  # type: ignore[attr-defined]
+def _table(one: Table) -> str:
+    return table(one.header, one.lines, one.text_columns)
 
 
 def _unit(parts: Mapping[str, Part]) -> str:

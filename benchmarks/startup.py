@@ -53,7 +53,7 @@ def run(arguments: Sequence[str], environment: dict[str, str] | None = None, fol
     )
     if ended.returncode:
         raise RuntimeError(f"{' '.join(arguments)}: {(ended.stderr or ended.stdout).strip()[-500:]}")
-    return ended.stdout if environment is None else ended.stdout + ended.stderr
+    return ended.stdout
 
 
 def measure(effort: Effort) -> Part:
@@ -93,16 +93,13 @@ def measure_first_calls(effort: Effort) -> Part:
     # a second process may still be compiling when the folder is removed
     with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         for kind in ("compiling alone", "compiling", "cached") if effort.long else ("cached",):
-            environment = {"NUMBA_CACHE_DIR": os.environ.get("NUMBA_CACHE_DIR", "")}
+            environment = {}
             if effort.long:
-                environment["NUMBA_CACHE_DIR"] = str(
-                    Path(folder) / ("alone" if kind == "compiling alone" else "shared")
-                )
+                cache = "alone" if kind == "compiling alone" else "shared"
+                environment["NUMBA_CACHE_DIR"] = str(Path(folder) / cache)
             if kind == "compiling alone":
                 environment["VSCONSTRAINTS_COMPILE"] = "alone"
-            printed = run([sys.executable, str(HERE / "first_call.py"), *LAWS], environment).splitlines()
-            kinds[kind] = json.loads(next(line for line in printed if line.startswith("{")))
-            part.numbers[f"{kind}: announced"] = float(any("compiling" in line for line in printed))
+            kinds[kind] = json.loads(run([sys.executable, str(HERE / "first_call.py"), *LAWS], environment))
     steps = ["rows", *LAWS]
     for kind, found in kinds.items():
         part.numbers[f"{kind}: all first calls"] = sum(found[name] for name in steps)

@@ -20,7 +20,7 @@ over it, so that rows act where they act in the run. *rows* is `ControlStep.eval
 task), *command* is `controller.command` of these, *total* is the function of `ControlStep.bind`, which does both in
 one, for the same samples right afterwards. Times are median / p99 / max in µs; *ratio* is the total's median / p99 /
 max in units, measured in the same turn; *first* is the first total in µs, with the making of the `ControlStep`, in a
-process that has its code loaded.
+process that has its code loaded. Of long runs, the first 60 s.
 """
 
 
@@ -88,7 +88,7 @@ def measure(effort: Effort) -> Part:
     part = Part("Step time of every controller on every scenario", TEXT, figure="steps.png")
     lines = []
     for name in effort.scenarios:
-        scenario = shortened(Scenario.load(name), effort)
+        scenario = shortened(Scenario.load(name), effort.duration)
         walks = {}
         for law, controller in controllers().items():
             # a task remembers its last sample: each walk has its own
@@ -121,7 +121,6 @@ def measure(effort: Effort) -> Part:
     return part
 
 
-def shortened(scenario: Scenario, effort: Effort) -> Scenario:
-    """The scenario with no longer a duration than wanted."""
-    duration = min(float(scenario.tables["duration"]), effort.duration)
-    return scenario.with_override("duration", duration)
+def shortened(scenario: Scenario, duration: float) -> Scenario:
+    """The scenario with no longer a duration [s] than wanted."""
+    return scenario.with_override("duration", min(float(scenario.tables["duration"]), duration))

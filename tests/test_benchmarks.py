@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.kernels import available
 from vsconstraints.scenarios import Scenario, shipped_scenarios
@@ -59,7 +58,7 @@ def test_numbers_are_sane(tiny, name):
     for key, value in part.numbers.items():
         if "slope" not in key:
             assert math.isfinite(value), key
-            assert value > 0.0 or key.endswith("announced"), key
+            assert value > 0.0, key
     for table in part.tables:
         assert table.lines
         assert {len(line) for line in table.lines} == {len(table.header)}
@@ -180,12 +179,3 @@ def test_verdicts_on_tails_need_an_idle_machine(noise, spread, verdict):
     part = Part("", "", numbers={"unit: p99/median": noise, "case-study-6r, sliding-mode: p99/median": spread})
     line = next(line for line in targets.judged({"steps": part}).lines if line[0] == "p99 / median, sliding-mode")
     assert line[3].startswith(verdict)
-
-
-def test_the_definition_is_what_the_numpy_form_runs():
-    """Appendix B's subject and the compiled one walk through the same samples."""
-    setup = Scenario.load("case-study-6r").setup()
-    control = ControlStep(setup.scene, setup.constraints, setup.task)
-    control._packed = None
-    step = control.evaluate(0.0, setup.q0, setup.qd0)
-    assert np.isfinite(SlidingMode()._defined(step.rows, step.task).qdd).all()
