@@ -9,8 +9,8 @@ import numpy as np
 
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller, PotentialField, SlidingMode
-from vsconstraints.controllers.compiled import SLIDING
 from vsconstraints.kernels import load
+from vsconstraints.kernels.layout import SLIDING
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
