@@ -117,6 +117,8 @@ def follow(
             if exponent != 1.0:
                 psi = psi**exponent
             acted[i] = psi > 0.0
+            if not acted[i]:
+                continue
             rate = squared = 0.0
             for j in range(n):
                 rate += Lg[i, j] * qdd[j]
@@ -126,11 +128,12 @@ def follow(
                 demand[i] = (1.0 - psi) * rate - psi * strength * gain[i]
             else:
                 # a row whose gradient vanishes cannot be pushed: its pseudoinverse is zero
-                demand[i] = psi * strength * gain[i] / squared if acted[i] and squared > 0.0 else 0.0
+                demand[i] = psi * strength * gain[i] / squared if squared > 0.0 else 0.0
     if law == ADDITIVE:
         for i in range(m):
-            for j in range(n):
-                qdd[j] -= demand[i] * Lg[i, j]
+            if acted[i]:
+                for j in range(n):
+                    qdd[j] -= demand[i] * Lg[i, j]
     elif law != TRACKING:
         acting = gather(Lg, demand, phi, acted, -math.inf, A)
         if (
