@@ -542,6 +542,26 @@ def test_where_all_others_give_up_quadprog_answers():
         assert found == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.parametrize("solver", ["auto", "daqp"])
+@pytest.mark.parametrize("size", [1.0, 1e-4, 1e-6, 1e-8])
+def test_no_row_is_given_for_met_that_rounding_leaves_unmet(size, solver):
+    """A task that asks for accelerations up to 1e8 times those that the box allows."""
+    law, failed = HierarchicalQP(rows="active", max_acceleration=3.0, solver=solver), 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        n, m, k = int(rng.integers(2, 13)), int(rng.integers(1, 6)), int(rng.integers(1, 3))
+        Lg, gain = rng.normal(size=(m, n)), rng.uniform(0.1, 5.0, m)
+        rows = Rows(np.ones(m), Lg, np.zeros(m), gain, tuple(f"row {i}" for i in range(m)))
+        command = law.command(rows, Task(size * rng.normal(size=(k, n)), rng.normal(size=k)))
+        failed += command.status == "failed"
+        if command.status == "ok":
+            terms = np.linalg.norm(Lg, axis=1) * np.linalg.norm(command.qdd) + gain
+            assert (Lg @ command.qdd + gain <= 1e-7 * terms).all()
+            assert np.abs(command.qdd).max() <= 3.0
+    if size > 1e-7:
+        assert failed == 0
+
+
 LIES = {
     "garbage": 3.0,
     "origin": 0.0,

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..qp.lexicographic import DEPENDENT, MET, PULLING, RELAXED, SIGNIFICANT, ZERO_GRADIENT
+from ..qp.lexicographic import DEPENDENT, MET, MISSED, PULLING, RELAXED, SIGNIFICANT, ZERO_GRADIENT
 from ..rows import Array, BoolArray
 from .compiler import compiled, inner
 from .least_distance import FAILED, INCOMPATIBLE, MULTIPLIER, POINT, SIDE, nearest
@@ -272,16 +272,24 @@ def descend(
             for d in range(p):
                 value += X[POINT, d] * Z[d, j]
         qdd[j] = min(max(X[ORIGIN, j] + value, -bound), bound)
-    strongest = 0.0
+    strongest = length = 0.0
     for i in range(w):
         strongest = max(strongest, rows[MULTIPLIER, i])
+    for j in range(n):
+        length += qdd[j] * qdd[j]
+    length = math.sqrt(length)
     for i in range(free):
         at = index[i]
+        excess = -sides[i]
+        for j in range(n):
+            excess += walls[i, j] * qdd[j]
         if violation[i] > 0.0:
-            excess = -sides[i]
-            for j in range(n):
-                excess += walls[i, j] * qdd[j]
             violation[i] = max(0.0, excess)
+        elif excess > 0.0:
+            # what was checked is relative to the way from the minimiser without rows, which may be very long
+            size = math.sqrt(dot(walls, i, walls, i, START, n))
+            if excess > MISSED * (size * length + abs(sides[i])):
+                return FAILED, steps
         slack[at] = violation[i]
         unmet = unmet or violation[i] > 0.0
         acted[at] = violation[i] > 0.0 or rows[MULTIPLIER, i] > PULLING * strongest
