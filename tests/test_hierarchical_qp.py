@@ -556,10 +556,20 @@ def test_no_row_is_given_for_met_that_rounding_leaves_unmet(size, solver):
         failed += command.status == "failed"
         if command.status == "ok":
             terms = np.linalg.norm(Lg, axis=1) * np.linalg.norm(command.qdd) + gain
-            assert (Lg @ command.qdd + gain <= 1e-7 * terms).all()
+            assert (Lg @ command.qdd + gain <= 2e-6 * terms).all()
             assert np.abs(command.qdd).max() <= 3.0
     if size > 1e-7:
         assert failed == 0
+
+
+@pytest.mark.parametrize("solver", ["auto", "daqp"])
+@pytest.mark.parametrize("size", [1e-6, 1e-10, 1e-14])
+def test_small_demands_are_met_as_large_ones_are(size, solver):
+    """Near the goal everything is small, and what rounding leaves is not small beside it."""
+    for seed in range(20):
+        problem = random_problem("feasible", seed)
+        small = replace(problem, c=size * problem.c, b=size * problem.b)
+        assert command_of(small, solver=solver).status in ("ok", command_of(problem, solver=solver).status)
 
 
 LIES = {

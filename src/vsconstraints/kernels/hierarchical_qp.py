@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..qp.lexicographic import DEPENDENT, MET, MISSED, PULLING, RELAXED, SIGNIFICANT, ZERO_GRADIENT
+from ..qp.lexicographic import DEPENDENT, MET, MISSED, NEGLIGIBLE, PULLING, RELAXED, SIGNIFICANT, ZERO_GRADIENT
 from ..rows import Array, BoolArray
 from .compiler import compiled, inner
 from .least_distance import FAILED, INCOMPATIBLE, MULTIPLIER, POINT, SIDE, nearest
@@ -288,7 +288,7 @@ def descend(
         elif excess > 0.0:
             # what was checked is relative to the way from the minimiser without rows, which may be very long
             size = math.sqrt(dot(walls, i, walls, i, START, n))
-            if excess > MISSED * (size * length + abs(sides[i])):
+            if excess > MISSED * (size * length + abs(sides[i])) + NEGLIGIBLE * size:
                 return FAILED, steps
         slack[at] = violation[i]
         unmet = unmet or violation[i] > 0.0

@@ -24,8 +24,9 @@ DEPENDENT = 1e-9
 PULLING = 1e-6
 """A row holds the solution if its multiplier exceeds this fraction of the largest one."""
 
-MISSED = 1e-7
-"""A row exceeded by more than this fraction of its terms is not met: the minimiser without rows is too far away."""
+MISSED, NEGLIGIBLE = 1e-6, 1e-9
+"""A row exceeded by more than the first as a fraction of its terms, and by more than the second in x, is not met: the
+minimiser without rows is too far away for rounding."""
 
 MET = 1e-12
 """A demand exceeded by less than this fraction of its terms is met: it is the rounding of A q̈ − c."""
@@ -167,8 +168,8 @@ def _nearest(
     verified = Verified(preferred.solve(*data), preferred.name) if first_only else solvers.solve(*data)
     x, multipliers = problem.point(verified.answer.x), verified.answer.multipliers
     # the solver's check is relative to the way from the minimiser without rows, which may be very long
-    excess, terms = A @ x - c, np.linalg.norm(A, axis=1) * np.linalg.norm(x) + np.abs(c)
-    if (excess > MISSED * terms).any():
+    excess, norms = A @ x - c, np.linalg.norm(A, axis=1)
+    if (excess > MISSED * (norms * np.linalg.norm(x) + np.abs(c)) + NEGLIGIBLE * norms).any():
         raise SolverError(f"the answer of {verified.solver} exceeds a row by {excess.max():.1e}, which is rounding")
     return x, verified, multipliers > PULLING * multipliers.max()
 
