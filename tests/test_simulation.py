@@ -291,6 +291,35 @@ def test_a_robot_that_creeps_is_not_at_rest() -> None:
     assert simulate(there, Played(np.zeros((1, 6)))).status == "unfinished"
 
 
+@pytest.mark.parametrize(("rest", "Ts"), [(1e-3, 5e-3), (4.9e-3, 5e-3), (1e-300, 0.25), (0.02, 5e-3), (2.0, 3.0)])
+def test_a_window_of_few_samples_shows_no_rest(rest: float, Ts: float) -> None:
+    """0.1 m/s up to the end; with a period of 3 s there and back, so that the last samples are near each other."""
+    push = 0.4 / Ts * (np.arange(8)[:, None] % 2 - 0.5) if Ts > 2.0 else np.zeros((1, 1))
+    there = setup(
+        duration=min(2.5, 6 * Ts) if Ts < 2.0 else 6.0,
+        sampling_time=Ts,
+        qd0=[0.1, 0.0, 0.0, 0.0, 0.0, 0.0],
+        tolerances={"rest_s": rest},
+    )
+    trajectory = simulate(there, Played(push * np.eye(6)[:1]))
+    assert np.abs(trajectory.qd[-1]).max() == pytest.approx(0.1)
+    assert (trajectory.status, "still moving" in trajectory.reason) == ("unfinished", True)
+
+
+def test_a_turning_point_is_no_rest() -> None:
+    """A swing that turns back at the end: over 10 ms the camera stays within 0.1 mm."""
+    there = setup(duration=2.0, qd0=[0.2, 0.0, 0.0, 0.0, 0.0, 0.0], tolerances={"rest_s": 0.01})
+    trajectory = simulate(there, Played(-0.1 * np.eye(6)[:1]))
+    assert np.abs(trajectory.qd[-1]).max() < 1e-9
+    assert trajectory.status == "unfinished"
+
+
+@pytest.mark.parametrize("Ts", [0.005, 0.25])
+def test_standing_still_for_long_enough_is_rest_at_every_sampling_time(Ts: float) -> None:
+    still = setup(duration=max(1.0, 10 * Ts), sampling_time=Ts, tolerances={"rest_s": 0.001})
+    assert simulate(still, Played(np.zeros((1, 6)))).status == "trapped"
+
+
 def test_only_the_last_goal_counts() -> None:
     here = {"camera_at_q": START}
     still = Played(np.zeros((1, 6)))

@@ -10,6 +10,11 @@ from ..rows import Array
 from .setup import Setup
 from .trajectory import Outcome
 
+REST = 1.0, 10
+"""Seconds, and sampling periods, that a camera must have hardly moved at least to be at rest, however short
+``Tolerances.rest`` is: in less, a motion that is slow, turns back or is sampled rarely looks the same.
+"""
+
 
 def judge(
     setup: Setup,
@@ -53,9 +58,11 @@ def judge(
         if np.isfinite(distance_now)
         else f"ends {_amount(feature_error[-1])} px from the goal"
     )
-    since = int(np.argmax(t >= t[-1] - tolerances.rest))
+    rest = max(tolerances.rest, REST[0], REST[1] * setup.Ts)
+    # half a period for the rounding of times
+    since = int(np.argmax(t >= t[-1] - rest - 0.5 * setup.Ts))
     moved, turned = distances(camera_R[since:], camera_t[since:], Pose(camera_R[-1], camera_t[-1])).max(axis=0)
-    if t[-1] >= tolerances.rest and moved < tolerances.translation and turned < tolerances.rotation:
+    if t[-1] >= rest - 0.5 * setup.Ts and moved < tolerances.translation and turned < tolerances.rotation:
         return "trapped", f"at rest, {final}"
     return "unfinished", f"still moving, {final}"
 

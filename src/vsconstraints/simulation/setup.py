@@ -36,7 +36,8 @@ class Tolerances:
     dwell
         How long it must stay there until the end [s].
     rest
-        How long the camera must have moved by less than ``translation`` and ``rotation`` to count as at rest [s].
+        How long the camera must have moved by less than ``translation`` and ``rotation`` to count as at rest [s]; less
+        than 1 s, or ten sampling periods, counts as that.
     """
 
     translation: float = 0.005
