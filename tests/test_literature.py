@@ -169,10 +169,12 @@ def test_with_the_desired_matrix_the_camera_runs_into_the_target_beyond_147_degr
     assert "not in front of the camera" in crash.reason
 
 
-@pytest.mark.parametrize("angle", [60, 120, 150])
-def test_with_the_mean_matrix_the_depth_stays(angle: float) -> None:
-    depth = -rotation(angle, "mean", **STRONGLY_DAMPED).q[:, 0]
-    assert np.abs(depth - 1.0).max() < 0.01
+@pytest.mark.parametrize("angle", [30, 60, 90, 120, 150])
+def test_with_the_mean_matrix_the_depth_stays(angle: int) -> None:
+    """On the symmetric path L† e has no component along the axis, whatever the gains: those here are the suite's."""
+    trajectory = run(f"rotation-{angle:03d}-mean", Tracking())
+    assert trajectory.status == "converged"
+    assert np.abs(trajectory.q[:, 0] + 1.0).max() < 1e-12
 
 
 def test_an_arm_retreats_as_the_free_camera_does() -> None:
@@ -200,7 +202,7 @@ def test_near_180_degrees_the_mean_matrix_neither_retreats_nor_runs_into_the_tar
     )
     assert mean.status == "converged"
     ends = sorted(-mean.q[[0, -1], 0])
-    assert -mean.q[:, 0].max() > 0.69 * ends[0]
+    assert -mean.q[:, 0].max() > 0.64 * ends[0]
     assert -mean.q[:, 0].min() < 1.01 * ends[1]
     assert desired.status == "failed"
     assert "not in front of the camera" in desired.reason

@@ -138,8 +138,9 @@ class ImagePoints(Feature):
     ----------
     interaction_matrix
         Which one makes J_s: that of the ``current`` image, as in eq. (24), that of the ``desired`` one, or the
-        ``mean`` of both. The ṡ that damps the motion is J_s q̇ with the same one: then the motion follows
-        J_s q̇ ≈ −K_p/K_v e, the velocity law of that matrix. With the true ṡ it would not.
+        ``mean`` of both. The ṡ that damps the motion is J_s q̇ with the same one, and the drift its product with the
+        camera's, as if it were constant: then the camera's twist V follows V̇ = −K_v V − K_p L† e, and moves along what
+        the velocity law −K_p/K_v L† e of that matrix asks for. With the true ṡ, or with L̇ in the drift, it would not.
 
     Raises
     ------
@@ -160,10 +161,10 @@ class ImagePoints(Feature):
         J, velocity, drift = image.J.reshape(-1, image.J.shape[2]), image.velocity.ravel(), image.drift.ravel()
         partial = velocity - J @ state.robot.qd
         if self.interaction_matrix != "current":
-            share = 1.0 if self.interaction_matrix == "desired" else 0.5
             L = goal.interaction
-            J = (1.0 - share) * J + share * (L @ state.camera_J)
-            drift = (1.0 - share) * drift + share * (L @ state.camera_drift)
+            if self.interaction_matrix == "mean":
+                L = 0.5 * (L + interaction_matrix(image.position, state.depth).reshape(-1, 6))
+            J, drift = L @ state.camera_J, L @ state.camera_drift
             velocity = J @ state.robot.qd + partial
         return FeatureMotion((image.position - goal.normalised).ravel(), J, velocity, drift, partial)
 

@@ -179,11 +179,12 @@ def image_features(
         drift = 0.0
         for j in range(3):
             desired[0, j], desired[1, j] = F[at + 13 + 2 * M + 6 * row + j], F[at + 16 + 2 * M + 6 * row + j]
-            drift += desired[0, j] * twist[2, j] + desired[1, j] * twist[3, j]
+            drift += ((1.0 - share) * pull[0, j] + share * desired[0, j]) * twist[2, j]
+            drift += ((1.0 - share) * pull[1, j] + share * desired[1, j]) * twist[3, j]
         moving = 0.0
         for j in range(n):
             entry = pulled(pull, Jc, j)
             moving += entry * qd[j]
             out[row * n + j] = (1.0 - share) * entry + share * pulled(desired, Jc, j) if share > 0.0 else entry
         rates[0, row], rates[2, row] = seen[i, 2 + c], seen[i, 2 + c] - moving
-        rates[1, row] = (1.0 - share) * seen[i, 4 + c] + share * drift if share > 0.0 else seen[i, 4 + c]
+        rates[1, row] = drift if share > 0.0 else seen[i, 4 + c]
