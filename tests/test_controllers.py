@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import faulthandler
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -235,6 +238,36 @@ def test_tasks_of_the_wrong_shape_are_refused(J: Array, b: Array) -> None:
     for name in CONTROLLERS:
         with pytest.raises(InvalidInput, match=r"task\.J must be \(k, n\) and task\.b \(k,\)"):
             make_controller(name).command(rows, Task(J, b))
+
+
+@pytest.mark.parametrize(("name", "options"), LAWS)
+@pytest.mark.parametrize("what", ["J", "b", "Lg", "Lf", "phi", "switching_gain"])
+@pytest.mark.parametrize("size", [1.7e308, 1e200])
+def test_finite_numbers_whose_products_are_not_end_in_time(
+    name: str, options: dict[str, Any], what: str, size: float
+) -> None:
+    """LAPACK never returns from a matrix that holds an infinity; an alarm is all that ends it."""
+    rows, task = problem(Size(seed=2, n=6, m=3, k=6))
+    rows = with_active(rows, 3)
+    huge = size * np.where(np.arange(18).reshape(3, 6) % 2 == 0, 1.0, -1.0)
+    whole = {"J": np.tile(huge, (2, 1)), "b": np.full(6, size), "Lg": huge}.get(what, np.full(3, size))
+    rows = replace(rows, **{what: whole}) if hasattr(rows, what) else rows
+    task = replace(task, **{what: whole}) if hasattr(task, what) else task
+    law = make_controller(name, options)
+    for answer in (law.command, law._defined):
+        with ends_within(60.0):
+            command = answer(rows, task)
+        assert_is_an_answer(command, rows, task)
+
+
+@contextmanager
+def ends_within(seconds: float) -> Iterator[None]:
+    """Kill the process if this takes longer: nothing else stops a loop in a library."""
+    faulthandler.dump_traceback_later(seconds, exit=True)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 def test_rows_without_a_scale_have_ones() -> None:
@@ -473,6 +506,50 @@ def test_opposite_rows_and_rows_without_gradient_are_named() -> None:
     assert command.status == "rank-loss"
     assert "nowhere" in command.reason
     np.testing.assert_allclose(command.qdd, [5.0, 7.0])
+
+
+def in_units(rows: Rows, units: Array) -> Rows:
+    """The same rows, each φ measured in another unit."""
+    return replace(
+        rows,
+        **{name: getattr(rows, name) * units for name in ("phi", "Lf", "switching_gain", "scale")},
+        Lg=rows.Lg * units[:, None],
+    )
+
+
+LAWS_IN_PRIORITY = [SlidingMode(), PotentialField(blend="priority")]
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("law", LAWS_IN_PRIORITY, ids=lambda law: law.name)
+def test_rows_in_other_units_are_no_more_and_no_less_dependent(law: Controller, compiled: bool) -> None:
+    answer = law.command if compiled else law._defined
+    orthogonal = np.array([[1e4, 0.0, 0.0], [0.0, 1e-3, 0.0]])
+    task = Task(np.eye(3), np.array([5.0, 6.0, 7.0]))
+    rows = Rows(np.ones(2), orthogonal, np.zeros(2), np.array([1e4, 2e-3]), ("px", "mm"))
+    command = answer(rows, task)
+    assert command.status == "ok", command.reason
+    np.testing.assert_allclose(command.qdd, [-1.0, -2.0, 7.0], rtol=1e-12)
+    # of rows that depend on each other all are named, however large or small
+    rows = replace(rows, Lg=np.array([[1e4, 0.0, 0.0], [-1.0, 0.0, 0.0]]))
+    command = answer(rows, task)
+    assert command.status == "rank-loss"
+    assert command.reason.endswith("dependent: px, mm")
+
+
+@pytest.mark.parametrize("law", LAWS_IN_PRIORITY, ids=lambda law: law.name)
+@pytest.mark.parametrize("dependent", [False, True])
+@pytest.mark.parametrize("seed", range(10))
+def test_the_unit_of_a_row_changes_no_command(law: Controller, dependent: bool, seed: int) -> None:
+    rows, task = problem(Size(seed=seed, n=6, m=4, k=6))
+    rows = with_active(rows, 4)
+    if dependent:
+        rows.Lg[3] = rows.Lg[0] - 3.0 * rows.Lg[2]
+    units = 10.0 ** np.random.default_rng(seed).uniform(-4.0, 4.0, 4)
+    here, there = law.command(rows, task), law.command(in_units(rows, units), task)
+    assert (here.status, here.reason) == (there.status, there.reason)
+    assert (here.status == "rank-loss") == dependent
+    np.testing.assert_allclose(there.qdd, here.qdd, rtol=1e-8, atol=1e-8 * np.abs(here.qdd).max())
 
 
 def test_more_active_rows_than_joints_are_a_loss_of_rank() -> None:

@@ -64,11 +64,28 @@ def test_rows_that_nearly_depend_on_each_other(n, share):
     U, V = orthonormal(rng, 5, 5), orthonormal(rng, 5, n)
     A = (U * np.array([1.0, 0.8, 0.6, 0.4, share * TOLERANCE])) @ V
     task = Task(conditioned(rng, 6, n), rng.normal(size=6))
-    field = PotentialField(blend="priority", rank_tolerance=TOLERANCE)
+    # what counts is how far rows of unit length are from depending on each other
+    gains = np.linalg.svd(A / np.linalg.norm(A, axis=1)[:, None], compute_uv=False)
+    tolerance = gains[-1] / gains[0] / share if share > 0.5 else TOLERANCE
+    field = PotentialField(blend="priority", rank_tolerance=tolerance)
     # before the boundary a dependence is met in the least-squares sense, at it the definition has a name for it
     assert agree(field, rows_of(A, rng, phi=-0.3), task) is not None
-    for law in (field, SlidingMode(rank_tolerance=TOLERANCE)):
+    for law in (field, SlidingMode(rank_tolerance=tolerance)):
         assert (agree(law, rows_of(A, rng), task) is not None) == (share > 1.0)
+
+
+@pytest.mark.parametrize("n", [7, 12])
+@pytest.mark.parametrize("law", [SlidingMode(), PotentialField(blend="priority")], ids=lambda law: law.name)
+def test_units_of_rows_decide_nothing(law, n):
+    """The compiled form answers for rows of any units that are independent, and leaves dependent ones alone."""
+    rng = np.random.default_rng(n)
+    A, units = conditioned(rng, 4, n), np.array([1e4, 1e-3, 1.0, 1e-9])[:, None]
+    task = Task(conditioned(rng, 6, n), rng.normal(size=6))
+    assert agree(law, rows_of(A * units, rng), task) is not None
+    A[3] = A[0] - 2.0 * A[1]
+    assert agree(law, rows_of(A * units, rng), task) is None
+    unseen = np.concatenate((A[:3], 1e-13 * rng.normal(size=(1, n))))
+    assert agree(law, rows_of(unseen, rng), task) is None
 
 
 @pytest.mark.parametrize("n", [7, 12, 30])

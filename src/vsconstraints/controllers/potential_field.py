@@ -67,11 +67,6 @@ class PotentialField(Controller):
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class."""
-        # numbers beyond the range of floating point are found by the check of the command
-        with np.errstate(over="ignore", invalid="ignore"):
-            return self._repel(rows, task)
-
-    def _repel(self, rows: Rows, task: Task) -> Command:
         psi = np.maximum(1.0 + rows.phi / (self.region * rows.scale), 0.0) ** self.exponent
         acts = psi > 0.0
         gain = self.strength * rows.switching_gain

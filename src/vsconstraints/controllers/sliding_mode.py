@@ -20,8 +20,8 @@ class SlidingMode(Controller):
     Parameters
     ----------
     rank_tolerance
-        Singular values below this fraction of the largest one count as zero (see
-        :func:`vsconstraints.controllers.task_priority.resolve`).
+        Singular values below this fraction of the largest one count as zero, of the active rows once each is divided
+        by its length (see :func:`vsconstraints.controllers.task_priority.resolve`).
     """
 
     name = "sliding-mode"

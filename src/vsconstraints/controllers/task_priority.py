@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..decomposition import norm, svd
+from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .tracking import track
 
@@ -29,13 +31,13 @@ def resolve(A1: Array, b1: Array, A2: Array, b2: Array, rank_tolerance: float) -
     tuple
         q̈ (n,), and the combinations of the rows of A₁ that vanish, (b, b − rank).
     """
-    U, s, Vt = np.linalg.svd(A1)
+    U, s, Vt = svd(A1)
     rank = int((s > rank_tolerance * s[0]).sum())
     qdd = Vt[:rank].T @ ((U[:, :rank].T @ b1) / s[:rank])
     Z = Vt[rank:].T
     if Z.shape[1]:
-        U2, s2, V2t = np.linalg.svd(A2 @ Z, full_matrices=False)
-        kept = s2 > rank_tolerance * np.linalg.norm(A2, 2)
+        U2, s2, V2t = svd(A2 @ Z, full_matrices=False)
+        kept = s2 > rank_tolerance * norm(A2)
         qdd = qdd + Z @ (V2t[kept].T @ ((U2[:, kept].T @ (b2 - A2 @ qdd)) / s2[kept]))
     return qdd, U[:, rank:]
 
@@ -52,7 +54,7 @@ def prioritise(rows: Rows, task: Task, acts: BoolArray, demand: Array, rank_tole
     demand
         (m,) what L_gφ q̈ of those rows must be.
     rank_tolerance
-        As for :func:`resolve`.
+        As for :func:`resolve`; of level 1 once :func:`unit_rows` has made its rows alike.
 
     Returns
     -------
@@ -62,10 +64,11 @@ def prioritise(rows: Rows, task: Task, acts: BoolArray, demand: Array, rank_tole
     """
     if not acts.any():
         return Command(track(task, rank_tolerance), "ok", acts, rows.labels)
-    qdd, dependent = resolve(rows.Lg[acts], demand[acts], task.J, task.b, rank_tolerance)
+    A, b = unit_rows(rows, demand, acts)
+    qdd, dependent = resolve(A, b, task.J, task.b, rank_tolerance)
     reached = rows.phi >= 0.0
     if dependent.shape[1] and not reached[acts].all():
-        dependent = dependent_rows(rows.Lg[reached], rank_tolerance)
+        dependent = dependent_rows(unit_rows(rows, demand, reached)[0], rank_tolerance)
     if not dependent.shape[1]:
         return Command(qdd, "ok", acts, rows.labels)
     involved = np.flatnonzero(reached)[np.abs(dependent).max(axis=1) > 1e-3]
@@ -73,9 +76,26 @@ def prioritise(rows: Rows, task: Task, acts: BoolArray, demand: Array, rank_tole
     return Command(qdd, "rank-loss", acts, rows.labels, f"the active rows have lost full row rank; dependent: {names}")
 
 
+def unit_rows(rows: Rows, demand: Array, which: BoolArray) -> tuple[Array, Array]:
+    """L_gφ (b, n) and demands (b,) of some rows, divided by ‖L_gφ‖: dependence must not depend on units.
+
+    A row that no acceleration influences (``ZERO_GRADIENT``) becomes zero. What cannot all be met is then met best as
+    a distance in q̈.
+    """
+    A = rows.Lg[which]
+    # the squares of very large and very small numbers would leave the range
+    size = np.abs(A).max(axis=1)
+    direction = np.divide(A, size[:, None], out=np.zeros_like(A), where=size[:, None] > 0.0)
+    length = np.sqrt(np.einsum("ij,ij->i", direction, direction))
+    seen = size * length > ZERO_GRADIENT * rows.scale[which]
+    direction[~seen] = 0.0
+    length[~seen] = size[~seen] = 1.0
+    return direction / length[:, None], demand[which] / size / length * seen
+
+
 def dependent_rows(A: Array, rank_tolerance: float) -> Array:
     """(b, b − rank) combinations of the rows of A (b, n) that vanish."""
     if not len(A):
         return np.empty((0, 0))
-    U, s, _ = np.linalg.svd(A)
+    U, s, _ = svd(A)
     return U[:, int((s > rank_tolerance * s[0]).sum()) :]

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..decomposition import svd
 from ..errors import InvalidInput
 from ..kernels.layout import TRACKING
 from ..rows import Array, BoolArray, Command, Rows, Task
@@ -52,7 +53,7 @@ def least_norm(J: Array, b: Array, rank_tolerance: float) -> LeastNorm:
     gains = np.zeros(n)
     if k == 0:
         return LeastNorm(np.zeros(n), np.eye(n), gains)
-    U, s, Vt = np.linalg.svd(J, full_matrices=k < n)
+    U, s, Vt = svd(J, full_matrices=k < n)
     rank = int(np.count_nonzero(s > rank_tolerance * s[0]))
     gains[:rank] = s[:rank]
     qdd: Array = Vt[:rank].T @ ((U[:, :rank].T @ b) / s[:rank])

@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
+from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import Array, BoolArray
 from .compiler import compiled, inner
 from .layout import ADDITIVE, PRIORITY, SLIDING, TRACKING
 from .least_squares import bring, resolve
-from .linear import ASK, DONE, START, copy, finite, in_range
+from .linear import ASK, DONE, START, dot, finite, in_range
 
 
 @inner
@@ -28,14 +29,17 @@ def valid(m: int, phi: Array, Lg: Array, Lf: Array, gain: Array, scale: Array, J
 
 
 @inner
-def gather(Lg: Array, demand: Array, phi: Array, acted: BoolArray, least: float, A: Array) -> int:
-    """Copy the rows that act and have φ ≥ least, with their demands; their number."""
+def gather(Lg: Array, demand: Array, scale: Array, phi: Array, acted: BoolArray, least: float, A: Array) -> int:
+    """Copy the rows that act and have φ ≥ least, with their demands, divided by their lengths; their number."""
     n = Lg.shape[1]
     at = START
     for i in range(phi.size):
         if acted[i] and phi[i] >= least:
-            copy(A, at, Lg, i, n)
-            A[at, n] = demand[i]
+            length = math.sqrt(dot(Lg, i, Lg, i, START, n))
+            inverse = 1.0 / length if length > ZERO_GRADIENT * scale[i] else 0.0
+            for j in range(n):
+                A[at, j] = inverse * Lg[i, j]
+            A[at, n] = inverse * demand[i]
             at += 1
     return at
 
@@ -84,7 +88,8 @@ def follow(
     J, b
         (k, n) and (k,) of the task.
     tolerance
-        Singular values below this fraction of the largest one count as zero.
+        Singular values below this fraction of the largest one count as zero, among the acting rows once each is
+        divided by its length.
     law
         ``TRACKING``, ``SLIDING``, or a potential field: ``PRIORITY`` or ``ADDITIVE``.
     region, exponent, strength
@@ -135,13 +140,13 @@ def follow(
                 for j in range(n):
                     qdd[j] -= demand[i] * Lg[i, j]
     elif law != TRACKING:
-        acting = gather(Lg, demand, phi, acted, -math.inf, A)
+        acting = gather(Lg, demand, scale, phi, acted, -math.inf, A)
         if (
             not (tracked and (acting == 0 or bring(F, S, least, A[:acting], tolerance, qdd)))
             and resolve(A[:acting], J, b, tolerance, qdd)[0] < acting
         ):
             # a dependence among rows that act before their boundary is reached is met in the least-squares sense
-            reached = gather(Lg, demand, phi, acted, 0.0, A)
+            reached = gather(Lg, demand, scale, phi, acted, 0.0, A)
             if reached == acting or resolve(A[:reached], J, b, tolerance, np.empty(n))[0] < reached:
                 return ASK
     return DONE if finite(qdd) else ASK
