@@ -225,7 +225,8 @@ def test_failing_runs_become_rows_with_their_reason(tmp_path: Path) -> None:
     lines = {line["controller"]: line for line in StoredComparison.load(tmp_path / "out").results}
     assert len(lines) == 5
     assert lines["sliding-mode"]["status"] == "unfinished"
-    assert (lines["raises"]["status"], lines["raises"]["reason"]) == ("failed", "t = 0 s: RuntimeError: on purpose")
+    reason = "t = 0 s: RuntimeError: on purpose (broken.py, line 10)"
+    assert (lines["raises"]["status"], lines["raises"]["reason"]) == ("failed", reason)
     assert (lines["dies"]["status"], lines["dies"]["reason"]) == ("failed", "the process that ran it died")
     assert lines["nan"]["status"] == "failed"
     assert "not finite" in lines["nan"]["reason"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import sys
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from vsconstraints.features import FEATURES
 from vsconstraints.geometry import Pose, distance
 from vsconstraints.robots import READY_MADE
 from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, Scenario, shipped_scenarios
+from vsconstraints.scenarios.scenario import MOST_EXTENDED
 from vsconstraints.simulation import simulate
 
 REFUSED = (ConfigurationError, InvalidInput)
@@ -383,7 +385,39 @@ def test_what_cannot_be_extended_is_refused(files: dict[str, str], words: str, t
         Scenario.load(tmp_path / "own.toml")
 
 
+def test_circles_are_found_through_folders(tmp_path: Path) -> None:
+    """Ways there and back are never the same path twice."""
+    for folder, other in (("a", "b"), ("b", "a")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / f"{folder}.toml").write_text(f'extends = "../{other}/{other}.toml"')
+    with pytest.raises(ConfigurationError, match="extend each other in a circle"):
+        Scenario.load(tmp_path / "a" / "a.toml")
+
+
+def test_a_chain_of_files_has_an_end(tmp_path: Path) -> None:
+    for i in range(1200):
+        (tmp_path / f"{i}.toml").write_text(f'extends = "{i + 1}.toml"')
+    (tmp_path / "1200.toml").write_text("duration = 3.0")
+    with pytest.raises(ConfigurationError, match=rf"{MOST_EXTENDED} in all"):
+        Scenario.load(tmp_path / "0.toml")
+    assert Scenario.load(tmp_path / f"{1201 - MOST_EXTENDED}.toml").tables == {"duration": 3.0}
+
+
 # --- overrides ---
+
+
+def test_files_in_overrides_are_where_the_user_is(tmp_path: Path) -> None:
+    """Not where the scenario is, which may be among the installed packages."""
+    shipped = Scenario.load("ur5-fov")
+    by_key = shipped.with_override("robot", {"urdf": "arm.urdf"}, tmp_path)
+    assert by_key.tables["robot"]["urdf"] == str(tmp_path / "arm.urdf")
+    assert by_key.with_override("robot.urdf", "b.urdf", tmp_path).files == (tmp_path / "b.urdf",)
+    elsewhere = str(tmp_path / "elsewhere.urdf")
+    assert shipped.with_override("robot", {"urdf": elsewhere}, Path("here")).tables["robot"]["urdf"] == elsewhere
+    walls = [{"type": "collision", "obstacle": {"shape": "mesh", "file": "wall.stl"}}]
+    changed = shipped.with_override("constraints", walls, tmp_path).tables["constraints"]
+    assert changed[0]["obstacle"] == {"shape": "mesh", "file": str(tmp_path / "wall.stl")}
+    assert shipped.with_override("title", "file.stl", tmp_path).title == "file.stl"
 
 
 def test_overrides_change_a_copy() -> None:
@@ -437,6 +471,83 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     (tmp_path / "folder.toml").mkdir()
     with pytest.raises(ConfigurationError, match=r"cannot read .*folder\.toml"):
         Scenario.load(tmp_path / "folder.toml")
+
+
+def test_what_toml_leaves_open_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    for text, words in (
+        ("x = " + "[" * 2000 + "]" * 2000, "30 levels"),
+        ("x = " + "[" * 40 + "]" * 40, "30 levels"),
+        ("x = " + "{a = " * 40 + "1" + "}" * 40, "30 levels"),
+        ("[" + ".".join("a" * 2000) + "]", "30 levels"),
+        ("x = " + "9" * 5000, "limit"),
+        ("x = 0x" + "f" * 5000, "64 bits"),
+        ("x = [[9223372036854775808]]", "64 bits"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ConfigurationError, match=rf"own\.toml.*{words}"):
+            Scenario.load(path)
+    path.write_text("x = " + "[" * 30 + "]" * 30 + "\ny = -9223372036854775808")
+    Scenario.load(path)
+    with pytest.raises(ConfigurationError, match="cannot read"):
+        Scenario.load("nul\x00.toml")
+
+
+def test_a_byte_order_mark_and_any_line_ends_are_accepted(tmp_path: Path) -> None:
+    path = tmp_path / "mein Ärmchen.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + 'title = "ä"\r\nduration = 3.0\r\n'.encode())
+    assert Scenario.load(path) == Scenario("mein Ärmchen", {"title": "ä", "duration": 3.0}, tmp_path)
+
+
+def test_messages_do_not_grow_with_what_is_wrong() -> None:
+    for key, value in (("q0", "x" * 100_000), ("camera", [0] * 100_000), ("robot", "x" * 100_000)):
+        with pytest.raises(ConfigurationError) as error:
+            scenario().with_override(key, value).setup()
+        assert len(str(error.value)) < 1000
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("constraints.1.curve.radius", [20.0], r"own.constraints\[1\].curve: radius must be an integer or a number"),
+        ("constraints.1.curve.radius", [[1.0], []], "radius must be an integer or a number"),
+        ("constraints.1.curve.radius", True, "radius must be an integer or a number"),
+        ("constraints.0.K", 1e308, "the start cannot be evaluated: FloatingPointError"),
+        ("task.goals.0", {"markers_px": [[1e300, 0.0]] * 3}, "cannot be evaluated: FloatingPointError"),
+        ("constraints.4.centre", [1e300, 0.0, 0.0], "FloatingPointError"),
+        (
+            "duration",
+            5e4,
+            r"50000.0 s in steps of 0.005 s are 1e\+07 samples.* GB of memory; a run may have .* samples",
+        ),
+    ],
+)
+def test_what_cannot_be_computed_is_refused(key: str, value: object, words: str) -> None:
+    own = scenario().with_override("task.feature", "image-points")
+    with pytest.raises(REFUSED, match=words):
+        own.with_override(key, value).setup().check_start()
+
+
+def test_the_memory_of_a_run_is_estimated_from_what_it_keeps() -> None:
+    setup = scenario().with_override("duration", 20.0).setup()
+    simulate(setup, Tracking())
+    tracemalloc.start()
+    trajectory = simulate(setup, Tracking())
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak / len(trajectory.t) == pytest.approx(setup.sample_memory, rel=0.25)
+
+
+def test_arms_of_many_joints_deviate_too() -> None:
+    tables = copy.deepcopy(TABLES) | {
+        "robot": {"dh": [[0.0, 0.0, 0.01, 0.0]] * 69 + [[0.0, 0.0, 0.0, -np.pi]]},
+        "q0": [0.0] * 70,
+        "start_deviation": 0.001,
+        "target": {"markers": [[0.7, 0.0, -1.0]]},
+        "constraints": [],
+    }
+    tables["task"]["goals"] = [{"camera_at_q": [0.0] * 70}]
+    assert np.unique(scenario(tables).setup(1).q0).size == 70
 
 
 URDF = """<robot name="bench arm">
@@ -571,3 +682,61 @@ def test_an_own_constraint_class_beside_the_file(tmp_path: Path, monkeypatch: py
     ):
         with pytest.raises(REFUSED, match=words):
             own.with_override("constraints", [table | spoilt]).setup()
+
+
+FAILING = """
+import numpy as np
+from vsconstraints.constraints import ImageConstraint
+
+
+class Late(ImageConstraint):
+    kind = "late"
+
+    def __init__(self, shape=2, calls=None):
+        super().__init__(K=0.1, switching_gain=2.0, length=1.0)
+        self.shape, self.calls = shape, calls
+
+    def sigma(self, y):
+        if self.calls is not None:
+            self.calls -= 1
+            if self.calls < 0:
+                raise KeyError("no more")
+        return y[..., 0] - 1e4
+
+    def gradient(self, y):
+        return np.ones((*y.shape[:-1], self.shape))
+"""
+
+
+def test_an_own_class_that_fails_is_shown_with_file_and_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "failing_for_test.py").write_text(FAILING)
+    (tmp_path / "ends_for_test.py").write_text("import sys\nsys.exit()\n")
+    own = scenario(folder=tmp_path)
+    for table, words in (
+        (
+            {"type": "failing_for_test:Late", "calls": 0},
+            r"the start.*KeyError: 'no more' \(failing_for_test.py, line 17\)",
+        ),
+        ({"type": "failing_for_test:Late", "shape": 3}, "the start cannot be evaluated: ValueError"),
+        ({"type": "ends_for_test:Late"}, r"cannot import 'ends_for_test': SystemExit:  \(ends_for_test.py, line 2\)"),
+    ):
+        with pytest.raises(ConfigurationError, match=words):
+            own.with_override("constraints", [table]).setup().check_start()
+
+
+def test_a_constraint_that_goes_on_raising_leaves_the_trajectory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Clearances are looked at when a run is over, and raise there again: of that row they are not known."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "failing_for_test.py").write_text(FAILING)
+    tables = [{"type": "failing_for_test:Late", "calls": 50}, TABLES["constraints"][2]]
+    trajectory = simulate(scenario(folder=tmp_path).with_override("constraints", tables).setup(), SlidingMode())
+    assert trajectory.status == "failed"
+    assert "KeyError: 'no more' (failing_for_test.py, line 17)" in trajectory.reason
+    assert len(trajectory.t) > 20
+    late = np.array([label.startswith("late") for label in trajectory.labels])
+    assert np.isnan(trajectory.clearance[:, late]).all()
+    assert np.isfinite(trajectory.clearance[:, ~late]).all()
+    assert np.isfinite(trajectory.phi).all()

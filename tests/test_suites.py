@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -90,7 +91,7 @@ def test_the_command_line_selects_and_changes_variants(tmp_path: Path) -> None:
         ("{ scenario = 'example-2d-fov', name = 'a', set = { 'constraints.7.K' = 1 } }", ["7", "in a"]),
         ("{ scenario = 'example-2d-fov', name = 'a/b' }", ["a/b", "file names"]),
         ("{ scenario = 'example-2d-fov', name = 'a', each = { duration = [1.0, 1.0] } }", ["a-1.0", "more than once"]),
-        ("{ scenario = 'example-2d-fov', name = 'a', each = { title = ['so and so'] } }", ["a-so and so"]),
+        ("{ scenario = 'example-2d-fov', name = 'a', each = { title = ['so/so'] } }", ["a-so/so"]),
     ],
 )
 def test_wrong_entries_are_refused_by_name(tmp_path: Path, entry: str, words: list[str]) -> None:
@@ -98,3 +99,72 @@ def test_wrong_entries_are_refused_by_name(tmp_path: Path, entry: str, words: li
         load(tmp_path, entry)
     for word in words:
         assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"trials": 10**9}, r"1 scenarios × 1 controllers × 1000000000 trials are 1e\+09 runs; .* may have 100000"),
+        (
+            {"entry": "each = { duration = [%s], 'task.Kp0' = [%s] }"},
+            r"scenarios\[0\].each makes 6e\+07 variants.* 10000",
+        ),
+        ({"entry": "set = { x = %s }"}, "suite.toml.*limit"),
+    ],
+)
+def test_sizes_have_bounds(tmp_path: Path, changes: dict[str, object], words: str) -> None:
+    sizes = (", ".join(map(str, range(1, 10_001))), ", ".join(map(str, range(1, 6_001))))
+    entry = str(changes.get("entry", "set = {}"))
+    entry = entry % (sizes if entry.startswith("each") else "9" * 5000) if "%" in entry else entry
+    path = tmp_path / "suite.toml"
+    path.write_text(
+        f"trials = {changes.get('trials', 1)}\n"
+        f'scenarios = [{{ scenario = "example-2d-fov", name = "a", {entry} }}]\n{CONTROLLERS}'
+    )
+    with pytest.raises(ConfigurationError, match=words):
+        Suite.load(path)
+
+
+def test_settings_have_bounds() -> None:
+    suite = Suite.load().select(["example-2d-fov"], ["sliding-mode"])
+    for setting, words in (
+        ("trials=1000000000", "1e.09 runs"),
+        ("trials=" + "9" * 5000, "--set: .*limit"),
+        ("scenario.q0=" + "[" * 100 + "]" * 100, "--set: .* levels"),
+        ("scenario.duration=1e9", "samples"),
+    ):
+        with pytest.raises(ConfigurationError, match=words):
+            suite.select(settings=[setting])
+
+
+def test_a_set_of_a_suite_finds_files_beside_the_suite(tmp_path: Path) -> None:
+    example = (Path(__file__).parent.parent / "examples" / "my-arm.toml").resolve()
+    (tmp_path / "arm.urdf").write_bytes((example.parent / "six_axis.urdf").read_bytes())
+    entry = f'{{ scenario = "{example.as_posix()}", name = "own", set = {{ "robot.urdf" = "arm.urdf" }} }}'
+    (variant,) = load(tmp_path, entry).scenarios
+    assert variant.files[0] == tmp_path / "arm.urdf"
+
+
+def test_a_relative_file_in_a_setting_is_in_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "arm.urdf").write_bytes((Path(__file__).parent.parent / "examples" / "six_axis.urdf").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    suite = Suite.load().select(["ur5-fov"], ["sliding-mode"])
+    with pytest.raises(
+        ConfigurationError, match=r"starts outside|outside the image|in front of|hides markers|tool0"
+    ) as error:
+        suite.select(settings=['ur5-fov.robot={urdf = "arm.urdf", tip = "tool"}'])
+    assert "no URDF file" not in str(error.value)
+    with pytest.raises(ConfigurationError, match=f"no URDF file at '{tmp_path}/nowhere.urdf'"):
+        suite.select(settings=['ur5-fov.robot={urdf = "nowhere.urdf"}'])
+
+
+@pytest.mark.parametrize("name", ["mein Arm", "Ärmchen", "腕", "a.b c"])
+def test_names_may_have_spaces_and_letters_of_any_language(tmp_path: Path, name: str) -> None:
+    (variant,) = load(tmp_path, f'{{ scenario = "example-2d-fov", name = "{name}" }}').scenarios
+    assert variant.name == name
+
+
+@pytest.mark.parametrize("name", ["a ", " a", ".a", "a--b", "a\tb", "x" * 101, "ä" * 51])
+def test_names_that_files_cannot_have_are_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ConfigurationError, match="used in file names"):
+        load(tmp_path, f"{{ scenario = 'example-2d-fov', name = {json.dumps(name)} }}")

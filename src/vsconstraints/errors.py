@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import sysconfig
+import traceback
 from collections.abc import Iterable
 from difflib import get_close_matches
+from pathlib import Path
+
+LONGEST = 200
+"""Characters of a value that a message shows."""
 
 
 class VsconstraintsError(Exception):
@@ -39,6 +45,32 @@ def unknown_name(what: str, name: str, candidates: Iterable[str]) -> Configurati
         The names that would have been accepted.
     """
     known = sorted(candidates)
-    close = get_close_matches(str(name), known, n=1)
+    close = get_close_matches(str(name)[:LONGEST], known, n=1)
     hint = f" Did you mean {close[0]!r}?" if close else ""
-    return ConfigurationError(f"unknown {what} {name!r}.{hint} Available: {', '.join(known) or 'none'}")
+    return ConfigurationError(f"unknown {what} {shown(name)}.{hint} Available: {', '.join(known) or 'none'}")
+
+
+def shown(value: object) -> str:
+    """A value as messages show it: as Python prints it, cut short where that is long."""
+    text = repr(value)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}… ({len(text)} characters)"
+
+
+def described(error: BaseException) -> str:
+    """What was raised and, if own code raised it, in which file and line: ``ValueError: no data (my_law.py, line 12)``.
+
+    Own code is what neither this package nor Python brought along; of that, what lies outside the installed packages
+    comes first.
+    """
+    text = f"{type(error).__name__}: {error}"
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith("<")]
+    places = [(Path(frame.filename), frame.lineno) for frame in frames]
+    foreign = [(file, line) for file, line in places if not file.is_relative_to(_PACKAGE)]
+    own = [(file, line) for file, line in foreign if not any(file.is_relative_to(at) for at in _INSTALLED)]
+    if not own:
+        own = [(file, line) for file, line in foreign if file.is_relative_to(_INSTALLED[-1])]
+    return f"{text} ({own[-1][0].name}, line {own[-1][1]})" if own else text
+
+
+_PACKAGE = Path(__file__).parent
+_INSTALLED = tuple(Path(sysconfig.get_path(name)) for name in ("stdlib", "platlib", "purelib"))

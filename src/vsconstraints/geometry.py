@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from .errors import InvalidInput
+from .errors import InvalidInput, shown
 from .rows import Array
 
 
@@ -19,8 +19,8 @@ def vector(value: object, length: int, what: str) -> Array:
     """``value`` as a finite float array of shape (length,); raises InvalidInput that names ``what``."""
     try:
         array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(f"{what} must be {length} numbers, not {value!r}") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidInput(f"{what} must be {length} numbers, not {shown(value)}") from error
     if array.shape != (length,):
         raise InvalidInput(f"{what} must be {length} numbers; it has the shape {array.shape}")
     if not np.isfinite(array).all():

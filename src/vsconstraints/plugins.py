@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TypeVar, cast
 
-from .errors import ConfigurationError
+from .errors import ConfigurationError, described
 
 Base = TypeVar("Base")
 
@@ -37,8 +37,8 @@ def imported_class(name: str, base: Callable[..., Base], folder: Path | None = N
     file = plugin_file(name, folder)
     try:
         module = importlib.import_module(module_name) if file is None else _module_from(file)
-    except Exception as error:  # an own module can fail in any way while it is imported
-        raise ConfigurationError(f"{name!r}: cannot import {module_name!r}: {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:  # an own module can fail in any way while it is imported
+        raise ConfigurationError(f"{name!r}: cannot import {module_name!r}: {described(error)}") from error
     found = getattr(module, class_name, None)
     kind = cast("type[Base]", base)
     if not (isinstance(found, type) and issubclass(found, kind)):

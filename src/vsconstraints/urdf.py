@@ -62,12 +62,14 @@ def read_urdf(
         root = ElementTree.parse(source).getroot()
     except ElementTree.ParseError as error:
         raise ConfigurationError(f"{str(source)!r} is not XML: {error}") from error
+    except (OSError, ValueError, LookupError) as error:  # not readable, or in an unknown encoding
+        raise ConfigurationError(f"{str(source)!r} cannot be read: {error}") from error
     if root.tag != "robot":
         raise ConfigurationError(f"{str(source)!r} is not a URDF: its root is <{root.tag}>, not <robot>")
     _complete_limits(root, source.name)
     try:
         model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
-    except (RuntimeError, ValueError) as error:
+    except (RuntimeError, ValueError, RecursionError) as error:
         raise ConfigurationError(f"{str(source)!r} cannot be read as a URDF: {error}") from error
     mimics = {joint.get("name") for joint in root.iter("joint") if joint.find("mimic") is not None}
     bodies = [f.name for f in model.frames if f.type == pin.FrameType.BODY]

@@ -15,13 +15,19 @@ from typing import Any
 from .. import __version__
 from ..controllers import CONTROLLERS, controller_class, make_controller
 from ..controllers.base import Controller
-from ..errors import ConfigurationError, unknown_name
+from ..errors import ConfigurationError, shown, unknown_name
 from ..kernels import available
 from ..plugins import plugin_files
 from ..scenarios import Scenario
-from ..scenarios.section import Section, read_toml
+from ..scenarios.section import Section, parse_toml, read_toml
 from .code import code_hash, packages
 from .variants import scenarios_of
+
+MOST_RUNS = 100_000
+"""Runs that a comparison may have: the scores of all are kept in memory."""
+
+LONGEST_NAME = 100
+"""Bytes that the name of a scenario or controller may have; files are named after both."""
 
 DEFAULT = Path(__file__).parent / "default.toml"
 
@@ -202,7 +208,7 @@ class Suite:
         key, value = key.strip(), _value(text.strip())
         if key in ("trials", "seed"):
             if not isinstance(value, int) or isinstance(value, bool):
-                raise ConfigurationError(f"{key} must be an integer, not {text!r}")
+                raise ConfigurationError(f"{key} must be an integer, not {shown(text)}")
             return replace(self, trials=value) if key == "trials" else replace(self, seed=value)
         names = {scenario.name for scenario in self.scenarios}
         entries = {entry.name for entry in self.controllers}
@@ -225,7 +231,7 @@ class Suite:
         return replace(
             self,
             scenarios=tuple(
-                scenario.with_override(rest, value) if target in (scenario.name, "scenario") else scenario
+                scenario.with_override(rest, value, Path()) if target in (scenario.name, "scenario") else scenario
                 for scenario in self.scenarios
             ),
         )
@@ -236,22 +242,36 @@ class Suite:
             raise ConfigurationError(f"suite {self.name}: there is nothing to compare")
         if self.trials < 1 or self.seed < 0:
             raise ConfigurationError(f"trials must be 1 or more and seed 0 or more: {self.trials}, {self.seed}")
+        scenarios, controllers = len(self.scenarios), len(self.controllers)
+        if scenarios * controllers * self.trials > MOST_RUNS:
+            raise ConfigurationError(
+                f"suite {self.name}: {scenarios} scenarios × {controllers} controllers × {self.trials} trials are "
+                f"{scenarios * controllers * self.trials:.3g} runs; a comparison may have {MOST_RUNS}"
+            )
         for what, names in (
             ("scenario", [scenario.name for scenario in self.scenarios]),
             ("controller", [entry.name for entry in self.controllers]),
         ):
             for name in names:
-                if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._+=,-]*", name) or "--" in name:
+                if not re.fullmatch(r"\w[\w .+=,-]*(?<! )", name) or "--" in name:
                     raise ConfigurationError(
-                        f"{what} name {name!r} is used in file names: letters, digits, '.', '_', '+', '=', ',' and "
-                        "single '-'"
+                        f"{what} name {shown(name)} is used in file names: letters, digits, ' ', '.', '_', '+', '=', "
+                        "',' and single '-'"
+                    )
+                if len(name.encode()) > LONGEST_NAME:
+                    raise ConfigurationError(
+                        f"{what} name {shown(name)} is used in file names and longer than {LONGEST_NAME} bytes"
                     )
                 if names.count(name) > 1:
                     raise ConfigurationError(f"{what} {name!r} appears more than once; give each its own name")
         for entry in self.controllers:
             entry.controller()
         for scenario in self.scenarios:
-            scenario.setup().check_start()
+            setup = scenario.setup()
+            try:
+                setup.check_start()
+            except ConfigurationError as error:
+                raise ConfigurationError(f"{scenario.name}: {error}") from error
         return self
 
     def with_baseline(self) -> Suite:
@@ -304,6 +324,8 @@ def _unique(names: Iterable[str]) -> list[str]:
 
 def _value(text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text
+        return parse_toml(f"value = {text}", "--set")["value"]
+    except ConfigurationError as error:
+        if isinstance(error.__cause__, tomllib.TOMLDecodeError):
+            return text
+        raise

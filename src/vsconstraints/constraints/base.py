@@ -16,7 +16,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput
+from ..errors import ConfigurationError, InvalidInput, shown
 from ..kinematics import RobotPoint
 from ..motion import Motion
 from ..rows import Array
@@ -199,7 +199,7 @@ class PositionConstraint(Constraint):
 def demand_positive(value: object, what: str) -> None:
     """Raise InvalidInput unless ``value`` is a positive finite number."""
     if not (isinstance(value, Real) and 0.0 < float(value) < np.inf):
-        raise InvalidInput(f"{what} must be a positive number, not {value!r}")
+        raise InvalidInput(f"{what} must be a positive number, not {shown(value)}")
 
 
 def demand_numbers(numbers: Sequence[int], what: str) -> tuple[int, ...]:

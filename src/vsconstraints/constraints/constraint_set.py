@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -101,14 +101,26 @@ class ConstraintSet:
         return list(zip(self.constraints, self._counts, self._points, strict=True))
 
     def clearance(self, trace: Trace) -> Array:
-        """(T, m) signed distance of each row to its boundary, in its natural unit; positive where allowed."""
-        parts = [c.clearance(trace, at) for c, at in zip(self.constraints, self._points, strict=True)]
-        return np.concatenate([np.empty((len(trace.q), 0)), *parts], axis=1)
+        """(T, m) signed distance of each row to its boundary, in its natural unit; positive where allowed.
+
+        NaN in the rows of a constraint that cannot say it: an own one that raises, or gives another shape.
+        """
+        T = len(trace.q)
+        parts = [_known(c.clearance, trace, at, (T, r)) for c, r, at in self.blocks()]
+        return np.concatenate([np.empty((T, 0)), *parts], axis=1)
 
     def least_clearance(self, trace: Trace) -> Array:
         """(m,) least of :meth:`clearance` over a trace of at least one sample."""
-        parts = [c.least_clearance(trace, at) for c, at in zip(self.constraints, self._points, strict=True)]
+        parts = [_known(c.least_clearance, trace, at, (r,)) for c, r, at in self.blocks()]
         return np.concatenate([np.empty(0), *parts])
+
+
+def _known(clearance: Callable[[Trace, slice], Array], trace: Trace, points: slice, shape: tuple[int, ...]) -> Array:
+    try:
+        found = np.asarray(clearance(trace, points), dtype=np.float64)
+    except Exception:  # what an own constraint raises here must not cost the run that was simulated
+        return np.full(shape, np.nan)
+    return found if found.shape == shape else np.full(shape, np.nan)
 
 
 def _parts(block: RowBlock) -> tuple[Array, Array, Array, Array]:

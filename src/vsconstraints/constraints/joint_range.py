@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, shown
 from ..robot import Robot
 from ..rows import Array
 from ..scene import Scene
@@ -123,7 +123,7 @@ def limit_array(value: ArrayLike, what: str) -> Array:
     try:
         return np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ConfigurationError(f"{what} must be numbers, not {value!r}") from None
+        raise ConfigurationError(f"{what} must be numbers, not {shown(value)}") from None
 
 
 def two_sided_labels(kind: str, joints: Sequence[int]) -> tuple[str, ...]:

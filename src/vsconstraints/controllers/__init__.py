@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError, VsconstraintsError, unknown_name
+from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
 from ..plugins import imported_class
 from .base import Controller
 from .hierarchical_qp import HierarchicalQP
@@ -70,5 +70,5 @@ def make_controller(name: str, options: Mapping[str, Any] | None = None, folder:
         raise
     except Exception as error:  # an own law may fail in any way
         raise ConfigurationError(
-            f"controller {name!r} cannot be made with {options}: {type(error).__name__}: {error}"
+            f"controller {name!r} cannot be made with {shown(options)}: {described(error)}"
         ) from error

@@ -34,7 +34,7 @@ def build(
     tables: dict[str, Any],
     where: str,
     folder: Path,
-    deviation: Array | None = None,
+    deviation: np.random.Generator | None = None,
     seed: tuple[int, ...] = (0,),
 ) -> Setup:
     """The setup that a scenario's tables describe.
@@ -48,7 +48,7 @@ def build(
     folder
         What paths in the scenario are relative to.
     deviation
-        Numbers in [−1, 1], one per joint, that the start deviates by, times ``start_deviation``.
+        What draws the numbers in [−1, 1], one per joint, that the start deviates by, times ``start_deviation``.
     seed
         Of everything random in the disturbances.
 
@@ -67,7 +67,7 @@ def build(
     qd0 = robot.configuration(top.array("qd0", [0.0] * robot.n), "qd0")
     spread = float(top.number("start_deviation", 0.0))
     if deviation is not None:
-        q0 = q0 + spread * deviation[: robot.n]
+        q0 = q0 + spread * deviation.uniform(-1.0, 1.0, robot.n)
     constraints = [make_constraint(section, robot, camera, folder) for section in top.sections("constraints")]
     scene = Scene(robot, camera, markers, robot_points(constraints), motion)
     disturbances = read_disturbances(top.section("disturbances", {}), seed)

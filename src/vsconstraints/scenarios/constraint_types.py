@@ -35,7 +35,7 @@ from ..constraints import (
 from ..constraints.base import PositionConstraint
 from ..constraints.curves import SHAPES, shape
 from ..constraints.manipulability import Part
-from ..errors import ConfigurationError, VsconstraintsError, unknown_name
+from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
 from ..geometry import Pose
 from ..kinematics import RobotPoint
 from ..plugins import imported_class
@@ -68,7 +68,7 @@ def _make(section: Section, robot: Robot, camera: Camera, folder: Path) -> Const
             raise
         except Exception as error:  # an own constraint may fail in any way
             raise ConfigurationError(
-                f"{section.where}: {kind} cannot be made with {options}: {type(error).__name__}: {error}"
+                f"{section.where}: {kind} cannot be made with {shown(options)}: {described(error)}"
             ) from error
     if kind not in CONSTRAINTS:
         raise unknown_name(f"type in {section.where}", kind, [*CONSTRAINTS, "module:Class"])
@@ -99,7 +99,7 @@ def _occlusion(section: Section, robot: Robot, camera: Camera) -> Constraint:
     kind = curve.choice("shape", SHAPES)
     centre = curve.array("centre_px", np.zeros(2), (2,))
     rotation = float(curve.number("rotation", 0.0))
-    parameters = curve.rest()
+    parameters = curve.numbers()
     try:
         outline = shape(kind, **parameters)
     except TypeError as error:
@@ -205,7 +205,7 @@ def _points(section: Section, robot: Robot) -> tuple[tuple[RobotPoint, ...], flo
         tables = [Section(table, f"{section.where}.points[{i}]") for i, table in enumerate(value)]
         return tuple(map(_point, tables)) or (RobotPoint(),), 0.0
     if value != "links":
-        raise ConfigurationError(f'{section.where}: points must be a list of tables, or "links", not {value!r}')
+        raise ConfigurationError(f'{section.where}: points must be a list of tables, or "links", not {shown(value)}')
     along = link_points(
         robot,
         spacing=section.number("spacing", 0.1),

@@ -10,15 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ConfigurationError, unknown_name
+from ..errors import ConfigurationError, shown, unknown_name
 from ..plugins import plugin_files
-from ..rows import Array
 from ..simulation import Setup
 from .build import build
 from .section import override, read_toml
 
 SHIPPED = Path(__file__).parent
 """Folder of the scenarios that come with the package."""
+
+FILE_KEYS = ("urdf", "srdf", "file")
+"""Keys whose values are paths, relative to the scenario's folder."""
+
+MOST_EXTENDED = 100
+"""Files that may extend one another."""
 
 
 @cache
@@ -63,11 +68,16 @@ class Scenario:
             if there is none of that name, or the file cannot be read.
         """
         path = _file(str(name_or_path), base)
-        return cls(path.stem, _tables(path, ()), path.parent)
+        return cls(path.stem, _tables(path), path.parent)
 
-    def with_override(self, key: str, value: object) -> Scenario:
-        """The same scenario with a dotted key such as ``task.Kp0`` set to another value."""
+    def with_override(self, key: str, value: object, base: Path | None = None) -> Scenario:
+        """The same scenario with a dotted key such as ``task.Kp0`` set to another value.
+
+        Files in the value are relative to ``base``, or to the scenario's own folder if it is None.
+        """
         tables = copy.deepcopy(self.tables)
+        if base is not None:
+            value = _from_base(key.rpartition(".")[2], value, base)
         override(tables, key, value, self.name)
         return Scenario(self.name, tables, self.folder)
 
@@ -102,10 +112,21 @@ class Scenario:
         Trial 0 starts at the file's q0; every other trial deviates from it by up to ``start_deviation`` [rad or m]
         in each joint, drawn from the seed and the trial's number and so the same for every controller.
         """
-        deviation: Array | None = None
-        if trial > 0:
-            deviation = np.random.default_rng([seed, trial]).uniform(-1.0, 1.0, 64)
-        return build(self.tables, self.name, self.folder, deviation, (seed, trial))
+        deviation = np.random.default_rng([seed, trial]) if trial > 0 else None
+        try:
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                return build(self.tables, self.name, self.folder, deviation, (seed, trial))
+        except FloatingPointError as error:
+            raise ConfigurationError(f"{self.name}: its numbers cannot be computed with: {error}") from error
+
+
+def _from_base(key: str, value: object, base: Path) -> object:
+    """A value whose files, those below it too, are where they are seen from ``base``."""
+    if isinstance(value, str):
+        return str(base.absolute() / value) if key in FILE_KEYS else value
+    if isinstance(value, dict):
+        return {name: _from_base(name, inner, base) for name, inner in value.items()}
+    return [_from_base("", inner, base) for inner in value] if isinstance(value, list) else value
 
 
 def _file(name: str, base: Path | None) -> Path:
@@ -116,19 +137,28 @@ def _file(name: str, base: Path | None) -> Path:
     return SHIPPED / f"{name}.toml"
 
 
-def _tables(path: Path, below: tuple[Path, ...]) -> dict[str, Any]:
-    """What a file says, over what the one that it extends says."""
-    if path in below:
-        circle = " extends ".join(str(file) for file in (*below, path))
-        raise ConfigurationError(f"scenarios extend each other in a circle: {circle}")
-    tables = read_toml(path)
-    if "extends" not in tables:
-        return tables
-    name = tables.pop("extends")
-    if not isinstance(name, str):
-        raise ConfigurationError(f"{path}: extends must be the name or the path of a scenario, not {name!r}")
-    other = _tables(_file(name, path.parent), (*below, path))
-    return _merged(other, tables)
+def _tables(path: Path) -> dict[str, Any]:
+    """What a file says, over what the one that it extends says, and so on."""
+    files, parts = [path], [read_toml(path)]
+    while "extends" in parts[-1]:
+        name = parts[-1].pop("extends")
+        if not isinstance(name, str):
+            raise ConfigurationError(
+                f"{files[-1]}: extends must be the name or the path of a scenario, not {shown(name)}"
+            )
+        file = _file(name, files[-1].parent)
+        files.append(file)
+        parts.append(read_toml(file))
+        if any(file.samefile(other) for other in files[:-1]):
+            raise ConfigurationError(f"scenarios extend each other in a circle: {' extends '.join(map(str, files))}")
+        if len(files) > MOST_EXTENDED:
+            raise ConfigurationError(
+                f"{path} extends a file that extends another, and so on: more than {MOST_EXTENDED} in all"
+            )
+    tables = parts.pop()
+    while parts:
+        tables = _merged(tables, parts.pop())
+    return tables
 
 
 def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:

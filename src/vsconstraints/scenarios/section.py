@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ConfigurationError, unknown_name
+from ..errors import ConfigurationError, shown, unknown_name
 from ..rows import Array
 
 REQUIRED: Any = object()
@@ -18,6 +18,9 @@ REQUIRED: Any = object()
 
 OPTIONAL = ("disturbances", "tolerances", "motion", "mount", "fixed")
 """Tables that need not be in a file, and are made when a key in them is overridden."""
+
+DEEPEST = 30
+"""Levels of tables and lists in each other that a file may have."""
 
 
 class Section:
@@ -33,7 +36,7 @@ class Section:
 
     def __init__(self, table: object, where: str) -> None:
         if not isinstance(table, Mapping):
-            raise ConfigurationError(f"{where} must be a table, not {table!r}")
+            raise ConfigurationError(f"{where} must be a table, not {shown(table)}")
         self._table, self._where = dict(table), where
         self._known: list[str] = []
 
@@ -51,7 +54,7 @@ class Section:
         kinds = kind if isinstance(kind, tuple) else (kind,)
         if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
             names = " or ".join(_NAMES.get(k, k.__name__) for k in kinds)
-            raise ConfigurationError(f"{self._where}: {key} must be {names}, not {value!r}")
+            raise ConfigurationError(f"{self._where}: {key} must be {names}, not {shown(value)}")
         return value
 
     def peek(self, key: str) -> Any:
@@ -79,7 +82,7 @@ class Section:
         try:
             array: Array = np.array(value, dtype=np.float64)
         except (TypeError, ValueError, OverflowError) as error:
-            raise ConfigurationError(f"{self._where}: {key} must be numbers, not {value!r}") from error
+            raise ConfigurationError(f"{self._where}: {key} must be numbers, not {shown(value)}") from error
         fits = array.ndim == len(shape) and all(
             wanted in (None, length) for wanted, length in zip(shape, array.shape, strict=True)
         )
@@ -106,6 +109,10 @@ class Section:
         if value not in names:
             raise unknown_name(f"{key} in {self._where}", value, names)
         return str(value)
+
+    def numbers(self) -> dict[str, float]:
+        """All keys not taken yet, each of which must have a finite number."""
+        return {key: self.number(key) for key in list(self._table)}
 
     def rest(self) -> dict[str, Any]:
         """All keys not taken yet, for something that checks them itself."""
@@ -136,11 +143,38 @@ _NAMES = {
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file; raises ConfigurationError that names the file if it cannot be read."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{os.fspath(path)} is not TOML: {error}") from error
-    except (OSError, UnicodeDecodeError) as error:
+        # a byte order mark is what some editors begin files with
+        text = path.read_bytes().decode("utf-8-sig")
+    except (OSError, ValueError) as error:
         raise ConfigurationError(f"cannot read {os.fspath(path)}: {error}") from error
+    return parse_toml(text, os.fspath(path))
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """The tables of a TOML text; raises ConfigurationError that names ``where``.
+
+    What TOML leaves to its readers is refused, too: integers of more than 64 bits, and more than :data:`DEEPEST`
+    levels.
+    """
+    too_deep = f"{where}: tables and lists lie in each other more than {DEEPEST} levels deep"
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{where} is not TOML: {error}") from error
+    except RecursionError as error:
+        raise ConfigurationError(too_deep) from error
+    except ValueError as error:  # digits without end
+        raise ConfigurationError(f"{where}: {error}") from error
+    level: list[Any] = [tables]
+    for _ in range(DEEPEST + 1):
+        level = [inner for one in level for inner in (one.values() if isinstance(one, dict) else one)]
+        for value in level:
+            if isinstance(value, int) and not -(2**63) <= value < 2**63:
+                raise ConfigurationError(f"{where}: integers have at most 64 bits, not {value.bit_length()}")
+        level = [value for value in level if isinstance(value, (dict, list))]
+    if level:
+        raise ConfigurationError(too_deep)
+    return tables
 
 
 def override(table: dict[str, Any], key: str, value: object, where: str) -> None:

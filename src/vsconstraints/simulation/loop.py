@@ -10,7 +10,7 @@ import numpy as np
 
 from ..control_step import ControlStep
 from ..controllers import Controller
-from ..errors import ConfigurationError, SceneError
+from ..errors import ConfigurationError, SceneError, described
 from ..evaluation import CompiledEvaluation
 from ..geometry import Pose
 from ..rows import Command
@@ -69,7 +69,7 @@ class _Run:
         except SceneError as error:
             self._end("failed", k, str(error))
         except Exception as error:  # own constraints and laws may raise anything; what was simulated is kept
-            self._end("failed", k, f"{type(error).__name__}: {error}")
+            self._end("failed", k, described(error))
 
     def _end(self, status: str, k: int, reason: str) -> None:
         self.ended, self.reason = status, f"t = {k * self.setup.Ts:.4g} s: {reason}"

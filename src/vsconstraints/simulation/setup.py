@@ -8,7 +8,7 @@ import numpy as np
 
 from ..constraints import ConstraintSet, ImageConstraint
 from ..control_step import has_unknown_motion
-from ..errors import ConfigurationError, InvalidInput, SceneError
+from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
 from ..features import CameraPose
 from ..rows import Array, BoolArray
 from ..scene import Scene
@@ -19,8 +19,8 @@ from .line_of_sight import LinesOfSight
 from .plant import Actuation, Plant
 from .sensing import Sensor
 
-MOST_SAMPLES = 1e7
-"""More than this are not simulated: a run is kept in memory whole."""
+MOST_MEMORY = 2e9
+"""What a run may take of memory, in which it is kept whole [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -97,10 +97,12 @@ class Setup:
                 raise InvalidInput(f"{name} must be a positive number of seconds, not {getattr(self, name)}")
         for name in ("q0", "qd0"):
             self.scene.robot.configuration(getattr(self, name), name)
-        if self.duration / self.Ts > MOST_SAMPLES:
+        samples, most = self.duration / self.Ts, MOST_MEMORY / self.sample_memory
+        if samples > most:
             raise ConfigurationError(
-                f"{self.duration} s in steps of {self.Ts} s are {self.duration / self.Ts:.3g} samples; "
-                f"at most {MOST_SAMPLES:g} can be kept"
+                f"{self.duration} s in steps of {self.Ts} s are {samples:.3g} samples, which take "
+                f"{samples * self.sample_memory / 1e9:.3g} GB of memory; a run may have {most:.3g} samples, "
+                f"{MOST_MEMORY / 1e9:g} GB"
             )
         if self.duration < self.Ts:
             raise ConfigurationError(f"the duration {self.duration} s is shorter than one sample, {self.Ts} s")
@@ -123,6 +125,16 @@ class Setup:
     def samples(self) -> int:
         """Number of samples from t = 0 to the end, which is the last whole period within the duration."""
         return int(np.floor(self.duration / self.Ts + 1e-6)) + 1
+
+    @property
+    def sample_memory(self) -> int:
+        """Memory that one sample of a run takes while it is simulated and scored [bytes]."""
+        n, m, markers = self.scene.robot.n, len(self.constraints.labels), len(self.scene.markers)
+        # floats that a log keeps: states and command, error, camera, markers, points, φ and σ, times
+        kept = 6 * n + max(6, 2 * markers) + 12 + 2 * markers + 3 * len(self.scene.points) + 2 * m + 12
+        # what the end of a run makes of them: states, clearances, errors
+        made = 3 * n + 3 * m + 2 * markers + 8
+        return 8 * (kept + made) + 2 * m
 
     def reached(self, camera_error: Array, feature_error: Array) -> BoolArray:
         """(N,) whether the goal is reached, by the camera's pose or, for image tasks, by the markers.
@@ -149,17 +161,26 @@ class Setup:
         Raises
         ------
         ConfigurationError
-            if a joint is outside its range, or a marker is behind the camera, outside the image, or hidden by the
-            robot's own links as far as the robot has collision geometry.
+            if a joint is outside its range, a marker is behind the camera, outside the image, or hidden by the
+            robot's own links as far as the robot has collision geometry, or the rows cannot be evaluated.
         """
-        robot, camera = self.scene.robot, self.scene.camera
+        robot = self.scene.robot
         outside = robot.outside_ranges(self.q0)
         if outside:
             raise ConfigurationError(f"{robot.name} starts outside its ranges: {'; '.join(outside)}")
         try:
-            state = self.scene.evaluate(0.0, self.q0, self.qd0)
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                return self._remarks()
         except SceneError as error:
             raise ConfigurationError(f"at the start, {error}") from error
+        except VsconstraintsError:
+            raise
+        except Exception as error:  # own constraints may raise anything, and numbers may leave the range of floats
+            raise ConfigurationError(f"the start cannot be evaluated: {described(error)}") from error
+
+    def _remarks(self) -> list[str]:
+        camera = self.scene.camera
+        state = self.scene.evaluate(0.0, self.q0, self.qd0)
         pixels = state.pixels.position
         unseen = [
             f"marker {i + 1} at ({u:.0f}, {v:.0f}) px" for i, (u, v) in enumerate(pixels) if not camera.sees(pixels[i])
