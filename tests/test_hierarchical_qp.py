@@ -269,6 +269,27 @@ def test_rows_that_leave_one_point_only():
     assert command.status == "ok"
 
 
+@pytest.mark.parametrize("solver", ["auto", "daqp"])
+def test_rows_that_contradict_each_other_by_rounding_leave_the_task_its_optimum(solver):
+    # x₁ + x₂ = −1 but for 1e-11: the least of (x₁)² + (3x₂ − 1)² there is 1.6
+    command = simple([[1, 1], [-1, -1]], [-1.0, 1.0 - 1e-11], np.diag([1.0, 3.0]), [0.0, 1.0], solver=solver)
+    np.testing.assert_allclose(command.qdd, [-1.2, 0.2], atol=1e-6)
+    assert command.status == "ok"
+
+
+@pytest.mark.parametrize("gap", [1e-12, 1e-11, 1e-10, 1e-9, 1e-8])
+def test_opposite_rows_with_a_small_gap_between_them_act_as_equalities(gap):
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        J, b, A, c = (rng.normal(size=shape) for shape in ((6, 6), 6, (2, 6), 2))
+        command = simple(np.vstack([A, -A]), np.concatenate([c, -c - gap]), J, b)
+        # the equality-constrained least squares, by its optimality conditions
+        system = np.block([[J.T @ J, A.T], [A, np.zeros((2, 2))]])
+        x = np.linalg.solve(system, np.concatenate([J.T @ b, c - 0.5 * gap]))[:6]
+        least = np.linalg.norm(J @ x - b)
+        assert np.linalg.norm(J @ command.qdd - b) == pytest.approx(least, rel=1e-6, abs=1e-7), (seed, gap)
+
+
 # --- the demands ---
 
 

@@ -234,7 +234,8 @@ def descend(
                 X[OFFSET, j] = qdd[j] - X[CENTER, j]
             A = settle(walls, sides, W, bound, X, relaxed, violation)
             if A.shape[0] == 0:
-                copy(X, ORIGIN, X, CENTER, n)
+                for j in range(n):
+                    X[ORIGIN, j], X[OFFSET, j] = X[CENTER, j], 0.0
             else:
                 F, T, rank, _ = pseudoinverse(A, START, CERTAIN * DEPENDENT, DEPENDENT, A, X, POINT)
                 p = n - rank

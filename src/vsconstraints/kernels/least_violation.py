@@ -22,6 +22,7 @@ def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) 
     residual, change = np.empty(m), np.empty(m)
     X, step, Y, longest = np.empty((ONE, n)), np.empty((ONE, n)), np.empty((ONE, n)), np.empty(n)
     held, violated = np.zeros(n, np.bool_), np.zeros(m, np.bool_)
+    reached, pulled = np.zeros(m, np.bool_), np.zeros(m, np.bool_)
     for i in range(m):
         for j in range(n):
             B[i, j] = weights[i] * A[i, j]
@@ -41,22 +42,29 @@ def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) 
             met = met and residual[i] <= rounding[i]
             # rows exceeded by rounding alone count here: a row of large scale holds small ones by just that much
             violated[i] = residual[i] > 0.0
+            reached[i] = reached[i] and residual[i] >= -rounding[i]
+            pulled[i] = violated[i] or reached[i]
             if violated[i]:
                 value += residual[i] * residual[i]
         if met:
             return DONE
         # the step that takes the violated rows to their bounds in the least-squares sense, held coordinates apart
-        M = newton_system(B, residual, violated, held)
+        M = newton_system(B, residual, pulled, held)
         pseudoinverse(M, START, WELL, RANK, M, Y, START)
         free = 0
         for j in range(n):
             step[0, j] = 0.0 if held[j] else Y[0, free]
             free += not held[j]
         still = CONVERGED * math.sqrt(value)
-        stationary = True
+        stationary, blocked = True, False
         for i in range(m):
             change[i] = dot(B, i, step, START, START, n)
             stationary = stationary and (not violated[i] or abs(change[i]) <= still + rounding[i])
+            # a row of large scale that is just met ends a step before it begins, unless it takes part
+            if not pulled[i] and residual[i] >= -rounding[i] and change[i] > rounding[i]:
+                reached[i] = blocked = True
+        if blocked:
+            continue
         if stationary or value >= last:
             # stationary on this face of the box: which held coordinate is pulled inward the most?
             worst, strongest, threshold = 0, -math.inf, 0.0
@@ -94,18 +102,18 @@ def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) 
 
 
 @inner
-def newton_system(B: Array, residual: Array, violated: BoolArray, held: BoolArray) -> Array:
-    """The violated rows and what they ask of the coordinates that are not held: [M | target]."""
+def newton_system(B: Array, residual: Array, pulled: BoolArray, held: BoolArray) -> Array:
+    """The rows that take part and what they ask of the coordinates that are not held: [M | target]."""
     m, n = B.shape
     rows = columns = 0
     for i in range(m):
-        rows += violated[i]
+        rows += pulled[i]
     for j in range(n):
         columns += not held[j]
     M = np.empty((rows, columns + 1))
     at = 0
     for i in range(m):
-        if violated[i]:
+        if pulled[i]:
             to = 0
             for j in range(n):
                 if not held[j]:

@@ -16,6 +16,9 @@ CONVERGED = 1e-12
 RANK = 1e-14
 """Singular values below this fraction of the largest count as zero in a step."""
 
+LOST = 1e-7
+"""Fraction of the largest term below which a violation may be lost where rows differ most."""
+
 
 def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: float = np.inf) -> Array:
     """Find a minimiser of ½‖max(0, W(Ax − c))‖² in the box |x| ≤ bound, W = diag(weights).
@@ -23,8 +26,12 @@ def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: flo
     The function is convex and piecewise quadratic: Newton's method on the rows that are violated, with an
     exact line search, ends after finitely many steps with an exact minimiser. Coordinates that the box holds
     are kept in a working set and released when the gradient pulls them inward. The minimiser need not be
-    unique, but its violations are. Weighted rows whose norms are up to 1e6 apart were measured to be resolved;
-    beyond that, small rows are lost in the rounding of large ones.
+    unique, but its violations are.
+
+    Beside large rows small ones are lost in rounding. The result exceeds the least value of ‖max(0, W(Ax − c))‖ by at
+    most a fraction of 1e-9 of it and a part of the largest wᵢ(‖Aᵢ‖‖x‖ + |cᵢ|): :data:`LOST` where the norms of weighted
+    rows are up to 1e10 apart, some of them nearly repeating others, and 1e-3 of that where they are up to 1e6 apart.
+    Tests hold both forms to this, by rational arithmetic.
 
     Parameters
     ----------
@@ -51,7 +58,7 @@ def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: flo
     d = weights * c
     row_norms = np.sqrt(np.einsum("ij,ij->i", B, B))
     x = np.clip(start, -bound, bound)
-    held = np.zeros(x.size, dtype=np.bool_)
+    held, reached = np.zeros(x.size, dtype=np.bool_), np.zeros(c.size, dtype=np.bool_)
     last = released_at = np.inf
     fruitless = 0
     for _ in range(20 + 10 * (x.size + c.size)):
@@ -62,10 +69,17 @@ def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: flo
         # Rows exceeded by rounding alone count here: a row of large scale holds small ones by just that much.
         violated = residual > 0.0
         excess = residual[violated]
-        free = ~held
+        touching = residual >= -rounding
+        reached &= touching
+        pulled, free = violated | reached, ~held
         step = np.zeros(x.size)
-        step[free] = np.linalg.lstsq(B[violated][:, free], -excess, rcond=RANK)[0]
+        step[free] = np.linalg.lstsq(B[pulled][:, free], -residual[pulled], rcond=RANK)[0]
         change = B @ step
+        # A row of large scale that is just met ends a step before it begins, unless it takes part.
+        blocking = touching & ~pulled & (change > rounding)
+        if blocking.any():
+            reached |= blocking
+            continue
         value = float(excess @ excess)
         still = CONVERGED * np.sqrt(value) + rounding[violated]
         if (np.abs(change[violated]) <= still).all() or value >= last:
