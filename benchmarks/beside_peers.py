@@ -45,11 +45,11 @@ def measure(effort: Effort) -> Part:
     for law in (SlidingMode(), HierarchicalQP()):
         setup = scenario.setup()
         walks[law.name] = Walk(setup, law, simulate(setup, law), effort.turns)
-    times = in_turn(walks, effort.turns)
+    times = in_turn({name: walk.in_one for name, walk in walks.items()}, effort.turns)
     unit = float(np.median(times[UNIT]))
     lines = []
     for name in walks:
-        total = Times(times[name][:, 2], unit)
+        total = Times(times[name], unit)
         part.keep(name, total)
         lines.append([f"vsconstraints, {name}", median_p99_max(total), ratios(total), ""])
     for name in PEERS:

@@ -18,7 +18,7 @@ from vsconstraints.simulation import Setup, Trajectory, simulate
 from .appendix_b import AppendixB
 from .part import CASE_STUDY, Effort, Part, Table, digits, hierarchical_qp, median_p99_max, ratios
 from .steps import Walk, shortened
-from .timing import BLOCK, UNIT, Array, Subject, Times, compare, each_call, in_turn
+from .timing import UNIT, Array, Subject, Times, compare, in_turn
 
 TEXT = """
 The same samples of the case study, state in, command out, in several forms taken in turn. *NumPy form* is the
@@ -33,9 +33,10 @@ active.
 class NumPyWalk(Walk):
     """The same steps by their definition."""
 
-    def in_one(self, t: float, q: Array, qd: Array) -> int:
+    def in_one(self, turn: int) -> float:
         """Time of the definitions of both [ns]."""
         clock, control, solve = perf_counter_ns, self.control, self.controller._defined
+        t, q, qd = self.states[self.places[turn]]
         started = clock()
         step = control.define(control.scene.evaluate(t, q, qd))
         solve(step.rows, step.task)
@@ -59,12 +60,13 @@ def measure(effort: Effort) -> Part:
         walks[name] = Walk(scenario.setup(), law(), run, effort.turns)
         if not name.endswith("daqp"):
             walks[f"{name}, NumPy form"] = NumPyWalk(scenario.setup(), law(), run, effort.turns)
-    subjects: dict[str, Subject] = {**walks, "Appendix B in NumPy": appendix_b_walk(scenario, run, effort.turns)}
+    subjects: dict[str, Subject] = {name: walk.in_one for name, walk in walks.items()}
+    subjects["Appendix B in NumPy"] = appendix_b_walk(scenario, run, effort.turns)
     times = in_turn(subjects, effort.turns)
     unit = float(np.median(times[UNIT]))
     lines = []
     for name in subjects:
-        total = Times(times[name][:, -1], unit)
+        total = Times(times[name], unit)
         part.keep(name, total)
         lines.append([name, median_p99_max(total), ratios(total), digits(total.spread)])
     part.tables.append(Table(["form", "µs: median / p99 / max", "ratio", "p99/median"], lines))
@@ -72,22 +74,17 @@ def measure(effort: Effort) -> Part:
     return part
 
 
-def appendix_b_walk(scenario: Scenario, run: Trajectory, turns: int) -> Callable[[int], Array]:
+def appendix_b_walk(scenario: Scenario, run: Trajectory, turns: int) -> Subject:
     """Times of the transcription along the run."""
     law = AppendixB(scenario.tables)
     states = [(float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)]
-    starts = np.linspace(0, max(len(states) - BLOCK - 1, 0), turns).astype(int)
+    places = np.linspace(0, len(states) - 1, turns).astype(int)
 
-    def turn(number: int) -> Array:
-        at = int(starts[number])
-        law.step(*states[at])
-
-        def next_step() -> Array:
-            nonlocal at
-            at = min(at + 1, len(states) - 1)
-            return law.step(*states[at])
-
-        return each_call(next_step)(number)[:, None]
+    def turn(number: int) -> float:
+        t, q, qd = states[places[number]]
+        started = perf_counter_ns()
+        law.step(t, q, qd)
+        return perf_counter_ns() - started
 
     return turn
 

@@ -22,7 +22,7 @@ class Effort:
     Attributes
     ----------
     turns
-        Of each subject, see :mod:`benchmarks.timing`.
+        Of each subject, one call each: see :mod:`benchmarks.timing`.
     scenarios
         Names of those in the table of step times.
     duration
@@ -49,7 +49,7 @@ class Effort:
 
 
 FULL = Effort(
-    turns=80,
+    turns=2000,
     scenarios=shipped_scenarios(),
     duration=60.0,
     repeats=9,
@@ -60,7 +60,7 @@ FULL = Effort(
     long=True,
 )
 QUICK = Effort(
-    turns=20,
+    turns=500,
     scenarios=("case-study-6r", "ur5-fov", "panda-fov", "example-2d-fov"),
     duration=60.0,
     repeats=3,
@@ -71,7 +71,7 @@ QUICK = Effort(
     long=False,
 )
 TINY = Effort(
-    turns=1,
+    turns=10,
     scenarios=("case-study-6r",),
     duration=0.2,
     repeats=1,

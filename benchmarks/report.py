@@ -15,14 +15,16 @@ from vsconstraints.reports.markdown import plain, table
 from .figures import draw
 from .part import Part, Table
 from .targets import judged
-from .timing import BLOCK, UNIT
+from .timing import UNIT
 
 HOW = f"""
 Times are divided by that of the *unit*, `{UNIT}`, since machines differ. The subjects of a table and
-the unit take turns in one process: {BLOCK} calls in a row of the first, as many of the second, and so on, then again
-from the first; so whatever else the machine does hits all alike. Every call is timed by itself. Each subject has one
-unmeasured turn first. Linear algebra libraries use one thread. Garbage is collected as usual, but objects that existed
-before are not searched.
+the unit take turns in one process: one call of the first, one of the second, and so on, then again from the first. So
+whatever else the machine does hits all alike, and every call, the unit's too, is cold: it comes after the work of
+others, as a control step does that is called every few milliseconds; the same call repeated at once takes 10 to
+20 % less. Every call is timed by itself. Each subject has one unmeasured turn first. Linear algebra libraries use one
+thread. Garbage is collected as usual, but objects that existed before are not searched. The unit is not the same
+everywhere, nor always on one machine: where a ratio decides, the time in µs stands beside it.
 """
 
 

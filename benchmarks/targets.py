@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from .growth import LINEAR
-from .part import CASE_STUDY, Part, Table, digits
+from .part import CASE_STUDY, Part, Table, digits, microseconds
 
 BUSY = 1.5
 """p99 / median of the unit above which a machine is not idle, and tails say nothing about the code."""
@@ -79,7 +79,16 @@ def judged(parts: Mapping[str, Part]) -> Table:
         else:
             verdict = "**not met**"
         unit = f" {target.unit}" if target.unit else ""
-        lines.append(
-            [target.what, f"{target.most:g}{unit}", "–" if value is None else f"{digits(value)}{unit}", verdict]
-        )
-    return Table(["", "at most", "measured", ""], lines)
+        found = "–" if value is None else f"{digits(value)}{unit}"
+        lines.append([target.what, f"{target.most:g}{unit}", found, _time(part, target), verdict])
+    return Table(["", "at most", "measured", "µs", ""], lines)
+
+
+def _time(part: Part | None, target: Target) -> str:
+    """The median time [µs] that a ratio is of; empty for what is no ratio to the unit."""
+    what, _, kind = target.number.rpartition(": ")
+    return (
+        microseconds(part.numbers[f"{what}: median"])
+        if part and kind == "ratio" and target.number in part.numbers
+        else ""
+    )

@@ -17,14 +17,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.floating[Any]]
 
-BLOCK = 25
-"""Calls of one subject in a row, before it is the next one's turn: at most a few milliseconds."""
-
 UNIT = "numpy.linalg.pinv of 8×6"
 """What every time is divided by, in the same run."""
 
-Subject = Callable[[int], Array]
-"""Given the number of its turn, makes :data:`BLOCK` calls and gives their times [ns], (calls,) or (calls, parts)."""
+Subject = Callable[[int], float | tuple[float, ...]]
+"""Given the number of its turn, makes one call and gives its time [ns], or the times of its parts."""
 
 
 @dataclass(frozen=True)
@@ -77,31 +74,29 @@ def unit_subject() -> Subject:
 def each_call(function: Callable[[], object]) -> Subject:
     """The subject whose calls are all alike."""
 
-    def turn(_: int) -> Array:
-        times = np.empty(BLOCK)
-        for i in range(BLOCK):
-            started = perf_counter_ns()
-            function()
-            times[i] = perf_counter_ns() - started
-        return times
+    def turn(_: int) -> float:
+        started = perf_counter_ns()
+        function()
+        return perf_counter_ns() - started
 
     return turn
 
 
 def in_turn(subjects: Mapping[str, Subject], turns: int) -> dict[str, Array]:
-    """Times [s] of every subject and of :data:`UNIT`, (calls, ...) each; a turn of each goes before, unmeasured.
+    """Times [s] of every subject and of :data:`UNIT`, (turns,) or (turns, parts) each.
 
-    Subjects are called in blocks: one block of each, then the next block of each.
+    One call of each, then the next call of each: no call finds the caches as its own last one has left them, as it
+    would where it is repeated at once. A turn of each goes before, unmeasured.
     """
     everything = {UNIT: unit_subject(), **subjects}
     for subject in everything.values():
         subject(0)
-    found: dict[str, list[Array]] = {name: [] for name in everything}
+    found: dict[str, list[float | tuple[float, ...]]] = {name: [] for name in everything}
     with without_old_garbage():
         for turn in range(turns):
             for name, subject in everything.items():
                 found[name].append(subject(turn))
-    return {name: 1e-9 * np.concatenate(times) for name, times in found.items()}
+    return {name: 1e-9 * np.array(times, dtype=np.float64) for name, times in found.items()}
 
 
 def compare(subjects: Mapping[str, Callable[[], object]], turns: int) -> dict[str, Times]:
