@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +13,7 @@ from rich.console import Console
 
 from . import __version__
 from .errors import VsconstraintsError
+from .runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -25,7 +28,10 @@ app = typer.Typer(
 console = Console(highlight=False, markup=False, soft_wrap=True)
 errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
 
-USAGE_ERROR, INTERRUPTED = 2, 130
+USAGE_ERROR = 2
+
+
+Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")]
 
 
 @app.command()
@@ -38,7 +44,7 @@ def compare(
     out: Annotated[Path, typer.Option(help="Folder for results; runs stored there are not run again.")] = Path(
         "vsconstraints-results"
     ),
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; all cores if not given.")] = None,
+    jobs: Jobs = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Instead of the suite's.")] = None,
     settings: Annotated[
         list[str] | None,
@@ -50,6 +56,14 @@ def compare(
         ),
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Run again what is stored.")] = False,
+    run_limit: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            metavar="SECONDS",
+            help="A run that takes longer is ended and fails; 120 s and 0.1 s per sample if not given.",
+        ),
+    ] = None,
 ) -> None:
     """Run every scenario with every controller, and write a report."""
     from .comparisons import Job, Suite
@@ -62,6 +76,7 @@ def compare(
         for remark in one.setup().check_start():
             errors.print(f"note: {one.name}: {remark}")
     total = len(chosen.with_baseline().jobs())
+    _note_processes(jobs)
     with _progress() as progress:
         bar = progress.add_task("comparing", total=total)
 
@@ -77,6 +92,7 @@ def compare(
             chosen,
             out,
             workers=jobs,
+            limit=run_limit,
             fresh=fresh,
             command=["vsconstraints", *sys.argv[1:]],
             on_finished=finished,
@@ -87,9 +103,13 @@ def compare(
         errors.print(
             f"Interrupted: {len(result.scores)} of {total} runs are stored in {out}; the same command goes on."
         )
-        raise typer.Exit(INTERRUPTED)
-    with errors.status("writing the report"):
-        report = write_report(out)
+        raise typer.Exit(exit_code(result.interrupted))
+    try:
+        with errors.status("writing the report"):
+            report = write_report(out)
+    except INTERRUPTS as interrupt:
+        errors.print(f"Interrupted: all {total} runs are stored in {out}, the report is not; the same command goes on.")
+        raise typer.Exit(exit_code(signal_of(interrupt))) from interrupt
     console.print(f"{total} runs in {result.wall_time:.1f} s. Report: {report}")
 
 
@@ -112,12 +132,13 @@ def report(folder: Annotated[Path, typer.Argument(help="Folder of a comparison."
 @app.command()
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder for report, table and figures.")] = Path("reports/paper"),
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; all cores if not given.")] = None,
+    jobs: Jobs = None,
 ) -> None:
     """Check every claim of the paper, redraw its figures, and write a report."""
     from .reproduction import reproduce as run
 
-    with _progress() as progress:
+    _note_processes(jobs)
+    with _taken_up_again(out), _progress() as progress:
         bar = progress.add_task("starting", total=None)
         result = run(
             out,
@@ -134,12 +155,13 @@ def reproduce(
 def study(
     names: Annotated[list[str] | None, typer.Argument(help="Which studies; all if not given.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for figures and tables.")] = Path("vsconstraints-studies"),
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; all cores if not given.")] = None,
+    jobs: Jobs = None,
 ) -> None:
     """Answer a general question about the controllers with many runs and one figure."""
     from .studies import STUDIES, figure_file, run_studies
 
-    with _progress() as progress:
+    _note_processes(jobs)
+    with _taken_up_again(out), _progress() as progress:
         bar = progress.add_task("studying", total=None)
         results = run_studies(
             names, out, jobs, on_progress=lambda done, total: progress.update(bar, completed=done, total=total)
@@ -150,6 +172,24 @@ def study(
             console.print(f"  {sentence}")
         for failure in result.failures:
             errors.print(f"  {failure}")
+
+
+def _note_processes(asked: int | None) -> None:
+    from .runs.resources import process_count
+
+    used = process_count(asked)
+    if asked is not None and used < asked:
+        errors.print(f"note: --jobs {asked}: there are cores and memory for {used}; {used} used")
+
+
+@contextmanager
+def _taken_up_again(folder: Path) -> Iterator[None]:
+    """Say, where it is interrupted, that what was finished is kept."""
+    try:
+        yield
+    except INTERRUPTS as interrupt:
+        errors.print(f"Interrupted: finished runs are kept in {folder}; the same command goes on.")
+        raise typer.Exit(exit_code(signal_of(interrupt))) from interrupt
 
 
 def _progress() -> Progress:
@@ -176,11 +216,12 @@ def _options(
 
 def main() -> None:
     """Run the command line; errors this package raises on purpose end it with exit code 2 and one message."""
+    obey_signals()
     try:
         app()
     except VsconstraintsError as error:
         errors.print(f"error: {error}")
         sys.exit(USAGE_ERROR)
-    except KeyboardInterrupt:
+    except INTERRUPTS as interrupt:
         errors.print("Interrupted.")
-        sys.exit(INTERRUPTED)
+        sys.exit(exit_code(signal_of(interrupt)))

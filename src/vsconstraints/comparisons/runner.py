@@ -4,30 +4,25 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
 from ..errors import ConfigurationError
 from ..kernels import available, prepare
+from ..runs.pool import Failure, Pool
+from ..runs.resources import process_count, run_limit
+from ..runs.signals import INTERRUPTS, signal_of
 from ..simulation import simulate
 from .machine import git_commit, machine, package_versions
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, Score, score
 from .record import RunRecord, run_file
 from .suite import BASELINE, Job, Suite
 from .tables import append_lines, write_table
-
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Set to 1 in workers: matrices are small, threads would only make times noisy and sums order-dependent."""
 
 Report = Callable[[Job, Score, bool], None]
 """Called for each finished job with its score and whether it was stored before."""
@@ -48,14 +43,14 @@ class Finished:
     wall_time
         [s].
     interrupted
-        Whether Ctrl-C ended it.
+        Number of the signal that ended it; 0 if none did.
     """
 
     folder: Path
     scores: dict[tuple[str, str, int], Score]
     stored_before: int
     wall_time: float
-    interrupted: bool
+    interrupted: int
 
 
 def compare(
@@ -63,6 +58,7 @@ def compare(
     folder: Path,
     *,
     workers: int | None = None,
+    limit: float | None = None,
     fresh: bool = False,
     command: Sequence[str] = (),
     on_finished: Report = lambda job, score, stored: None,
@@ -71,7 +67,7 @@ def compare(
 
     Runs stored there before with the same scenario, controller, trial, seed and code are kept. Tracking alone is
     always run, since it tells which rows a scenario challenges. A run that fails in any way, even by ending its
-    process, becomes a row with its reason.
+    process or by never coming to an end, becomes a row with its reason.
 
     Parameters
     ----------
@@ -80,7 +76,10 @@ def compare(
     folder
         Where to; made if it is not there.
     workers
-        Number of processes; as many as there are cores if None.
+        Number of processes at most; see :func:`vsconstraints.runs.resources.process_count`.
+    limit
+        How long a run may take [s]; by its number of samples if None
+        (:func:`vsconstraints.runs.resources.run_limit`).
     fresh
         Whether to run again what is stored.
     command
@@ -116,11 +115,11 @@ def compare(
         append_lines(folder / "constraints.csv", CONSTRAINT_COLUMNS, _constraint_lines(suite, [job], scores))
         on_finished(job, result, stored)
 
-    interrupted = False
+    interrupted = 0
     try:
-        _run_all(jobs, folder, workers or os.cpu_count() or 1, fresh, done)
-    except KeyboardInterrupt:
-        interrupted = True
+        _run_all(jobs, folder, process_count(workers), limit, fresh, done)
+    except INTERRUPTS as interrupt:
+        interrupted = signal_of(interrupt)
     # in the jobs' order, whatever order they finished in
     finished = [job for job in jobs if job.key in scores]
     write_table(folder / "results.csv", RESULT_COLUMNS, _result_lines(suite, finished, scores))
@@ -151,54 +150,26 @@ def run_job(job: Job, folder: Path, fresh: bool) -> tuple[Score, bool]:
 
 
 def _run_all(
-    jobs: Sequence[Job], folder: Path, workers: int, fresh: bool, done: Callable[[Job, Score, bool], None]
+    jobs: Sequence[Job],
+    folder: Path,
+    workers: int,
+    limit: float | None,
+    fresh: bool,
+    done: Callable[[Job, Score, bool], None],
 ) -> None:
-    """Baselines first; whatever was under way when a worker process died is run again, one process each."""
-    baselines = [job for job in jobs if job.entry.name == BASELINE]
-    others = [job for job in jobs if job.entry.name != BASELINE]
-    for batch in (baselines, others):
-        left: Sequence[Job] = batch
-        while left:
-            suspects, left = _run_batch(left, folder, min(workers, len(left)), fresh, done)
-            for job in suspects:
-                if any(_run_batch([job], folder, 1, fresh, done)):
-                    # not stored: what killed it (memory, a signal) may be gone next time
-                    done(job, score(RunRecord.failed("the process that ran it died", ""), None), False)
-
-
-def _run_batch(
-    jobs: Sequence[Job], folder: Path, workers: int, fresh: bool, done: Callable[[Job, Score, bool], None]
-) -> tuple[list[Job], list[Job]]:
-    """Run jobs in parallel; where a process dies, returns those it may have run, and those not handed out yet."""
-    for variable in THREAD_VARIABLES:
-        os.environ.setdefault(variable, "1")
-    # spawned, so that workers start alike on every system and inherit no threads
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_leave_interrupts_to_parent)
-    waiting = deque(jobs)
-    running: dict[Future[tuple[Score, bool]], Job] = {}
-    try:
-        while waiting or running:
-            # a short queue: what is not handed out yet need not be taken back on an interrupt
-            while waiting and len(running) < 2 * workers:
-                running[pool.submit(run_job, waiting[0], folder, fresh)] = waiting[0]
-                waiting.popleft()
-            finished, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in finished:
-                result, stored = future.result()
-                done(running.pop(future), result, stored)
-    except BrokenProcessPool:
-        return list(running.values()), list(waiting)
-    except KeyboardInterrupt:
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-    return [], []
-
-
-def _leave_interrupts_to_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Baselines first, since the others are scored against them."""
+    by_key = {job.key: job for job in jobs}
+    with Pool(run_job, min(workers, len(jobs))) as pool:
+        for baselines in (True, False):
+            batch = [job for job in jobs if (job.entry.name == BASELINE) is baselines]
+            calls = {job.key: (job, folder, fresh) for job in batch}
+            limits = {job.key: limit or run_limit(job.scenario.tables) for job in batch}
+            for key, answer in pool.run(calls, limits):
+                if isinstance(answer, Failure):
+                    # what was stored before is not this run; this is not stored: memory, say, may suffice next time
+                    run_file(folder, *key).unlink(missing_ok=True)
+                    answer = score(RunRecord.failed(answer.reason, ""), None), False
+                done(by_key[key], *answer)
 
 
 def _identity(suite: Suite, job: Job) -> dict[str, Any]:

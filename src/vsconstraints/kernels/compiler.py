@@ -147,12 +147,16 @@ def _cache(function: Callable[..., Any]) -> Path:
 def _share(module: str) -> None:
     """Let another process compile the other modules in the meantime, so that they are there when they are needed.
 
-    Locks keep the two from compiling the same; nothing waits for that process, and nothing is lost if it fails.
+    Locks keep the two from compiling the same; nothing waits for that process, which ends with this one, and nothing
+    is lost if it fails.
     """
     if os.environ.get(VARIABLE) == ALONE or not sys.executable or (os.cpu_count() or 1) < 2:
         return
     package = __name__.rpartition(".")[0]
-    code = f"from {package} import MODULES, load\nfor name in MODULES:\n    if name != {module!r}:\n        load(name)"
+    code = (
+        f"from {package.rpartition('.')[0]}.runs.worker import end_with\nend_with({os.getpid()})\n"
+        f"from {package} import MODULES, load\nfor name in MODULES:\n    if name != {module!r}:\n        load(name)"
+    )
     nowhere = subprocess.DEVNULL
     path = os.pathsep.join(filter(None, sys.path))
     with suppress(OSError):

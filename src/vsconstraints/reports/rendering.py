@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
 from pathlib import Path
 
 from ..comparisons.record import run_file
+from ..runs.pool import Failure, Pool
+from ..runs.resources import process_count
 from .jobs import Drawn, ScenarioJob
 
 FEW = 2
@@ -20,22 +18,18 @@ KINDS = ("tracks", "phi", "errors", "acceleration")
 
 
 def draw_all(jobs: Sequence[ScenarioJob]) -> dict[str, Drawn]:
-    """Draw the figures of every scenario; a scenario whose process dies is reported, not raised."""
-    workers = min(len(jobs), os.cpu_count() or 1)
+    """Draw the figures of every scenario; a scenario whose figures cannot be drawn is reported, not raised."""
+    workers = min(len(jobs), process_count())
     if len(jobs) <= FEW or workers < 2:
         return {job.scenario.name: draw(job) for job in jobs}
     # the longest first, so that no process is left with one at the end
-    order = sorted(jobs, key=_stored_size, reverse=True)
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting = [(job, pool.submit(draw, job)) for job in order]
-        drawn = {}
-        for job, future in waiting:
-            try:
-                drawn[job.scenario.name] = future.result()
-            except BrokenProcessPool:
-                drawn[job.scenario.name] = Drawn(
-                    job.scenario.name, problems=["The process that draws its figures died."]
-                )
+    calls = {job.scenario.name: (job,) for job in sorted(jobs, key=_stored_size, reverse=True)}
+    drawn = {}
+    with Pool(draw, workers) as pool:
+        for name, answer in pool.run(calls):
+            if isinstance(answer, Failure):
+                answer = Drawn(name, problems=[f"Its figures could not be drawn: {answer.reason}."])
+            drawn[name] = answer
     return drawn
 
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ..comparisons.runner import THREAD_VARIABLES
+from ..comparisons.unfinished import Unfinished, unfinished
 from ..errors import ConfigurationError
 from ..kernels import prepare
+from ..runs.pool import Failure, Pool
+from ..runs.resources import process_count, run_limit
 from . import claims as _claims  # registers every claim
 from .figures.catalogue import FIGURES, FigureSpec
 from .runs import Run, RunSpec
@@ -25,8 +24,10 @@ __all__ = ["Reproduction", "reproduce"]
 Progress = Callable[[str, int, int], None]
 """Told what is being done, how much of it is done, and how much there is."""
 
-Key = TypeVar("Key")
-DIED = "the process that ran it died"
+Count = Callable[[int, int], None]
+"""Told how much of something is done, and how much there is."""
+
+Key = TypeVar("Key", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -71,15 +72,16 @@ def reproduce(
 ) -> Reproduction:
     """Check every claim of the paper and redraw its figures.
 
-    Everything is simulated anew. Whatever fails, a scenario, a run, a study or a figure, costs only what rests on it:
-    those claims become ``not measured``, with the reason.
+    Everything is simulated anew, but for what the same command has simulated before it was interrupted. Whatever
+    fails, a scenario, a run, a study or a figure, costs only what rests on it: those claims become ``not measured``,
+    with the reason.
 
     Parameters
     ----------
     folder
         Where report.md, claims.csv and figures go; made if it is not there.
     workers
-        Number of processes; as many as there are cores if None.
+        Number of processes at most; see :func:`vsconstraints.runs.resources.process_count`.
     on_progress
         Told of what is done.
     command
@@ -98,19 +100,23 @@ def reproduce(
         figures.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigurationError(f"the report cannot be written to {folder}: {error}") from error
-    count = workers or os.cpu_count() or 1
+    count = process_count(workers)
     asked = wanted_runs()
-    available: dict[RunSpec | str, Any] = dict(
-        _parallel({spec: (perform, spec) for spec in asked}, count, on_progress, "simulating")
-    )
-    studies = study_results(folder, count, on_progress)
-    available.update(studies)
-    findings = {claim.key: claim.check(available) for claim in all_claims()}
-    drawn = _draw(available, figures, count, on_progress)
-    problems = {str(spec): found for spec, found in available.items() if isinstance(found, str)}
-    problems |= {f"figure {number}": why for number, why in drawn.items() if why}
-    result = Reproduction(folder / "report.md", findings, problems, time.perf_counter() - started)
-    write_report(result, drawn, studies, command)
+    with unfinished(folder) as kept:
+        prepare()
+        runs: dict[RunSpec | str, tuple[Any, ...]] = {
+            spec: (spec, kept.file("reproduction", str(spec), spec.tables)) for spec in asked
+        }
+        limits: dict[RunSpec | str, float] = {spec: run_limit(spec.tables) for spec in asked}
+        available = _parallel(perform, runs, count, partial(on_progress, "simulating"), limits)
+        studies = study_results(folder, count, partial(on_progress, "studying"), kept)
+        available.update(studies)
+        findings = {claim.key: claim.check(available) for claim in all_claims()}
+        drawn = _draw(available, figures, count, partial(on_progress, "drawing"))
+        problems = {str(spec): found for spec, found in available.items() if isinstance(found, str)}
+        problems |= {f"figure {number}": why for number, why in drawn.items() if why}
+        result = Reproduction(folder / "report.md", findings, problems, time.perf_counter() - started)
+        write_report(result, drawn, studies, command)
     return result
 
 
@@ -123,10 +129,10 @@ def wanted_runs() -> list[RunSpec]:
     return sorted(runs, key=lambda spec: ("case" in spec.scenario, "bowl" in spec.scenario), reverse=True)
 
 
-def perform(spec: RunSpec) -> Run | str:
-    """The run, or why there is none: the first sentence of what was raised."""
+def perform(spec: RunSpec, file: Path | None = None) -> Run | str:
+    """The run, or why there is none: the first sentence of what was raised; it is kept in the file."""
     try:
-        return spec.perform()
+        return spec.perform(file)
     except BaseException as error:  # even SystemExit of an own part: one run must not cost the others
         return f"{type(error).__name__}: {error}".split(". ")[0]
 
@@ -141,7 +147,7 @@ def _draw_one(figure: FigureSpec, runs: Sequence[Run], path: Path) -> str:
     return ""
 
 
-def _draw(available: Mapping[RunSpec | str, Any], folder: Path, workers: int, on_progress: Progress) -> dict[int, str]:
+def _draw(available: Mapping[RunSpec | str, Any], folder: Path, workers: int, on_progress: Count) -> dict[int, str]:
     """Of each figure why it is not there; an empty text if it is."""
     jobs: dict[int, tuple[Any, ...]] = {}
     drawn: dict[int, str] = {}
@@ -151,58 +157,35 @@ def _draw(available: Mapping[RunSpec | str, Any], folder: Path, workers: int, on
             drawn[number] = missing[0]
             (folder / figure.file).unlink(missing_ok=True)
         else:
-            jobs[number] = (_draw_one, figure, [available[need] for need in figure.needs], folder / figure.file)
-    drawn |= dict(_parallel(jobs, workers, on_progress, "drawing"))
+            jobs[number] = (figure, [available[need] for need in figure.needs], folder / figure.file)
+    drawn |= _parallel(_draw_one, jobs, workers, on_progress)
     return {number: drawn[number] for number in FIGURES}
 
 
-def study_results(folder: Path, workers: int, on_progress: Progress) -> dict[str, Any]:
+def study_results(folder: Path, workers: int, on_progress: Count, kept: Unfinished) -> dict[str, Any]:
     """Results of all studies by name; a text instead of a result where there is none."""
     try:
         from ..studies import run_studies
     except ImportError as error:
         return {"studies": f"{type(error).__name__}: {error}"}
     try:
-        return dict(run_studies(None, folder, workers, lambda done, total: on_progress("studying", done, total)))
+        return dict(run_studies(None, folder, workers, on_progress, kept=kept))
     except Exception as error:  # claims and figures of the paper do not depend on it
         return {"studies": f"{type(error).__name__}: {error}"}
 
 
 def _parallel(
-    jobs: Mapping[Key, tuple[Any, ...]], workers: int, on_progress: Progress, what: str
-) -> Iterable[tuple[Key, Any]]:
-    """What each job (function, arguments …) returned; the reason where its process died."""
-    for variable in THREAD_VARIABLES:
-        os.environ.setdefault(variable, "1")
-    done: dict[Key, Any] = {}
-    on_progress(what, 0, len(jobs))
-    _batch(jobs, list(jobs), workers, done, on_progress, what)
-    # where a process died the others' jobs were lost with it: again, each in a process of its own
-    for key in [key for key in jobs if key not in done]:
-        _batch(jobs, [key], 1, done, on_progress, what)
-        done.setdefault(key, DIED)
-    return done.items()
-
-
-def _batch(
-    jobs: Mapping[Key, tuple[Any, ...]],
-    keys: Sequence[Key],
+    function: Callable[..., Any],
+    calls: Mapping[Key, tuple[Any, ...]],
     workers: int,
-    done: dict[Key, Any],
-    on_progress: Progress,
-    what: str,
-) -> None:
-    if not keys:
-        return
-    prepare()
-    with ProcessPoolExecutor(min(workers, len(keys)), mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(*jobs[key]): key for key in keys}
-        try:
-            for future in as_completed(waiting):
-                done[waiting[future]] = future.result()
-                on_progress(what, len(done), len(jobs))
-        except BrokenProcessPool:
-            return
-        except KeyboardInterrupt:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    on_progress: Count,
+    limits: Mapping[Key, float] | None = None,
+) -> dict[Key, Any]:
+    """What the function returned for each call; the reason where it returned nothing."""
+    done: dict[Key, Any] = {}
+    on_progress(0, len(calls))
+    with Pool(function, min(workers, max(len(calls), 1))) as pool:
+        for key, answer in pool.run(calls, limits):
+            done[key] = answer.reason if isinstance(answer, Failure) else answer
+            on_progress(len(done), len(calls))
+    return done

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from ..comparisons.metrics import Score, score
 from ..comparisons.record import RunRecord
 from ..constraints import Constraint
 from ..controllers import make_controller
+from ..errors import VsconstraintsError
 from ..rows import Array
 from ..scenarios import Scenario
 from ..simulation import Setup, Trajectory, intervals, simulate
@@ -53,11 +56,31 @@ class RunSpec:
             scenario = scenario.with_override(key, value)
         return scenario
 
-    def perform(self) -> Run:
-        """Simulate it; raises what the scenario, the controller or the simulation raise."""
+    @property
+    def tables(self) -> dict[str, Any]:
+        """What the scenario says; nothing if there is none: that is said where it is run."""
+        try:
+            return self.load().tables
+        except VsconstraintsError:
+            return {}
+
+    def perform(self, file: Path | None = None) -> Run:
+        """Simulate it; raises what the scenario, the controller or the simulation raise.
+
+        Parameters
+        ----------
+        file
+            What it holds is taken instead; otherwise the run is kept there.
+        """
         setup = self.load().setup()
-        trajectory = simulate(setup, make_controller(self.law, dict(self.options)))
-        return Run(setup, RunRecord.of(setup, trajectory, str(self)))
+        record = None if file is None else RunRecord.load(file)
+        if record is None:
+            trajectory = simulate(setup, make_controller(self.law, dict(self.options)))
+            record = RunRecord.of(setup, trajectory, str(self))
+            if file is not None:
+                with suppress(OSError):  # the run is there: it can only not be taken up again
+                    record.save(file)
+        return Run(setup, record)
 
 
 @dataclass(frozen=True)

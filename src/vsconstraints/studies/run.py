@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 
 from ..comparisons.tables import write_table
+from ..comparisons.unfinished import Unfinished, unfinished
 from ..errors import ConfigurationError, unknown_name
 from .pool import Progress, run_all
 from .study import Study, StudyResult
@@ -30,6 +32,7 @@ def run_studies(
     *,
     small: bool = False,
     studies: Mapping[str, Study] | None = None,
+    kept: Unfinished | None = None,
 ) -> dict[str, StudyResult]:
     """Run studies and write a figure and a table of each.
 
@@ -42,13 +45,15 @@ def run_studies(
     folder
         ``figures/study-NAME.png`` and ``studies/NAME.csv`` are written below it; nothing is if None.
     workers
-        Number of processes; as many as there are cores if None.
+        Number of processes at most; see :func:`vsconstraints.runs.resources.process_count`.
     on_progress
         Told after every simulation how many are done, and how many there are.
     small
         A few short runs of each study instead of all.
     studies
         What there is to choose from; :data:`vsconstraints.studies.STUDIES` if None.
+    kept
+        Where finished runs are kept until all are; below the folder, until the studies are finished, if None.
 
     Raises
     ------
@@ -70,11 +75,12 @@ def run_studies(
         except OSError as error:
             raise ConfigurationError(f"studies cannot be stored in {folder}: {error}") from error
     runs = {name: studies[name].runs(small=small) for name in chosen}
-    summaries = run_all([run for own in runs.values() for run in own], workers, on_progress)
-    results = {}
-    for name in chosen:
-        own = {run.key: summaries[run.identity] for run in runs[name]}
-        results[name] = _finish(studies[name], own, folder)
+    with nullcontext(kept) if kept else unfinished(folder) as store:
+        summaries = run_all([run for own in runs.values() for run in own], store, workers, on_progress)
+        results = {}
+        for name in chosen:
+            own = {run.key: summaries[run.identity] for run in runs[name]}
+            results[name] = _finish(studies[name], own, folder)
     return results
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
-from dataclasses import dataclass, field
+import os
+from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -74,6 +77,26 @@ class RunSummary:
     def carried_through(self) -> bool:
         """Whether the run went on to its end."""
         return self.status in ("converged", "trapped", "unfinished")
+
+    def save(self, path: Path) -> None:
+        """Write the file whole or not at all."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        arrays: dict[str, Any] = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+        facts = {name: value for name, value in values.items() if name not in arrays}
+        part = path.with_name(path.name + ".part")
+        with part.open("wb") as file:
+            np.savez(file, facts=np.array(json.dumps(facts, default=lambda number: number.item())), **arrays)
+        os.replace(part, path)
+
+    @classmethod
+    def load(cls, path: Path) -> RunSummary | None:
+        """What the file holds; None if there is none, or it is damaged."""
+        try:
+            with np.load(path) as stored:
+                arrays = {name: stored[name] for name in stored.files}
+            return cls(**json.loads(str(arrays.pop("facts"))), **arrays)
+        except Exception:  # a damaged file can raise anything
+            return None
 
     def value(self, column: str) -> float:
         """A number of :attr:`result`; NaN if the run has none."""

@@ -1,0 +1,82 @@
+"""SIGTERM and SIGHUP do what Ctrl-C does: what was finished is kept, and the exit code is 128 + the signal."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+SAME_REQUEST = 2.0
+"""Signals within this time of one that was obeyed mean the same and are ignored [s]: a terminal that closes, and what
+ends services, send several; while the first one is obeyed tables are written."""
+
+
+class Stopped(BaseException):
+    """A signal asked this process to stop.
+
+    Attributes
+    ----------
+    signal
+        Its number.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.signal = number
+
+
+INTERRUPTS = (KeyboardInterrupt, Stopped)
+"""What a signal is raised as: in programs of others it is theirs to say, and Ctrl-C is KeyboardInterrupt."""
+
+
+def signal_of(interrupt: BaseException) -> int:
+    """Number of the signal that raised one of :data:`INTERRUPTS`."""
+    return interrupt.signal if isinstance(interrupt, Stopped) else int(signal.SIGINT)
+
+
+def exit_code(number: int) -> int:
+    """What a process that was ended by this signal answers."""
+    return 128 + number
+
+
+def obey_signals() -> None:
+    """From now on each of :data:`SIGNALS` raises :class:`Stopped` in the main thread; those ignored stay ignored."""
+    terminals = [stream.fileno() for stream in (sys.stdout, sys.stderr) if stream.isatty()]
+    obeyed = -SAME_REQUEST
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        nonlocal obeyed
+        if number == signal.SIGHUP:
+            _forget(terminals)
+        if time.monotonic() - obeyed >= SAME_REQUEST:
+            obeyed = time.monotonic()
+            raise Stopped(number)
+
+    for number in SIGNALS:
+        # `nohup`, and shells that start something in the background, ignore some on purpose
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, stop)
+
+
+@contextmanager
+def signals_held() -> Iterator[None]:
+    """What arrives meanwhile is delivered at the end; a process that is started inherits that it is held."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _forget(terminals: list[int]) -> None:
+    """A terminal that was closed: what is written there would raise in the middle of keeping results."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for terminal in terminals:
+        os.dup2(nowhere, terminal)
+    os.close(nowhere)
