@@ -270,6 +270,50 @@ def ends_within(seconds: float) -> Iterator[None]:
         faulthandler.cancel_dump_traceback_later()
 
 
+@pytest.mark.parametrize(("name", "options"), LAWS)
+def test_without_joints_there_is_nothing_to_command(name: str, options: dict[str, Any]) -> None:
+    law = make_controller(name, options)
+    for rows in (Rows.none(0), replace(sound()[0], Lg=np.empty((3, 0)))):
+        for k in (0, 2):
+            with pytest.raises(InvalidInput, match=r"task\.J has no column: there is no joint"):
+                law.command(rows, Task(np.empty((k, 0)), np.zeros(k)))
+
+
+NO_ARRAYS: list[Any] = [
+    None, 1.0, "phi", [1.0, 2.0, 3.0], np.zeros(3, dtype=complex), np.zeros(3, dtype=object), np.zeros(3, dtype=int),
+    np.zeros(3, dtype=np.float32), np.zeros(3, dtype=">f8"), np.array(1.0),
+    np.eye(3).view(np.matrix),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "options"), LAWS)
+@pytest.mark.parametrize("what", ["phi", "Lg", "Lf", "switching_gain", "J", "b"])
+def test_what_is_no_array_of_floats_is_refused(name: str, options: dict[str, Any], what: str) -> None:
+    rows, task = sound()
+    law = make_controller(name, options)
+    for value in NO_ARRAYS:
+        changed = {what: value}
+        pair = (rows, replace(task, **changed)) if what in ("J", "b") else (replace(rows, **changed), task)
+        with pytest.raises(InvalidInput, match=what):
+            law.command(*pair)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_what_is_no_rows_and_no_task_is_refused(name: str) -> None:
+    rows, task = sound()
+    law: Any = make_controller(name)
+    for pair in ((None, task), (rows, None), (task, rows), (rows, (task.J, task.b))):
+        with pytest.raises(InvalidInput, match="Rows and a Task"):
+            law.command(*pair)
+    for labels in ((1, 2, 3), (None, None, None)):
+        broken = replace(rows, labels=labels, phi=np.full(3, np.nan))
+        with pytest.raises(InvalidInput, match="tuple of names"):
+            law.command(broken, task)
+    for scale in (None, 1.0, np.array(1.0)):
+        with pytest.raises(InvalidInput, match="array of scales"):
+            replace(rows, scale=scale)
+
+
 def test_rows_without_a_scale_have_ones() -> None:
     rows, _ = sound()
     plain = Rows(rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.labels)
@@ -292,6 +336,19 @@ class Own(Controller):
         if isinstance(self.answer, Exception):
             raise self.answer
         return Command(np.asarray(self.answer), "ok", np.ones(len(rows.labels), dtype=np.bool_), rows.labels)
+
+
+class Says(Controller):
+    """A controller that answers anything."""
+
+    name = "says"
+
+    def __init__(self, answer: Any) -> None:
+        self.answer = answer
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        answer: Command = self.answer
+        return answer
 
 
 @pytest.mark.parametrize(
@@ -360,6 +417,47 @@ def test_controllers_are_made_by_name() -> None:
 def test_names_and_options_that_are_none_are_refused(name: str, options: dict[str, Any], words: str) -> None:
     with pytest.raises((ConfigurationError, InvalidInput), match=words):
         make_controller(name, options)
+
+
+@pytest.mark.parametrize(
+    ("name", "option", "value"),
+    [
+        *((name, "rank_tolerance", value) for name in CONTROLLERS for value in (np.nan, 0.0, 1.0, "1e-6", None)),
+        *(
+            ("potential-field", name, value)
+            for name in ("region", "exponent", "strength")
+            for value in (np.nan, 0, "1")
+        ),
+        ("potential-field", "blend", "add"),
+        ("potential-field", "blend", np.array(["additive"])),
+        ("potential-field", "region", 10**400),
+        ("potential-field", "region", True),
+    ],
+)
+def test_an_option_is_checked_whenever_it_is_set(name: str, option: str, value: object) -> None:
+    law = make_controller(name)
+    before = getattr(law, option)
+    with pytest.raises((ConfigurationError, InvalidInput, AttributeError)):
+        setattr(law, option, value)
+    assert getattr(law, option) == before
+    with pytest.raises((ConfigurationError, InvalidInput), match=option):
+        make_controller(name, {option: value})
+
+
+def test_messages_print_numbers_as_they_are_written() -> None:
+    for name, options in (
+        ("sliding-mode", {"rank_tolerance": np.float64(0.0)}),
+        ("potential-field", {"region": np.float64(0.0)}),
+        ("hierarchical-qp", {"alpha": np.float64(0.0)}),
+        ("hierarchical-qp", {"weights": [np.float64(0.0)]}),
+    ):
+        with pytest.raises((ConfigurationError, InvalidInput), match=r"not \[?0\.0\]?$"):
+            make_controller(name, options)
+    rows, task = sound()
+    command = Own(np.zeros(6)).command(rows, task)
+    status: Any = np.float64(0.0)
+    assert Says(replace(command, status=status)).command(rows, task).reason.startswith("the law gave the status 0.0,")
+    assert Says(status).command(rows, task).reason == "the law gave 0.0, not a Command"
 
 
 # --- tracking ---

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -685,6 +686,12 @@ def test_reset_forgets_failures(monkeypatch):
         ({"damping": -1e-8}, ("damping must be a positive",)),
         ({"max_acceleration": float("inf")}, ("max_acceleration must be a positive",)),
         ({"weights": {"fov": 0.0}}, ("weights['fov'] must be a positive",)),
+        ({"weights": {1: 2.0}}, ("weights must map beginnings of labels to numbers, not {1: 2.0}",)),
+        ({"weights": {"fov": np.float64(0.0)}}, ("weights['fov'] must be a positive, finite number, not 0.0",)),
+        ({"weights": [np.float64(2.0)]}, ("to numbers, not [2.0]",)),
+        ({"alpha": np.float64("inf")}, ("alpha must be a positive, finite number, not inf",)),
+        ({"alpha": 10**400}, ("alpha must be a positive",)),
+        ({"rows": np.array(["barrier", "active"])}, ("form of rows",)),
     ],
 )
 def test_options_that_cannot_be_used(options, expected):
@@ -702,6 +709,38 @@ def test_the_rank_tolerance_is_checked():
 def test_options_cannot_be_changed_unchecked():
     with pytest.raises(AttributeError):
         HierarchicalQP().alpha = -1.0
+
+
+def test_weights_cannot_be_changed_unchecked():
+    given = {"row": 2.0}
+    law = HierarchicalQP(weights=given)
+    given["row"] = np.nan
+    assert law.weights == {"row": 2.0}
+    for change in (lambda: law.weights.update(row=0.0), lambda: law.weights.clear()):
+        with pytest.raises(TypeError, match="cannot be changed"):
+            change()
+    with pytest.raises(TypeError, match="cannot be changed"):
+        law.weights["row"] = np.nan
+    assert pickle.loads(pickle.dumps(law)).weights == {"row": 2.0}
+
+
+@pytest.mark.parametrize("solver", ["auto", "daqp"])
+@pytest.mark.parametrize("kind", ["feasible", "conflicting"])
+def test_a_weight_that_concerns_no_row_is_told_of(solver, kind):
+    problem = random_problem(kind, 3)
+    rows, task = rows_and_task(problem)
+    law = HierarchicalQP(alpha=ALPHA, solver=solver, weights={"row": 2.0, "rwo[1]": 5.0})
+    assert law.command(rows, task).remark == "weights that begin no row's label: 'rwo[1]'"
+    assert law.command(rows, task).fallback == ""
+    assert HierarchicalQP(alpha=ALPHA, solver=solver, weights={"row": 2.0}).command(rows, task).remark == ""
+    # no constraint at all is no typing error
+    assert law.command(Rows.none(task.J.shape[1]), task).remark == ""
+    acted, qdd = np.empty(len(rows.labels), dtype=bool), np.empty(task.J.shape[1])
+    bound = law._bind(rows, task, acted, qdd)
+    assert (bound is None) == (solver == "daqp")
+    if bound is not None:
+        assert bound.solve() == 0
+        assert bound.command().remark == law.command(rows, task).remark
 
 
 def test_weights_go_by_the_longest_beginning_of_the_label():

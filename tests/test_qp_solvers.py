@@ -65,7 +65,7 @@ def lying(answer):
 
     def attempt(self, P, q, G, h):
         attempt.calls += 1
-        if isinstance(answer, Exception):
+        if isinstance(answer, BaseException):
             raise answer
         return answer(P, q, G, h)
 
@@ -82,7 +82,55 @@ LIES = {
     "free minimum": lambda P, q, G, h: Answer(np.linalg.solve(P, -q), np.zeros(h.size), 3),
     "raises": RuntimeError("segmentation narrowly avoided"),
     "claims infeasible": Infeasible("the rows contradict each other, honestly"),
+    "exits": SystemExit(3),
+    "nothing": lambda P, q, G, h: None,
+    "a tuple": lambda P, q, G, h: (*enumerated_minimum(P, q, G, h), 3),
+    "x is nothing": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: None),
+    "x is a list": lambda P, q, G, h: answered(P, q, G, h, x=list),
+    "x is a number": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: float(x[0])),
+    "x is 0-d": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: np.array(x[0])),
+    "x is empty": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x[:0]),
+    "x is too short": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x[:-1]),
+    "x is too long": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: np.append(x, 0.0)),
+    "x is a row": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x[None]),
+    "x is a column": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x[:, None]),
+    "x is a matrix": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x.view(np.matrix)),
+    "x is masked": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: np.ma.masked_array(x, mask=True)),
+    "x is complex": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x + 0j),
+    "x is of objects": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x.astype(object)),
+    "x is of words": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x.astype(str)),
+    "x is of integers": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: np.zeros(x.size, dtype=int)),
+    "x is of truths": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: x > 0.0),
+    "x is not finite": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: np.append(x[:-1], -np.inf)),
+    "x is huge": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: np.full(x.size, 1e300)),
+    "x is huger": lambda P, q, G, h: answered(P, q, G, h, x=lambda x: np.full(x.size, -1.7e308)),
+    "multipliers are nothing": lambda P, q, G, h: answered(P, q, G, h, multipliers=lambda y: None),
+    "multipliers are too short": lambda P, q, G, h: answered(P, q, G, h, multipliers=lambda y: y[1:]),
+    "multipliers are a column": lambda P, q, G, h: answered(P, q, G, h, multipliers=lambda y: y[:, None]),
+    "multipliers are complex": lambda P, q, G, h: answered(P, q, G, h, multipliers=lambda y: y + 0j),
+    "multipliers are huge": lambda P, q, G, h: answered(P, q, G, h, multipliers=lambda y: y + 1e300),
+    "x and multipliers swapped": lambda P, q, G, h: Answer(*enumerated_minimum(P, q, G, h)[::-1], 3),
+    "iterations are nothing": lambda P, q, G, h: Answer(*enumerated_minimum(P, q, G, h), None),
+    "iterations are no number": lambda P, q, G, h: Answer(*enumerated_minimum(P, q, G, h), np.nan),
+    "iterations are many": lambda P, q, G, h: Answer(*enumerated_minimum(P, q, G, h), np.arange(3)),
+    "iterations are negative": lambda P, q, G, h: Answer(*enumerated_minimum(P, q, G, h), -1),
+    "writes into the question": lambda P, q, G, h: overwriting(P, q, G, h),
 }
+
+
+def answered(P, q, G, h, x=lambda x: x, multipliers=lambda y: y):
+    """The right answer, but for its form."""
+    found = enumerated_minimum(P, q, G, h)
+    return Answer(x(found[0]), multipliers(found[1]), 3)
+
+
+def overwriting(P, q, G, h):
+    """Change the question so that the answer is right."""
+    q[:] = 0.0
+    h[:] = 1.0
+    P[:] = np.eye(q.size)
+    G *= -1.0
+    return Answer(np.zeros(q.size), np.zeros(h.size), 3)
 
 
 def negative_multipliers(P, q, G, h):
@@ -238,13 +286,27 @@ def test_a_lie_is_found_and_another_solver_asked(lie, monkeypatch):
     assert verified.solver == "proxqp"
     np.testing.assert_allclose(verified.answer.x, x, atol=1e-6)
     assert verified.fallback
-    if isinstance(LIES[lie], Exception):
+    if isinstance(LIES[lie], BaseException):
         assert str(LIES[lie]) in verified.fallback
     else:
         assert "daqp" in verified.fallback
     assert chain.failures == {"daqp": 1}
     chain.reset()
     assert not chain.failures
+
+
+def test_an_answer_is_kept_though_the_solver_goes_on_writing(monkeypatch):
+    problem, kept = quadratic_program(7), np.zeros(3)
+
+    def attempt(self, P, q, G, h):
+        x, multipliers = enumerated_minimum(P, q, G, h)
+        kept[:] = x
+        return Answer(kept, multipliers, 1)
+
+    monkeypatch.setattr(DaqpSolver, "attempt", attempt)
+    answer = SolverChain("daqp").solve(*problem).answer
+    kept[:] = 7.0
+    np.testing.assert_allclose(answer.x, enumerated_minimum(*problem)[0])
 
 
 def test_fallbacks_are_asked_in_the_documented_order(monkeypatch):
@@ -300,6 +362,21 @@ def test_a_solver_that_is_not_installed_is_told_at_construction(name, module, in
         HierarchicalQP(solver=name)
     assert install in str(raised.value)
     assert repr(name) in str(raised.value)
+
+
+def test_a_solver_that_qpsolvers_would_reach_is_told_with_its_command(monkeypatch):
+    monkeypatch.setattr("vsconstraints.qp.registry.solver_names", lambda: ("daqp",))
+    with pytest.raises(ConfigurationError, match=r"'clarabel' is not installed.*pip install \"qpsolvers\[clarabel\]\""):
+        HierarchicalQP(solver="clarabel")
+
+
+def test_a_package_that_is_broken_is_as_good_as_missing(monkeypatch):
+    def broken(name):
+        raise AttributeError("_ARRAY_API not found")
+
+    monkeypatch.setattr("vsconstraints.qp.solver.import_module", broken)
+    with pytest.raises(ConfigurationError, match=r"_ARRAY_API not found.*pip install daqp"):
+        HierarchicalQP(solver="daqp")
 
 
 def test_an_unknown_solver_is_told_with_the_candidates():

@@ -341,6 +341,13 @@ def test_image_tasks_are_judged_in_the_image() -> None:
     assert "3 px from the goal" in trajectory.reason
 
 
+def test_an_option_that_concerns_no_row_is_told_of_in_the_reason() -> None:
+    fov = {"type": "field-of-view", "K": 0.1, "switching_gain": 2.0}
+    for solver in ("auto", "daqp"):
+        law = HierarchicalQP(solver=solver, weights={"fov": 2.0, "rnage": 3.0})
+        assert simulate(setup(constraints=[fov]), law).reason.endswith("weights that begin no row's label: 'rnage'")
+
+
 # --- where runs start ---
 
 

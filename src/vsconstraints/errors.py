@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
 
+import numpy as np
+
 LONGEST = 200
 """Characters of a value that a message shows."""
 
@@ -32,7 +34,7 @@ class SolverError(VsconstraintsError):
     """No QP solver gave an answer that passes the check."""
 
 
-def unknown_name(what: str, name: str, candidates: Iterable[str]) -> ConfigurationError:
+def unknown_name(what: str, name: object, candidates: Iterable[str]) -> ConfigurationError:
     """Error for a name that is not known: it names the candidates, the closest first.
 
     Parameters
@@ -51,8 +53,9 @@ def unknown_name(what: str, name: str, candidates: Iterable[str]) -> Configurati
 
 
 def shown(value: object) -> str:
-    """A value as messages show it: as Python prints it, cut short where that is long."""
-    text = repr(value)
+    """A value in messages: as it would be written, 0.0 and not np.float64(0.0); cut short where that is long."""
+    with np.printoptions(legacy="1.25"):
+        text = repr(value)
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}… ({len(text)} characters)"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from .errors import ConfigurationError, InvalidInput, unknown_name
+from .errors import ConfigurationError, InvalidInput, shown, unknown_name
 from .geometry import Pose, skew, vector
 from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint
 from .rows import Array
@@ -296,5 +296,5 @@ def _limits(value: ArrayLike, n: int, what: str) -> Array:
     except (TypeError, ValueError):
         array = np.empty(0)
     if array.shape != (n,) or np.isnan(array).any():
-        raise InvalidInput(f"{what} must be {n} numbers (infinite where there is no limit), not {value!r}")
+        raise InvalidInput(f"{what} must be {n} numbers (infinite where there is no limit), not {shown(value)}")
     return array

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InvalidInput
+from .errors import InvalidInput, shown
 
 Array = NDArray[np.floating[Any]]
 """Floats; the docstring says of what shape."""
@@ -22,6 +22,9 @@ BoolArray = NDArray[np.bool_]
 
 IntArray = NDArray[np.int64]
 """Integers, likewise."""
+
+ARRAYS = (np.ndarray, np.memmap)
+"""What an array may be: in other kinds, such as a matrix, operators mean something else."""
 
 Status = Literal["ok", "relaxed", "rank-loss", "failed"]
 """What a controller says of its command.
@@ -62,8 +65,11 @@ class Rows:
     scale: Array = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
-        if len(self.scale) == 0:
-            object.__setattr__(self, "scale", np.ones(len(self.labels)))
+        try:
+            if len(self.scale) == 0:
+                object.__setattr__(self, "scale", np.ones(len(self.labels)))
+        except TypeError as error:
+            raise InvalidInput(f"rows need a tuple of labels and an array of scales: {error}") from error
 
     @classmethod
     def none(cls, n: int) -> Rows:
@@ -111,6 +117,8 @@ class Command:
         The QP solver that gave the answer and how often it iterated; empty and 0 for closed forms.
     fallback
         Why another solver than the one asked for gave the answer. Empty otherwise.
+    remark
+        What else should be known, such as an option that concerns none of the rows. Empty otherwise.
     """
 
     qdd: Array
@@ -122,6 +130,7 @@ class Command:
     solver: str = ""
     iterations: int = 0
     fallback: str = ""
+    remark: str = ""
 
     @property
     def active(self) -> tuple[str, ...]:
@@ -138,18 +147,24 @@ class Command:
 
 def check(rows: Rows, task: Task) -> None:
     """Raise InvalidInput unless shapes agree and every number is finite; names the row or entry at fault."""
+    if not (isinstance(rows, Rows) and isinstance(task, Task)):
+        raise InvalidInput(f"a law needs Rows and a Task, not {shown(rows)} and {shown(task)}")
+    if not (isinstance(rows.labels, tuple) and all(isinstance(label, str) for label in rows.labels)):
+        raise InvalidInput(f"rows.labels must be a tuple of names, not {shown(rows.labels)}")
     for name, array in (
         ("task.J", task.J),
         ("task.b", task.b),
         *((f"rows.{name}", getattr(rows, name)) for name in ("phi", "Lg", "Lf", "switching_gain", "scale")),
     ):
-        if not (isinstance(array, np.ndarray) and array.dtype == np.float64):
-            raise InvalidInput(f"{name} must be an array of floats, not {array!r}")
+        if not (type(array) in ARRAYS and array.dtype == np.float64):
+            raise InvalidInput(f"{name} must be an array of floats, not {shown(array)}")
     if task.J.ndim != 2 or task.b.shape != task.J.shape[:1]:
         raise InvalidInput(
             f"task.J must be (k, n) and task.b (k,): they have the shapes {task.J.shape} and {task.b.shape}"
         )
     m, n = len(rows.labels), task.J.shape[1]
+    if n == 0:
+        raise InvalidInput("task.J has no column: there is no joint to command")
     for name, array, shape in (
         ("phi", rows.phi, (m,)),
         ("Lg", rows.Lg, (m, n)),

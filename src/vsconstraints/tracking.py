@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from .errors import ConfigurationError, InvalidInput, unknown_name
+from .errors import ConfigurationError, InvalidInput, shown, unknown_name
 from .features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
 from .rows import Array, Task
 from .scene import State
@@ -99,7 +99,7 @@ class VisualTask:
             raise ConfigurationError("a task needs at least one goal")
         times = [goal.from_time for goal in goals]
         if times != sorted(times) or len(set(times)) < len(times):
-            raise ConfigurationError(f"goals must be in the order of their times; from_time is {times}")
+            raise ConfigurationError(f"goals must be in the order of their times; from_time is {shown(times)}")
         if isinstance(feature, CameraPose) and any(goal.camera is None for goal in goals):
             raise ConfigurationError("a camera-pose task needs goals with a camera pose")
         if isinstance(feature, ImagePoints) and feature.interaction_matrix != "current":

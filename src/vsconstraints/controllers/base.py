@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import numpy as np
 
-from ..errors import SolverError
+from ..errors import SolverError, shown
 from ..rows import Array, BoolArray, Command, Rows, Status, Task, check
 
 if TYPE_CHECKING:
@@ -22,6 +23,9 @@ class Controller(ABC):
     """
 
     name: ClassVar[str]
+
+    _checks: ClassVar[Mapping[str, Callable[[object], object]]] = {}
+    """What options are passed through whenever they are set: it returns what is kept, or raises."""
 
     def command(self, rows: Rows, task: Task) -> Command:
         """Joint accelerations for these rows and this task.
@@ -46,13 +50,14 @@ class Controller(ABC):
             return self._failure(rows, task, f"{type(error).__name__}: {error}")
         n, m = task.J.shape[1], len(rows.labels)
         if not isinstance(command, Command):
-            return self._failure(rows, task, f"the law gave {command!r}, not a Command")
+            return self._failure(rows, task, f"the law gave {shown(command)}, not a Command")
         for name, array, kind in (("qdd", command.qdd, np.floating), ("acted", command.acted, np.bool_)):
             if not (isinstance(array, np.ndarray) and np.issubdtype(array.dtype, kind)):
-                return self._failure(rows, task, f"{name} must be an array of {kind.__name__}, not {array!r}")
-        if command.status not in get_args(Status):
+                return self._failure(rows, task, f"{name} must be an array of {kind.__name__}, not {shown(array)}")
+        if not (isinstance(command.status, str) and command.status in get_args(Status)):
             known = ", ".join(get_args(Status))
-            return self._failure(rows, task, f"the law gave the status {command.status!r}, which is none of {known}")
+            given = shown(command.status)
+            return self._failure(rows, task, f"the law gave the status {given}, which is none of {known}")
         if command.qdd.shape != (n,) or command.acted.shape != (m,):
             shapes = f"{command.qdd.shape} and {command.acted.shape}"
             return self._failure(
@@ -68,6 +73,10 @@ class Controller(ABC):
 
     def reset(self) -> None:
         """Forget everything kept between calls (warm starts); a law without memory has nothing to do."""
+
+    def _remark(self, labels: tuple[str, ...]) -> str:
+        """What a user should know of these options and rows of these labels, though nothing is wrong; else empty."""
+        return ""
 
     def _compiled(self, rows: Rows, task: Task) -> Command | None:
         """The same command at compiled speed; None where there is no such thing, and :meth:`solve` has to be asked.
@@ -88,6 +97,10 @@ class Controller(ABC):
     def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """What :meth:`_bind` gives."""
         return None
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        check = self._checks.get(name)
+        super().__setattr__(name, value if check is None else check(value))
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

@@ -10,13 +10,14 @@ import numpy as np
 
 from ..kernels import load
 from ..kernels.entry import entry
-from ..rows import Array, BoolArray, Command, Rows, Status, Task
+from ..rows import ARRAYS, Array, BoolArray, Command, Rows, Status, Task
 
 BOOL, EMPTY = np.dtype(np.bool_), np.empty
 """Looked up once: that takes a third of the time of making a small array."""
 
-NOT_FOR_COMPILED = (TypeError, ValueError, AttributeError, IndexError)
-"""Raised for arrays of other types, layouts or numbers of dimensions: those are for the definition."""
+NOT_FOR_COMPILED = Exception
+"""Raised for arrays of other types, layouts or numbers of dimensions, some of them errors of numba's own: those are for
+the definition, which answers, or says what is wrong."""
 
 
 class Draft:
@@ -46,13 +47,15 @@ class Draft:
         self.slack = slack
         self.solver = solver
         self.iterations = iterations
-        self.fallback = ""
+        self.fallback = self.remark = ""
 
 
-def in_usual_layout(rows: Rows, task: Task) -> tuple[Rows, Task] | None:
+def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
     """The same rows and task in contiguous, writable arrays; None if they are so, or if something else is wrong."""
+    if not (isinstance(rows, Rows) and isinstance(task, Task)):
+        return None
     arrays = [rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b]
-    if not all(isinstance(array, np.ndarray) and array.dtype == np.float64 for array in arrays):
+    if not all(type(array) in ARRAYS and array.dtype == np.float64 for array in arrays):
         return None
     if all(array.flags.c_contiguous and array.flags.writeable and array.flags.aligned for array in arrays):
         return None

@@ -18,7 +18,7 @@ COMPILED = "compiled"
 class BoundHierarchy(BoundLaw):
     """The hierarchy on arrays that stay where they are."""
 
-    __slots__ = ("_last", "_law", "_relaxed", "_slack")
+    __slots__ = ("_last", "_law", "_relaxed", "_remark", "_slack")
 
     def __init__(
         self,
@@ -28,10 +28,11 @@ class BoundHierarchy(BoundLaw):
         acted: BoolArray,
         qdd: Array,
         slack: Array,
+        remark: str,
     ) -> None:
         super().__init__(self._solve, labels, acted, qdd)
         self._law, self._slack, self._last = law, slack, (0, 0)
-        self._relaxed = relaxed
+        self._relaxed, self._remark = relaxed, remark
 
     def _solve(self) -> int:
         code, _ = self._last = self._law()
@@ -42,15 +43,23 @@ class BoundHierarchy(BoundLaw):
         code, iterations = self._last
         relaxed = code == self._relaxed
         return hierarchy_command(
-            self.qdd.copy(), relaxed, self.acted.copy(), self.labels, self._slack.copy(), iterations
+            self.qdd.copy(), relaxed, self.acted.copy(), self.labels, self._slack.copy(), iterations, self._remark
         )
 
 
 def hierarchy_command(
-    qdd: Array, relaxed: bool, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
+    qdd: Array,
+    relaxed: bool,
+    acted: BoolArray,
+    labels: tuple[str, ...],
+    slack: Array,
+    iterations: int,
+    remark: str,
 ) -> Command:
     """The command of the compiled hierarchy, from arrays that become its own."""
     command: Any = Draft(qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations)
+    if remark:
+        command.remark = remark
     if relaxed:
         command.status = "relaxed"
         command.reason = unmet(labels, slack, np.flatnonzero(~acted & (slack > 0.0)))

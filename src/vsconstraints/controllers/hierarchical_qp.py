@@ -6,13 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ConfigurationError, InvalidInput, SolverError, unknown_name
+from ..errors import ConfigurationError, InvalidInput, SolverError, shown, unknown_name
 from ..kernels import load
 from ..kernels.entry import entry
 from ..qp import Cost, SolverChain, lexicographic
@@ -21,7 +20,8 @@ from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
 from .compiled import BOOL, NOT_FOR_COMPILED, BoundLaw, in_usual_layout
 from .compiled_hierarchy import COMPILED, BoundHierarchy, hierarchy_command, unmet
-from .tracking import RANK_TOLERANCE, LeastNorm, check_rank_tolerance, least_norm
+from .options import Fixed, positive, rank_tolerance
+from .tracking import RANK_TOLERANCE, LeastNorm, least_norm
 
 AUTO = "auto"
 """Compiled where there is a compiler, and else daqp."""
@@ -70,7 +70,8 @@ class HierarchicalQP(Controller):
         asked (:data:`vsconstraints.qp.FALLBACKS`) and the command says so.
     weights
         Diagonal of W by the beginning of the label, for example ``{"fov": 2.0, "range[joint 6]": 5.0}``; the
-        longest matching beginning counts, 1 where none matches.
+        longest matching beginning counts, 1 where none matches. One that begins no label is told of in
+        ``Command.remark``, and in the reason of a simulation.
     max_acceleration
         q̈_max [rad/s² or m/s²]; None for no box.
     damping
@@ -101,22 +102,23 @@ class HierarchicalQP(Controller):
     damping: float = 1e-8
     rank_tolerance: float = RANK_TOLERANCE
     solvers: SolverChain = field(init=False, repr=False)
-    _weighted: dict[tuple[str, ...], Array] = field(init=False, repr=False, default_factory=dict)
+    _weighted: dict[tuple[str, ...], tuple[Array, str]] = field(init=False, repr=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.rows not in ("barrier", "active"):
+        if not (isinstance(self.rows, str) and self.rows in ("barrier", "active")):
             raise unknown_name("form of rows", self.rows, ("barrier", "active"))
-        _require_positive("alpha", self.alpha)
-        _require_positive("damping", self.damping)
+        checked: dict[str, Any] = {name: _positive(name, getattr(self, name)) for name in ("alpha", "damping")}
         if self.max_acceleration is not None:
-            _require_positive("max_acceleration", self.max_acceleration)
-        if not (self.weights is None or isinstance(self.weights, Mapping)):
-            raise ConfigurationError(f"weights must map beginnings of labels to numbers, not {self.weights!r}")
-        for prefix, weight in (self.weights or {}).items():
-            _require_positive(f"weights[{prefix!r}]", weight)
+            checked["max_acceleration"] = _positive("max_acceleration", self.max_acceleration)
         if self.weights is not None:
-            object.__setattr__(self, "weights", dict(self.weights))
-        check_rank_tolerance(self.rank_tolerance)
+            if not (isinstance(self.weights, Mapping) and all(isinstance(prefix, str) for prefix in self.weights)):
+                given = shown(self.weights)
+                raise ConfigurationError(f"weights must map beginnings of labels to numbers, not {given}")
+            weights = {prefix: _positive(f"weights[{prefix!r}]", weight) for prefix, weight in self.weights.items()}
+            checked["weights"] = Fixed(weights)
+        checked["rank_tolerance"] = rank_tolerance(self.rank_tolerance)
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
         object.__setattr__(self, "solvers", SolverChain(DEFAULT if self.solver == AUTO else self.solver))
 
     def reset(self) -> None:
@@ -127,8 +129,8 @@ class HierarchicalQP(Controller):
         kernels = load("hierarchical_qp") if self.solver == AUTO else None
         if kernels is None:
             return None
-        labels = rows.labels
         try:
+            labels = rows.labels
             m = len(labels)
             acted, slack, qdd = np.empty(m, BOOL), np.empty(m), np.empty(task.J.shape[1])
             code, iterations = kernels.descend(*self._arguments(rows, task, slack, acted, qdd))
@@ -136,7 +138,8 @@ class HierarchicalQP(Controller):
             usual = in_usual_layout(rows, task)
             return usual and self._compiled(*usual)
         if code in (kernels.DONE, kernels.RELAXED_ROWS):
-            return hierarchy_command(qdd, code == kernels.RELAXED_ROWS, acted, labels, slack, iterations)
+            remark = self._remark(labels)
+            return hierarchy_command(qdd, code == kernels.RELAXED_ROWS, acted, labels, slack, iterations, remark)
         if code == kernels.ASK:
             return None
         self.solvers.failures[COMPILED] += 1
@@ -150,7 +153,7 @@ class HierarchicalQP(Controller):
             return None
         slack = np.empty(len(rows.labels))
         law = partial(entry(kernels.descend), *self._arguments(rows, task, slack, acted, qdd))
-        return BoundHierarchy(law, kernels.RELAXED_ROWS, rows.labels, acted, qdd, slack)
+        return BoundHierarchy(law, kernels.RELAXED_ROWS, rows.labels, acted, qdd, slack, self._remark(rows.labels))
 
     def _arguments(self, rows: Rows, task: Task, slack: Array, acted: BoolArray, qdd: Array) -> tuple[Any, ...]:
         """What :func:`vsconstraints.kernels.hierarchical_qp.descend` takes."""
@@ -166,7 +169,7 @@ class HierarchicalQP(Controller):
             self.rank_tolerance,
             self.rows == "barrier",
             self.alpha,
-            self._weights_of(rows.labels),
+            self._weights_of(rows.labels)[0],
             math.inf if self.max_acceleration is None else self.max_acceleration,
             self.damping,
             slack,
@@ -174,16 +177,26 @@ class HierarchicalQP(Controller):
             qdd,
         )
 
-    def _weights_of(self, labels: tuple[str, ...]) -> Array:
-        """:func:`row_weights`, kept for the labels of the last call."""
-        weights = self._weighted.get(labels)
-        if weights is None:
+    def _weights_of(self, labels: tuple[str, ...]) -> tuple[Array, str]:
+        """:func:`row_weights`, and which of them concern no label; kept for the labels of the last call."""
+        kept = self._weighted.get(labels)
+        if kept is None:
             self._weighted.clear()
-            weights = self._weighted.setdefault(labels, row_weights(labels, self.weights or {}))
-        return weights
+            weights = self.weights or {}
+            idle = [shown(prefix) for prefix in weights if not any(label.startswith(prefix) for label in labels)]
+            remark = f"weights that begin no row's label: {', '.join(idle)}" if idle and labels else ""
+            kept = self._weighted.setdefault(labels, (row_weights(labels, weights), remark))
+        return kept
+
+    def _remark(self, labels: tuple[str, ...]) -> str:
+        return self._weights_of(labels)[1]
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class."""
+        remark = self._remark(rows.labels)
+        return replace(self._answer(rows, task), remark=remark) if remark else self._answer(rows, task)
+
+    def _answer(self, rows: Rows, task: Task) -> Command:
         # Numbers beyond the range of floating point are found by checks.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             tracking = least_norm(task.J, task.b, self.rank_tolerance)
@@ -288,7 +301,9 @@ def task_cost(tracking: LeastNorm, damping: float) -> Cost:
     return Cost(tracking.qdd, tracking.directions, np.sqrt(relative * relative + damping))
 
 
-def _require_positive(name: str, value: object) -> None:
-    """Raise ConfigurationError unless the value is a positive, finite number."""
-    if isinstance(value, bool) or not isinstance(value, Real) or not 0.0 < float(value) < math.inf:
-        raise ConfigurationError(f"{name} must be a positive, finite number, not {value!r}")
+def _positive(name: str, value: object) -> float:
+    """Return the value as a float; raise ConfigurationError unless it is a positive, finite number."""
+    number = positive(value)
+    if number is None:
+        raise ConfigurationError(f"{name} must be a positive, finite number, not {shown(value)}")
+    return number

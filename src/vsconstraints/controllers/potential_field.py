@@ -2,19 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Callable
+from typing import ClassVar, Literal
 
 import numpy as np
 
-from ..errors import InvalidInput, unknown_name
+from ..errors import InvalidInput, shown, unknown_name
 from ..kernels.layout import ADDITIVE, PRIORITY
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
 from .compiled import BoundLaw, bound_law, compiled_command
+from .options import positive
+from .options import rank_tolerance as check_rank_tolerance
 from .task_priority import prioritise
-from .tracking import RANK_TOLERANCE, check_rank_tolerance, track
+from .tracking import RANK_TOLERANCE, track
 
 BLENDS = ("additive", "priority")
+
+
+def _blend(value: object) -> object:
+    if not (isinstance(value, str) and value in BLENDS):
+        raise unknown_name("blend", value, BLENDS)
+    return value
+
+
+def _positive(option: str) -> Callable[[object], float]:
+    def check(value: object) -> float:
+        number = positive(value)
+        if number is None:
+            raise InvalidInput(f"{option} of a potential field must be positive, not {shown(value)}")
+        return number
+
+    return check
 
 
 class PotentialField(Controller):
@@ -47,6 +66,11 @@ class PotentialField(Controller):
     """
 
     name = "potential-field"
+    _checks: ClassVar = {
+        "blend": _blend,
+        "rank_tolerance": check_rank_tolerance,
+        **{option: _positive(option) for option in ("region", "exponent", "strength")},
+    }
 
     def __init__(
         self,
@@ -57,13 +81,8 @@ class PotentialField(Controller):
         strength: float = 1.0,
         rank_tolerance: float = RANK_TOLERANCE,
     ) -> None:
-        if blend not in BLENDS:
-            raise unknown_name("blend", blend, BLENDS)
-        for option, value in (("region", region), ("exponent", exponent), ("strength", strength)):
-            if not (np.isfinite(value) and value > 0.0):
-                raise InvalidInput(f"{option} of a potential field must be positive, not {value}")
         self.blend, self.region, self.exponent, self.strength = blend, region, exponent, strength
-        self.rank_tolerance = check_rank_tolerance(rank_tolerance)
+        self.rank_tolerance = rank_tolerance
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class."""

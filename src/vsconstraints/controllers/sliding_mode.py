@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from ..kernels.layout import SLIDING
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
 from .compiled import BoundLaw, bound_law, compiled_command
+from .options import rank_tolerance as check_rank_tolerance
 from .task_priority import prioritise
-from .tracking import RANK_TOLERANCE, check_rank_tolerance
+from .tracking import RANK_TOLERANCE
 
 
 class SlidingMode(Controller):
@@ -25,9 +28,10 @@ class SlidingMode(Controller):
     """
 
     name = "sliding-mode"
+    _checks: ClassVar = {"rank_tolerance": check_rank_tolerance}
 
     def __init__(self, *, rank_tolerance: float = RANK_TOLERANCE) -> None:
-        self.rank_tolerance = check_rank_tolerance(rank_tolerance)
+        self.rank_tolerance = rank_tolerance
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class."""

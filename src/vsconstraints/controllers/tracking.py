@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from ..decomposition import svd
-from ..errors import InvalidInput
 from ..kernels.layout import TRACKING
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
 from .compiled import BoundLaw, bound_law, compiled_command
+from .options import rank_tolerance as check_rank_tolerance
 
 RANK_TOLERANCE = 1e-6
 """Singular values below this fraction of the largest one count as zero."""
-
-
-def check_rank_tolerance(value: float) -> float:
-    """Return the tolerance if it is between 0 and 1; raise InvalidInput otherwise."""
-    if not 0.0 < value < 1.0:
-        raise InvalidInput(f"rank_tolerance must be between 0 and 1, not {value}")
-    return float(value)
 
 
 class LeastNorm(NamedTuple):
@@ -80,9 +73,10 @@ class Tracking(Controller):
     """
 
     name = "tracking"
+    _checks: ClassVar = {"rank_tolerance": check_rank_tolerance}
 
     def __init__(self, *, rank_tolerance: float = RANK_TOLERANCE) -> None:
-        self.rank_tolerance = check_rank_tolerance(rank_tolerance)
+        self.rank_tolerance = rank_tolerance
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class."""

@@ -34,8 +34,8 @@ class OptimalityErrors:
 
     @property
     def worst(self) -> float:
-        """The largest of the four."""
-        return max(self.rows, self.stationarity, self.sign, self.complementarity)
+        """The largest of the four; not a number if one of them is none."""
+        return float(np.max([self.rows, self.stationarity, self.sign, self.complementarity]))
 
     def __str__(self) -> str:
         return (
@@ -73,8 +73,8 @@ def optimality_errors(P: Array, q: Array, G: Array, h: Array, x: Array, multipli
     row_size[row_size == 0.0] = 1.0
     residual = P @ x + q + G.T @ multipliers
     return OptimalityErrors(
-        rows=max(0.0, float((excess / row_size).max())),
+        rows=float(np.maximum(0.0, (excess / row_size).max())),
         stationarity=float(np.sqrt(residual @ residual)) / (cost_size * size),
-        sign=max(0.0, float((-multipliers * row_norms).max()) / (cost_size * size)),
+        sign=float(np.maximum(0.0, (-multipliers * row_norms).max() / (cost_size * size))),
         complementarity=float(np.abs(multipliers * excess).max()) / (cost_size * size * size),
     )

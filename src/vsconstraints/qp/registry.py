@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.metadata import metadata
 from importlib.util import find_spec
 
-from ..errors import unknown_name
+from ..errors import ConfigurationError, unknown_name
 from .daqp_solver import DaqpSolver
 from .osqp_solver import OsqpSolver
 from .proxqp_solver import ProxqpSolver
@@ -45,5 +46,9 @@ def make_solver(name: str) -> QPSolver:
         return NATIVE[name]()
     names = solver_names()  # only now: it imports every solver that qpsolvers finds
     if name not in names:
+        if name in (metadata("qpsolvers").get_all("Provides-Extra") or ()):
+            raise ConfigurationError(
+                f'the solver {name!r} is not installed. Install it with: pip install "qpsolvers[{name}]"'
+            )
         raise unknown_name("QP solver", name, names)
     return QpsolversSolver(name)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from importlib import import_module
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, SolverError
+from ..errors import ConfigurationError, InvalidInput, SolverError, shown
 from ..rows import Array
 from .optimality import optimality_errors
 
@@ -83,18 +84,33 @@ class QPSolver(ABC):
             free: Array = np.linalg.solve(P, -q)
             return Answer(free, np.empty(0), 0)
         try:
-            answer = self.attempt(P, q, G, h)
+            # copies, since what is checked, and asked of others, must be what was asked
+            answer = self._own(self.attempt(P.copy(), q.copy(), G.copy(), h.copy()), q.size, h.size)
         except SolverError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             # Third-party code: whatever it raises means the same here, that it has no answer.
             raise SolverError(f"{self.name} raised {type(error).__name__}: {error}") from error
-        if not (np.isfinite(answer.x).all() and np.isfinite(answer.multipliers).all()):
-            raise SolverError(f"{self.name} returned numbers that are not finite")
-        errors = optimality_errors(P, q, G, h, answer.x, answer.multipliers)
+        with np.errstate(all="ignore"):
+            errors = optimality_errors(P, q, G, h, answer.x, answer.multipliers)
         if not errors.worst <= self.tolerance:
             raise SolverError(f"the answer of {self.name} is not optimal: {errors}")
         return answer
+
+    def _own(self, answer: object, n: int, m: int) -> Answer:
+        """The answer in arrays of its own, if it is one: own solvers are not type-checked."""
+        if not isinstance(answer, Answer):
+            raise SolverError(f"{self.name} returned {_kind(answer)}, not an Answer")
+        for name, array, size in (("x", answer.x, n), ("multipliers", answer.multipliers, m)):
+            if not (type(array) is np.ndarray and array.dtype.kind == "f" and array.shape == (size,)):
+                raise SolverError(f"{self.name} returned {_kind(array)} as {name}, not floats of the shape {(size,)}")
+            if not np.isfinite(array).all():
+                raise SolverError(f"{self.name} returned numbers that are not finite")
+        iterations: object = answer.iterations
+        if not (isinstance(iterations, Integral) and int(iterations) >= 0):
+            raise SolverError(f"{self.name} returned {_kind(iterations)} as iterations, not their number")
+        x, multipliers = (array.astype(np.float64) for array in (answer.x, answer.multipliers))
+        return Answer(x, multipliers, int(iterations))
 
     @abstractmethod
     def attempt(self, P: Array, q: Array, G: Array, h: Array) -> Answer:
@@ -112,6 +128,13 @@ class QPSolver(ABC):
         """Forget everything kept between calls; most solvers keep nothing."""
 
 
+def _kind(value: object) -> str:
+    """What a solver returned, in a few words."""
+    if isinstance(value, np.ndarray):
+        return f"{type(value).__name__} of {value.dtype} of the shape {value.shape}"
+    return shown(value) if isinstance(value, int | float | complex | None) else type(value).__name__
+
+
 def require(module: str, solver: str, install: str) -> Any:
     """Import the package of a solver.
 
@@ -122,7 +145,7 @@ def require(module: str, solver: str, install: str) -> Any:
     """
     try:
         return import_module(module)
-    except ImportError as error:
+    except Exception as error:  # a package that is there but broken, or built for another NumPy, raises anything
         raise ConfigurationError(
             f"the solver {solver!r} cannot be used because {module!r} cannot be imported ({error}). "
             f"Install it with: {install}"

@@ -28,8 +28,8 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
 
     A scene that can no longer be evaluated, a controller that fails, and own parts that raise anything end the run with
     the status ``failed``; what was simulated until then is kept. The command of the last sample is computed but not
-    carried out. The reason also holds the remarks of :meth:`Setup.check_start`, and how often another QP solver had to
-    answer.
+    carried out. The reason also holds the remarks of :meth:`Setup.check_start` and of the controller, and how often
+    another QP solver had to answer.
 
     Raises
     ------
@@ -45,6 +45,7 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
     remarks += _hidden(setup, trajectory)
     if trajectory.fallbacks:
         remarks.append(f"another QP solver than the one asked for answered in {trajectory.fallbacks} samples")
+    remarks.append(controller._remark(setup.constraints.labels))
     return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *remarks))))
 
 
