@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import mutated
-from vsconstraints.comparisons import Suite
+from vsconstraints.comparisons import Suite, compare
 from vsconstraints.errors import VsconstraintsError
+from vsconstraints.reports import write_report
 from vsconstraints.scenarios import Scenario
 
 LONGEST = 3000
@@ -54,3 +56,23 @@ def test_what_is_wrong_is_refused(
 def test_the_same_seed_gives_the_same_files() -> None:
     assert list(mutated.scenarios(20, seed=1)) == list(mutated.scenarios(20, seed=1))
     assert list(mutated.scenarios(20, seed=1)) != list(mutated.scenarios(20, seed=2))
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A comparison that ends before anything happens."""
+    folder = tmp_path_factory.mktemp("stored")
+    suite = Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=0.05", "trials=2"])
+    compare(suite, folder, workers=1)
+    return folder
+
+
+@pytest.mark.parametrize("name", ["results.csv", "constraints.csv", "manifest.json"])
+def test_edited_tables_are_refused_or_shown(stored: Path, name: str, tmp_path: Path) -> None:
+    folder = shutil.copytree(stored, tmp_path / "copy")
+    files = list(mutated.edited((folder / name).read_bytes(), 150, seed=4))
+    found = outcomes(folder / name, files, lambda path: write_report(path.parent, figures=False))
+    assert 0.2 < sum(map(bool, found)) / len(found) < 0.98
+    for text in found:
+        assert "\n" not in text, text
+        assert name in text or not text, text

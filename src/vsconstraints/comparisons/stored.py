@@ -8,8 +8,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, shown
 from ..scenarios import SHIPPED, Scenario
+from ..scenarios.section import Section
+from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from .record import RunRecord, run_file
 from .tables import read_table
 
@@ -39,13 +41,26 @@ class StoredComparison:
         for name in ("manifest.json", "results.csv", "constraints.csv"):
             if not (folder / name).is_file():
                 raise ConfigurationError(f"{folder} holds no comparison: {name} is missing")
-        try:
-            manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-        except ValueError as error:
-            raise ConfigurationError(f"{folder / 'manifest.json'} cannot be read: {error}") from error
-        if not isinstance(manifest, dict) or "configuration" not in manifest:
-            raise ConfigurationError(f"{folder / 'manifest.json'} is not of a comparison: it has no 'configuration'")
-        return cls(folder, manifest, read_table(folder / "results.csv"), read_table(folder / "constraints.csv"))
+        manifest = _manifest(folder / "manifest.json")
+        results = read_table(folder / "results.csv", RESULT_COLUMNS)
+        constraints = read_table(folder / "constraints.csv", CONSTRAINT_COLUMNS)
+        stored = cls(folder, manifest, results, constraints)
+        for name, lines, own in (("results.csv", results, ()), ("constraints.csv", constraints, ("constraint",))):
+            stored._check(folder / name, lines, ("scenario", "controller", "trial", *own))
+        return stored
+
+    def _check(self, path: Path, lines: list[dict[str, Any]], key: tuple[str, ...]) -> None:
+        """Raise ConfigurationError if a line is of a run that the manifest does not hold, or there twice."""
+        seen = set()
+        trials = self.manifest["configuration"].get("trials", 1)
+        for line in lines:
+            own = tuple(line[name] for name in key)
+            run = f"scenario {shown(own[0])}, controller {shown(own[1])}, trial {own[2]:g}"
+            if own in seen:
+                raise ConfigurationError(f"{path} has {run} twice")
+            seen.add(own)
+            if own[0] not in self.scenarios or own[1] not in self.controllers or own[2] >= trials:
+                raise ConfigurationError(f"{path} has {run}, which manifest.json beside it does not have")
 
     @cached_property
     def scenarios(self) -> dict[str, Scenario]:
@@ -65,3 +80,34 @@ class StoredComparison:
     def run(self, scenario: str, controller: str, trial: int = 0) -> RunRecord | None:
         """A stored run; None if its trajectory is not there."""
         return RunRecord.load(run_file(self.folder, scenario, controller, trial))
+
+
+def _manifest(path: Path) -> dict[str, Any]:
+    """What a manifest says; raises ConfigurationError if something in it is not what a comparison writes there."""
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{path} cannot be read: {error}") from error
+    top = Section(manifest, str(path))
+    configuration = top.section("configuration")
+    for key, least in (("trials", 1), ("seed", 0)):
+        if configuration.take(key, int, least) < least:
+            raise ConfigurationError(f"{configuration.where}: {key} must be {least} or more")
+    for key in ("suite", "title"):
+        configuration.take(key, str, "")
+    scenarios, controllers = configuration.section("scenarios"), configuration.section("controllers")
+    for name in scenarios.names:
+        scenario = scenarios.section(name)
+        scenario.take("folder", str)
+        tables = scenario.section("tables")
+        for part in tables.take("constraints", list, []):
+            Section(part, f"{tables.where}.constraints")
+    for name in controllers.names:
+        controllers.section(name)
+    for name in ("machine", "packages"):
+        top.section(name, {})
+    if not all(isinstance(word, str) for word in top.take("command", list, [])):
+        raise ConfigurationError(f"{top.where}: command must be a list of strings")
+    for name in ("wall_time_s", "stored_before"):
+        top.number(name, None)
+    return dict(manifest)

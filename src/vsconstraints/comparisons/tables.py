@@ -7,11 +7,15 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
+from ..errors import ConfigurationError, shown
+from ..simulation.trajectory import Outcome
+
 _TEXT = {"suite", "scenario", "controller", "status", "reason", "violated", "constraint", "kind", "unit"}
+_FLAGS = {"challenged"}
 
 
 def cell(value: object) -> str:
@@ -43,15 +47,48 @@ def append_lines(path: Path, columns: Sequence[str], lines: Iterable[dict[str, A
         writer.writerows([cell(line[name]) for name in columns] for line in lines)
 
 
-def read_table(path: Path) -> list[dict[str, Any]]:
-    """Lines of a table: text as str, ``challenged`` as bool, everything else as float, NaN where empty."""
-    with path.open(newline="", encoding="utf-8") as file:
-        return [{name: _parse(name, text) for name, text in line.items()} for line in csv.DictReader(file)]
+def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
+    """Lines of a table: text as str, flags as bool, ``trial`` and everything else as float, NaN where empty.
+
+    Raises
+    ------
+    ConfigurationError
+        if it cannot be read, has no such columns, or a cell holds what its column cannot; it names file and line.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            return _lines(csv.reader(file, strict=True), columns)
+    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
+        raise ConfigurationError(f"{path} cannot be read: {error}") from error
 
 
-def _parse(name: str, text: str) -> str | bool | float:
+def _lines(reader: Any, columns: Iterable[str]) -> list[dict[str, Any]]:
+    header: list[str] = next(reader, [])
+    missing = [name for name in columns if header.count(name) != 1]
+    if missing:
+        raise ValueError(f"it has no column {shown(missing[0])}, or more than one; another version may have written it")
+    lines = []
+    for cells in reader:
+        where = f"line {reader.line_num}"
+        if len(cells) != len(header):
+            raise ValueError(f"{where} has {len(cells)} cells, not {len(header)}")
+        lines.append({name: _parse(name, text, where) for name, text in zip(header, cells, strict=True)})
+    return lines
+
+
+def _parse(name: str, text: str, where: str) -> str | bool | float:
+    if name == "status" and text not in get_args(Outcome):
+        raise ValueError(f"{where}: status must be one of {', '.join(get_args(Outcome))}, not {shown(text)}")
     if name in _TEXT:
         return text
-    if name == "challenged":
+    if name in _FLAGS:
+        if text not in ("true", "false"):
+            raise ValueError(f"{where}: {name} must be true or false, not {shown(text)}")
         return text == "true"
-    return float(text) if text else math.nan
+    try:
+        value = float(text) if text else math.nan
+    except ValueError:
+        value = math.inf
+    if math.isinf(value) or (name == "trial" and not (value >= 0.0 and value.is_integer())):
+        raise ValueError(f"{where}: {name} must be a number, not {shown(text)}")
+    return value

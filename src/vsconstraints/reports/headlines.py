@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from urllib.parse import quote
 
 from ..comparisons.suite import BASELINE
 from .best import keeps_rows
@@ -51,7 +52,7 @@ def opening(results: Results) -> str:
 
 def anchor(scenario: str) -> str:
     """Where a scenario's section is, in links."""
-    return f"scenario-{scenario}"
+    return quote(f"scenario-{scenario}")
 
 
 def _findings(results: Results) -> list[str]:

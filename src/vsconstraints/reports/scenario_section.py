@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import quote
 
 from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.suite import BASELINE
@@ -113,7 +114,7 @@ def scenario_section(results: Results, name: str, drawn: Drawn) -> str:
     parts += [_table(results, name, TASK, with_status=True), _table(results, name, CHATTERING, with_status=False)]
     parts.append(challenges(results, name))
     for kind, file in drawn.files.items():
-        parts.append(f"![{name}: {kind}](figures/{file})\n\n*{CAPTIONS[kind]}{_addition(results, name, kind)}*")
+        parts.append(f"![{name}: {kind}](figures/{quote(file)})\n\n*{CAPTIONS[kind]}{_addition(results, name, kind)}*")
     if drawn.problems:
         parts.append(bullets([plain(problem) for problem in drawn.problems]))
     return "\n\n".join(parts)

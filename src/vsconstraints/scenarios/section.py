@@ -112,7 +112,7 @@ class Section:
 
     def numbers(self) -> dict[str, float]:
         """All keys not taken yet, each of which must have a finite number."""
-        return {key: self.number(key) for key in list(self._table)}
+        return {key: self.number(key) for key in self.names}
 
     def rest(self) -> dict[str, Any]:
         """All keys not taken yet, for something that checks them itself."""
@@ -123,6 +123,11 @@ class Section:
         """Raise ConfigurationError if a key was not taken; it names the keys there are."""
         if self._table:
             raise unknown_name(f"key in {self._where}", next(iter(self._table)), self._known)
+
+    @property
+    def names(self) -> list[str]:
+        """All keys not taken yet."""
+        return list(self._table)
 
     @property
     def where(self) -> str:
