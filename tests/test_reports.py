@@ -289,6 +289,50 @@ def test_failures_name_row_depth_time_and_reason(tmp_path: Path) -> None:
     assert r"**b**: Trapped: at rest, ends 9 mm \| away. Acting in the last 0.5 s: `fov[marker 1]`." in text
 
 
+def test_failed_trials_are_counted_by_kind(tmp_path: Path) -> None:
+    """A thousand trials that fail alike are one line, however many rows they leave."""
+    times = [0.01 * i for i in range(200)]
+    lines = [
+        result("a", trial=i, status="failed", reason=f"t = {t:.4g} s: marker {1 + i % 4} is behind the camera")
+        for i, t in enumerate(times)
+    ]
+    lines[7].update(status="trapped", reason="at rest, ends 9 mm from the goal")
+    lines[8:] = [{**line, "status": "converged", "reason": ""} if i % 2 else line for i, line in enumerate(lines[8:])]
+    rows = [
+        row("a", trial=i, violation_depth=0.01 * i, violation_time_s=0.5 if i < 30 else 0.0) for i in range(0, 40, 3)
+    ]
+    text = write_report(made(tmp_path, lines, rows, trials=200), figures=False).read_text(encoding="utf-8")
+    _, _, section = text.partition("## Where controllers fail")
+    entries = [line for line in section.partition("\n## ")[0].splitlines() if line.startswith("- ")]
+    assert entries == [
+        "- **a**, 103 of 200 trials: Failed, first in trial 0: t = 0 s: marker 1 is behind the camera.",
+        "- **a**, 1 of 200 trials: Trapped, first in trial 7: at rest, ends 9 mm from the goal.",
+        "- **a**, 13 of 200 trials: Outside `fov[marker 1]` by up to 0.390 px, between samples only, at worst in trial 39.",
+    ]
+
+
+def test_a_report_without_figures_leaves_figures_alone(copy: Path) -> None:
+    drawn = sorted(path.stat().st_mtime_ns for path in (copy / "figures").iterdir())
+    told: list[tuple[int, int]] = []
+    text = write_report(copy, figures=False, on_drawn=lambda *count: told.append(count)).read_text(encoding="utf-8")
+    assert not links(text)
+    assert "utilization" in text
+    assert not told
+    assert sorted(path.stat().st_mtime_ns for path in (copy / "figures").iterdir()) == drawn
+    write_report(copy, on_drawn=lambda *count: told.append(count))
+    assert told == [(1, 1)]
+
+
+def test_names_with_spaces_and_umlauts_have_links(tmp_path: Path) -> None:
+    name = "mein Ärmchen"
+    lines = [result(controller, scenario=name) for controller in ("tracking", "a")]
+    lines.append(result("b", scenario=name, status="trapped"))
+    text = write_report(made(tmp_path, lines), figures=False).read_text(encoding="utf-8")
+    anchors = set(re.findall(r'<a id="([^"]+)">', text))
+    assert anchors == {"scenario-mein%20%C3%84rmchen"}
+    assert {link for link in re.findall(r"\]\(#([^)]+)\)", text) if link.startswith("scenario-")} == anchors
+
+
 def links(text: str) -> set[str]:
     return set(re.findall(r"!\[[^\]]*\]\((figures/[^)]+)\)", text))
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from ..comparisons import StoredComparison
 from .closing import closing
 from .failures import failures
 from .headlines import opening
-from .jobs import ScenarioJob
+from .jobs import Drawn, ScenarioJob
 from .outcomes import outcomes
 from .rendering import draw_all, remove_stale
 from .results import Results
@@ -17,13 +18,15 @@ from .rows_shown import lane_rows, phi_rows
 from .scenario_section import scenarios_section
 from .style import looks
 from .summary import summary
-from .trade_off import trade_off
+from .trade_off import Overview, trade_off
 
 TRIAL_SHOWN = 0
 """The trial that figures show: the one that starts where the scenario says."""
 
 
-def write_report(folder: Path) -> Path:
+def write_report(
+    folder: Path, *, figures: bool = True, on_drawn: Callable[[int, int], None] = lambda done, total: None
+) -> Path:
     """Write report.md and its figures from what a comparison left in its folder.
 
     The same comparison gives the same text, byte for byte. Whatever is missing in the folder, a trajectory or a run,
@@ -33,6 +36,10 @@ def write_report(folder: Path) -> Path:
     ----------
     folder
         Where the comparison is stored.
+    figures
+        Whether to draw figures; without them a report takes no time, and those that are there stay as they are.
+    on_drawn
+        Told how many scenarios have their figures, and how many there are.
 
     Returns
     -------
@@ -45,12 +52,9 @@ def write_report(folder: Path) -> Path:
         if there is no comparison in the folder.
     """
     results = Results(StoredComparison.load(folder))
-    figures = folder / "figures"
-    figures.mkdir(exist_ok=True)
-    drawn = draw_all(_jobs(results))
-    overview = trade_off(results, figures)
-    used = {name for one in drawn.values() for name in one.files.values()}
-    remove_stale(figures, used | ({overview.file} if overview.file else set()))
+    drawn, overview = {name: Drawn(name) for name in results.scenarios}, Overview()
+    if figures:
+        drawn, overview = _draw(results, on_drawn)
     parts = [
         opening(results),
         summary(results),
@@ -65,6 +69,16 @@ def write_report(folder: Path) -> Path:
     part.write_text("\n\n".join(text for text in parts if text) + "\n", encoding="utf-8")
     os.replace(part, report)
     return report
+
+
+def _draw(results: Results, on_drawn: Callable[[int, int], None]) -> tuple[dict[str, Drawn], Overview]:
+    folder = results.stored.folder / "figures"
+    folder.mkdir(exist_ok=True)
+    drawn = draw_all(_jobs(results), on_drawn)
+    overview = trade_off(results, folder)
+    used = {name for one in drawn.values() for name in one.files.values()}
+    remove_stale(folder, used | ({overview.file} if overview.file else set()))
+    return drawn, overview
 
 
 def _jobs(results: Results) -> list[ScenarioJob]:
