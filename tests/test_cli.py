@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -15,8 +16,16 @@ from vsconstraints.scenarios import shipped_scenarios
 MAIN = [sys.executable, "-W", "error", "-c", "from vsconstraints.cli import main; main()"]
 
 
-def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*MAIN, *arguments], capture_output=True, text=True, cwd=cwd, timeout=120)
+def run(*arguments: str, cwd: Path | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*MAIN, *arguments],
+        capture_output=True,
+        text=True,
+        errors="surrogateescape",
+        cwd=cwd,
+        timeout=300,
+        env={**os.environ, **environment},
+    )
 
 
 def test_version() -> None:
@@ -66,6 +75,10 @@ def test_compare_writes_a_report_and_report_writes_it_again(tmp_path: Path) -> N
         (("compare", "--seed", "-1"), ("seed",)),
         (("report", "nowhere"), ("nowhere", "manifest.json")),
         (("compair",), ("compair",)),
+        (("compare", "--set", "trials=1000000000"), ("1000000000 trials", "runs", "100000")),
+        (("compare", "--set", "scenario.duration=1e9"), ("samples", "GB")),
+        (("compare", "--set", "scenario.q0=" + "[" * 2000 + "]" * 2000), ("levels",)),
+        (("compare", "--scenario", "aus\udcff.toml"), ("aus\\udcff.toml",)),
     ],
 )
 def test_bad_input_ends_with_2_and_writes_nothing(
@@ -76,6 +89,8 @@ def test_bad_input_ends_with_2_and_writes_nothing(
     for word in words:
         assert word in done.stderr
     assert "Traceback" not in done.stderr
+    if "error: " in done.stderr:
+        assert done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
@@ -95,3 +110,71 @@ def test_an_output_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> Non
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert "file" in done.stderr
+
+
+@pytest.mark.parametrize("encoding", [{"PYTHONIOENCODING": "latin-1"}, {"PYTHONIOENCODING": "ascii:strict"}])
+def test_list_is_shown_on_any_terminal(encoding: dict[str, str]) -> None:
+    shown = run("list", **encoding)
+    assert shown.returncode == 0, shown.stderr
+    assert "hyperellipse" in shown.stdout
+
+
+LAW = """from vsconstraints.controllers import Controller
+
+
+class Raises(Controller):
+    name = "raises"
+
+    def solve(self, rows, task):
+        raise ValueError(f"no data at {rows.phi[0]}")
+"""
+
+
+def test_names_with_spaces_umlauts_and_marks_and_failures_that_are_counted(tmp_path: Path) -> None:
+    """Files as other people name and store them, and a folder whose name is not UTF-8."""
+    mark = "\ufeff"
+    (tmp_path / "law_for_test.py").write_text(LAW)
+    (tmp_path / "mein Ärmchen.toml").write_text(
+        f'{mark}extends = "example-2d-fov"\nduration = 0.02\nstart_deviation = 0.01\n', encoding="utf-8"
+    )
+    (tmp_path / "große Läufe.toml").write_text(
+        f'{mark}scenarios = ["mein Ärmchen.toml"]\ntrials = 3\n[controllers."mein Regler"]\ntype = "sliding-mode"\n'
+        '[controllers.raises]\ntype = "law_for_test:Raises"\n',
+        encoding="utf-8",
+    )
+    done = run("compare", "große Läufe.toml", "--jobs", "1", "--no-figures", "--out", "aus\udcff", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("ValueError: no data at") == 2, "the first one, and how many there were"
+    assert "law_for_test.py, line 8" in done.stderr
+    assert "3 of 3 trials" in done.stderr
+    folder = tmp_path / "aus\udcff"
+    text = (folder / "report.md").read_text(encoding="utf-8")
+    assert "mein Ärmchen" in text
+    assert "mein Regler" in text
+    assert "- **raises**, 3 of 3 trials: Failed, first in trial 0: t = 0 s: ValueError: no data" in text
+    assert not (folder / "figures").exists()
+    again = run("report", "aus\udcff", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert "drawing figures" in again.stderr
+    figures = sorted(path.name for path in (folder / "figures").iterdir())
+    assert "mein Ärmchen--errors.png" in figures
+    assert "(figures/mein%20%C3%84rmchen--errors.png)" in (folder / "report.md").read_text(encoding="utf-8")
+    # what is in the way of a report is named in one line
+    (folder / "report.md").unlink()
+    (folder / "report.md").mkdir()
+    refused = run("report", "aus\udcff", "--no-figures", cwd=tmp_path)
+    assert refused.returncode != 0
+    assert refused.stderr.splitlines()[-1].startswith("error: ")
+    assert "Traceback" not in refused.stderr
+
+
+def test_that_nothing_is_compiled_is_told_once(tmp_path: Path) -> None:
+    main = [sys.executable, *MAIN[3:]]  # warnings as they are
+    done = subprocess.run(
+        [*main, "compare", "--scenario", "example-2d-fov", "--controller", "sliding-mode", "--jobs", "2", "--out", "o",
+         "--set", "scenario.duration=0.02"],
+        capture_output=True, text=True, cwd=tmp_path, timeout=300, env={**os.environ, "NUMBA_CACHE_DIR": "/proc/none"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("RuntimeWarning") == 1
+    assert done.stderr.count("cannot write /proc/none") == 1

@@ -259,7 +259,7 @@ def test_several_trials_show_median_and_range(tmp_path: Path) -> None:
     assert column(text, "RMS jerk [rad/s³]") == {"tracking": "–", "a": "**2.00 [1.00–3.00]**", "b": "5.00"}
     assert column(text, "status") == {"tracking": "not run", "a": "3 converged", "b": "1 converged, 1 trapped"}
     assert "**Incomplete: 5 of 9 runs finished.**" in text
-    assert "- **b**, trial 1: Trapped." in text
+    assert "- **b**, 1 of 2 trials: Trapped, first in trial 1." in text
 
 
 def test_without_challenged_rows_there_is_no_utilization(tmp_path: Path) -> None:
@@ -307,7 +307,8 @@ def test_failed_trials_are_counted_by_kind(tmp_path: Path) -> None:
     assert entries == [
         "- **a**, 103 of 200 trials: Failed, first in trial 0: t = 0 s: marker 1 is behind the camera.",
         "- **a**, 1 of 200 trials: Trapped, first in trial 7: at rest, ends 9 mm from the goal.",
-        "- **a**, 13 of 200 trials: Outside `fov[marker 1]` by up to 0.390 px, between samples only, at worst in trial 39.",
+        "- **a**, 13 of 200 trials: Outside `fov[marker 1]` by up to 0.390 px, between samples only, "
+        "at worst in trial 39.",
     ]
 
 
@@ -320,7 +321,7 @@ def test_a_report_without_figures_leaves_figures_alone(copy: Path) -> None:
     assert not told
     assert sorted(path.stat().st_mtime_ns for path in (copy / "figures").iterdir()) == drawn
     write_report(copy, on_drawn=lambda *count: told.append(count))
-    assert told == [(1, 1)]
+    assert told == [(0, 1), (1, 1)]
 
 
 def test_names_with_spaces_and_umlauts_have_links(tmp_path: Path) -> None:

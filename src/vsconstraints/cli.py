@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,6 +35,8 @@ USAGE_ERROR = 2
 
 Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")]
 
+Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Whether the report has figures.")]
+
 
 @app.command()
 def compare(
@@ -56,6 +60,7 @@ def compare(
         ),
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Run again what is stored.")] = False,
+    figures: Figures = True,
     run_limit: Annotated[
         float | None,
         typer.Option(
@@ -69,7 +74,7 @@ def compare(
     from .comparisons import Job, Suite
     from .comparisons import compare as run
     from .comparisons.metrics import Score
-    from .reports import write_report
+    from .reports.failures import kind
 
     chosen = Suite.load(suite).select(scenario or (), controller or (), seed, settings or ())
     for one in chosen.scenarios:
@@ -77,16 +82,19 @@ def compare(
             errors.print(f"note: {one.name}: {remark}")
     total = len(chosen.with_baseline().jobs())
     _note_processes(jobs)
+    failed: Counter[str] = Counter()
     with _progress() as progress:
         bar = progress.add_task("comparing", total=total)
 
         def finished(job: Job, score: Score, stored: bool) -> None:
             progress.advance(bar)
-            status = score.result["status"]
+            status, reason = score.result["status"], score.result["reason"]
             if status in ("failed", "aborted"):
-                progress.console.print(
-                    f"{job.scenario.name} · {job.entry.name} · trial {job.trial}: {status}, {score.result['reason']}"
-                )
+                what = f"{job.scenario.name} · {job.entry.name}"
+                alike = f"{what}: {status}, {kind(reason)}"
+                failed[alike] += 1
+                if failed[alike] == 1:
+                    progress.console.print(f"{what} · trial {job.trial}: {status}, {reason}")
 
         result = run(
             chosen,
@@ -94,9 +102,12 @@ def compare(
             workers=jobs,
             limit=run_limit,
             fresh=fresh,
-            command=["vsconstraints", *sys.argv[1:]],
+            command=_command(),
             on_finished=finished,
         )
+    for alike, count in failed.items():
+        if count > 1:
+            errors.print(f"{alike}: {count} of {chosen.trials} trials")
     if result.stored_before:
         console.print(f"{result.stored_before} of {total} runs were stored in {out} already; --fresh runs them again.")
     if result.interrupted:
@@ -105,8 +116,7 @@ def compare(
         )
         raise typer.Exit(exit_code(result.interrupted))
     try:
-        with errors.status("writing the report"):
-            report = write_report(out)
+        report = _report(out, figures)
     except INTERRUPTS as interrupt:
         errors.print(f"Interrupted: all {total} runs are stored in {out}, the report is not; the same command goes on.")
         raise typer.Exit(exit_code(signal_of(interrupt))) from interrupt
@@ -122,11 +132,9 @@ def list_() -> None:
 
 
 @app.command()
-def report(folder: Annotated[Path, typer.Argument(help="Folder of a comparison.")]) -> None:
+def report(folder: Annotated[Path, typer.Argument(help="Folder of a comparison.")], figures: Figures = True) -> None:
     """Write a comparison's report again from what is stored."""
-    from .reports import write_report
-
-    console.print(f"Report: {write_report(folder)}")
+    console.print(f"Report: {_report(folder, figures)}")
 
 
 @app.command()
@@ -144,7 +152,7 @@ def reproduce(
             out,
             workers=jobs,
             on_progress=lambda what, done, total: progress.update(bar, description=what, completed=done, total=total),
-            command=["vsconstraints", *sys.argv[1:]],
+            command=_command(),
         )
     for name, why in result.problems.items():
         errors.print(f"{name}: {why}")
@@ -172,6 +180,27 @@ def study(
             console.print(f"  {sentence}")
         for failure in result.failures:
             errors.print(f"  {failure}")
+
+
+def _report(folder: Path, figures: bool) -> Path:
+    """Write a comparison's report, and show how far its figures are."""
+    from .reports import write_report
+
+    progress = _progress()
+    bar = progress.add_task("drawing figures")
+    with ExitStack() as shown:
+
+        def drawn(done: int, total: int) -> None:
+            if done == 0:
+                shown.enter_context(progress)
+            progress.update(bar, completed=done, total=total)
+
+        return write_report(folder, figures=figures, on_drawn=drawn)
+
+
+def _command() -> list[str]:
+    """What the user typed, such that files in UTF-8 can hold it."""
+    return ["vsconstraints", *(word.encode("utf-8", "backslashreplace").decode() for word in sys.argv[1:])]
 
 
 def _note_processes(asked: int | None) -> None:
@@ -215,12 +244,16 @@ def _options(
 
 
 def main() -> None:
-    """Run the command line; errors this package raises on purpose end it with exit code 2 and one message."""
+    """Run the command line; errors of this package and of the system end it with exit code 2 and one line."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            # names and paths may hold what the terminal's encoding does not have
+            stream.reconfigure(errors="backslashreplace")
     obey_signals()
     try:
         app()
-    except VsconstraintsError as error:
-        errors.print(f"error: {error}")
+    except (VsconstraintsError, OSError) as error:
+        errors.print(f"error: {' '.join(str(error).splitlines())}")
         sys.exit(USAGE_ERROR)
     except INTERRUPTS as interrupt:
         errors.print("Interrupted.")

@@ -32,15 +32,18 @@ Those for rows of some constraints only (``Packed.after``) are compiled where a 
 processes that need one, the first compiles it and the others wait for it.
 """
 
+TOLD = "VSCONSTRAINTS_TOLD"
+"""Environment variable that says that the reason why nothing is compiled was told, by this process or its parent."""
+
 _loaded: dict[str, Any] = {}
-_told = False
 
 
 def load(name: str) -> Any:
     """Module ``vsconstraints.kernels.<name>``, compiled or read from the cache; None where there is no compiler.
 
-    The reason is told once, as a RuntimeWarning: numba is missing, broken or does not fit NumPy, or its cache cannot
-    be written. With ``VSCONSTRAINTS_COMPILE=0`` in the environment there is nothing to tell.
+    The reason is told once, as a RuntimeWarning, and not again by processes that this one starts: numba is missing,
+    broken or does not fit NumPy, or its cache cannot be written. With ``VSCONSTRAINTS_COMPILE=0`` in the environment
+    there is nothing to tell.
     """
     try:
         return _loaded[name]
@@ -60,7 +63,6 @@ def prepare() -> None:
 
 
 def _load(name: str) -> Any:
-    global _told
     if os.environ.get(VARIABLE, "").strip() == "0":
         return None
     try:
@@ -68,9 +70,9 @@ def _load(name: str) -> Any:
             raise RuntimeError("NUMBA_DISABLE_JIT is set")
         return import_module(f"{__name__}.{name}")
     except Exception as error:  # whatever is wrong with the compiler, the definition runs
-        if _told:
+        if TOLD in os.environ:
             return None
-        _told = True
+        os.environ[TOLD] = "1"  # for processes that this one starts
         warnings.warn(
             f"vsconstraints runs in its NumPy form, which is slower: {type(error).__name__}: {error} "
             f"(set {VARIABLE}=0 to say nothing)",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..comparisons.record import run_file
@@ -17,19 +17,30 @@ KINDS = ("tracks", "phi", "errors", "acceleration")
 """Figures of each scenario, in the order in which a report shows them."""
 
 
-def draw_all(jobs: Sequence[ScenarioJob]) -> dict[str, Drawn]:
-    """Draw the figures of every scenario; a scenario whose figures cannot be drawn is reported, not raised."""
+def draw_all(jobs: Sequence[ScenarioJob], on_drawn: Callable[[int, int], None]) -> dict[str, Drawn]:
+    """Draw the figures of every scenario; a scenario whose figures cannot be drawn is reported, not raised.
+
+    ``on_drawn`` is told how many scenarios are done, and how many there are.
+    """
+    drawn: dict[str, Drawn] = {}
+    on_drawn(0, len(jobs))
+
+    def done(one: Drawn) -> None:
+        drawn[one.scenario] = one
+        on_drawn(len(drawn), len(jobs))
+
     workers = min(len(jobs), process_count())
     if len(jobs) <= FEW or workers < 2:
-        return {job.scenario.name: draw(job) for job in jobs}
+        for job in jobs:
+            done(draw(job))
+        return drawn
     # the longest first, so that no process is left with one at the end
     calls = {job.scenario.name: (job,) for job in sorted(jobs, key=_stored_size, reverse=True)}
-    drawn = {}
     with Pool(draw, workers) as pool:
         for name, answer in pool.run(calls):
             if isinstance(answer, Failure):
                 answer = Drawn(name, problems=[f"Its figures could not be drawn: {answer.reason}."])
-            drawn[name] = answer
+            done(answer)
     return drawn
 
 

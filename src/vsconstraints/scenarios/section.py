@@ -148,6 +148,7 @@ _NAMES = {
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file; raises ConfigurationError that names the file if it cannot be read."""
     try:
+        str(path.absolute()).encode()  # results name it, in UTF-8
         # a byte order mark is what some editors begin files with
         text = path.read_bytes().decode("utf-8-sig")
     except (OSError, ValueError) as error:
