@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vsconstraints.comparisons import RunRecord
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reproduction import CLAIMS, all_claims, report, reproduce, runner
 from vsconstraints.reproduction.figures.catalogue import FIGURES, FigureSpec
@@ -383,6 +384,27 @@ def test_the_report_is_written_even_where_parts_fail(tmp_path: Path, monkeypatch
     )
     assert {what for what, _, _ in told} == {"simulating", "drawing"}
     assert all(0 <= done <= total for _, done, total in told)
+
+
+def test_it_goes_on_where_it_was_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    needed = [need for need in CLAIMS["2b"].needs if isinstance(need, RunSpec)]
+    few(monkeypatch, ("2b",), {})
+
+    def interrupt(what: str, done: int, total: int) -> None:
+        if done == len(needed):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        reproduce(tmp_path, workers=1, on_progress=interrupt)
+    kept = {file: RunRecord.load(file) for file in (tmp_path / "unfinished").iterdir()}
+    assert len(kept) == len(needed)
+    for file, record in kept.items():
+        assert record is not None
+        # they are taken as they are: so they can be told from new ones
+        replace(record, trajectory=replace(record.trajectory, status="failed", reason="kept")).save(file)
+    found = reproduce(tmp_path, workers=1).findings["2b"]
+    assert "kept" in found.text
+    assert not (tmp_path / "unfinished").exists()
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:

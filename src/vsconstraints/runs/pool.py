@@ -10,6 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import suppress
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from types import TracebackType
 from typing import Any, Generic, TypeVar
@@ -177,6 +178,8 @@ class _Worker:
         self.ready = self.dead = False
 
     def start(self, function: Callable[..., object]) -> None:
+        # else the first process starts it, and it lets signals through again
+        resource_tracker.ensure_running()
         with signals_held():
             self.process.start()
         self._theirs.close()

@@ -92,7 +92,7 @@ class RunSummary:
     def load(cls, path: Path) -> RunSummary | None:
         """What the file holds; None if there is none, or it is damaged."""
         try:
-            with np.load(path) as stored:
+            with path.open("rb") as file, np.load(file) as stored:
                 arrays = {name: stored[name] for name in stored.files}
             return cls(**json.loads(str(arrays.pop("facts"))), **arrays)
         except Exception:  # a damaged file can raise anything
