@@ -44,7 +44,7 @@ class Controller(ABC):
         check(rows, task)
         try:
             # numbers that leave the range of floating point are found below
-            with np.errstate(over="ignore", invalid="ignore"):
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 command: object = self.solve(rows, task)  # own laws are not type-checked
         except (np.linalg.LinAlgError, SolverError) as error:
             return self._failure(rows, task, f"{type(error).__name__}: {error}")

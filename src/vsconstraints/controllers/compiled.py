@@ -51,13 +51,13 @@ class Draft:
 
 
 def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
-    """The same rows and task in contiguous, writable arrays; None if they are so, or if something else is wrong."""
+    """The same rows and task in plain contiguous, writable arrays; None if they are so, or if something is wrong."""
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         return None
     arrays = [rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b]
     if not all(type(array) in ARRAYS and array.dtype == np.float64 for array in arrays):
         return None
-    if all(array.flags.c_contiguous and array.flags.writeable and array.flags.aligned for array in arrays):
+    if all(type(array) is np.ndarray and array.flags.carray for array in arrays):
         return None
     phi, Lg, Lf, gain, scale, J, b = (np.array(array, order="C") for array in arrays)
     return Rows(phi, Lg, Lf, gain, rows.labels, scale), Task(J, b)

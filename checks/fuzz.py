@@ -1,0 +1,233 @@
+"""``python -m checks.fuzz [--calls N] [--seed S] [--inputs FIRST:LAST]``: laws that are asked anything.
+
+Every registered controller, compiled and not, is given random, extreme, degenerate and malformed input, and has to end
+within a time limit: with a finite command of a known status, or with an error of this package. What does otherwise is
+printed with the input's number, and the exit code is 1. The same seed gives the same inputs.
+
+A process of its own asks, since nothing else ends a loop within a library; this one watches it, and goes on behind what
+does not end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import multiprocessing
+import sys
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from time import perf_counter
+from typing import Any, get_args
+
+import numpy as np
+
+from vsconstraints.controllers import CONTROLLERS, Controller, make_controller
+from vsconstraints.errors import VsconstraintsError
+from vsconstraints.rows import Command, Status
+
+from .inputs import OPTIONS, ROWS, TASK, WRONG_OPTIONS, Input, make_input
+
+EACH = 4
+"""Laws that are asked the same."""
+
+DEFINITION = 0.3
+"""Share of the calls that go to the form that is not compiled."""
+
+LIMIT = 20.0
+"""Seconds that the calls on one input may take; usual are milliseconds, on a machine that does nothing else."""
+
+PATIENCE = 300.0
+"""Seconds until the first answer: compiling takes a while."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a law should not have done.
+
+    Attributes
+    ----------
+    number
+        Of the input.
+    law, form
+        Who was asked, and which of its forms.
+    what
+        What it did.
+    """
+
+    number: int
+    law: str
+    form: str
+    what: str
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Ask, print what was found; 1 if something was."""
+    parser = argparse.ArgumentParser(prog="python -m checks.fuzz", description="Ask laws anything.")
+    parser.add_argument("--calls", type=int, default=1_000_000, help="how many calls of laws (default: 1000000)")
+    parser.add_argument("--seed", type=int, default=0, help="of all inputs (default: 0)")
+    parser.add_argument("--inputs", default="", help="FIRST:LAST, only these inputs: to see a finding again")
+    chosen = parser.parse_args(arguments)
+    first, last = 0, -(-chosen.calls // EACH)
+    if chosen.inputs:
+        first, last = (int(part) for part in chosen.inputs.split(":"))
+    started = perf_counter()
+    found, outcomes = fuzz(chosen.seed, range(first, last))
+    seconds, calls = perf_counter() - started, sum(outcomes.values())
+    for finding in found:
+        print(f"input {finding.number} of seed {chosen.seed}, {finding.law}, {finding.form}: {finding.what}")
+    said = ", ".join(f"{number} {outcome}" for outcome, number in sorted(outcomes.items()))
+    print(f"{calls} calls in {seconds:.0f} s, {calls / seconds:.0f} a second: {said}; {len(found)} findings")
+    return 1 if found else 0
+
+
+def fuzz(seed: int, numbers: range, limit: float = LIMIT) -> tuple[list[Finding], Counter[str]]:
+    """Ask in a process of its own, and in another one where that ended; findings, and how often calls ended how."""
+    found: list[Finding] = []
+    outcomes: Counter[str] = Counter()
+    context = multiprocessing.get_context("spawn")
+    at = numbers.start
+    while at < numbers.stop:
+        receiver, sender = context.Pipe(duplex=False)
+        # a worker that is killed must not take a lock with it: this one has none
+        now = context.RawArray("q", [at - 1])
+        worker = context.Process(target=ask, args=(seed, range(at, numbers.stop), sender, now), daemon=True)
+        worker.start()
+        sender.close()
+        why, answers = watch(worker, receiver, now, limit)
+        for answer in answers:
+            if isinstance(answer, Finding):
+                found.append(answer)
+            else:
+                outcomes.update(answer)
+        at = int(now[0]) + 1
+        if why:
+            found.append(Finding(int(now[0]), "some law", "either form", why))
+    return found, outcomes
+
+
+def watch(worker: Any, receiver: Connection, now: Any, limit: float) -> tuple[str, list[Finding | Counter[str]]]:
+    """Wait until the process ends, or does not get on; why it ended early, and what it had to say."""
+    answers: list[Finding | Counter[str]] = []
+    before, since, patience = int(now[0]), perf_counter(), PATIENCE
+    why = ""
+    while True:
+        try:
+            while receiver.poll(0.2):
+                answers.append(receiver.recv())
+        except (EOFError, OSError):
+            worker.join()
+            return ("" if worker.exitcode == 0 else f"the process ended with {worker.exitcode}"), answers
+        if int(now[0]) != before:
+            before, since, patience = int(now[0]), perf_counter(), limit
+        elif perf_counter() - since > patience:
+            why = f"no end within {patience:.0f} s"
+            worker.kill()
+            worker.join()
+            return why, answers
+
+
+def ask(seed: int, numbers: range, sender: Connection, now: Any) -> None:
+    """Ask about these inputs; each time, ``now`` tells which one it is."""
+    warnings.simplefilter("error", RuntimeWarning)
+    warm_up()
+    outcomes: Counter[str] = Counter()
+    for number in numbers:
+        now[0] = number
+        for finding in findings(seed, number, outcomes):
+            sender.send(finding)
+        if number % 500 == 0:
+            sender.send(outcomes)
+            outcomes = Counter()
+    sender.send(outcomes)
+    sender.close()
+
+
+def warm_up() -> None:
+    """Compile, which may take longer than the limit allows."""
+    sound = make_input(np.random.default_rng(0))
+    while not sound.sound:
+        sound = make_input(np.random.default_rng(1))
+    for name in CONTROLLERS:
+        make_controller(name).command(sound.rows, sound.task)
+
+
+def findings(seed: int, number: int, outcomes: Counter[str]) -> Iterator[Finding]:
+    """Ask some laws about one input: what should not have happened."""
+    rng = np.random.default_rng((seed, number))
+    with np.errstate(over="ignore", under="ignore"):
+        question = make_input(rng)
+    for _ in range(EACH):
+        name = str(rng.choice(list(CONTROLLERS)))
+        options = OPTIONS[name](rng) if name in OPTIONS else {}
+        if rng.random() < 0.2:
+            options["rank_tolerance"] = float(10.0 ** rng.uniform(-17.0, -0.01))
+        form = "definition" if rng.random() < DEFINITION else "compiled"
+        law = f"{name} {options}"
+        if rng.random() < 0.02:
+            outcome, what = refuses(name, options, rng)
+        else:
+            outcome, what = answers(make_controller(name, options), question, form)
+        outcomes[outcome] += 1
+        if what:
+            yield Finding(number, law, form, what)
+
+
+def refuses(name: str, options: dict[str, Any], rng: np.random.Generator) -> tuple[str, str]:
+    """Give one option a wrong value: how that ended, and what is wrong with it."""
+    option = str(rng.choice(list(inspect.signature(CONTROLLERS[name]).parameters)))
+    value = WRONG_OPTIONS[int(rng.integers(len(WRONG_OPTIONS)))]
+    try:
+        make_controller(name, {**options, option: value})
+    except VsconstraintsError as error:
+        text = str(error)
+        return "options refused", f"{option} = {value!r}: {text}" if "np.float64" in text else ""
+    except Exception as error:  # which is what is looked for
+        return "raised", f"{option} = {value!r}: {type(error).__name__}: {error}"
+    return "options accepted", ""
+
+
+def answers(law: Controller, question: Input, form: str) -> tuple[str, str]:
+    """Ask a law: how that ended, and what is wrong with it, if anything is."""
+    before = [getattr(question.rows, name, None) for name in ROWS] + [
+        getattr(question.task, name, None) for name in TASK
+    ]
+    kept = [array.tobytes() if isinstance(array, np.ndarray) and array.dtype != object else None for array in before]
+    call = law.command if form == "compiled" else law._defined
+    try:
+        command: object = call(question.rows, question.task)
+    except VsconstraintsError as error:
+        return "refused", f"refused, though sound: {error}" if question.sound else ""
+    except Exception as error:  # which is what is looked for
+        return "raised", f"{type(error).__name__}: {error}"
+    if question.sound is False:
+        return "answered", "answered, though the input is none"
+    for array, bytes_before in zip(before, kept, strict=True):
+        if isinstance(array, np.ndarray) and bytes_before not in (None, array.tobytes()):
+            return "answered", "wrote into its input"
+    wrong = judge(command, question)
+    return (command.status if isinstance(command, Command) and not wrong else "answered"), wrong
+
+
+def judge(command: object, question: Input) -> str:
+    """What is wrong with a command; empty if nothing is."""
+    if not isinstance(command, Command):
+        return f"{command!r} is no command"
+    n, m = question.task.J.shape[1], len(question.rows.labels)
+    qdd, acted, slack = command.qdd, command.acted, command.slack
+    checks = {
+        "status": command.status in get_args(Status),
+        "shape": qdd.shape == (n,) and acted.shape == (m,) and (slack is None or slack.shape == (m,)),
+        "type": qdd.dtype == np.float64 and acted.dtype == np.bool_,
+        "finite": bool(np.isfinite(qdd).all() and (slack is None or np.isfinite(slack).all())),
+        "labels": command.labels == question.rows.labels,
+        "reason": (command.status == "ok") == (command.reason == ""),
+        "rest": command.status != "failed" or not qdd.any(),
+    }
+    return ", ".join(f"{what} of {command}" for what, holds in checks.items() if not holds)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

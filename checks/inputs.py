@@ -1,0 +1,242 @@
+"""Rows, tasks and options as nobody would write them: random, extreme, degenerate, and malformed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from vsconstraints.qp import solver_names
+from vsconstraints.rows import Array, Rows, Task
+
+ROWS = ("phi", "Lg", "Lf", "switching_gain", "scale")
+TASK = ("J", "b")
+
+MALFORMED = 0.2
+"""Share of the inputs in which something has a wrong type or shape, or is not finite."""
+
+LAID_OUT = 0.2
+"""Share of the inputs whose arrays lie in memory in an unusual way."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """What a law is asked, and whether it has to answer: None where it may also refuse."""
+
+    rows: Any
+    task: Any
+    sound: bool | None
+
+
+def make_input(rng: np.random.Generator) -> Input:
+    """One input; the same for the same state of the generator."""
+    rows, task = problem(rng)
+    kind = rng.random()
+    if kind < MALFORMED:
+        return malformed(rng, rows, task)
+    if kind < MALFORMED + LAID_OUT:
+        rows = replace(rows, **{name: laid_out(rng, getattr(rows, name)) for name in ROWS})
+        task = Task(laid_out(rng, task.J), laid_out(rng, task.b))
+    return Input(rows, task, sound=True)
+
+
+# --- finite numbers of matching shapes ---
+
+
+def problem(rng: np.random.Generator) -> tuple[Rows, Task]:
+    """Finite rows and a task: from usual ones to those at the ends of floating point."""
+    n = int(rng.choice((1, 2, 3, 6, 6, 6, 7, 7, 12, 30)))
+    m = int(rng.choice((0, 1, 2, 3, 4, 6, 8, 12, 40), p=(0.1, 0.1, 0.15, 0.15, 0.15, 0.15, 0.1, 0.08, 0.02)))
+    k = int(rng.choice((0, 1, 2, 3, 6, 6, 8, 24), p=(0.05, 0.1, 0.15, 0.15, 0.2, 0.2, 0.13, 0.02)))
+    Lg, J = degenerate(rng, rng.normal(size=(m, n))), degenerate(rng, rng.normal(size=(k, n)))
+    phi, gain, scale = rng.normal(size=m), rng.uniform(0.1, 10.0, m), rng.uniform(0.1, 2.0, m)
+    if rng.random() < 0.2:
+        phi = rng.choice((0.0, -0.0, 1.0, -1e-12, 1e-12), m)
+    labels = tuple(f"row[{i}]" for i in range(m))
+    rows = Rows(phi, Lg, rng.normal(size=m), gain, labels, scale)
+    task = Task(J, rng.normal(size=k))
+    if rng.random() < 0.5:
+        rows, task = scaled(rng, rows, task)
+    return rows, task
+
+
+def degenerate(rng: np.random.Generator, A: Array) -> Array:
+    """Some rows zero, repeated, opposite, nearly so, or combinations of others."""
+    if len(A) == 0 or rng.random() < 0.4:
+        return A
+    for i in range(len(A)):
+        other, near = A[int(rng.integers(len(A)))], rng.normal(size=A.shape[1]) * 10.0 ** rng.uniform(-16.0, -1.0)
+        A[i] = (A[i], A[i], A[i] * 0.0, other, -other, other + near, -other + near, near, np.round(A[i]))[
+            int(rng.integers(9))
+        ]
+    if rng.random() < 0.1:
+        A[-1] = rng.normal(size=len(A)) @ A
+    return A
+
+
+def scaled(rng: np.random.Generator, rows: Rows, task: Task) -> tuple[Rows, Task]:
+    """The same in units that differ a little, a lot, or as much as floating point allows; still finite."""
+    decades = float(rng.choice((3.0, 6.0, 12.0, 150.0, 308.0)))
+    whole = rng.random() < 0.3
+
+    def factor(size: int) -> Array:
+        return 10.0 ** (
+            np.full(size, rng.uniform(-decades, decades)) if whole else rng.uniform(-decades, decades, size)
+        )
+
+    def finite(array: Array, least: float = -np.inf) -> Array:
+        return np.clip(np.nan_to_num(array), max(least, -1.79e308), 1.79e308)
+
+    chosen = rng.random(7) < rng.choice((0.2, 0.5, 1.0))
+    values = {name: getattr(rows, name) for name in ROWS} | {name: getattr(task, name) for name in TASK}
+    with np.errstate(over="ignore"):
+        for name, change in zip(values, chosen, strict=True):
+            if change:
+                by = factor(len(values[name]))
+                least = 5e-324 if name in ("switching_gain", "scale") else -np.inf
+                values[name] = finite(values[name] * (by if values[name].ndim == 1 else by[:, None]), least)
+    return replace(rows, **{name: values[name] for name in ROWS}), Task(values["J"], values["b"])
+
+
+def laid_out(rng: np.random.Generator, array: Array) -> Array:
+    """The same numbers, which lie otherwise in memory."""
+    kind = int(rng.integers(6))
+    if kind == 0:
+        frozen = array.copy()
+        frozen.flags.writeable = False
+        return frozen
+    if kind == 1:
+        return np.asfortranarray(array)
+    if kind == 2:
+        return np.repeat(array, 2, axis=0)[::2]
+    if kind == 3:
+        return array[::-1].copy()[::-1]
+    if kind == 4:
+        shifted = np.empty(array.nbytes + 1, dtype=np.uint8)[1:].view(np.float64).reshape(array.shape)
+        shifted[...] = array
+        return shifted
+    return array
+
+
+# --- what is refused ---
+
+
+def malformed(rng: np.random.Generator, rows: Rows, task: Task) -> Input:
+    """One thing wrong in it; sometimes a second."""
+    sound: bool | None = False
+    for _ in range(1 + (rng.random() < 0.2)):
+        name = str(rng.choice((*ROWS, *TASK)))
+        if name in TASK:
+            changed, sound = wrong(rng, getattr(task, name), sound)
+            task = replace(task, **{name: changed})
+        elif name == "scale":
+            changed, sound = not_finite(rng, rows.scale), None if not rows.scale.size else sound
+            rows = replace(rows, scale=changed)
+        else:
+            changed, sound = wrong(rng, getattr(rows, name), sound)
+            rows = replace(rows, **{name: changed})
+    kind = rng.random()
+    if kind < 0.1:
+        labels: Any = (rows.labels[:-1], (*rows.labels, "one more"), tuple(range(len(rows.labels))), ("",) * 3)
+        return Input(replace(rows, labels=labels[int(rng.integers(4))]), task, None)
+    if kind < 0.15:
+        pairs: Any = ((None, task), (rows, None), (task, rows), (rows.Lg, task.J), (rows, (task.J, task.b)))
+        rows, task = pairs[int(rng.integers(5))]
+        return Input(rows, task, sound=False)
+    if kind < 0.2:
+        return Input(
+            replace(rows, Lg=np.empty((len(rows.labels), 0))), Task(np.empty((3, 0)), np.zeros(3)), sound=False
+        )
+    return Input(rows, task, sound)
+
+
+WRONG: tuple[Callable[[Array], Any], ...] = (
+    lambda array: None,
+    lambda array: array.tolist(),
+    lambda array: "words",
+    lambda array: 1.0,
+    lambda array: np.array(1.0),
+    lambda array: array.astype(complex),
+    lambda array: array.astype(object),
+    lambda array: np.zeros(array.shape, dtype=int),
+    lambda array: array > 0.0,
+    lambda array: np.zeros(array.shape, dtype=np.float32),
+    lambda array: array[None],
+    lambda array: array[..., None],
+    lambda array: np.concatenate((array, np.ones((1, *array.shape[1:])))),
+    lambda array: np.ones((len(array) + 1, *array.shape)),
+)
+"""Types and shapes that no array of rows or task may have."""
+
+
+def wrong(rng: np.random.Generator, array: Any, sound: bool | None) -> tuple[Any, bool | None]:
+    """Something else in the place of an array, and whether a law still has to answer."""
+    if not isinstance(array, np.ndarray) or array.dtype != np.float64 or type(array) is not np.ndarray:
+        return array, sound
+    kind = rng.random()
+    if kind < 0.4 and array.size:
+        return not_finite(rng, array), sound
+    if kind < 0.5 and array.ndim == 2:
+        # where it is square a transposed matrix is another one
+        return array.T, None
+    if kind < 0.55:
+        # these numba may take for plain arrays, after another one that was not quite plain
+        return (array.view(np.matrix) if rng.random() < 0.5 else array.astype(">f8")), None
+    return WRONG[int(rng.integers(len(WRONG)))](array), sound
+
+
+def not_finite(rng: np.random.Generator, array: Array) -> Array:
+    """One number, or all of them, not finite."""
+    changed = array.copy()
+    if changed.size:
+        value = float(rng.choice((np.nan, np.inf, -np.inf)))
+        changed.flat[int(rng.integers(changed.size)) if rng.random() < 0.8 else slice(None)] = value
+    return changed
+
+
+# --- options ---
+
+SOLVERS = tuple(name for name in ("daqp", "proxqp", "osqp", "quadprog", "clarabel") if name in solver_names())
+
+
+def power(rng: np.random.Generator, usual: float, decades: float) -> float:
+    """Near a usual value, or some decades away."""
+    far: float = rng.uniform(-decades, decades) if rng.random() < 0.2 else rng.uniform(-1.0, 1.0)
+    return float(usual * 10.0**far)
+
+
+def field(rng: np.random.Generator) -> dict[str, Any]:
+    """Options of a potential field."""
+    return {
+        "blend": str(rng.choice(("additive", "priority"))),
+        "region": power(rng, 0.2, 300.0),
+        "exponent": float(rng.choice((0.5, 1.0, 2.0, power(rng, 1.0, 3.0)))),
+        "strength": power(rng, 1.0, 300.0),
+    }
+
+
+def hierarchy(rng: np.random.Generator) -> dict[str, Any]:
+    """Options of the hierarchical QP."""
+    options: dict[str, Any] = {
+        "rows": str(rng.choice(("barrier", "active"))),
+        "alpha": power(rng, 20.0, 100.0),
+        "solver": "auto" if rng.random() < 0.9 else str(rng.choice(SOLVERS)),
+    }
+    if rng.random() < 0.3:
+        options["max_acceleration"] = power(rng, 10.0, 100.0)
+    if rng.random() < 0.3:
+        options["weights"] = {"row": power(rng, 1.0, 4.0), "row[1]": power(rng, 1.0, 100.0)}
+    if rng.random() < 0.1:
+        options["damping"] = power(rng, 1e-8, 6.0)
+    return options
+
+
+OPTIONS: dict[str, Callable[[np.random.Generator], dict[str, Any]]] = {
+    "potential-field": field,
+    "hierarchical-qp": hierarchy,
+}
+"""Options by the name of the controller; others are made with what they have by themselves."""
+
+WRONG_OPTIONS = (None, "fast", 0.0, -1.0, np.nan, np.inf, True, 10**400, 1j, [1.0], np.float64(0.0), {"row": -1.0}, ())
