@@ -8,10 +8,15 @@ import numpy as np
 import pytest
 
 from scenes import random_goal, random_scene, robot, slope
+from vsconstraints.control_step import ControlStep
+from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.features import CameraPose, Feature, Goal, ImagePoints
+from vsconstraints.references import MinimumJerk
 from vsconstraints.rows import Array
+from vsconstraints.scenarios import Scenario
 from vsconstraints.scene import Scene, State
+from vsconstraints.simulation import simulate
 from vsconstraints.tracking import TrackingGains, VisualTask
 
 FEATURES = [CameraPose(), ImagePoints()]
@@ -248,3 +253,111 @@ def test_the_rotation_stays_continuous_through_half_a_turn() -> None:
         angles.append(float(np.linalg.norm(error[3:])))
     np.testing.assert_allclose(angles, 0.1 * np.arange(50), atol=1e-6)
     assert angles[-1] > np.pi + 1.0
+
+
+# --- reference trajectories ---
+
+
+def test_a_reference_goes_from_start_to_goal_and_rests_there() -> None:
+    start = np.array([0.4, -1.2])
+    reference = MinimumJerk(2.5)
+    for elapsed, expected in ((0.0, start), (2.5, 0.0 * start), (7.0, 0.0 * start), (1.25, 0.5 * start)):
+        s_ref, rate, acceleration = reference.at(elapsed, start)
+        np.testing.assert_allclose(s_ref, expected, atol=1e-15)
+        if elapsed != 1.25:
+            np.testing.assert_array_equal(rate, 0.0)
+            np.testing.assert_array_equal(acceleration, 0.0)
+
+
+def test_derivatives_of_a_reference_are_those_of_finite_differences() -> None:
+    start, reference, h = np.array([0.4, -1.2]), MinimumJerk(2.5), 1e-5
+    for elapsed in np.linspace(0.05, 2.4, 17):
+        before, (_, rate, acceleration), after = (reference.at(elapsed + step, start) for step in (-h, 0.0, h))
+        np.testing.assert_allclose(rate, (after[0] - before[0]) / (2.0 * h), rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(acceleration, (after[1] - before[1]) / (2.0 * h), rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, np.nan, np.inf])
+def test_a_reference_takes_a_positive_time(duration: float) -> None:
+    with pytest.raises(InvalidInput, match="duration of a reference trajectory"):
+        MinimumJerk(duration)
+
+
+@pytest.mark.parametrize("feature", FEATURES, ids=lambda f: f.name)
+def test_a_reference_enters_error_rate_and_acceleration(feature: Feature) -> None:
+    """b = s̈_ref − K_p (s − s_ref) − K_v (ṡ − ṡ_ref) − J̇_s q̇, with s_ref written out here (eqs. 41 and 42)."""
+    scene, q, qd, goals = scene_and_goals(1)
+    gains = TrackingGains(5.0, 3.0)
+    task = VisualTask(feature, [replace(goals[0], reference=MinimumJerk(1.6))], gains)
+    for t in (0.2, 0.5, 1.1, 2.5):
+        state = scene.evaluate(t, q + t * qd, qd)
+        motion = feature.evaluate(state, goals[0], None)
+        found, error = task.evaluate(state)
+        if t == 0.2:
+            start = motion.error
+        x = min((t - 0.2) / 1.6, 1.0)
+        left, rate, acceleration = np.polyval([-6, 15, -10, 0, 0, 1], x), 0.0, 0.0
+        if x < 1.0:
+            rate = np.polyval([-30, 60, -30, 0, 0], x) / 1.6
+            acceleration = np.polyval([-120, 180, -60, 0], x) / 1.6**2
+        np.testing.assert_allclose(error, motion.error - left * start, atol=1e-12)
+        Kp, Kv = gains.at(error)
+        expected = acceleration * start - Kp * error - Kv * (motion.velocity - rate * start) - motion.drift
+        np.testing.assert_allclose(found.b, expected, rtol=1e-10, atol=1e-10)
+
+
+def test_lines_3_and_4_of_appendix_b_difference_the_reference() -> None:
+    scene, q, qd, goals = scene_and_goals(1)
+    reference, Ts, gains = MinimumJerk(1.6), 0.01, TrackingGains(5.0)
+    goal = replace(goals[0], reference=reference)
+    task = VisualTask(CameraPose(), [goal], gains, reference="differences")
+    exact = VisualTask(CameraPose(), [goal], gains)
+    start = CameraPose().evaluate(scene.evaluate(0.0, q, qd), goal, None).error
+    s_ref, rate = start, np.zeros(6)
+    for k in range(6):
+        state = scene.evaluate(k * Ts, q + k * Ts * qd, qd)
+        found, error = task.evaluate(state)
+        other, same = exact.evaluate(state)
+        np.testing.assert_array_equal(error, same)
+        now, its_rate, its_acceleration = reference.at(k * Ts, start)
+        new_rate = (now - s_ref) / Ts if k else np.zeros(6)
+        acceleration = (new_rate - rate) / Ts if k else np.zeros(6)
+        s_ref, rate = now, new_rate
+        Kv = gains.at(error)[1]
+        change = acceleration - its_acceleration + Kv * (rate - its_rate)
+        np.testing.assert_allclose(found.b - other.b, change, rtol=1e-9, atol=1e-9)
+
+
+def test_differences_of_a_reference_start_afresh_where_the_goal_changes() -> None:
+    scene, q, qd, goals = scene_and_goals(2)
+    goals = [replace(goal, reference=MinimumJerk(1.0)) for goal in goals]
+    gains = TrackingGains(5.0)
+    task = VisualTask(CameraPose(), goals, gains, reference="differences")
+    fresh = VisualTask(CameraPose(), goals, gains, reference="differences")
+    for state in states_along(scene, q, qd, np.array([1.98, 1.99])):
+        task.evaluate(state)
+    (at_change,) = states_along(scene, q, qd, np.array([2.0]))
+    np.testing.assert_array_equal(task.evaluate(at_change)[0].b, fresh.evaluate(at_change)[0].b)
+    np.testing.assert_allclose(task.evaluate(at_change)[1], 0.0, atol=1e-12)
+
+
+def test_a_scenario_with_a_reference_follows_it_in_numpy() -> None:
+    """Ideal tracking from rest stays on the reference, up to what sampling leaves."""
+    scenario = Scenario.load("example-2d-fov").with_override("task.goals.0.reach_in", 3.0)
+    scenario = scenario.with_override("duration", 4.0).with_override("task.drift", "exact")
+    setup = scenario.setup()
+    assert ControlStep(setup.scene, setup.constraints, setup.task).not_compiled == "a reference trajectory"
+    run = simulate(setup, Tracking())
+    assert run.status == "converged"
+    at_once = simulate(
+        scenario.with_override("task.goals", [{"camera_at_q": [-0.72, -1.744, 4.2]}]).setup(), Tracking()
+    )
+    assert np.abs(run.error).max() < 0.02 < np.abs(at_once.error).max()
+    halfway = int(np.argmin(np.abs(run.t - 1.5)))
+    assert run.camera_error[halfway, 1] == pytest.approx(0.5 * np.pi, abs=0.02)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, "soon"])
+def test_a_scenario_says_what_is_wrong_with_its_reference(value: object) -> None:
+    with pytest.raises((ConfigurationError, InvalidInput), match=r"reach_in|duration of a reference"):
+        Scenario.load("example-2d-fov").with_override("task.goals.0.reach_in", value).setup()

@@ -15,6 +15,7 @@ import numpy as np
 
 from .errors import ConfigurationError, unknown_name
 from .geometry import Pose, rotation_vector, rotation_vector_rate, skew
+from .references import Reference
 from .rows import Array
 from .scene import State, interaction_matrix
 
@@ -37,6 +38,8 @@ class Goal:
         Desired pose of the camera in the target's frame; None if only the image is given.
     depth
         (m,) Z of the markers there [m]; None if not known.
+    reference
+        How s_ref moves on the way to the goal; None if it is the goal from the start.
     """
 
     from_time: float
@@ -44,6 +47,7 @@ class Goal:
     normalised: Array
     camera: Pose | None = None
     depth: Array | None = None
+    reference: Reference | None = None
 
     @cached_property
     def interaction(self) -> Array:
@@ -63,7 +67,7 @@ class FeatureMotion:
     Attributes
     ----------
     error
-        (k,) e = s − s_ref.
+        (k,) s less its value at the goal.
     J
         (k, n) J_s = ∂s/∂q.
     velocity

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from .errors import ConfigurationError, InvalidInput, shown, unknown_name
 from .features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
+from .references import Reference
 from .rows import Array, Task
 from .scene import State
 
@@ -54,18 +55,27 @@ class TrackingGains:
 
 @dataclass(slots=True)
 class TrackingMemory:
-    """What tracking remembers between samples: the goal it follows and the last sample's feature."""
+    """What tracking remembers between samples: the goal it follows, the last sample's feature, and the reference's.
+
+    ``began`` is the time of the goal's first sample, ``start`` the feature then; ``reference`` and ``reference_rate``
+    are s_ref, less the feature's value at the goal, and ṡ_ref.
+    """
 
     goal: int = -1
     time: float = 0.0
     last: FeatureMotion | None = None
+    began: float = 0.0
+    start: Array | None = None
+    reference: Array | None = None
+    reference_rate: Array | None = None
 
 
 class VisualTask:
     """Tracks a visual feature towards goals that change at given times.
 
-    b = −K_p e − K_v ė − J̇_s q̇ − ∂ṡ/∂t (eqs. 41 and 42, for references that are constant between changes). ∂s/∂t, in ė
-    and in the last term, is that of a target whose motion is known (section 5.4).
+    b = s̈_ref − K_p e − K_v ė − J̇_s q̇ − ∂ṡ/∂t with e = s − s_ref (eqs. 41 and 42). s_ref is the goal itself, or moves
+    towards it as the goal's :class:`vsconstraints.references.Reference` says. ∂s/∂t, in ė and in the last term, is that
+    of a target whose motion is known (section 5.4).
 
     Attributes
     ----------
@@ -80,6 +90,8 @@ class VisualTask:
         line 5 of Appendix B. Differences start afresh at the first sample and where the goal changes.
     velocity
         Where ṡ comes from, likewise (line 2 of Appendix B).
+    reference
+        Where ṡ_ref and s̈_ref come from, likewise (lines 3 and 4 of Appendix B); both are zero where differences start.
     memory
         What is kept between samples; :meth:`reset` clears it.
     """
@@ -91,8 +103,9 @@ class VisualTask:
         gains: TrackingGains,
         drift: Derivative = "exact",
         velocity: Derivative = "exact",
+        reference: Derivative = "exact",
     ) -> None:
-        for name, value in (("drift", drift), ("velocity", velocity)):
+        for name, value in (("drift", drift), ("velocity", velocity), ("reference", reference)):
             if value not in DERIVATIVES:
                 raise unknown_name(name, value, DERIVATIVES)
         if not goals:
@@ -106,7 +119,7 @@ class VisualTask:
             for goal in goals:
                 _ = goal.interaction
         self.feature, self.goals, self.gains = feature, tuple(goals), gains
-        self.drift, self.velocity = drift, velocity
+        self.drift, self.velocity, self.reference = drift, velocity, reference
         self.memory = TrackingMemory()
 
     def reset(self) -> None:
@@ -119,7 +132,7 @@ class VisualTask:
         return holding[-1] if holding else 0
 
     def evaluate(self, state: State) -> tuple[Task, Array]:
-        """The task now, and the feature's error (k,)."""
+        """The task now, and the error e = s − s_ref (k,)."""
         memory = self.memory
         goal = self.goal_at(state.t)
         last = memory.last if goal == memory.goal else None
@@ -133,6 +146,27 @@ class VisualTask:
                 drift = ((motion.J - last.J) @ state.robot.qd + motion.partial - last.partial) / Ts
             if self.velocity == "differences":
                 velocity = (motion.error - last.error) / Ts
-        self.memory = TrackingMemory(goal, state.t, motion)
-        Kp, Kv = self.gains.at(motion.error)
-        return Task(motion.J, -Kp * motion.error - Kv * velocity - drift), motion.error
+        following = self.goals[goal].reference
+        if following is None:
+            self.memory = TrackingMemory(goal, state.t, motion)
+            Kp, Kv = self.gains.at(motion.error)
+            return Task(motion.J, -Kp * motion.error - Kv * velocity - drift), motion.error
+        s_ref, rate, acceleration = self._reference(following, memory, state.t, motion.error, last is None)
+        self.memory = replace(self.memory, goal=goal, time=state.t, last=motion)
+        error = motion.error - s_ref
+        Kp, Kv = self.gains.at(error)
+        return Task(motion.J, acceleration - Kp * error - Kv * (velocity - rate) - drift), error
+
+    def _reference(
+        self, following: Reference, memory: TrackingMemory, t: float, s: Array, first: bool
+    ) -> tuple[Array, Array, Array]:
+        """s_ref, ṡ_ref and s̈_ref now, the first less the feature's value at the goal; remembers the first two."""
+        began, start = (t, s) if first or memory.start is None else (memory.began, memory.start)
+        s_ref, rate, acceleration = following.at(t - began, start)
+        if self.reference == "differences":
+            rate = acceleration = np.zeros_like(s_ref)
+            if not first and t > memory.time and memory.reference is not None and memory.reference_rate is not None:
+                rate = (s_ref - memory.reference) / (t - memory.time)
+                acceleration = (rate - memory.reference_rate) / (t - memory.time)
+        self.memory = TrackingMemory(began=began, start=start, reference=s_ref, reference_rate=rate)
+        return s_ref, rate, acceleration

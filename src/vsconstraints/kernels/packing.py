@@ -96,6 +96,8 @@ class Packed:
         feature = task.feature
         if type(feature) not in (CameraPose, ImagePoints):
             raise NotCompiled(f"the feature {feature.name}")
+        if any(goal.reference is not None for goal in task.goals):
+            raise NotCompiled("a reference trajectory")
         k = 6 if isinstance(feature, CameraPose) else 2 * M
         self._F: list[float] = []
         self._I: list[int] = [0] * layout.HEADER

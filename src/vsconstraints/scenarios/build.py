@@ -17,6 +17,7 @@ from ..errors import ConfigurationError, SceneError
 from ..features import FEATURES, Feature, Goal, ImagePoints, InteractionMatrix
 from ..geometry import Pose
 from ..motion import TargetMotion
+from ..references import MinimumJerk
 from ..robot import Robot
 from ..robots import ready_made
 from ..rows import Array
@@ -180,14 +181,17 @@ def _task(section: Section, scene: Scene, camera: Camera) -> VisualTask:
     )
     drift = cast("Derivative", section.choice("drift", DERIVATIVES, "exact"))
     velocity = cast("Derivative", section.choice("velocity", DERIVATIVES, "exact"))
+    reference = cast("Derivative", section.choice("reference", DERIVATIVES, "exact"))
     goals = [_goal(goal, scene, camera) for goal in section.sections("goals")]
     section.finish()
-    return VisualTask(feature, goals, gains, drift, velocity)
+    return VisualTask(feature, goals, gains, drift, velocity, reference)
 
 
 def _goal(section: Section, scene: Scene, believed: Camera) -> Goal:
     """A goal as the control knows it: shown to the real camera, turned into coordinates by the believed one."""
     time = float(section.number("from_time", 0.0))
+    reach_in = section.number("reach_in", None)
+    reference = None if reach_in is None else MinimumJerk(float(reach_in))
     kinds = [key for key in ("camera_at_q", "camera_pose", "markers_px") if key in section]
     if len(kinds) != 1:
         raise ConfigurationError(
@@ -199,7 +203,7 @@ def _goal(section: Section, scene: Scene, believed: Camera) -> Goal:
         section.finish()
         if depth is not None and (depth < MINIMUM_DEPTH).any():
             raise ConfigurationError(f"{section.where}: depth_m must be at least {MINIMUM_DEPTH} m, not {depth}")
-        return Goal(time, pixels, believed.normalised(pixels), depth=depth)
+        return Goal(time, pixels, believed.normalised(pixels), depth=depth, reference=reference)
     if kinds == ["camera_at_q"]:
         camera = scene.camera_pose(section.array("camera_at_q", shape=(scene.robot.n,)))
     else:
@@ -211,7 +215,7 @@ def _goal(section: Section, scene: Scene, believed: Camera) -> Goal:
         pixels, depth = scene.project(camera), scene.depth(camera)
     except SceneError as error:
         raise ConfigurationError(f"{section.where}: at the goal, {error}") from error
-    return Goal(time, pixels, believed.normalised(pixels), camera, depth)
+    return Goal(time, pixels, believed.normalised(pixels), camera, depth, reference)
 
 
 def _tolerances(section: Section) -> Tolerances:

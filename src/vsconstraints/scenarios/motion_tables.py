@@ -54,6 +54,8 @@ def read_disturbances(section: Section, seed: tuple[int, ...]) -> Disturbances:
         elif isinstance(default, tuple):
             one = name == "acceleration" and isinstance(section.peek(name), int | float)
             values[name] = (section.number(name),) if one else tuple(section.array(name, np.array(default)).tolist())
+        elif isinstance(default, bool):
+            values[name] = section.take(name, bool, default)
         elif isinstance(default, int):
             values[name] = section.take(name, int, default)
         else:

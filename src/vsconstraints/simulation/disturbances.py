@@ -23,7 +23,9 @@ class Disturbances:
     Attributes
     ----------
     gradient_error
-        c_e of eq. (49): ∇σ_e = ∇σ + c_e s ∘ abs(∇σ), wherever the law uses ∇σ.
+        c_e of eq. (49): ∇σ_e = ∇σ + c_e s ∘ abs(∇σ) in place of ∇σ.
+    gradient_error_in_phi
+        Whether ∇σ_e stands in φ = σ + K σ̇ (and in L_fφ) too, or in L_gφ alone: the paper does not say.
     gradient_error_signs
         s, one sign per joint.
     gradient_error_rows
@@ -54,6 +56,7 @@ class Disturbances:
     """
 
     gradient_error: float = 0.0
+    gradient_error_in_phi: bool = True
     gradient_error_signs: tuple[float, ...] = GRADIENT_SIGNS
     gradient_error_rows: tuple[str, ...] = VISIBILITY
     acceleration: tuple[float, ...] = (0.0,)

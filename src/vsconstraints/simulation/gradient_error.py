@@ -13,7 +13,7 @@ from .disturbances import VISIBILITY, Disturbances
 
 
 class GradientError:
-    """∇σ_e = ∇σ + c_e s ∘ |∇σ| in every place where the rows contain ∇σ: L_gφ, and σ̇ in φ and L_fφ."""
+    """∇σ_e = ∇σ + c_e s ∘ |∇σ| where the rows contain ∇σ: in L_gφ, and unless told otherwise in σ̇ in φ and L_fφ."""
 
     def __init__(self, constraints: ConstraintSet, disturbances: Disturbances, n: int) -> None:
         kinds, known = disturbances.gradient_error_rows, set(constraints.kinds)
@@ -36,7 +36,7 @@ class GradientError:
         self._share = disturbances.gradient_error * np.outer(
             concerned, disturbances.per_joint("gradient_error_signs", n)
         )
-        self._K = constraints.K
+        self._K, self._in_phi = constraints.K, disturbances.gradient_error_in_phi
         self.any = bool(self._share.any())
 
     def __call__(self, rows: Rows, qd: Array) -> Rows:
@@ -44,5 +44,7 @@ class GradientError:
         if not self.any:
             return rows
         error = self._share * np.abs(rows.Lg)
+        if not self._in_phi:
+            return replace(rows, Lg=rows.Lg + error)
         change = error @ qd
         return replace(rows, phi=rows.phi + change, Lg=rows.Lg + error, Lf=rows.Lf + change / self._K)

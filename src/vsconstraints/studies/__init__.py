@@ -10,6 +10,7 @@ from .shrinking_region import ShrinkingRegion
 from .study import Study, StudyResult, StudyRun
 from .summary import RunSummary
 from .switching_gain import SwitchingGain
+from .unselected_experiments import UnselectedExperiments
 
 __all__ = [
     "STUDIES",
@@ -32,6 +33,7 @@ STUDIES: dict[str, Study] = {
         Pareto(),
         NonStatic(),
         Robustness(),
+        UnselectedExperiments(),
     )
 }
 """Studies by the name files and the command line use."""

@@ -85,8 +85,9 @@ def run_one(run: StudyRun, file: Path, baseline_file: Path) -> RunSummary:
     # some studies are about runs that diverge
     with np.errstate(over="ignore", invalid="ignore"):
         setup = _scenario(run).setup()
-        recorder = DriftRecorder(make_controller(run.law, run.options))
-        record = RunRecord.of(setup, simulate(setup, recorder), run.identity)
+        law = make_controller(run.law, run.options)
+        recorder = DriftRecorder(law) if run.drift_noted else None
+        record = RunRecord.of(setup, simulate(setup, recorder or law), run.identity)
         if run.law == BASELINE and not run.overrides:
             record.save(baseline_file)
         summary = summarise(record, RunRecord.load(baseline_file), recorder, setup.constraints.scale)

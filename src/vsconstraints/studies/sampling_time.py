@@ -52,6 +52,7 @@ class SamplingTime(Study):
                 f"{scenario} {time:g}",
                 scenario,
                 *SLIDING_MODE[1:],
+                drift_noted=True,
                 overrides={"sampling_time": time / 1e3, **({"duration": 4.0} if small else {})},
             )
             for scenario, own in times.items()

@@ -28,6 +28,8 @@ class StudyRun:
         What figures call the controller, and by which they choose its colour.
     overrides
         Dotted keys of the scenario that are set to other values.
+    drift_noted
+        Whether what moves φ is noted, which takes longer than the run itself.
     """
 
     key: str
@@ -36,6 +38,7 @@ class StudyRun:
     options: dict[str, Any] = field(default_factory=dict)
     controller: str = ""
     overrides: dict[str, Any] = field(default_factory=dict)
+    drift_noted: bool = False
 
     def __post_init__(self) -> None:
         if not self.controller:
@@ -44,7 +47,8 @@ class StudyRun:
     @property
     def identity(self) -> str:
         """The same for runs that give the same result, whatever study they belong to."""
-        return json.dumps((self.scenario, self.law, self.options, self.overrides), sort_keys=True)
+        parts = (self.scenario, self.law, self.options, self.overrides, self.drift_noted)
+        return json.dumps(parts, sort_keys=True)
 
 
 @dataclass(frozen=True)

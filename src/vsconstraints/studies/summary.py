@@ -39,8 +39,8 @@ class RunSummary:
         Sampling time [s].
     t
         (T,) times of what follows [s].
-    q
-        (T, n) joint positions.
+    q, qd
+        (T, n) joint positions and speeds.
     clearance
         (T, m) clearance of each row as a fraction of its characteristic length.
     pixels
@@ -65,6 +65,7 @@ class RunSummary:
     Ts: float = np.nan
     t: Array = field(default_factory=lambda: np.empty(0))
     q: Array = field(default_factory=lambda: np.empty((0, 0)))
+    qd: Array = field(default_factory=lambda: np.empty((0, 0)))
     clearance: Array = field(default_factory=lambda: np.empty((0, 0)))
     pixels: Array = field(default_factory=lambda: np.empty((0, 0, 2)))
     needed_gain: float = np.nan
@@ -103,7 +104,9 @@ class RunSummary:
         return float(self.result.get(column, np.nan))
 
 
-def summarise(record: RunRecord, baseline: RunRecord | None, recorder: DriftRecorder, scales: Array) -> RunSummary:
+def summarise(
+    record: RunRecord, baseline: RunRecord | None, recorder: DriftRecorder | None, scales: Array
+) -> RunSummary:
     """The summary of a run.
 
     Parameters
@@ -113,7 +116,7 @@ def summarise(record: RunRecord, baseline: RunRecord | None, recorder: DriftReco
     baseline
         Tracking alone on the same scenario, which tells the challenged rows; None if it failed.
     recorder
-        What noted the drift of φ during the run.
+        What noted the drift of φ during the run; None if nothing did.
     scales
         (m,) size of each row's allowed range in units of φ.
     """
@@ -134,9 +137,10 @@ def summarise(record: RunRecord, baseline: RunRecord | None, recorder: DriftReco
         record.Ts,
         t,
         _on_grid(t, run.t, run.q),
+        _on_grid(t, run.t, run.qd),
         _on_grid(t, run.t, relative),
         _on_grid(t, run.t, run.features_px.reshape(N, -1)).reshape(len(t), -1, 2),
-        **_gains(run.phi, recorder.drift(N), recorder.push(N), record.Ts),
+        **(_gains(run.phi, recorder.drift(N), recorder.push(N), record.Ts) if recorder else {}),
         phi_max=float(run.phi.max(initial=-np.inf)),
         longest_run=max((round(row["longest_positive_run_s"] / record.Ts) for row in scored.constraints), default=0),
     )
@@ -164,6 +168,16 @@ def pixel_distance(one: RunSummary, other: RunSummary) -> float:
     if not len(t) or not one.pixels.size:
         return float("nan")
     return float(np.linalg.norm(_at(t, one.t, one.pixels) - _at(t, other.t, other.pixels), axis=2).max())
+
+
+def speed_difference(one: RunSummary, other: RunSummary) -> tuple[float, float]:
+    """How joint speeds differ: the greatest difference of one, as a share of the other run's greatest; and both RMS."""
+    t = _common(one, other)
+    if not len(t) or not other.qd.any():
+        return float("nan"), float("nan")
+    apart, reference = _at(t, one.t, one.qd) - _at(t, other.t, other.qd), other.qd
+    rms = math.sqrt(float((apart**2).mean()) / float((reference**2).mean()))
+    return float(np.abs(apart).max() / np.abs(reference).max()), rms
 
 
 def _rms(one: RunSummary, other: RunSummary, values: Array, theirs: Array) -> float:

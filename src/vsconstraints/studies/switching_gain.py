@@ -59,6 +59,7 @@ class SwitchingGain(Study):
                 f"{Kp0:g} {gain:g}",
                 SCENARIO,
                 *SLIDING_MODE[1:],
+                drift_noted=True,
                 overrides={"task.Kp0": Kp0, "constraints.0.switching_gain": gain, "duration": DURATIONS[Kp0]},
             )
             for Kp0 in speeds
