@@ -1,7 +1,7 @@
 """What a constraint is, and how its value and gradient become rows.
 
 A constraint gives σ ≤ 0 and ∂σ/∂y in the coordinates y it is about: marker pixels, robot points or joints. The
-chain rule to joint space is here, once:
+chain rule to joint space is here for all constraints, and compiled in :mod:`vsconstraints.kernels.constraint_rows`:
 
     φ = σ + K σ̇,  σ̇ = g·ẏ,  L_gφ = K g J,  L_fφ = g·ẏ + K (g·J̇q̇ + ẏᵀ H ẏ),   g = ∂σ/∂y, H = ∂²σ/∂y²
 """

@@ -4,7 +4,8 @@ Each function takes coordinates as separate numbers or arrays and returns σ and
 regions (:func:`half_space` and what follows it) take a point in the region's frame, lengths, and the point's velocity,
 and return the signed distance d, its partial derivatives n, and ẋᵀ (∂²d/∂x²) ẋ.
 
-There are no branches, which arrays do not have: a comparison counts as 1 or 0, and a divisor that is zero gets 1 added.
+No ``if`` depends on a value, which arrays do not have: ``np.where`` chooses, or a comparison counts as 1 or 0 and a
+divisor that is zero gets 1 added.
 """
 
 from __future__ import annotations

@@ -27,8 +27,8 @@ LIMITATIONS = (
     "facts say; in all others commands are carried out exactly, and perception is perfect and immediate.",
     "No controller's options are tuned to a scenario; another choice can change the order. A few scenarios are no "
     "sample of all tasks, and means over them weigh each alike.",
-    "The rows, with their switching gains and approach times, are those of the sliding-mode law's publication; other "
-    "laws might choose others.",
+    "Switching gains and approach times are those of the sliding-mode law's publication in its own scenarios, and were "
+    "chosen by watching that law in all others, the UR5 and the Panda among them; other laws might choose others.",
     "Times are those of Python calls, of compiled functions where the machine's table says so, while other runs use "
     "the machine's other cores; they differ somewhat from run to run.",
     "Utilization looks at the greatest usage only: a run that touches the boundary once counts as much as one that "

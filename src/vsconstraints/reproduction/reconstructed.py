@@ -22,8 +22,9 @@ INTRODUCTION = """\
 Camera, image size, positions of the markers and starts of the simulations are not printed, nor are the poses of
 the experiments. The values below were found by search: with them every event that the paper does print happens.
 So they show that the law does what the paper says of it in *a* scene like the paper's; they are not the paper's
-own scenes. Everything else in these scenarios is printed in sections 8.1, 9.1 and 10.1. Pixels are measured from
-the image's centre, lengths in m, angles in rad."""
+own scenes. What else is in these scenarios is printed in sections 8.1, 9.1 and 10.1, but for the ranges and speeds
+of the experiments' joints, which are the manufacturer's, and K and u⁺ of their rows, which are those of the
+visibility constraints. Pixels are measured from the image's centre, lengths in m, angles in rad."""
 
 
 def reconstructed() -> str:

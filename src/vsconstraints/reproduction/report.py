@@ -29,7 +29,7 @@ TOPICS = {
     7: "Against potential fields",
     8: "A limit case of potential fields",
     9: "What the law needs to know",
-    10: "Gain, speed and sampling",
+    10: "Gain, speed, sampling and rank",
     11: "Moving obstacles and targets",
     12: "Computation time",
 }
@@ -46,7 +46,8 @@ SAMPLING = """\
 sampled law finds φ above zero before it acts: eq. (43) bounds what one switching step of the constraint action
 takes back, T_s u⁺. On a step on which the row is inactive the tracking acceleration moves φ as well, by
 T_s (L_fφ + L_gφ q̈), which can be larger. So wherever the paper prints φ ≤ 0, "holds partly" means: the constraint
-σ ≤ 0 holds in every sample, and φ is above zero by no more than sampling explains."""
+σ ≤ 0 holds in every sample, and φ is above zero by no more than sampling explains. Where φ stays at or above zero for
+many samples, and for more of them with a shorter period, it is not sampling: u⁺ is below (12)."""
 
 
 def write_report(

@@ -37,13 +37,16 @@ class RunSpec:
     options
         What the controller is made with.
     overrides
-        Dotted keys of the scenario and their values.
+        Dotted keys of the scenario and their values; a tuple stands for a list.
+    may_end_early
+        Whether a claim is about how it fails or is aborted.
     """
 
     scenario: str
     law: str = "sliding-mode"
     options: tuple[tuple[str, Any], ...] = ()
     overrides: tuple[tuple[str, Any], ...] = ()
+    may_end_early: bool = False
 
     def __str__(self) -> str:
         changes = ", ".join(f"{key} = {value}" for key, value in (*self.options, *self.overrides))
@@ -53,7 +56,7 @@ class RunSpec:
         """The scenario with its overrides."""
         scenario = Scenario.load(self.scenario)
         for key, value in self.overrides:
-            scenario = scenario.with_override(key, value)
+            scenario = scenario.with_override(key, list(value) if isinstance(value, tuple) else value)
         return scenario
 
     @property
@@ -191,12 +194,26 @@ class Run:
         rate: Array = -np.convolve(np.gradient(clearance, self.sampling_time), np.ones(5) / 5.0, mode="same")
         return rate
 
-    def needed_gain(self) -> Array:
-        """(N,) Σ max(L_fφ, 0) over the rows with φ ≥ 0: the right-hand side of eq. (12) along this motion."""
+    @cached_property
+    def drift(self) -> Array:
+        """(N, m) max(L_fφ, 0) of the rows with φ ≥ 0, zero of others: what eq. (12) adds up along this motion."""
         scene, constraints = self.setup.scene, self.setup.constraints
-        needed = np.zeros(len(self.t))
+        drift = np.zeros_like(self.trajectory.phi)
         for k in np.flatnonzero((self.trajectory.phi >= 0.0).any(axis=1)):
             state = scene.evaluate(float(self.t[k]), self.trajectory.q[k], self.trajectory.qd[k])
             rows, _ = constraints.rows(state)
-            needed[k] = np.maximum(rows.Lf[rows.phi >= 0.0], 0.0).sum()
+            drift[k] = np.where(rows.phi >= 0.0, np.maximum(rows.Lf, 0.0), 0.0)
+        return drift
+
+    def needed_gain(self) -> Array:
+        """(N,) Σ max(L_fφ, 0) over the rows with φ ≥ 0: the right-hand side of eq. (12) along this motion."""
+        needed: Array = self.drift.sum(axis=1)
         return needed
+
+    def needed_share(self) -> Array:
+        """(N,) Σ max(L_fφ, 0) / u⁺ over the rows with φ ≥ 0: eq. (12) for rows of several kinds asks for less than 1.
+
+        (12) is about one u⁺ for all rows; a row divided by its own has the gain 1.
+        """
+        share: Array = (self.drift / self.record.switching_gain).sum(axis=1)
+        return share

@@ -14,7 +14,7 @@ Verdict = Literal["holds", "holds partly", "does not hold", "not measured"]
 VERDICTS: tuple[Verdict, ...] = ("holds", "holds partly", "does not hold", "not measured")
 
 ENDED_EARLY: tuple[Outcome, ...] = ("failed", "aborted")
-"""Statuses of runs on which nothing can be measured."""
+"""Statuses of runs on which nothing can be measured but how they ended."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,8 @@ def _usable(need: RunSpec | str, available: Mapping[RunSpec | str, Any]) -> Any:
     found = available.get(need, "was not run")
     if isinstance(found, str):
         raise NotMeasured(f"{need}: {found}")
-    if isinstance(found, Run) and found.trajectory.status in ENDED_EARLY:
+    tolerated = isinstance(need, RunSpec) and need.may_end_early
+    if isinstance(found, Run) and found.trajectory.status in ENDED_EARLY and not tolerated:
         raise NotMeasured(f"{need}: {found.trajectory.status}, {found.trajectory.reason}")
     return found
 

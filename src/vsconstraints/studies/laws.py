@@ -24,10 +24,11 @@ class Law(NamedTuple):
 SLIDING_MODE = Law("sliding-mode", "sliding-mode", {})
 
 
-def potential_field(blend: str, region: float = REGION) -> Law:
-    """A potential field of a blend and region."""
+def potential_field(blend: str, region: float = REGION, strength: float = 1.0) -> Law:
+    """A potential field of a blend, a region and a strength."""
     name = "potential-field" if blend == "additive" else f"potential-field-{blend}"
-    return Law(name, "potential-field", {"blend": blend, "region": region})
+    options = {"blend": blend, "region": region} | ({"strength": strength} if strength != 1.0 else {})
+    return Law(name, "potential-field", options)
 
 
 def hierarchical_qp(alpha: float = ALPHA) -> Law:

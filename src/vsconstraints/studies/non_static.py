@@ -122,7 +122,8 @@ class NonStatic(Study):
                     table = obstacle.constraint(scenario, speed, gain, known=known)
                     overrides = {"constraints": [table], "duration": obstacle.duration}
                     key = f"{scenario} {speed:g} {gain:g} {'known' if known else 'unknown'}"
-                    runs.append(StudyRun(key, scenario, *SLIDING_MODE[1:], overrides=overrides))
+                    law, options = SLIDING_MODE.law, SLIDING_MODE.options
+                    runs.append(StudyRun(key, scenario, law, options, overrides=overrides, drift_noted=True))
         return runs
 
     def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:

@@ -13,22 +13,29 @@ from .panels import INK, LOOKS, Grid, handle, line_handle, logarithmic, scenario
 from .study import Study, StudyResult, StudyRun
 from .summary import RunSummary
 
-FACTORS = (0.25, 0.5, 1.0, 3.0, 10.0)
+FACTORS = (0.25, 0.5, 1.0, 1.5, 3.0, 10.0)
 """On every u⁺, for sliding mode."""
 
 ACTIVE_FACTORS = (0.25, 1.0, 10.0)
 """On every u⁺, for the hierarchical QP with active rows, which does almost the same."""
 
-REGIONS = (0.5, 0.2, 0.05, 0.01, 0.003, 0.001)
-"""Potential fields; chosen among those of the shrinking-region study."""
+REGIONS = (0.5, 0.2, 0.05, 0.01, 0.003, 0.0015, 0.001)
+STRENGTHS = (0.25, 0.5, 1.0)
+"""Of potential fields, each region with each strength; both options change how near to the boundary they let a row."""
 
 ALPHAS = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 300.0)
 """Rate of the hierarchical QP's barrier [1/s]."""
 
 SCENARIOS: dict[str, tuple[tuple[float, ...], ...]] = {
     "example-2d-fov": (FACTORS, ACTIVE_FACTORS, REGIONS, ALPHAS),
-    "case-study-6r": ((0.5, 1.0, 5.0), (1.0,), REGIONS, (2.0, 5.0, 20.0, 100.0)),
+    "case-study-6r": ((0.5, 1.0, 1.5, 2.0, 5.0), (1.0,), REGIONS, (2.0, 5.0, 20.0, 100.0)),
 }
+LONGEST_POSITIVE = 2
+"""Samples in a row with φ ≥ 0, at most, if a boundary is kept: in a sliding mode it is one, or two."""
+
+MOST_EXCESS = 2.0
+"""Greatest φ of a speed, whose φ is its clearance, in T_s u⁺: (43) allows one, tracking adds to it."""
+
 LEAST_UNUSED = 1e-3
 """Allowed space left unused below which points are drawn at the edge [%]."""
 
@@ -36,8 +43,11 @@ LEAST_UNUSED = 1e-3
 class Pareto(Study):
     """Every controller over the range of its own parameter.
 
-    A run is on the front if it violates nothing and no other such run of the scenario both leaves less of the allowed
-    space unused and varies its acceleration less.
+    Runs are compared if they keep their boundaries: they reach the goal, no row with a σ of its own is violated, no
+    speed by more than sampling explains, and φ ≥ 0 lasts for two samples at most, so that where a row acts it slides or
+    stays inside. A run is on the front if it is one of these and no other both leaves less of the allowed space unused
+    and varies its acceleration less. What is left unused is the least clearance of a row as a share of its
+    characteristic length, averaged over the rows that tracking alone violates.
     """
 
     name = "pareto"
@@ -46,8 +56,9 @@ class Pareto(Study):
     claims = (7,)
     figure_caption = (
         "Allowed space left unused at the challenged rows (less is better) against the variation of the commanded "
-        "acceleration and the depth of violation. One line per controller, along its own parameter; hollow: a row was "
-        "violated. Black line: the front of the runs that violate nothing."
+        "acceleration and the depth of violation. One line per controller, along its own parameter, and per strength "
+        "of a potential field; hollow: the goal is not reached, a row was violated, or φ ≥ 0 lasts for more than two "
+        "samples. Black line: the front of the others."
     )
 
     def runs(self, *, small: bool = False) -> list[StudyRun]:
@@ -58,11 +69,13 @@ class Pareto(Study):
                 if scenario != "example-2d-fov":
                     continue
                 factors, active_factors, regions, alphas = (1.0,), (1.0,), (0.2,), (5.0, 20.0)
+            strengths = (1.0,) if small else STRENGTHS
             short = {"duration": 6.0} if small else {}
             for law, own in ((SLIDING_MODE, factors), (ACTIVE_QP, active_factors)):
                 runs += [_run(scenario, law, factor, {**scaled_gains(scenario, factor), **short}) for factor in own]
             for blend in ("additive", "priority"):
-                runs += [_run(scenario, potential_field(blend, region), region, short) for region in regions]
+                fields = [(potential_field(blend, region, s), region, s) for s in strengths for region in regions]
+                runs += [_run(scenario, law, region, short, strength) for law, region, strength in fields]
             runs += [_run(scenario, hierarchical_qp(alpha), alpha, short) for alpha in alphas]
         return runs
 
@@ -70,15 +83,17 @@ class Pareto(Study):
         """Price and use of every run, and whether it is on the front."""
         points: list[dict[str, Any]] = []
         for key, run in results.items():
-            scenario, controller, parameter = key.split(" ")
+            scenario, controller, parameter, *strength = key.split(" ")
             points.append(
                 {
                     "scenario": scenario,
                     "controller": controller,
                     "parameter": float(parameter),
+                    "strength": float(strength[0]) if strength else math.nan,
                     "status": run.status,
                     "reason": run.reason,
-                    "unused": 100.0 * (1.0 - run.value("utilization")),
+                    "unused": unused(run),
+                    "not_kept": not_kept(run),
                     "acceleration_variation": run.value("acceleration_variation"),
                     "violation": 100.0 * run.value("violation_depth"),
                     "violated": run.result.get("violated", ""),
@@ -98,7 +113,11 @@ class Pareto(Study):
                 name = f"{scenario}.{controller}"
                 numbers[f"{name}.least_unused"] = min((p["unused"] for p in theirs), default=math.nan)
                 numbers[f"{name}.on_front"] = float(sum(point["front"] for point in theirs))
-                numbers[f"{name}.without_violation"] = float(len(theirs))
+                numbers[f"{name}.kept"] = float(len(theirs))
+            printed = [p for p in own if p["controller"] == SLIDING_MODE.controller and p["parameter"] == 1.0]
+            for point in printed:
+                numbers[f"{scenario}.printed.unused"] = point["unused"]
+                numbers[f"{scenario}.printed.kept"] = float(_clean(point))
             sentences.append(_sentence(scenario, own, best))
         return points, numbers, sentences
 
@@ -144,19 +163,38 @@ def front(points: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return chosen
 
 
+def unused(run: RunSummary) -> float:
+    """Least clearance as a share of the characteristic length, averaged over the challenged rows [%]; NaN without."""
+    left = [max(0.0, 1.0 - float(row["usage_max"])) for row in run.rows.values() if row["challenged"]]
+    return 100.0 * math.fsum(left) / len(left) if left else math.nan
+
+
+def not_kept(run: RunSummary) -> str:
+    """Why a run is not compared with those that keep their boundaries; empty if it is."""
+    if run.status != "converged":
+        return run.status
+    for label, row in run.rows.items():
+        samples = round(float(row["longest_positive_run_s"]) / run.Ts)
+        if row["kind"] == "speed":
+            violated = row["phi_max"] > MOST_EXCESS * run.Ts * row["switching_gain"]
+        else:
+            violated = row["violation_depth"] > 0.0
+        if violated:
+            return f"{label} is violated"
+        if samples > LONGEST_POSITIVE:
+            return f"{label} has φ ≥ 0 for {samples} samples in a row"
+    return ""
+
+
 def _clean(point: Mapping[str, Any]) -> bool:
-    return (
-        point["status"] == "converged"
-        and point["violation"] == 0.0
-        and math.isfinite(point["unused"])
-        and math.isfinite(point["acceleration_variation"])
-    )
+    return not point["not_kept"] and math.isfinite(point["unused"]) and math.isfinite(point["acceleration_variation"])
 
 
-def _run(scenario: str, law: Law, parameter: float, overrides: dict[str, Any]) -> StudyRun:
-    return StudyRun(
-        f"{scenario} {law.controller} {parameter:g}", scenario, law.law, law.options, law.controller, overrides
-    )
+def _run(
+    scenario: str, law: Law, parameter: float, overrides: dict[str, Any], strength: float | None = None
+) -> StudyRun:
+    key = f"{scenario} {law.controller} {parameter:g}" + ("" if strength is None else f" {strength:g}")
+    return StudyRun(key, scenario, law.law, law.options, law.controller, overrides)
 
 
 def _shown(point: Mapping[str, Any]) -> float:
@@ -166,9 +204,12 @@ def _shown(point: Mapping[str, Any]) -> float:
 def _line(ax: Any, points: Sequence[Mapping[str, Any]], column: str, name: str) -> None:
     look = LOOKS[name]
     own = [p for p in points if math.isfinite(p["unused"]) and math.isfinite(p[column])]
-    ax.plot([_shown(p) for p in own], [p[column] for p in own], color=look.colour, linewidth=1.0, alpha=0.7, zorder=2.5)
+    for strength in dict.fromkeys(None if math.isnan(p["strength"]) else p["strength"] for p in own):
+        some = [p for p in own if strength is None or p["strength"] == strength]
+        line = {"color": look.colour, "linewidth": 1.0, "alpha": 0.7, "zorder": 2.5}
+        ax.plot([_shown(p) for p in some], [p[column] for p in some], **line)
     for hollow in (False, True):
-        some = [p for p in own if (p["violation"] > 0.0) == hollow]
+        some = [p for p in own if bool(p["not_kept"]) == hollow]
         ax.plot(
             [_shown(p) for p in some],
             [p[column] for p in some],
@@ -206,19 +247,24 @@ def _sentence(scenario: str, points: Sequence[dict[str, Any]], best: Sequence[di
         least = min(clean, key=lambda point: point["unused"])
         parts.append(
             f"{controller} {percent(least['unused'] / 100.0)} % at an acceleration variation of "
-            f"{number(least['acceleration_variation'])} rad/s³ ({len(clean)} of {every} runs)"
+            f"{number(least['acceleration_variation'])} rad/s³{_options(least)} ({len(clean)} of {every} runs)"
         )
     on_front = ", ".join(dict.fromkeys(point["controller"] for point in best)) or "nobody"
     return (
         f"{sentence_start(scenario)}, least of the allowed space left unused among the runs that "
-        f"reach the goal and violate nothing: {'; '.join(parts)}. On the front: {on_front}."
+        f"reach the goal and keep their boundaries: {'; '.join(parts)}. On the front: {on_front}."
     )
 
 
+def _options(point: Mapping[str, Any]) -> str:
+    """With which region and strength, of a potential field."""
+    return "" if math.isnan(point["strength"]) else f", region {point['parameter']:g}, strength {point['strength']:g}"
+
+
 def _nearest(points: Sequence[Mapping[str, Any]], controller: str) -> str:
-    """What the run with the shallowest violation violates, and how deep."""
+    """What is wrong with the run that has the shallowest violation."""
     own = [p for p in points if p["controller"] == controller and p["status"] == "converged"]
     if not own:
         return ", which do not reach the goal"
     best = min(own, key=lambda point: float(point["violation"]))
-    return f" (at best {best['violated']} by {number(best['violation'])} % of L)"
+    return f" (at best {best['not_kept']})"

@@ -89,7 +89,8 @@ class SwitchingGain(Study):
             )
         numbers.update(_over_speeds(points))
         sentences.append(
-            f"Above the bound (12), {numbers['above_bound_allowed']:.0f} of {numbers['above_bound']:.0f} runs keep "
+            f"Above the bound (12) along their own motion, {numbers['above_bound_allowed']:.0f} of "
+            f"{numbers['above_bound']:.0f} runs keep "
             f"σ ≤ 0, {numbers['above_bound_in_band']:.0f} keep φ within T_s u⁺, and "
             f"{numbers['above_bound_sliding']:.0f} are back below zero after one sample; below it "
             f"{numbers['below_bound_allowed']:.0f} of {numbers['below_bound']:.0f} still keep σ ≤ 0."
@@ -181,12 +182,13 @@ def _bound(points: Sequence[Mapping[str, Any]], column: str) -> float:
 
 
 def _over_speeds(points: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """How many runs keep what, on either side of the bound (12) of their speed; and whether bounds rise with speed."""
+    """How many runs keep what, on either side of the bound (12) of their own motion; whether bounds rise with speed."""
     ordered = sorted(points, key=lambda point: point["switching_gain"])
     speeds = {point["Kp0"] for point in points}
     bounds = {Kp0: _bound([point for point in ordered if point["Kp0"] == Kp0], "bound_12") for Kp0 in speeds}
-    above = [point for point in points if point["switching_gain"] > bounds[point["Kp0"]]]
-    below = [point for point in points if point["switching_gain"] <= bounds[point["Kp0"]]]
+    # along its own motion; without an active row there is nothing to exceed
+    above = [point for point in points if not point["switching_gain"] <= point["bound_12"]]
+    below = [point for point in points if point["switching_gain"] <= point["bound_12"]]
     return {
         "above_bound": float(len(above)),
         "above_bound_sliding": float(sum(p["outcome"] == "sliding" for p in above)),

@@ -10,42 +10,10 @@ from .boundary import signed
 from .case_study import CASE
 from .first_example import FOV, SECOND
 
-ADDITIVE, PRIORITY = (("blend", "additive"),), (("blend", "priority"),)
 SCENARIOS = ("example-2d-fov", "case-study-6r")
-LAWS = (
-    ("sliding mode", "sliding-mode", ()),
-    ("potential field, additive", "potential-field", ADDITIVE),
-    ("potential field, priority", "potential-field", PRIORITY),
-)
-COMPARED = tuple(RunSpec(name, law, options) for name in SCENARIOS for _, law, options in LAWS)
-BASELINES = tuple(RunSpec(name, "tracking") for name in SCENARIOS)
 PARAMETERS = (0.1, 0.2, 0.4)
 APPROACHES = tuple(RunSpec("example-2d-fov", overrides=(("constraints.0.K", K),)) for K in PARAMETERS)
 BLIND = tuple(RunSpec(name, "vsconstraints.reproduction.without_drift:WithoutDrift") for name in SCENARIOS)
-
-
-@claim(
-    "7a",
-    "6",
-    "in contrast to artificial potential fields the proposed method fully utilizes the available allowed space",
-    "space utilization of the challenged rows: at least 99 % and above that of both potential fields, in both "
-    "scenarios",
-    "study-pareto.png",
-    *COMPARED,
-    *BASELINES,
-)
-def space_fully_used(*runs: Run) -> Finding:
-    """Utilization of three laws in the first example and the case study."""
-    laws, baselines = runs[: len(COMPARED)], runs[len(COMPARED) :]
-    values, texts, good, part = {}, [], [], []
-    for i, (scenario, baseline) in enumerate(zip(SCENARIOS, baselines, strict=True)):
-        used = [float(run.against(baseline)["utilization"]) for run in laws[3 * i : 3 * i + 3]]
-        good.append(used[0] >= 0.99 and used[0] > max(used[1:]))
-        part.append(used[0] >= 0.99)
-        named = ", ".join(f"{name} {100.0 * u:.2f} %" for (name, _, _), u in zip(LAWS, used, strict=True))
-        texts.append(f"{scenario}: {named}")
-        values.update({f"{scenario}/{name}": u for (name, _, _), u in zip(LAWS, used, strict=True)})
-    return Finding(judged(all(good), all(part)), "; ".join(texts), values)
 
 
 @claim(

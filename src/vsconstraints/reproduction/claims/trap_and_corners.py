@@ -6,14 +6,14 @@ import numpy as np
 
 from ..runs import Run, RunSpec
 from ..verdicts import Finding, claim, judged, shown_intervals
-from .boundary import VANISHED, fulfilled, plural, signed
+from .boundary import FULFILLED_RULE, VANISHED, fulfilled, phi_never_positive, plural, signed
 from .first_example import angle, position
 
 BOWL = RunSpec("example-2d-bowl")
 CONVEX = RunSpec("example-2d-heart-convex")
 CONCAVE = RunSpec("example-2d-heart-concave")
 
-HEART, BOWL_ROW = "occlusion[heart, marker 1]", "occlusion[bowl, marker 1]"
+HEART, BOWL_ROW, OTHER_ROW = "occlusion[heart, marker 1]", "occlusion[bowl, marker 1]", "occlusion[bowl, marker 2]"
 NOTCH, TIP = (-102.0, 35.0), (-137.0, 0.0)
 """The heart's concave corner in Fig. 8, and its convex one in Fig. 7, where the heart is turned [px]."""
 
@@ -87,6 +87,29 @@ def stable_in_the_trap(bowl: Run) -> Finding:
     rests = moved < 0.005 and speed < 0.05
     values = {"moved": moved, "speed": speed, "phi_range": now, "phi_range_before": before, "depth": depth}
     return Finding(judged(rests and now <= 1.1 * before, rests), text, values)
+
+
+@claim(
+    "3e",
+    "4.3.3, 8.2",
+    "a constraint can be used to guarantee that all image features do not enter the area",
+    f"of both features, {FULFILLED_RULE}",
+    "fig-06.png",
+    BOWL,
+)
+def both_features_stay_out(bowl: Run) -> Finding:
+    """φ and σ of both features' rows."""
+    rows = [BOWL_ROW, OTHER_ROW]
+    found = phi_never_positive(bowl, rows)
+    each = "; ".join(
+        f"{label}: max φ = {float(bowl.phi(label).max()):.3g} ({float(bowl.phi(label).max()) / bowl.bound(label):.3g} "
+        f"T_s u⁺), φ ≥ 0 for {plural(bowl.positive_samples(label))} in a row, least clearance "
+        f"{signed(float(bowl.row(label)['clearance_min']))} px"
+        for label in rows
+    )
+    needed = float(bowl.drift[:, bowl.index(OTHER_ROW)].max())
+    text = f"{each}; (12) asks the second's row for u⁺ > {needed:.3g}"
+    return Finding(found.verdict, text, found.values)
 
 
 # --- claim 4: Figs. 7 and 8 ---

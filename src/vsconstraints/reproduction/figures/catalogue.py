@@ -9,7 +9,8 @@ from importlib import import_module
 from pathlib import Path
 
 from ..claims.case_study import CASE
-from ..claims.experiments import IBVS, IBVS_ERROR, PBVS, PBVS_ERROR
+from ..claims.erroneous_gradients import IBVS_ERROR, PBVS_ERROR
+from ..claims.experiments import IBVS, PBVS
 from ..claims.first_example import FAST, FOV, HIGH_GAIN
 from ..claims.trap_and_corners import BOWL, CONCAVE, CONVEX
 from ..runs import Run, RunSpec
@@ -84,7 +85,7 @@ _LIST = (
     FigureSpec(
         6,
         "First example in a trap. Top: tracks and the bowl. Below: errors, φ of the FOV and of the bowl (cut off "
-        "below).",
+        "below); φ of the bowl for both features, linear within ±T_s u⁺ (shaded) and logarithmic beyond.",
         "planar:draw_bowl",
         (BOWL,),
     ),

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import NullLocator
 
 from ..claims.first_example import SECOND
-from ..claims.trap_and_corners import BOWL_ROW, HEART, NOTCH, TIP
+from ..claims.trap_and_corners import BOWL_ROW, HEART, NOTCH, OTHER_ROW, TIP
 from ..runs import Run
 from .page import (
     BLUE,
@@ -132,7 +133,7 @@ def draw_fast(fast: Run, high: Run, path: Path) -> None:
 
 def draw_bowl(bowl: Run, path: Path) -> None:
     """Fig. 6: the trap."""
-    _with_detail(bowl, BOWL_ROW, "bowl", (-50.0, 86.0), 40.0, (-2.2, 0.3), path)
+    _with_detail(bowl, BOWL_ROW, "bowl", (-50.0, 86.0), 40.0, (-2.2, 0.3), path, OTHER_ROW)
 
 
 def draw_convex(convex: Run, path: Path) -> None:
@@ -153,9 +154,14 @@ def _with_detail(
     half: float,
     limits: tuple[float, float],
     path: Path,
+    other: str = "",
 ) -> None:
-    """Tracks with a detail within ``half`` of a centre [px], errors, and φ of the border's and the obstacle's row."""
-    page = Page([(3.0, 3.0), (2.05, 2.05)], 3, columns=1, panel_height=1.2, views_top=0.3, view_gap=0.45)
+    """Tracks with a detail within ``half`` of a centre [px], errors, and φ of the border's and the obstacle's row.
+
+    The obstacle's row of the ``other`` feature gets a panel of its own, beside the first's.
+    """
+    panels = 4 if other else 3
+    page = Page([(3.0, 3.0), (2.05, 2.05)], panels, columns=1, panel_height=1.2, views_top=0.3, view_gap=0.45)
     whole, detail = page.views
     image_plane(whole, run, upwards=True)
     _tracks(whole, run)
@@ -180,8 +186,25 @@ def _with_detail(
     if np.isfinite(inside).any():
         handles.append(line_handle(RED, "-", r"$\sigma$ > 0", 2.6))
     page.legend(handles, top=0.32)
-    position, orientation, phi = page.panels
+    position, orientation, phi = page.panels[:3]
     _errors(position, orientation, run)
     rows = ((SECOND, CYAN, "-", "FOV, second feature"), (row, GREEN, "-.", f"{obstacle}, first feature"))
     _phi(phi, run, rows, *limits)
+    for ax in page.panels[3:]:
+        _far_beyond(
+            ax, run, ((other, MAGENTA, f"{obstacle}, second feature"), (row, GREEN, f"{obstacle}, first feature"))
+        )
     page.sheet.save(path)
+
+
+def _far_beyond(ax: Any, run: Run, rows: tuple[tuple[str, str, str], ...]) -> None:
+    """φ of rows, some of which leave their bands by orders of magnitude."""
+    bound = run.bound(rows[0][0])
+    for label, colour, name in rows:
+        signal(ax, run, run.phi(label), color=colour, label=name, linewidth=1.2)
+    ax.axhspan(-bound, bound, color="#DCE6FA", linewidth=0.0, zorder=0.5)
+    time_axis(ax, run, "constraint\nfunction $\\phi$")
+    ax.set_yscale("symlog", linthresh=bound)
+    ax.set_yticks([-1e4, -1e2, -1.0, 0.0, 1.0, 1e2], ["−10⁴", "−100", "−1", "0", "1", "100"])
+    ax.yaxis.set_minor_locator(NullLocator())
+    inside_legend(ax, loc="lower right")
