@@ -2,6 +2,7 @@
 
 import csv
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,11 +13,13 @@ from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 from vsconstraints.studies import STUDIES, RunSummary, Study, StudyResult, StudyRun, data_file, figure_file, run_studies
+from vsconstraints.studies.experiment_scenes import EXPERIMENTS, SEED, draw, kept_scenes
 from vsconstraints.studies.laws import LAWS, scaled_gains
 from vsconstraints.studies.panels import plain
-from vsconstraints.studies.pareto import front
+from vsconstraints.studies.pareto import front, not_kept, unused
 from vsconstraints.studies.recorder import DriftRecorder
 from vsconstraints.studies.summary import _gains, clearance_distance, joint_distance, pixel_distance
+from vsconstraints.studies.unselected_experiments import compared, counted, why_not
 
 
 @pytest.fixture(scope="module")
@@ -247,8 +250,7 @@ class TestEvaluation:
             return {
                 "unused": unused,
                 "acceleration_variation": variation,
-                "violation": violation,
-                "status": status,
+                "not_kept": status if status != "converged" else "a row is violated" if violation else "",
             }
 
         best = [point(0.1, 9.0), point(1.0, 3.0), point(5.0, 1.0)]
@@ -348,3 +350,117 @@ def test_numbers_on_axes_are_plain():
 def test_results_are_data():
     assert StudyResult("tiny").points == ()
     assert StudyRun("key", "example-2d-fov", "tracking").controller == "tracking"
+
+
+class TestUnselectedExperiments:
+    def test_kept_scenes_are_those_that_are_drawn(self):
+        experiment = EXPERIMENTS[1]
+        scenes, rejected = draw(experiment, 2, SEED)
+        assert scenes == kept_scenes()[experiment.scenario]["scenes"][:2]
+        assert rejected["no marker crosses the boundary by 3 px"] > 0
+
+    @pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda one: one.scenario)
+    def test_kept_scenes_are_many_and_of_the_geometry(self, experiment):
+        kept = kept_scenes()[experiment.scenario]
+        assert len(kept["scenes"]) == experiment.kept > 100
+        assert sum(kept["rejected"].values()) > 1000
+        for scene in kept["scenes"][:5]:
+            scenario = Scenario.load(experiment.scenario)
+            for key, value in scene.items():
+                scenario = scenario.with_override(key, value)
+            setup = scenario.setup()
+            (goal,) = setup.task.goals
+            pixels = np.array([setup.scene.glance(setup.q0)[0], goal.pixels])
+            assert setup.scene.camera.sees(pixels).all()
+            assert (experiment.depth(pixels) < -4.9).all()
+
+    def test_depth_is_that_of_the_scenarios_own_boundary(self):
+        for experiment in EXPERIMENTS:
+            setup = Scenario.load(experiment.scenario).setup()
+            constraint = setup.constraints.constraints[0]
+            pixels = np.random.default_rng(0).uniform(-300.0, 300.0, (200, 2)) * [1.0, 0.75]
+            assert ((experiment.depth(pixels) > 0.0) == (constraint.sigma(pixels) > 0.0)).all()
+
+    @staticmethod
+    def run(status="converged", *, clearance=1.0, phi=0.01, pixel=0.0, speed=0.1, rows=("fov[marker 1]",)):
+        made = {
+            label: {"clearance_min": clearance, "usage_max": 1.0 - clearance / 200.0, "phi_max": phi} for label in rows
+        }
+        return replace(summary(status, pixel=pixel, rows=made), qd=np.full((11, 2), speed))
+
+    @pytest.mark.parametrize(
+        ("change", "why"),
+        [
+            ({}, ""),
+            ({"status": "trapped"}, "trapped"),
+            ({"phi": -0.01}, "no row acts"),
+            ({"rows": ("fov[marker 1]", "fov[marker 2]")}, "more than one row"),
+            ({"rows": ("range[joint 1].upper",)}, "another kind"),
+            ({"clearance": -0.1}, "crossed"),
+        ],
+    )
+    def test_scenes_are_rejected_by_the_run_without_an_error_alone(self, change, why):
+        found = why_not(EXPERIMENTS[0], self.run(**change))
+        assert why in found
+        assert bool(found) == bool(why)
+
+    @pytest.mark.parametrize(
+        ("change", "similar", "satisfactory", "little", "applied"),
+        [
+            ({"pixel": 31.9 / np.sqrt(2.0)}, True, True, True, True),
+            ({"pixel": 32.1 / np.sqrt(2.0)}, False, True, True, True),
+            ({"pixel": 0.005}, True, True, True, False),
+            ({"pixel": 1.0, "clearance": -0.01}, False, False, True, True),
+            ({"pixel": 1.0, "status": "trapped"}, False, False, False, True),
+            ({"pixel": 1.0, "speed": 0.1109}, True, True, False, True),
+            ({"pixel": 300.0}, False, False, True, True),
+        ],
+    )
+    def test_what_an_error_changes(self, change, similar, satisfactory, little, applied):
+        line = compared(EXPERIMENTS[0], self.run(**change), self.run())
+        assert line["clearance_share"] == pytest.approx(100.0 * change.get("clearance", 1.0) / 200.0)
+        found = [line[what] for what in ("similar", "satisfactory", "little_speed", "applied")]
+        assert found == [similar, satisfactory, little, applied]
+
+    def test_counts_leave_out_the_shipped_scene(self):
+        line = {"similar": True, "satisfactory": False, "little_speed": True, "applied": True}
+        points = [
+            {**line, "case": "plus", "scene": scene, "track_px": 2.0, "speed_share": 5.0}
+            for scene in ("shipped", "0", "1")
+        ]
+        numbers = counted(points)
+        assert (numbers["plus.scenes"], numbers["plus.similar"], numbers["plus.satisfactory"]) == (2.0, 2.0, 0.0)
+
+
+class TestKeptBoundaries:
+    @staticmethod
+    def row(**changes):
+        row = {"kind": "fov", "longest_positive_run_s": 0.01, "phi_max": 0.3, "switching_gain": 10.0}
+        return {**row, "violation_depth": 0.0, "usage_max": 0.99, "challenged": True, **changes}
+
+    @pytest.mark.parametrize(
+        ("changes", "why"),
+        [
+            ({}, ""),
+            ({"longest_positive_run_s": 0.015}, "φ ≥ 0 for 3 samples"),
+            ({"violation_depth": 1e-6}, "is violated"),
+            ({"kind": "speed", "violation_depth": 0.01, "phi_max": 0.099}, ""),
+            ({"kind": "speed", "phi_max": 0.101}, "is violated"),
+        ],
+    )
+    def test_like_is_compared_with_like(self, changes, why):
+        found = not_kept(summary(rows={"one": self.row(**changes)}))
+        assert why in found
+        assert bool(found) == bool(why)
+
+    def test_a_run_that_does_not_arrive_is_not_compared(self):
+        assert not_kept(summary("unfinished", rows={"one": self.row()})) == "unfinished"
+
+    def test_unused_space_is_that_of_challenged_rows(self):
+        rows = {
+            "a": self.row(usage_max=0.98),
+            "b": self.row(usage_max=1.2),
+            "c": self.row(usage_max=0.1, challenged=False),
+        }
+        assert unused(summary(rows=rows)) == pytest.approx(1.0)
+        assert math.isnan(unused(summary()))

@@ -39,8 +39,8 @@ class RunSummary:
         Sampling time [s].
     t
         (T,) times of what follows [s].
-    q, qd
-        (T, n) joint positions and speeds.
+    q
+        (T, n) joint positions.
     clearance
         (T, m) clearance of each row as a fraction of its characteristic length.
     pixels
@@ -56,6 +56,8 @@ class RunSummary:
         Greatest φ of any row.
     longest_run
         Most samples in a row with φ ≥ 0, of any row; 0 if none was active.
+    qd
+        (T, n) joint speeds.
     """
 
     status: str
@@ -65,7 +67,6 @@ class RunSummary:
     Ts: float = np.nan
     t: Array = field(default_factory=lambda: np.empty(0))
     q: Array = field(default_factory=lambda: np.empty((0, 0)))
-    qd: Array = field(default_factory=lambda: np.empty((0, 0)))
     clearance: Array = field(default_factory=lambda: np.empty((0, 0)))
     pixels: Array = field(default_factory=lambda: np.empty((0, 0, 2)))
     needed_gain: float = np.nan
@@ -73,6 +74,7 @@ class RunSummary:
     entry_push: float = np.nan
     phi_max: float = np.nan
     longest_run: int = 0
+    qd: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def carried_through(self) -> bool:
@@ -137,12 +139,12 @@ def summarise(
         record.Ts,
         t,
         _on_grid(t, run.t, run.q),
-        _on_grid(t, run.t, run.qd),
         _on_grid(t, run.t, relative),
         _on_grid(t, run.t, run.features_px.reshape(N, -1)).reshape(len(t), -1, 2),
         **(_gains(run.phi, recorder.drift(N), recorder.push(N), record.Ts) if recorder else {}),
         phi_max=float(run.phi.max(initial=-np.inf)),
         longest_run=max((round(row["longest_positive_run_s"] / record.Ts) for row in scored.constraints), default=0),
+        qd=_on_grid(t, run.t, run.qd),
     )
 
 

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...rows import Array
 from ...simulation import intervals
 from ..runs import MERGE, Run, RunSpec
 from ..verdicts import Finding, claim, judged, rounds_to, shown_intervals
 from .boundary import FULFILLED_RULE, VANISHED, fully_used, phi_never_positive, plural, signed, smoothly
 
 CASE = RunSpec("case-study-6r")
+TRACKING = RunSpec("case-study-6r", "tracking")
 CASE_HALVED = RunSpec("case-study-6r", overrides=(("sampling_time", 0.001),))
 
 SPHERE, RANGE, SPEED = "sphere[tip]", "range[joint 6]", "speed[joint 2]"
 BORDERS = tuple(f"fov[marker {i}]" for i in (1, 2, 3, 4))
 EVENTS = (*BORDERS, RANGE, SPEED, SPHERE)
 """What Fig. 11 draws a line for; a range or a speed is one line for both of its sides."""
+
+Q6_RANGE, QD2_LIMIT = 1.2, 0.4
+Q6_LIMIT = -0.5 + 0.5 * Q6_RANGE
+"""What 9.1 prints of joint 6, its middle and its range [rad], and of joint 2, its speed [rad/s]."""
 
 Interval = tuple[float, float]
 
@@ -123,16 +129,20 @@ def all_constraints_fulfilled(case: Run, halved: Run) -> Finding:
     "9.2, Fig. 11",
     "the joint limit constraint for the sixth joint and the speed constraint for the second joint become active "
     "during the first phase",
-    "both act in the first phase, neither in the second",
+    "both act in the first phase, neither in the second; then q₆ comes within 1 % of the printed range of its limit "
+    "without exceeding it, and the speed of joint 2 within 1 % of its limit; partly if only the former",
     "fig-11.png",
     CASE,
 )
 def range_and_speed_act_first(case: Run) -> Finding:
-    """When φ ≥ 0."""
+    """When φ ≥ 0, and how near the joints come to the limits that the paper prints."""
     found = {event: phases(case, event) for event in (RANGE, SPEED)}
     text = "; ".join(f"{event} at {shown_intervals(first + second)}" for event, (first, second) in found.items())
     first, second = all(one for one, _ in found.values()), any(two for _, two in found.values())
-    return Finding(judged(first and not second, first), text)
+    place, speed = float(case.trajectory.q[:, 5].max()), float(np.abs(case.trajectory.qd[:, 1]).max())
+    near = 0.0 <= Q6_LIMIT - place <= 0.01 * Q6_RANGE and abs(speed - QD2_LIMIT) <= 0.01 * QD2_LIMIT
+    text += f"; q₆ up to {place:.4f} rad of {Q6_LIMIT:g}, joint 2 up to {speed:.4f} rad/s of {QD2_LIMIT:g}"
+    return Finding(judged(first and not second and near, first and not second), text, {"q6": place, "qd2": speed})
 
 
 @claim(
@@ -208,3 +218,41 @@ def sphere_fulfilled(case: Run) -> Finding:
     least, phi = float(case.row(SPHERE)["clearance_min"]), float(case.phi(SPHERE).max())
     text = f"the end-effector stays {1e3 * least:.3f} mm outside; max φ = {signed(phi)} m"
     return Finding(judged(least >= 0.0), text, {"clearance_min": least, "phi_max": phi})
+
+
+@claim(
+    "5j",
+    "4.4",
+    "the dynamics (i.e., the poles) of this kinematic controller is given by the roots of the polynomial with "
+    "coefficients [1 K_T,v K_T,p]",
+    "with tracking alone, the error of the first phase stays within 1 % of its norm at the start of the solution of "
+    "ë = −K_T,p e − K_T,v ė, integrated apart from the simulation",
+    "",
+    TRACKING,
+)
+def error_follows_its_polynomial(tracking: Run) -> Finding:
+    """The six numbers of the error, and what (42) with the printed gains makes of them."""
+    k = int(np.searchsorted(tracking.t, switch_time(tracking) - 0.5 * tracking.sampling_time))
+    wanted = ideal_error(tracking.trajectory.error[0], tracking.t[:k])
+    apart = float(np.linalg.norm(tracking.trajectory.error[:k] - wanted, axis=1).max())
+    share = apart / float(np.linalg.norm(wanted[0]))
+    text = f"{100.0 * share:.2g} % of the error at the start, at most, in {k} samples"
+    return Finding(judged(share <= VANISHED), text, {"share": share})
+
+
+def ideal_error(start: Array, t: Array) -> Array:
+    """(N, k) error at times (N,) from rest, with K_T,p(0) = 20, slope 60 and K_T,v = 3 √K_T,p as in 9.1."""
+
+    def rate(x: Array) -> Array:
+        e, e_dot = x
+        Kp = 20.0 * np.exp(-60.0 / 20.0 * np.sqrt((e**2).sum()))
+        return np.array([e_dot, -Kp * e - 3.0 * np.sqrt(Kp) * e_dot])
+
+    x, found = np.array([start, 0.0 * start]), [start]
+    for h in np.diff(t):  # Runge and Kutta
+        a = rate(x)
+        b = rate(x + 0.5 * h * a)
+        c = rate(x + 0.5 * h * b)
+        x = x + h / 6.0 * (a + 2.0 * b + 2.0 * c + rate(x + h * c))
+        found.append(x[0])
+    return np.array(found)

@@ -34,6 +34,9 @@ SCENES = tuple(
 )
 """The paper's scenes, and others with the same law and no disturbance."""
 
+NOT_DIFFERENTIABLE = "example-2d-heart-concave"
+"""Where φ has no derivative on its boundary (5.5), (12) says nothing: 4b is about that."""
+
 OUTSIDE = RunSpec(
     "example-2d-fov",
     overrides=(
@@ -56,7 +59,8 @@ def acting(run: Run) -> list[str]:
     "3",
     "a switching gain above Σ max(L_fφ, 0) (12) is sufficient for making the set invariant",
     "every run of the sweep, and every scene with the law, whose u⁺ is above the bound (12) along its own motion keeps "
-    "φ within T_s u⁺; partly if σ ≤ 0 in all of them. Rows of several kinds are divided by their u⁺, so that it is one",
+    "φ within T_s u⁺; partly if σ ≤ 0 in all of them. Rows of several kinds are divided by their u⁺, so that it is "
+    "one; the concave corner is left out, where φ is not differentiable",
     "study-switching-gain.png",
     "switching-gain",
     *SCENES,
@@ -68,6 +72,8 @@ def bound_is_sufficient(study: StudyResult, *runs: Run) -> Finding:
     )
     broken, beyond = [], []
     for spec, run in zip(SCENES, runs, strict=True):
+        if spec.scenario == NOT_DIFFERENTIABLE:
+            continue
         share = float(run.needed_share().max(initial=0.0))
         if share >= 1.0:
             broken.append(f"{spec.scenario} ({share:.3g} u⁺)")

@@ -171,3 +171,23 @@ def motion_must_be_slow(*runs: Run) -> Finding:
         texts.append(f"{name}, T_s = {run.sampling_time:g} s: {run.trajectory.status}, {signed(least)} px clear")
     slow = not good[0] and not good[2]
     return Finding(judged(slow and good[1] and good[3], slow), "; ".join(texts))
+
+
+@claim(
+    "6m",
+    "5.1, 10.1",
+    "the commanded joint accelerations are double integrated to obtain the commanded joint positions sent to the robot",
+    "in both experiments, from sample to sample, q changes by T_s q̇ + ½ T_s² q̈_c and q̇ by T_s q̈_c, to 1e-9",
+    "",
+    PBVS,
+    IBVS,
+)
+def integrated_twice(*runs: Run) -> Finding:
+    """What is left of the changes of q and q̇ without the integrals of the commands."""
+    left = []
+    for run in runs:
+        q, qd, qdd, Ts = run.trajectory.q, run.trajectory.qd, run.trajectory.qdd_command[:-1], run.sampling_time
+        left.append(float(np.abs(np.diff(q, axis=0) - Ts * qd[:-1] - 0.5 * Ts**2 * qdd).max()))
+        left.append(float(np.abs(np.diff(qd, axis=0) - Ts * qdd).max()))
+    text = f"up to {max(left[::2]):.2g} rad and {max(left[1::2]):.2g} rad/s are left"
+    return Finding(judged(max(left) <= 1e-9), text, {"left": max(left)})
