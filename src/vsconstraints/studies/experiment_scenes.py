@@ -256,4 +256,6 @@ def keep_scenes(file: Path = KEPT) -> None:
     for experiment in EXPERIMENTS:
         scenes, rejected = draw(experiment, experiment.kept, SEED)
         kept[experiment.scenario] = {"rejected": dict(sorted(rejected.items())), "scenes": scenes}
-    file.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    # one line for each scene
+    text = json.dumps(kept, ensure_ascii=False).replace('{"q0"', '\n{"q0"')
+    file.write_text(text + "\n", encoding="utf-8")
