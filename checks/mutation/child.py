@@ -1,0 +1,155 @@
+"""What happens in a forked process: tests run on the tree as it is, or on a tree with one file that is another."""
+
+from __future__ import annotations
+
+import importlib.abc
+import importlib.machinery
+import importlib.util
+import json
+import os
+import resource
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import CodeType, FrameType, ModuleType
+from typing import Any
+
+import pytest
+
+from .mutants import Mutant
+
+MEMORY = 8 * 2**30
+"""Bytes a process may take: a mistake in a size must not take the machine's."""
+
+QUIET = ("-o", "addopts=", "-p", "no:xdist", "-p", "no:cacheprovider", "-q", "--no-header", "--no-summary", "--tb=no",
+         "--assert=plain")  # fmt: skip
+
+
+@dataclass
+class Reached:
+    """What one test does.
+
+    Attributes
+    ----------
+    seconds
+        How long it takes.
+    functions
+        File and first line of every function it enters, of the files that are watched.
+    """
+
+    seconds: float = 0.0
+    functions: set[tuple[str, int]] = field(default_factory=set)
+
+
+def fork(work: Callable[[], int], output: Path) -> int:
+    """Process id of a child that does this work and nothing else; what it prints is written to a file."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    process = os.fork()
+    if process:
+        return process
+    code = 70
+    try:
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        written = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(written, 1)
+        os.dup2(written, 2)
+        code = work()
+    except BaseException:  # a forked process must not return into its parent's work
+        traceback.print_exc()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def watch(tests: Sequence[str], files: Sequence[Path], result: Path) -> int:
+    """Run tests and write down what each of them reaches; tests that fail are left out."""
+    watched = _Watch({str(file) for file in files})
+    pytest.main([*QUIET, *tests], plugins=[watched])
+    lines = {
+        test: (reached.seconds, sorted(reached.functions))
+        for test, reached in watched.tests.items()
+        if test in watched.passed
+    }
+    result.write_text(json.dumps(lines), encoding="utf-8")
+    return 0
+
+
+def judge(mutant: Mutant, root: Path, tests: Sequence[str], result: Path) -> int:
+    """Run tests, in this order, on a mutant; 0 if none fails. The name of the test that does is written down."""
+    sys.meta_path.insert(0, _Mutated(root / mutant.file, mutant.source))
+    files = list(dict.fromkeys(test.split("::")[0] for test in tests))
+    return int(pytest.main([*QUIET, *files], plugins=[_Chosen(tests, result)]))
+
+
+class _Watch:
+    def __init__(self, files: set[str]) -> None:
+        self.files = files
+        self.tests: dict[str, Reached] = {}
+        self.passed: set[str] = set()
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        functions: set[tuple[str, int]] = set()
+
+        def enters(frame: FrameType, event: str, argument: object) -> None:
+            code = frame.f_code
+            if code.co_filename in self.files:
+                functions.add((code.co_filename, code.co_firstlineno))
+
+        started = time.process_time()
+        sys.settrace(enters)
+        yield
+        sys.settrace(None)
+        self.tests[item.nodeid] = Reached(time.process_time() - started, functions)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "call" and report.passed:
+            self.passed.add(report.nodeid)
+
+
+class _Chosen:
+    def __init__(self, tests: Sequence[str], result: Path) -> None:
+        self.place = {test: i for i, test in enumerate(tests)}
+        self.result = result
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        items[:] = sorted((item for item in items if item.nodeid in self.place), key=lambda i: self.place[i.nodeid])
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            self.result.write_text(report.nodeid, encoding="utf-8")
+            os._exit(1)
+
+
+class _Mutated(importlib.abc.MetaPathFinder):
+    """Gives the module of one file another source."""
+
+    def __init__(self, file: Path, source: str) -> None:
+        self.file, self.source = str(file), source
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        spec = importlib.machinery.PathFinder.find_spec(fullname, path, target)
+        if spec is None or spec.origin != self.file:
+            return None
+        is_package = spec.submodule_search_locations is not None
+        loader = _Source(fullname, self.file, self.source)
+        return importlib.util.spec_from_file_location(
+            fullname, self.file, loader=loader, submodule_search_locations=[] if is_package else None
+        )
+
+
+class _Source(importlib.machinery.SourceFileLoader):
+    def __init__(self, fullname: str, path: str, source: str) -> None:
+        super().__init__(fullname, path)
+        self.source = source
+
+    def get_code(self, fullname: str) -> CodeType:
+        code: Any = compile(self.source, self.path, "exec", dont_inherit=True)
+        return code  # type: ignore[no-any-return]

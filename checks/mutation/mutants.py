@@ -1,0 +1,228 @@
+"""Small mistakes, put into a source file one at a time."""
+
+from __future__ import annotations
+
+import ast
+import random
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+BOUNDARY = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">"}
+NEGATION = {ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "==",
+            ast.In: "not in", ast.NotIn: "in", ast.Is: "is not", ast.IsNot: "is"}  # fmt: skip
+SYMBOL = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=", ast.In: "in",
+          ast.NotIn: "not in", ast.Is: "is", ast.IsNot: "is not", ast.Add: "+", ast.Sub: "-", ast.Mult: "*",
+          ast.Div: "/", ast.Pow: "**", ast.BitAnd: "&", ast.BitOr: "|", ast.And: "and", ast.Or: "or"}  # fmt: skip
+OPPOSITE = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Pow: "*", ast.BitAnd: "|", ast.BitOr: "&",
+            ast.And: "or", ast.Or: "and"}  # fmt: skip
+PAIRS = (("min", "max"), ("any", "all"), ("minimum", "maximum"), ("argmin", "argmax"), ("floor", "ceil"),
+         ("sin", "cos"), ("zeros", "ones"), ("median", "mean"))  # fmt: skip
+SWAPPED = {one: other for pair in PAIRS for one, other in (pair, pair[::-1])}
+LEFT_OUT = ("abs", "sqrt")
+"""Functions whose argument takes their place."""
+
+KEYWORDS = ("strict", "repr", "init")
+"""Arguments that guard against slips or are for the eye."""
+
+GUARD = 1e-8
+"""Numbers smaller than this guard against rounding: they are changed by :data:`GUARDED`, others by 2."""
+GUARDED = 1e4
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A file with one mistake in it.
+
+    Attributes
+    ----------
+    file
+        Its path in the repository.
+    function
+        First line of the function (decorators included) in which the mistake is; 0 outside of functions.
+    line
+        Where the mistake is.
+    old, new
+        That line before and after, and what follows it if the change spans several lines, without indentation.
+    source
+        The whole file with the mistake.
+    why
+        Of a mistake that was named: what it stands for.
+    """
+
+    file: str
+    function: int
+    line: int
+    old: str
+    new: str
+    source: str
+    why: str = ""
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """What says which mutant it is, wherever its line is."""
+        return self.file, self.old, self.new
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}\n    - {self.old}\n    + {self.new}" + (
+            f"\n    ({self.why})" if self.why else ""
+        )
+
+
+def mutants_of(root: Path, file: str, without: Sequence[str] = ()) -> list[Mutant]:
+    """Every mutant of a file, in the order of its lines; functions with the names in ``without`` are left alone."""
+    source = (root / file).read_text(encoding="utf-8")
+    made = _Mutations(source, without)
+    changes = sorted(set(made.changes(ast.parse(source), 0)))
+    return [_spliced(file, source, *change) for change in changes]
+
+
+def edited(root: Path, file: str, old: str, new: str, why: str) -> Mutant:
+    """The mutant in which ``new`` stands for ``old``; raises ValueError unless that is in the file exactly once."""
+    source = (root / file).read_text(encoding="utf-8")
+    if source.count(old) != 1:
+        raise ValueError(f"{file} has {source.count(old)} times, not once: {old}")
+    start = len(source[: source.index(old)].encode())
+    line = source[: source.index(old)].count("\n") + 1
+    inside = [
+        (node.end_lineno - first, first)
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.FunctionDef)
+        and node.lineno <= line <= (node.end_lineno or 0)
+        and (first := _first_line(node))
+    ]
+    return _spliced(file, source, start, start + len(old.encode()), new, min(inside, default=(0, 0))[1], why)
+
+
+def sampled(mutants: list[Mutant], count: int, seed: int) -> list[Mutant]:
+    """So many of them, the same for the same seed, in their order."""
+    if count >= len(mutants):
+        return mutants
+    chosen = random.Random(seed).sample(range(len(mutants)), count)
+    return [mutants[i] for i in sorted(chosen)]
+
+
+def _spliced(file: str, source: str, start: int, end: int, new: str, function: int, why: str = "") -> Mutant:
+    text = source.encode()
+    changed = text[:start] + new.encode() + text[end:]
+    first = text.rfind(b"\n", 0, start) + 1
+    last, last_changed = text.find(b"\n", end), changed.find(b"\n", start + len(new.encode()))
+    line = text[:start].count(b"\n") + 1
+    before, after = text[first:last].decode().strip(), changed[first:last_changed].decode().strip()
+    return Mutant(file, function, line, before, after, changed.decode(), why)
+
+
+def _first_line(function: ast.FunctionDef) -> int:
+    return min([function.lineno, *(decorator.lineno for decorator in function.decorator_list)])
+
+
+Change = tuple[int, int, str, int]
+"""Bytes from … to …, what takes their place, and the first line of the function."""
+
+
+class _Mutations:
+    """Walks a file and says what may be changed. Texts, annotations and what decorators say are left alone."""
+
+    def __init__(self, source: str, without: Sequence[str]) -> None:
+        self.without = without
+        self.text = source.encode()
+        self.starts = [0]
+        for line in self.text.splitlines(keepends=True):
+            self.starts.append(self.starts[-1] + len(line))
+
+    def span(self, node: ast.expr | ast.stmt) -> tuple[int, int]:
+        assert node.end_lineno is not None
+        assert node.end_col_offset is not None
+        return self.starts[node.lineno - 1] + node.col_offset, self.starts[node.end_lineno - 1] + node.end_col_offset
+
+    def changes(self, node: ast.AST, function: int) -> Iterator[Change]:
+        """Of this node and all below it."""
+        if isinstance(node, ast.JoinedStr) or getattr(node, "name", None) in self.without:
+            return
+        if isinstance(node, ast.FunctionDef):
+            for default in (*node.args.defaults, *(d for d in node.args.kw_defaults if d is not None)):
+                yield from self.changes(default, function)
+            for statement in node.body:
+                yield from self.changes(statement, _first_line(node))
+            return
+        for start, end, new in self.of(node):
+            yield start, end, new, function
+        for below in self.below(node):
+            yield from self.changes(below, function)
+
+    def below(self, node: ast.AST) -> Iterator[ast.AST]:
+        if isinstance(node, (ast.Raise, ast.Import, ast.ImportFrom)):
+            return
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            return
+        if isinstance(node, ast.keyword) and node.arg in KEYWORDS:
+            return
+        if isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == "__all__" for t in node.targets):
+            return
+        for name, value in ast.iter_fields(node):
+            if name not in ("annotation", "decorator_list", "returns", "type_params"):
+                yield from (one for one in (value if isinstance(value, list) else [value]) if isinstance(one, ast.AST))
+
+    def of(self, node: ast.AST) -> Iterator[tuple[int, int, str]]:
+        """Of this node alone."""
+        if isinstance(node, ast.Constant):
+            yield from ((*self.span(node), new) for new in _other_constants(node.value))
+        elif isinstance(node, ast.Compare):
+            lefts = [node.left, *node.comparators[:-1]]
+            for left, operator, right in zip(lefts, node.ops, node.comparators, strict=True):
+                for table in (BOUNDARY, NEGATION):
+                    if type(operator) in table:
+                        yield self.between(left, operator, right, table[type(operator)])
+        elif isinstance(node, ast.BinOp) and type(node.op) in OPPOSITE:
+            yield self.between(node.left, node.op, node.right, OPPOSITE[type(node.op)])
+        elif isinstance(node, ast.BoolOp):
+            for left, right in zip(node.values, node.values[1:], strict=False):
+                yield self.between(left, node.op, right, OPPOSITE[type(node.op)])
+        elif isinstance(node, ast.UnaryOp) and not isinstance(node.op, ast.UAdd):
+            yield self.span(node)[0], self.span(node.operand)[0], ""
+        elif isinstance(node, (ast.If, ast.While, ast.IfExp)):
+            yield from self.negated(node.test)
+        elif isinstance(node, ast.comprehension):
+            for condition in node.ifs:
+                yield from self.negated(condition)
+        elif isinstance(node, ast.Call):
+            yield from self.left_out(node)
+        elif isinstance(node, (ast.Name, ast.Attribute)) and isinstance(node.ctx, ast.Load):
+            name = node.id if isinstance(node, ast.Name) else node.attr
+            if name in SWAPPED:
+                end = self.span(node)[1]
+                yield end - len(name.encode()), end, SWAPPED[name]
+        elif isinstance(node, (ast.AugAssign, ast.Raise, ast.Continue, ast.Break)) or (
+            isinstance(node, ast.Expr) and isinstance(node.value, ast.Call)
+        ):
+            yield *self.span(node), "pass"
+
+    def between(self, left: ast.expr, operator: ast.AST, right: ast.expr, new: str) -> tuple[int, int, str]:
+        symbol = SYMBOL[type(operator)].encode()
+        start = self.text.index(symbol, self.span(left)[1], self.span(right)[0])
+        return start, start + len(symbol), new
+
+    def negated(self, condition: ast.expr) -> Iterator[tuple[int, int, str]]:
+        """Comparisons and logic are changed by themselves."""
+        if not isinstance(condition, (ast.Compare, ast.BoolOp, ast.UnaryOp, ast.Constant)):
+            start, end = self.span(condition)
+            yield start, end, f"not ({self.text[start:end].decode()})"
+
+    def left_out(self, call: ast.Call) -> Iterator[tuple[int, int, str]]:
+        name = call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
+        if name in LEFT_OUT and len(call.args) == 1:
+            start, end = self.span(call.args[0])
+            yield *self.span(call), f"({self.text[start:end].decode()})"
+
+
+def _other_constants(value: object) -> list[str]:
+    if isinstance(value, bool):
+        return [repr(not value)]
+    if isinstance(value, int):
+        return [repr(value + 1), repr(value - 1)]
+    if isinstance(value, float) and value == 0.0:
+        return ["1.0", "-1.0"]
+    if isinstance(value, float) and abs(value) < float("inf"):
+        factor = GUARDED if 0.0 < abs(value) < GUARD else 2.0
+        return [repr(value * factor), repr(value / factor)]
+    return []

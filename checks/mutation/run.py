@@ -1,0 +1,158 @@
+"""Runs mutants: third-party packages are imported once, every mutant is judged in a process forked from here."""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import json
+import os
+import shutil
+import signal
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from .child import Reached, fork, judge, watch
+from .mutants import Mutant
+
+ROOT = Path(__file__).resolve().parents[2]
+
+COPIED = ("src", "tests", "examples", "comparisons", "README.md", "pyproject.toml")
+
+THIRD_PARTY = ("numpy", "scipy.linalg", "scipy.optimize", "pinocchio", "coal", "qpsolvers", "daqp", "osqp", "proxsuite",
+               "matplotlib.pyplot", "hypothesis", "cvxpy", "clarabel", "typer", "rich.console", "rich.table",
+               "rich.progress", "numpy.testing")  # fmt: skip
+"""Imported before the first fork: they take seconds, and no mutant changes them."""
+
+SLACK, FACTOR = 30.0, 10.0
+"""A mutant's tests may take so many seconds, and so much longer than without a mistake."""
+
+State = Literal["killed", "timed out", "survived", "not reached"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a mutant.
+
+    Attributes
+    ----------
+    mutant
+        Which.
+    state
+        ``not reached`` if no test enters the function.
+    by
+        The test that failed.
+    """
+
+    mutant: Mutant
+    state: State
+    by: str = ""
+
+    @property
+    def noticed(self) -> bool:
+        """Whether a test failed, or never came to its end."""
+        return self.state in ("killed", "timed out")
+
+
+class Runner:
+    """A copy of the tree, what its tests reach, and processes that judge mutants in it.
+
+    Parameters
+    ----------
+    folder
+        An empty folder for the copy: the tree itself is never touched.
+    tests
+        Test files whose tests are asked.
+    files
+        Files that mutants are of.
+    jobs
+        How many mutants at a time.
+    root
+        The tree; it holds ``src`` and ``tests``.
+    """
+
+    def __init__(
+        self, folder: Path, tests: Sequence[str], files: Sequence[str], jobs: int = 1, root: Path = ROOT
+    ) -> None:
+        self.folder, self.jobs = folder.resolve(), jobs
+        for name in COPIED:
+            there = root / name
+            if there.is_dir():
+                shutil.copytree(there, self.folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+            elif there.exists():
+                shutil.copy(there, self.folder / name)
+        os.chdir(self.folder)
+        sys.path.insert(0, str(self.folder / "src"))
+        for name in THIRD_PARTY:
+            importlib.import_module(name)
+        gc.freeze()
+        self.reached = self._watch(tests, [self.folder / file for file in files])
+
+    def _watch(self, tests: Sequence[str], files: Sequence[Path]) -> dict[str, Reached]:
+        result, output = self.folder / "reached.json", self.folder / "reached.log"
+        process = fork(lambda: watch(tests, files, result), output)
+        os.waitpid(process, 0)
+        if not result.exists():
+            raise RuntimeError(f"the tests cannot be run:\n{output.read_text(encoding='utf-8')}")
+        found = json.loads(result.read_text(encoding="utf-8"))
+        return {test: Reached(seconds, {(f, n) for f, n in entered}) for test, (seconds, entered) in found.items()}
+
+    def tests_for(self, mutant: Mutant) -> list[str]:
+        """Tests that enter the function, the quickest first; then the others of their files, which may share results.
+
+        Outside of functions: of the tests that enter any function of the file, and of all where there is none.
+        """
+        file = str(self.folder / mutant.file)
+        place = {(file, mutant.function)}
+        if not mutant.function:
+            place = {
+                entered for reached in self.reached.values() for entered in reached.functions if entered[0] == file
+            }
+        first = [test for test, reached in self.reached.items() if reached.functions & place]
+        if not first and not mutant.function:
+            first = list(self.reached)
+        files = {test.split("::")[0] for test in first}
+        others = [test for test in self.reached if test.split("::")[0] in files]
+        quickest = sorted(first, key=lambda test: self.reached[test].seconds)
+        return list(dict.fromkeys([*quickest, *others]))
+
+    def judge(self, mutants: Sequence[Mutant]) -> Iterator[Verdict]:
+        """What becomes of mutants, in the order in which that is known."""
+        waiting = list(enumerate(mutants))[::-1]
+        running: dict[int, tuple[Mutant, Path, float]] = {}
+        try:
+            while waiting or running:
+                while waiting and len(running) < self.jobs:
+                    number, mutant = waiting.pop()
+                    tests = self.tests_for(mutant)
+                    if not tests:
+                        yield Verdict(mutant, "not reached")
+                        continue
+                    result = self.folder / f"mutant-{number}.txt"
+                    process = fork(
+                        lambda m=mutant, t=tests, r=result: judge(m, self.folder, t, r), Path(f"{result}.log")
+                    )
+                    limit = SLACK + FACTOR * sum(self.reached[test].seconds for test in tests)
+                    running[process] = mutant, result, time.monotonic() + limit
+                yield from self._ended(running)
+                time.sleep(0.01)
+        finally:
+            for process in running:
+                os.killpg(process, signal.SIGKILL)
+
+    def _ended(self, running: dict[int, tuple[Mutant, Path, float]]) -> Iterator[Verdict]:
+        for process, (mutant, result, until) in list(running.items()):
+            ended, status = os.waitpid(process, os.WNOHANG)
+            late = not ended and time.monotonic() > until
+            if late:
+                os.killpg(process, signal.SIGKILL)
+                os.waitpid(process, 0)
+            if ended or late:
+                del running[process]
+                by = result.read_text(encoding="utf-8") if result.exists() else ""
+                yield Verdict(mutant, "timed out" if late else "killed" if status else "survived", by)
+                for left in (result, Path(f"{result}.log")):
+                    left.unlink(missing_ok=True)

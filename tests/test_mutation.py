@@ -1,0 +1,140 @@
+"""The mutation run itself: which mistakes it makes, and that it sees whether a test notices them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from checks.mutation.mutants import edited, mutants_of, sampled  # noqa: E402
+
+SOURCE = '''"""A docstring with 1 and 2."""
+
+LIMIT = 0.5
+
+
+def clipped(φ: float, low: int = 3) -> float:
+    """Not 7."""
+    if φ > LIMIT and not low:
+        raise ValueError(f"{φ + 1} is too much")
+    while φ < 0:
+        φ += 1
+    return abs(φ) - [1, 2][low]
+'''
+
+CHANGES = {
+    ("LIMIT = 0.5", "LIMIT = 1.0"),
+    ("LIMIT = 0.5", "LIMIT = 0.25"),
+    ("def clipped(φ: float, low: int = 3) -> float:", "def clipped(φ: float, low: int = 4) -> float:"),
+    ("def clipped(φ: float, low: int = 3) -> float:", "def clipped(φ: float, low: int = 2) -> float:"),
+    ("if φ > LIMIT and not low:", "if φ >= LIMIT and not low:"),
+    ("if φ > LIMIT and not low:", "if φ <= LIMIT and not low:"),
+    ("if φ > LIMIT and not low:", "if φ > LIMIT or not low:"),
+    ("if φ > LIMIT and not low:", "if φ > LIMIT and low:"),
+    ('raise ValueError(f"{φ + 1} is too much")', "pass"),
+    ("while φ < 0:", "while φ <= 0:"),
+    ("while φ < 0:", "while φ >= 0:"),
+    ("while φ < 0:", "while φ < 1:"),
+    ("while φ < 0:", "while φ < -1:"),
+    ("φ += 1", "pass"),
+    ("φ += 1", "φ += 2"),
+    ("φ += 1", "φ += 0"),
+    ("return abs(φ) - [1, 2][low]", "return (φ) - [1, 2][low]"),
+    ("return abs(φ) - [1, 2][low]", "return abs(φ) + [1, 2][low]"),
+    ("return abs(φ) - [1, 2][low]", "return abs(φ) - [2, 2][low]"),
+    ("return abs(φ) - [1, 2][low]", "return abs(φ) - [0, 2][low]"),
+    ("return abs(φ) - [1, 2][low]", "return abs(φ) - [1, 3][low]"),
+    ("return abs(φ) - [1, 2][low]", "return abs(φ) - [1, 1][low]"),
+}
+
+TESTS = """from module import clipped
+
+
+def test_shared():
+    assert clipped(0.25, 0) == -0.75
+
+
+def test_loop():
+    assert clipped(-2.0, 1) == -2.0
+"""
+
+RUN = """
+import sys
+from pathlib import Path
+from checks.mutation import run
+from checks.mutation.mutants import edited, mutants_of
+run.SLACK, run.THIRD_PARTY, tree = 3.0, (), Path(sys.argv[1])
+named = edited(tree, "src/module.py", "- [1, 2]", "- [1, 9]", "a name")
+runner = run.Runner(Path(sys.argv[2]), ["tests/test_module.py"], ["src/module.py"], 2, tree)
+for verdict in runner.judge([*mutants_of(tree, "src/module.py"), named]):
+    print(verdict.state, "|", verdict.mutant.old, "|", verdict.mutant.new, "|", verdict.by.split("::")[-1])
+"""
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    for name, text in (("src/module.py", SOURCE), ("tests/test_module.py", TESTS)):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "copy").mkdir()
+    return tmp_path
+
+
+def test_every_mistake_is_made_once_and_texts_are_left_alone(tree: Path) -> None:
+    made = mutants_of(tree, "src/module.py")
+    assert {(mutant.old, mutant.new) for mutant in made} == CHANGES
+    assert len(made) == len(CHANGES)
+    assert {mutant.function for mutant in made if mutant.line > 6} == {6}
+    assert {mutant.function for mutant in made if mutant.line <= 6} == {0}
+    for mutant in made:
+        assert mutant.old != mutant.new
+        before, after = SOURCE.splitlines(), mutant.source.splitlines()
+        assert [i + 1 for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b] == [mutant.line]
+    assert {mutant.line for mutant in mutants_of(tree, "src/module.py", ["clipped"])} == {3}
+
+
+def test_a_named_mistake_must_be_found(tree: Path) -> None:
+    mutant = edited(tree, "src/module.py", "abs(φ) - ", "φ - ", "why")
+    assert (mutant.line, mutant.function, mutant.new) == (12, 6, "return φ - [1, 2][low]")
+    for old, times in (("no such text", 0), ("φ", 6)):
+        with pytest.raises(ValueError, match=f"has {times} times, not once"):
+            edited(tree, "src/module.py", old, "", "why")
+
+
+def test_samples_are_repeatable(tree: Path) -> None:
+    made = mutants_of(tree, "src/module.py")
+    assert sampled(made, 5, 1) == sampled(made, 5, 1) != sampled(made, 5, 2)
+    assert len(sampled(made, 5, 1)) == 5
+    assert sampled(made, 100, 1) == made
+
+
+def test_what_tests_notice(tree: Path) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", RUN, str(tree), str(tree / "copy")], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    found = {tuple(line.split(" | ")) for line in ended.stdout.splitlines()}
+    states = {(old, new): (state, by) for state, old, new, by in found}
+    assert len(found) == len(CHANGES) + 1
+    # no test has φ at the limit or beyond, leaves out the second number, or starts from an odd one below zero
+    survivors = {key for key, (state, _) in states.items() if state == "survived"}
+    assert survivors == {
+        ("LIMIT = 0.5", "LIMIT = 1.0"),
+        ("LIMIT = 0.5", "LIMIT = 0.25"),
+        ("def clipped(φ: float, low: int = 3) -> float:", "def clipped(φ: float, low: int = 4) -> float:"),
+        ("def clipped(φ: float, low: int = 3) -> float:", "def clipped(φ: float, low: int = 2) -> float:"),
+        ('raise ValueError(f"{φ + 1} is too much")', "pass"),
+        ("if φ > LIMIT and not low:", "if φ >= LIMIT and not low:"),
+        ("if φ > LIMIT and not low:", "if φ > LIMIT and low:"),
+        ("φ += 1", "φ += 2"),
+        ("return abs(φ) - [1, 2][low]", "return (φ) - [1, 2][low]"),
+    }
+    assert states["φ += 1", "pass"] == ("timed out", "")
+    assert states["while φ < 0:", "while φ < -1:"] == ("killed", "test_loop")
+    assert states["return abs(φ) - [1, 2][low]", "return abs(φ) - [1, 9][low]"] == ("killed", "test_loop")
+    assert states["return abs(φ) - [1, 2][low]", "return abs(φ) - [0, 2][low]"] == ("killed", "test_shared")
+    assert (tree / "src/module.py").read_text(encoding="utf-8") == SOURCE
