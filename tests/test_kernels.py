@@ -452,6 +452,52 @@ def test_a_cache_that_cannot_be_written_is_told_once_and_the_definition_runs(tmp
     assert "no folder to keep compiled code in" in errors
 
 
+READ_ONLY = """
+import os, sys, tempfile
+cache, real, open_one = sys.argv[1], os.access, tempfile.TemporaryFile
+
+def access(path, mode, **options):
+    return not (mode & os.W_OK and str(path).startswith(cache)) and real(path, mode, **options)
+
+def temporary(*arguments, dir=None, **options):
+    if str(dir).startswith(cache):
+        raise PermissionError(13, "Permission denied", str(dir))
+    return open_one(*arguments, dir=dir, **options)
+
+# whoever tests may be one to whom every file can be written
+os.access, tempfile.TemporaryFile = access, temporary
+from vsconstraints import kernels
+assert kernels.load("hold") is not None
+"""
+
+
+def test_a_filled_cache_that_cannot_be_written_is_used(tmp_path):
+    """As of an image that one user builds and another one runs."""
+    cache = tmp_path / "cache"
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "VSCONSTRAINTS_COMPILE": "alone"}
+    fill = "from vsconstraints import kernels; assert kernels.load('hold')"
+    subprocess.run([sys.executable, "-c", fill], env=environment, check=True, capture_output=True, timeout=300)
+
+    def files():
+        return {path: path.stat().st_mtime_ns for path in cache.rglob("*") if path.is_file()}
+
+    before = files()
+    for path in (cache, *cache.rglob("*")):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", READ_ONLY, str(cache)],
+        env={**environment, "TMPDIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    for path in (cache, *cache.rglob("*")):
+        path.chmod(0o755)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert files() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["cache"]
+
+
 def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
     """Also of the files that kernels take constants from, which are compiled in and leave no trace."""
     compiler = kernels.load("compiler")

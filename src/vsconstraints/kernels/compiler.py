@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
@@ -53,22 +54,23 @@ def compiled(signature: str, options: dict[str, Any] = OPTIONS) -> Callable[[F],
     """
 
     def decorate(function: F) -> F:
-        before, folder = numba.config.CACHE_DIR, _cache(function)
-        numba.config.CACHE_DIR = str(folder)
-        try:
-            compile_or_read = numba.njit(signature, cache=True, no_cfunc_wrapper=True, **options)
-            with _alone(folder):
-                try:
-                    result: F = compile_or_read(function)
-                except Exception:  # a file that was cut short, for example on a full disk, can raise anything
-                    kept = list(folder.rglob(f"*.{function.__name__}-*.nb[ci]"))
-                    if not kept:
-                        raise
-                    for file in kept:
-                        file.unlink()
-                    result = compile_or_read(function)
-        finally:
-            numba.config.CACHE_DIR = before
+        before = numba.config.CACHE_DIR
+        with _writable(_cache(function)) as folder:
+            numba.config.CACHE_DIR = str(folder)
+            try:
+                compile_or_read = numba.njit(signature, cache=True, no_cfunc_wrapper=True, **options)
+                with _alone(folder):
+                    try:
+                        result: F = compile_or_read(function)
+                    except Exception:  # a file that was cut short, for example on a full disk, can raise anything
+                        kept = list(folder.rglob(f"*.{function.__name__}-*.nb[ci]"))
+                        if not kept:
+                            raise
+                        for file in kept:
+                            file.unlink()
+                        result = compile_or_read(function)
+            finally:
+                numba.config.CACHE_DIR = before
         return result
 
     return decorate
@@ -89,7 +91,7 @@ def cache_folder(function: Callable[..., Any]) -> Path:
 
     Numba alone would compare the file of a function, and not see that one it calls has changed. The folder is made
     within ``NUMBA_CACHE_DIR`` if that is set, or else beside the code, or in the user's cache where that cannot be
-    written.
+    written. One that cannot be written but holds the function is as good.
 
     Raises
     ------
@@ -106,13 +108,27 @@ def cache_folder(function: Callable[..., Any]) -> Path:
     caches = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
     candidates = [Path(chosen)] if chosen else [Path(__file__).parent / "__pycache__", caches / "vsconstraints"]
     for folder in candidates:
-        try:
+        with suppress(OSError):
             (folder / name).mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
         if os.access(folder / name, os.W_OK | os.X_OK):
             return folder / name
+        if next((folder / name).rglob(f"*.{function.__name__}-*.nbi"), None) is not None:
+            return folder / name
     raise OSError(f"no folder to keep compiled code in: cannot write {' or '.join(map(str, candidates))}")
+
+
+@contextmanager
+def _writable(folder: Path) -> Iterator[Path]:
+    """The folder or, if it cannot be written, a copy of what it holds: numba insists on writing, even to read."""
+    if os.access(folder, os.W_OK | os.X_OK):
+        yield folder
+        return
+    with tempfile.TemporaryDirectory(prefix="vsconstraints-") as copy:
+        for file in folder.rglob("*.nb[ci]"):
+            target = copy / file.relative_to(folder)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, target)
+        yield Path(copy)
 
 
 def _sources() -> list[Path]:
