@@ -126,23 +126,9 @@ def _sphinx(arguments: list[str], folder: Path) -> None:
     assert arguments == ["-W", "docs", "docs/_build"]
 
 
-def _module(arguments: list[str], folder: Path) -> None:
-    """The modules that are commands of the repository are there."""
-    assert arguments[0] == "-m"
-    assert ROOT.joinpath(*arguments[1].split(".")).with_suffix(".py").exists() or (
-        ROOT.joinpath(*arguments[1].split("."), "__main__.py").exists()
-    ), arguments
-
-
 def _anything(arguments: list[str], folder: Path) -> None:
     """Nothing of ours to check."""
 
 
 RUN = {"python": _python, "toml": _toml, "xml": _markup, "sh": _shell}
-COMMANDS = {
-    "vsconstraints": _vsconstraints,
-    "pip": _pip,
-    "sphinx-build": _sphinx,
-    "pytest": _anything,
-    "python": _module,
-}
+COMMANDS = {"vsconstraints": _vsconstraints, "pip": _pip, "sphinx-build": _sphinx, "pytest": _anything}

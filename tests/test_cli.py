@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +12,9 @@ from pathlib import Path
 import pytest
 
 import vsconstraints
+from vsconstraints.comparisons.tables import read_table
 from vsconstraints.controllers import CONTROLLERS
+from vsconstraints.kernels import available
 from vsconstraints.scenarios import shipped_scenarios
 
 MAIN = [sys.executable, "-W", "error", "-c", "from vsconstraints.cli import main; main()"]
@@ -102,6 +106,60 @@ def test_what_a_reader_should_know_of_a_scenario_is_noted(tmp_path: Path) -> Non
     assert done.returncode == 0, done.stderr
     assert "note: example-2d-fov: fov[marker 2] is violated at the start" in done.stderr
     assert "note: example-2d-fov: goal 1 is forbidden by fov[marker 2]" in done.stderr
+
+
+def test_the_form_that_ran_is_what_the_report_says(tmp_path: Path) -> None:
+    """Where nothing compiled can be kept the NumPy form runs: told once, stored, and never taken for the other one."""
+    (tmp_path / "file").touch()
+    command = (
+        "compare", "--scenario", "example-2d-fov", "--controller", "sliding-mode", "--set", "scenario.duration=0.05",
+        "--jobs", "2", "--out", str(tmp_path / "out"),
+    )  # fmt: skip
+    for variables, form, other in (({"NUMBA_CACHE_DIR": str(tmp_path / "file")}, "NumPy", "compiled"), ({}, "", "")):
+        done = subprocess.run(
+            [sys.executable, "-c", MAIN[-1], *command],
+            env={**os.environ, **variables},
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+        assert done.returncode == 0, done.stderr
+        assert "were stored in" not in done.stdout
+        if not form and not available():
+            return
+        form, other = form or "compiled", other or "NumPy"
+        assert done.stderr.count("runs in its NumPy form") == (form == "NumPy")
+        assert json.loads((tmp_path / "out" / "manifest.json").read_text())["compiled"] == {form: 2, other: 0}
+        flags = [line["compiled"] for line in read_table(tmp_path / "out" / "results.csv")]
+        assert flags == [form == "compiled"] * 2
+        assert re.search(rf"\| control step +\| {form} ", (tmp_path / "out" / "report.md").read_text())
+
+
+RAISES = """
+from vsconstraints.controllers import Controller
+{begin}
+class Own(Controller):
+    name = "own"
+    def solve(self, rows, task):
+        raise RuntimeError("on purpose")
+"""
+
+
+@pytest.mark.parametrize(
+    ("begin", "code", "words"),
+    [
+        ("", 1, "every run of the controllers that were to be compared failed"),
+        ("import sys; sys.exit()", 2, "cannot import 'law': SystemExit"),
+    ],
+)
+def test_exit_codes_tell_what_came_of_it(begin: str, code: int, words: str, tmp_path: Path) -> None:
+    (tmp_path / "law.py").write_text(RAISES.format(begin=begin))
+    (tmp_path / "s.toml").write_text('scenarios = ["example-2d-fov"]\n[controllers.own]\ntype = "law:Own"\n')
+    done = run("compare", "s.toml", "--set", "scenario.duration=0.05", "--jobs", "1", "--out", "out", cwd=tmp_path)
+    assert done.returncode == code, done.stderr
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "out" / "report.md").exists() == (code == 1)
 
 
 def test_an_output_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:

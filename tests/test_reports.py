@@ -56,7 +56,7 @@ def result(controller: str, scenario: str = "one", trial: int = 0, **changes: An
     """A line of results.csv of a run without fault."""
     line = dict.fromkeys(RESULT_COLUMNS, 1.0)
     line.update(suite="made", scenario=scenario, controller=controller, trial=trial, status="converged", reason="")
-    line.update(violated="", violation_depth=0.0, violation_time_s=0.0, utilization=0.9)
+    line.update(compiled=True, violated="", violation_depth=0.0, violation_time_s=0.0, utilization=0.9)
     return {**line, **changes}
 
 

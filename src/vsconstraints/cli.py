@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 
 from . import __version__
-from .errors import VsconstraintsError
+from .errors import StorageError, VsconstraintsError
 from .runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ app = typer.Typer(
 console = Console(highlight=False, markup=False, soft_wrap=True)
 errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
 
-USAGE_ERROR = 2
+NOTHING_DONE, USAGE_ERROR = 1, 2
 
 
 Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")]
@@ -40,6 +40,7 @@ Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Whether t
 
 @app.command()
 def compare(
+    context: typer.Context,
     suite: Annotated[Path | None, typer.Argument(help="A suite file; the default comparison if not given.")] = None,
     scenario: Annotated[
         list[str] | None, typer.Option(help="Only this scenario: a name or a path. Can be repeated.")
@@ -59,7 +60,9 @@ def compare(
             "hierarchical-qp.solver=osqp or trials=5. Can be repeated.",
         ),
     ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Run again what is stored.")] = False,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Run again what is stored, and replace another comparison in the folder.")
+    ] = False,
     figures: Figures = True,
     run_limit: Annotated[
         float | None,
@@ -73,15 +76,16 @@ def compare(
     """Run every scenario with every controller, and write a report."""
     from .comparisons import Job, Suite
     from .comparisons import compare as run
+    from .comparisons.folder import held
     from .comparisons.metrics import Score
     from .reports.failures import kind
 
     chosen = Suite.load(suite).select(scenario or (), controller or (), seed, settings or ())
-    for one in chosen.scenarios:
-        for remark in one.setup().check_start():
-            errors.print(f"note: {one.name}: {remark}")
+    for remark in chosen.remarks():
+        errors.print(f"note: {remark}")
     total = len(chosen.with_baseline().jobs())
     _note_processes(jobs)
+    context.with_resource(held(out))
     failed: Counter[str] = Counter()
     with _progress() as progress:
         bar = progress.add_task("comparing", total=total)
@@ -121,6 +125,11 @@ def compare(
         errors.print(f"Interrupted: all {total} runs are stored in {out}, the report is not; the same command goes on.")
         raise typer.Exit(exit_code(signal_of(interrupt))) from interrupt
     console.print(f"{total} runs in {result.wall_time:.1f} s. Report: {report}")
+    if result.all_failed:
+        errors.print(
+            "error: every run of the controllers that were to be compared failed; the report gives the reasons"
+        )
+        raise typer.Exit(NOTHING_DONE)
 
 
 @app.command("list")
@@ -244,7 +253,7 @@ def _options(
 
 
 def main() -> None:
-    """Run the command line; errors of this package and of the system end it with exit code 2 and one line."""
+    """Run the command line; errors of this package and of the system end it with one line (see ``docs/errors.md``)."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             # names and paths may hold what the terminal's encoding does not have
@@ -254,7 +263,7 @@ def main() -> None:
         app()
     except (VsconstraintsError, OSError) as error:
         errors.print(f"error: {' '.join(str(error).splitlines())}")
-        sys.exit(USAGE_ERROR)
+        sys.exit(NOTHING_DONE if isinstance(error, StorageError) else USAGE_ERROR)
     except INTERRUPTS as interrupt:
         errors.print("Interrupted.")
         sys.exit(exit_code(signal_of(interrupt)))

@@ -13,6 +13,9 @@ import numpy as np
 LONGEST = 200
 """Characters of a value that a message shows."""
 
+LONGEST_REASON = 2000
+"""Characters of a reason that are kept."""
+
 
 class VsconstraintsError(Exception):
     """Base class of every error this package raises on purpose."""
@@ -32,6 +35,10 @@ class SceneError(VsconstraintsError):
 
 class SolverError(VsconstraintsError):
     """No QP solver gave an answer that passes the check."""
+
+
+class StorageError(VsconstraintsError):
+    """Results cannot be written: for example, the disk is full."""
 
 
 def unknown_name(what: str, name: object, candidates: Iterable[str]) -> ConfigurationError:
@@ -59,13 +66,23 @@ def shown(value: object) -> str:
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}… ({len(text)} characters)"
 
 
+def one_line(text: str) -> str:
+    """A text as one line that any file and terminal takes, cut after :data:`LONGEST_REASON` characters."""
+    line = " ".join(text[: 2 * LONGEST_REASON].encode("utf-8", "backslashreplace").decode().splitlines())
+    return line if len(line) <= LONGEST_REASON else f"{line[:LONGEST_REASON]}… ({len(text)} characters)"
+
+
 def described(error: BaseException) -> str:
     """What was raised and, if own code raised it, in which file and line: ``ValueError: no data (my_law.py, line 12)``.
 
     Own code is what neither this package nor Python brought along; of that, what lies outside the installed packages
     comes first.
     """
-    text = f"{type(error).__name__}: {error}"
+    try:
+        message = str(error)
+    except Exception as another:  # own errors may fail even in this
+        message = f"its message raises {type(another).__name__}"
+    text = one_line(f"{type(error).__name__}: {message}")
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith("<")]
     places = [(Path(frame.filename), frame.lineno) for frame in frames]
     foreign = [(file, line) for file, line in places if not file.is_relative_to(_PACKAGE)]

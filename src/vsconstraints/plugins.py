@@ -7,11 +7,13 @@ import importlib.util
 import re
 import sys
 from collections.abc import Callable, Iterable
+from contextlib import chdir
 from pathlib import Path
 from types import ModuleType
 from typing import TypeVar, cast
 
 from .errors import ConfigurationError, described
+from .provenance import noted_import
 
 Base = TypeVar("Base")
 
@@ -36,7 +38,8 @@ def imported_class(name: str, base: Callable[..., Base], folder: Path | None = N
     module_name, class_name = _parts(name)
     file = plugin_file(name, folder)
     try:
-        module = importlib.import_module(module_name) if file is None else _module_from(file)
+        with chdir("."), noted_import(module_name):
+            module = importlib.import_module(module_name) if file is None else _module_from(file)
     except (Exception, SystemExit) as error:  # an own module can fail in any way while it is imported
         raise ConfigurationError(f"{name!r}: cannot import {module_name!r}: {described(error)}") from error
     found = getattr(module, class_name, None)
@@ -52,10 +55,16 @@ def plugin_file(name: str, folder: Path | None) -> Path | None:
     return file if file is not None and file.is_file() else None
 
 
-def plugin_files(names: Iterable[str], folder: Path | None) -> list[Path]:
-    """The Python files that own parts of these names may be made of: all those beside them, for what they import."""
-    files = [plugin_file(name, folder) for name in names if ":" in name]
-    return sorted({beside for file in files if file is not None for beside in file.parent.glob("*.py")})
+def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
+    """The files of the modules that these names of parts name as ``module:Class``, where they have one."""
+    found = []
+    for name in names:
+        if ":" in name:
+            file = plugin_file(name, folder)
+            spec = importlib.util.find_spec(_parts(name)[0]) if file is None else None
+            origin = spec.origin if spec is not None and spec.has_location else None
+            found += [Path(path) for path in (file, origin) if path is not None]
+    return found
 
 
 def _parts(name: str) -> tuple[str, str]:

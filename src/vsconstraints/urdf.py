@@ -128,6 +128,21 @@ def collision_geometry(source: UrdfSource) -> pin.GeometryModel:
     return pin.buildReducedModel(source.model, geometry, list(source.locked), source.positions)[1]
 
 
+def mesh_files(path: Path) -> list[Path]:
+    """The mesh files that a URDF's collision geometry names, where they are there; none if it cannot be read."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (OSError, ElementTree.ParseError):
+        return []
+    names = {mesh.get("filename", "") for collision in root.iter("collision") for mesh in collision.iter("mesh")}
+    found = []
+    for name in sorted(names):
+        scheme, _, rest = name.rpartition("://")
+        folders = path.resolve().parents if scheme == "package" else (Path(),)
+        found += [file for folder in folders if (file := folder / rest).is_file()][:1]
+    return found
+
+
 def _distinguish_joints(model: pin.Model, bodies: Sequence[str]) -> dict[str, str]:
     """Rename joints that have a link's name, since Pinocchio looks up both by name; returns old names by new ones."""
     own_names = {f"{name} (joint)": name for name in model.names if name in bodies}

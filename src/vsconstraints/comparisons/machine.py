@@ -12,6 +12,8 @@ PACKAGES = (
     "numpy",
     "scipy",
     "pin",
+    "coal",
+    "numba",
     "qpsolvers",
     "daqp",
     "proxsuite",

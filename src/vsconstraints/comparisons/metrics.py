@@ -46,6 +46,7 @@ RESULT_COLUMNS = (
     "step_time_max_us",
     "rows_time_median_us",
     "missed_periods",
+    "compiled",
 )
 CONSTRAINT_COLUMNS = (
     "suite",
@@ -101,6 +102,7 @@ DEFINITIONS = {
     "rows_time": "Wall time of kinematics, features, rows and task [µs], the same code for every controller. Where a "
     "controller is deceived (disturbances, motions it is not told of) without the kinematics, and in the NumPy form.",
     "missed_periods": "Samples in which rows, task and controller together took longer than T_s; without the first.",
+    "compiled": "Whether rows, task and controller all ran compiled; what runs in NumPy takes longer.",
     "settling_time_s": "From the last change of the goal until the error stays within tolerance.",
     "status": "converged: the last goal is reached and held. trapped: at rest away from it. aborted: the active rows "
     "lost full row rank (section 5.2). failed: the scene or the controller could not go on. unfinished: still moving.",
@@ -178,6 +180,7 @@ def score(record: RunRecord, baseline: RunRecord | None) -> Score:
         "violation_time_s": float((run.clearance < -NEGLIGIBLE * L).any(axis=1).sum() * record.Ts) if N else np.nan,
         **_chattering(record),
         **_times(run, record.Ts),
+        "compiled": run.compiled,
     }
     return Score(result, rows)
 

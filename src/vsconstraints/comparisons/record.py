@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
+from ..errors import one_line
+from ..provenance import Files
 from ..rows import Array, BoolArray
 from ..simulation import Setup, Trajectory
 
 _TEXT = ("status", "reason")
-_COUNTS = ("fallbacks",)
+_NUMBERS = ("fallbacks", "compiled")
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,8 @@ class RunRecord:
         Sampling time [s].
     fingerprint
         Identifies what was run: scenario, controller, trial, seed and code.
+    files
+        What it was made from besides: own modules, data, meshes, with hashes of what they held.
     """
 
     trajectory: Trajectory
@@ -51,13 +54,14 @@ class RunRecord:
     last_goal_time: float
     Ts: float
     fingerprint: str
+    files: Files = field(default_factory=dict)
 
     @classmethod
     def of(cls, setup: Setup, trajectory: Trajectory, fingerprint: str) -> RunRecord:
         """The record of a run of this setup."""
         constraints = setup.constraints
         return cls(
-            trajectory,
+            replace(trajectory, reason=one_line(trajectory.reason)),
             constraints.kinds,
             constraints.units,
             constraints.characteristic_length,
@@ -79,11 +83,12 @@ class RunRecord:
         empty.update(wide, camera_error=np.empty((0, 2)), camera_position=np.empty((0, 3)))
         empty.update(features_px=np.empty((0, 0, 2)), points=np.empty((0, 0, 3)))
         empty.update(active=np.empty((0, 0), dtype=np.bool_))
-        trajectory = Trajectory(**{**empty, "status": "failed", "reason": reason, "labels": (), "fallbacks": 0})
+        empty.update(status="failed", reason=one_line(reason), labels=(), fallbacks=0, compiled=False)
+        trajectory = Trajectory(**empty)
         return cls(trajectory, (), (), none, none, np.empty(0, dtype=np.bool_), 0.0, np.nan, fingerprint)
 
     def save(self, path: Path) -> None:
-        """Write the file whole or not at all."""
+        """Write the file whole or not at all; raises OSError, and what an own part's strange arrays may raise."""
         arrays: dict[str, Any] = {}
         facts: dict[str, Any] = {
             "kinds": self.kinds,
@@ -91,31 +96,36 @@ class RunRecord:
             "last_goal_time": self.last_goal_time,
             "Ts": self.Ts,
             "fingerprint": self.fingerprint,
+            "files": self.files,
         }
         for name, value in ((f.name, getattr(self.trajectory, f.name)) for f in fields(Trajectory)):
-            if name in _TEXT or name in _COUNTS:
+            if name in _TEXT or name in _NUMBERS:
                 facts[name] = value
             else:
                 arrays[name] = np.array(value, dtype=np.str_) if name == "labels" else value
         arrays.update(length=self.length, switching_gain=self.switching_gain, settled=self.settled)
         part = path.with_name(path.name + ".part")
-        with part.open("wb") as file:
-            np.savez_compressed(file, facts=np.array(json.dumps(facts)), **arrays)
-        os.replace(part, path)
+        try:
+            with part.open("wb") as file:
+                np.savez_compressed(file, facts=np.array(json.dumps(facts)), **arrays)
+            os.replace(part, path)
+        except BaseException:
+            part.unlink(missing_ok=True)
+            raise
 
     @classmethod
     def load(cls, path: Path) -> RunRecord | None:
         """What the file holds; None if there is none or it is not a whole record of this version."""
         try:
-            with np.load(path) as stored:
+            with path.open("rb") as file, np.load(file) as stored:
                 arrays = {name: stored[name] for name in stored.files}
             facts = json.loads(str(arrays.pop("facts")))
             own = {name: arrays.pop(name) for name in ("length", "switching_gain", "settled")}
             labels = tuple(str(name) for name in arrays.pop("labels"))
-            text = {name: facts.pop(name) for name in (*_TEXT, *_COUNTS)}
+            text = {name: facts.pop(name) for name in (*_TEXT, *_NUMBERS)}
             trajectory = Trajectory(**arrays, **text, labels=labels)
             return cls(trajectory, tuple(facts.pop("kinds")), tuple(facts.pop("units")), **own, **facts)
-        except (OSError, KeyError, ValueError, TypeError, BadZipFile):
+        except Exception:  # a damaged file can raise anything: of the archive, its compression, NumPy, JSON
             return None
 
 

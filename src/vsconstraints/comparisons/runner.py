@@ -5,23 +5,28 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import chdir, contextmanager, nullcontext, suppress
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..errors import ConfigurationError
-from ..kernels import available, prepare
+from ..errors import StorageError, described
+from ..kernels import prepare
+from ..provenance import Files, digests, imported, noted
 from ..runs.pool import Failure, Pool
 from ..runs.resources import process_count, run_limit
 from ..runs.signals import INTERRUPTS, signal_of
 from ..simulation import simulate
+from .folder import demand_nothing_lost, held
+from .job import Job
 from .machine import git_commit, machine, package_versions
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, Score, score
 from .record import RunRecord, run_file
-from .suite import BASELINE, Job, Suite
+from .suite import BASELINE, Suite
 from .tables import append_lines, write_table
 
 Report = Callable[[Job, Score, bool], None]
@@ -52,6 +57,12 @@ class Finished:
     wall_time: float
     interrupted: int
 
+    @property
+    def all_failed(self) -> bool:
+        """Whether no run of a controller that is compared came to anything."""
+        compared = [key for key in self.scores if key[1] != BASELINE] or list(self.scores)
+        return all(self.scores[key].result["status"] == "failed" for key in compared)
+
 
 def compare(
     suite: Suite,
@@ -65,9 +76,9 @@ def compare(
 ) -> Finished:
     """Run every scenario with every controller and store results below ``folder``.
 
-    Runs stored there before with the same scenario, controller, trial, seed and code are kept. Tracking alone is
-    always run, since it tells which rows a scenario challenges. A run that fails in any way, even by ending its
-    process or by never coming to an end, becomes a row with its reason.
+    Runs stored there before with the same scenario, controller, trial, seed and code, and made from the same files, are
+    kept. Tracking alone is always run, since it tells which rows a scenario challenges. A run that fails in any way,
+    even by ending its process or by never coming to an end, becomes a row with its reason.
 
     Parameters
     ----------
@@ -81,7 +92,7 @@ def compare(
         How long a run may take [s]; by its number of samples if None
         (:func:`vsconstraints.runs.resources.run_limit`).
     fresh
-        Whether to run again what is stored.
+        Whether to run again what is stored, and to replace another comparison.
     command
         What the user typed, for the manifest.
     on_finished
@@ -90,63 +101,108 @@ def compare(
     Raises
     ------
     ConfigurationError
-        if the folder cannot be made.
+        if the folder cannot be made, is held by another process, or holds something else that would be lost.
+    StorageError
+        if the tables cannot be written; what could be stored stays.
     """
-    started = time.perf_counter()
-    prepare()
-    suite = suite.with_baseline()
-    jobs = suite.jobs()
+    with held(folder):
+        started = time.perf_counter()
+        prepare()
+        suite, folder = suite.with_baseline(), folder.absolute()  # a law may change the working directory
+        jobs = suite.jobs()
+        if not fresh:
+            demand_nothing_lost(folder, suite)
+        tables = folder / "results.csv", folder / "constraints.csv"
+        manifest = _manifest(suite, command)
+        with _storing(folder):
+            (folder / "trajectories").mkdir(exist_ok=True)
+            _write_json(folder / "manifest.json", manifest)
+            for table in tables if fresh else ():
+                table.unlink(missing_ok=True)
+        scores: dict[tuple[str, str, int], Score] = {}
+        stored_before = 0
+
+        def done(job: Job, result: Score, stored: bool) -> None:
+            nonlocal stored_before
+            # what an earlier comparison left stays until there is something to replace it
+            first = not scores
+            scores[job.key] = result
+            stored_before += stored
+            with suppress(OSError):  # a full disk: the tables are written once more at the end
+                append_lines(tables[0], RESULT_COLUMNS, _result_lines(suite, [job], scores), first)
+                append_lines(tables[1], CONSTRAINT_COLUMNS, _constraint_lines(suite, [job], scores), first)
+            on_finished(job, result, stored)
+
+        interrupted = 0
+        try:
+            _run_all(jobs, folder, process_count(workers), limit, fresh, done)
+        except INTERRUPTS as interrupt:
+            interrupted = signal_of(interrupt)
+        # in the jobs' order, whatever order they finished in
+        finished = [job for job in jobs if job.key in scores]
+        wall_time = time.perf_counter() - started
+        compiled = Counter(bool(scores[job.key].result["compiled"]) for job in finished)
+        manifest.update(wall_time_s=wall_time, runs=len(jobs), finished=len(finished), stored_before=stored_before)
+        manifest.update(compiled={"compiled": compiled[True], "NumPy": compiled[False]})
+        with _storing(folder):
+            if finished or not tables[0].exists():
+                write_table(tables[0], RESULT_COLUMNS, _result_lines(suite, finished, scores))
+                write_table(tables[1], CONSTRAINT_COLUMNS, _constraint_lines(suite, finished, scores))
+            _write_json(folder / "manifest.json", manifest)
+        return Finished(folder, scores, stored_before, wall_time, interrupted)
+
+
+@contextmanager
+def _storing(folder: Path) -> Iterator[None]:
     try:
-        (folder / "trajectories").mkdir(parents=True, exist_ok=True)
+        yield
     except OSError as error:
-        raise ConfigurationError(f"results cannot be stored in {folder}: {error}") from error
-    manifest = _manifest(suite, command)
-    _write_json(folder / "manifest.json", manifest)
-    for name in ("results.csv", "constraints.csv"):
-        (folder / name).unlink(missing_ok=True)
-    scores: dict[tuple[str, str, int], Score] = {}
-    stored_before = 0
-
-    def done(job: Job, result: Score, stored: bool) -> None:
-        nonlocal stored_before
-        scores[job.key] = result
-        stored_before += stored
-        append_lines(folder / "results.csv", RESULT_COLUMNS, _result_lines(suite, [job], scores))
-        append_lines(folder / "constraints.csv", CONSTRAINT_COLUMNS, _constraint_lines(suite, [job], scores))
-        on_finished(job, result, stored)
-
-    interrupted = 0
-    try:
-        _run_all(jobs, folder, process_count(workers), limit, fresh, done)
-    except INTERRUPTS as interrupt:
-        interrupted = signal_of(interrupt)
-    # in the jobs' order, whatever order they finished in
-    finished = [job for job in jobs if job.key in scores]
-    write_table(folder / "results.csv", RESULT_COLUMNS, _result_lines(suite, finished, scores))
-    write_table(folder / "constraints.csv", CONSTRAINT_COLUMNS, _constraint_lines(suite, finished, scores))
-    wall_time = time.perf_counter() - started
-    manifest.update(wall_time_s=wall_time, runs=len(jobs), finished=len(finished), stored_before=stored_before)
-    _write_json(folder / "manifest.json", manifest)
-    return Finished(folder, scores, stored_before, wall_time, interrupted)
+        raise StorageError(
+            f"results cannot be stored in {folder}: {error}; what is there stays, and the same command goes on"
+        ) from error
 
 
 def run_job(job: Job, folder: Path, fresh: bool) -> tuple[Score, bool]:
     """Run one job, or take it from the folder, and score it against its baseline, which has been run.
 
-    Whatever goes wrong inside the simulation becomes a failed run with its reason.
+    Whatever goes wrong, while it is simulated, scored or stored, becomes a failed run with its reason.
     """
+    with suppress(Exception):  # what cannot be read or scored is damaged, and run again
+        record = None if fresh else job.stored(folder)
+        if record is not None:
+            return _scored(job, record, folder), True
     path = run_file(folder, *job.key)
-    record = None if fresh else RunRecord.load(path)
-    stored = record is not None and record.fingerprint == job.fingerprint
-    if record is None or not stored:
+    try:
+        # nothing older is left for this run, however it ends
+        path.unlink(missing_ok=True)
+        record = _simulated(job)
+        result = _scored(job, record, folder)
+        record.save(path)
+    except Exception as error:  # this is where one run ends and the others begin
+        result = score(RunRecord.failed(f"the run cannot be stored: {described(error)}", ""), None)
+    return result, False
+
+
+def _scored(job: Job, record: RunRecord, folder: Path) -> Score:
+    if job.baseline is None or job.entry == job.baseline:
+        return score(record, record if job.entry == job.baseline else None)
+    # one of an earlier comparison tells nothing
+    return score(record, replace(job, entry=job.baseline).stored(folder))
+
+
+def _simulated(job: Job) -> RunRecord:
+    """Run one job; whatever goes wrong becomes a failed run with its reason."""
+    files: Files = {}
+    # own parts may change the working directory
+    with chdir("."), noted() if job.has_own_parts else nullcontext(files) as read:
         try:
+            files = digests(job.files)
             setup = job.scenario.setup(job.trial, job.seed)
             record = RunRecord.of(setup, simulate(setup, job.entry.controller()), job.fingerprint)
-        except BaseException as error:  # even SystemExit: this is where one run ends and the others begin
-            record = RunRecord.failed(f"{type(error).__name__}: {error}", job.fingerprint)
-        record.save(path)
-    baseline = RunRecord.load(run_file(folder, job.scenario.name, BASELINE, job.trial))
-    return score(record, baseline), stored
+        except BaseException as error:  # even SystemExit
+            record = RunRecord.failed(described(error), job.fingerprint)
+    # of several readings the first: what was there before an edit is never taken for what is there after it
+    return replace(record, files={**read, **files, **(imported() if job.has_own_parts else {})})
 
 
 def _run_all(
@@ -200,12 +256,12 @@ def _manifest(suite: Suite, command: Sequence[str]) -> dict[str, Any]:
         "seed": suite.seed,
         "configuration": suite.resolved(),
         "machine": machine(),
-        "compiled": available(),
         "packages": package_versions(),
     }
 
 
 def _write_json(path: Path, data: object) -> None:
     part = path.with_name(path.name + ".part")
-    part.write_text(json.dumps(data, indent=1, ensure_ascii=False, default=str) + "\n", encoding="utf-8")
+    text = json.dumps(data, indent=1, ensure_ascii=False, default=str) + "\n"
+    part.write_text(text, encoding="utf-8", errors="backslashreplace")
     os.replace(part, path)

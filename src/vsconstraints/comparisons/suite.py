@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import copy
-import hashlib
-import json
 import re
 import tomllib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from contextlib import chdir
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
-from ..controllers import CONTROLLERS, controller_class, make_controller
-from ..controllers.base import Controller
-from ..errors import ConfigurationError, shown, unknown_name
-from ..kernels import available
-from ..plugins import plugin_files
+from ..controllers import CONTROLLERS, controller_class
+from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
 from ..scenarios import Scenario
 from ..scenarios.section import Section, parse_toml, read_toml
-from .code import code_hash, packages
+from .job import BASELINE, Entry, Job
 from .variants import scenarios_of
 
 MOST_RUNS = 100_000
@@ -29,71 +24,9 @@ MOST_RUNS = 100_000
 LONGEST_NAME = 100
 """Bytes that the name of a scenario or controller may have; files are named after both."""
 
+__all__ = ["BASELINE", "DEFAULT", "Entry", "Job", "Suite"]
+
 DEFAULT = Path(__file__).parent / "default.toml"
-
-BASELINE = "tracking"
-"""The controller that tells which rows a scenario challenges; every comparison runs it."""
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A controller as a suite names it.
-
-    Attributes
-    ----------
-    name
-        What results call it.
-    law
-        Registered name of the controller.
-    options
-        What it is made with.
-    folder
-        Where the module of an own controller is looked for first.
-    """
-
-    name: str
-    law: str
-    options: dict[str, Any] = field(default_factory=dict)
-    folder: Path | None = None
-
-    def controller(self) -> Controller:
-        """A new controller; raises ConfigurationError or InvalidInput that names what is wrong."""
-        return make_controller(self.law, self.options, self.folder)
-
-
-@dataclass(frozen=True)
-class Job:
-    """One run: a scenario, a controller, a trial."""
-
-    scenario: Scenario
-    entry: Entry
-    trial: int
-    seed: int
-
-    @property
-    def key(self) -> tuple[str, str, int]:
-        """Scenario, controller and trial, as results name them."""
-        return self.scenario.name, self.entry.name, self.trial
-
-    @property
-    def fingerprint(self) -> str:
-        """Identifies what is run, the code included: a stored result with the same one is this job's."""
-        entry = self.entry
-        what = (
-            self.scenario.tables,
-            entry.law,
-            entry.options,
-            self.trial,
-            self.seed,
-            __version__,
-            code_hash(),
-            packages(),
-            available(),
-        )
-        digest = hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode())
-        for file in (*self.scenario.files, *plugin_files([entry.law], entry.folder)):
-            digest.update(file.read_bytes())
-        return digest.hexdigest()[:16]
 
 
 @dataclass(frozen=True)
@@ -266,13 +199,28 @@ class Suite:
                     raise ConfigurationError(f"{what} {name!r} appears more than once; give each its own name")
         for entry in self.controllers:
             entry.controller()
-        for scenario in self.scenarios:
-            setup = scenario.setup()
-            try:
-                setup.check_start()
-            except ConfigurationError as error:
-                raise ConfigurationError(f"{scenario.name}: {error}") from error
+        self.remarks()
         return self
+
+    def remarks(self) -> list[str]:
+        """What a reader should know of the scenarios' starts; raises what keeps one from being started.
+
+        What an own constraint raises is a remark: its runs fail, and the others do not.
+        """
+        found = []
+        for scenario in self.scenarios:
+            with chdir("."):  # own parts may change the working directory
+                setup = scenario.setup()
+            try:
+                found += [f"{scenario.name}: {remark}" for remark in setup.check_start()]
+            except VsconstraintsError as error:
+                ours = isinstance(error, ConfigurationError) and isinstance(
+                    error.__cause__, (type(None), VsconstraintsError)
+                )
+                if ours or not scenario.own_parts:
+                    raise ConfigurationError(f"{scenario.name}: {error}") from error
+                found.append(f"{scenario.name}: its runs will fail: {error}")
+        return found
 
     def with_baseline(self) -> Suite:
         """The same suite with tracking alone in it, first."""
@@ -286,8 +234,9 @@ class Suite:
 
     def jobs(self) -> list[Job]:
         """All runs, in the order of the results."""
+        baseline = next((entry for entry in self.controllers if entry.name == BASELINE), None)
         return [
-            Job(scenario, entry, trial, self.seed)
+            Job(scenario, entry, trial, self.seed, baseline)
             for scenario in self.scenarios
             for entry in self.controllers
             for trial in range(self.trials)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import os
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, get_args
@@ -15,7 +17,7 @@ from ..errors import ConfigurationError, shown
 from ..simulation.trajectory import Outcome
 
 _TEXT = {"suite", "scenario", "controller", "status", "reason", "violated", "constraint", "kind", "unit"}
-_FLAGS = {"challenged"}
+_FLAGS = {"challenged", "compiled"}
 
 
 def cell(value: object) -> str:
@@ -24,7 +26,8 @@ def cell(value: object) -> str:
         return "true" if value else "false"
     if isinstance(value, (float, np.floating)):
         return f"{value:.9g}" if math.isfinite(value) else ""
-    return str(value)
+    # a text may hold what no encoding has
+    return str(value).encode("utf-8", "backslashreplace").decode()
 
 
 def write_table(path: Path, columns: Sequence[str], lines: Iterable[dict[str, Any]]) -> None:
@@ -37,14 +40,20 @@ def write_table(path: Path, columns: Sequence[str], lines: Iterable[dict[str, An
     os.replace(part, path)
 
 
-def append_lines(path: Path, columns: Sequence[str], lines: Iterable[dict[str, Any]]) -> None:
-    """Add lines to a table, which is begun if the file is not there."""
-    new = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        if new:
-            writer.writerow(columns)
-        writer.writerows([cell(line[name]) for name in columns] for line in lines)
+def append_lines(path: Path, columns: Sequence[str], lines: Iterable[dict[str, Any]], new: bool = False) -> None:
+    """Add lines to a table, which is begun if it is ``new`` or not there; where they do not fit, none is added."""
+    if new or not path.exists():
+        write_table(path, columns, lines)
+        return
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows([cell(line[name]) for name in columns] for line in lines)
+    size = path.stat().st_size
+    try:
+        with path.open("ab") as file:
+            file.write(text.getvalue().encode())
+    except OSError:
+        os.truncate(path, size)
+        raise
 
 
 def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
@@ -55,6 +64,7 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
     ConfigurationError
         if it cannot be read, has no such columns, or a cell holds what its column cannot; it names file and line.
     """
+    csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
     try:
         with path.open(newline="", encoding="utf-8") as file:
             return _lines(csv.reader(file, strict=True), columns)

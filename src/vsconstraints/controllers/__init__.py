@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -65,10 +66,11 @@ def make_controller(name: str, options: Mapping[str, Any] | None = None, folder:
         if key not in known:
             raise unknown_name(f"option of {name}", key, known)
     try:
-        return law(**options)
+        with chdir("."):  # an own law may change the working directory
+            return law(**options)
     except VsconstraintsError:
         raise
-    except Exception as error:  # an own law may fail in any way
+    except (Exception, SystemExit) as error:  # an own law may fail in any way
         raise ConfigurationError(
             f"controller {name!r} cannot be made with {shown(options)}: {described(error)}"
         ) from error

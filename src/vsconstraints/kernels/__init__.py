@@ -52,8 +52,8 @@ def load(name: str) -> Any:
 
 
 def available() -> bool:
-    """Whether laws run compiled here; imports the compiler to find out."""
-    return load("linear") is not None
+    """Whether all that a simulation may need runs compiled here; imports or compiles it to find out."""
+    return all(load(name) is not None for name in MODULES)
 
 
 def prepare() -> None:

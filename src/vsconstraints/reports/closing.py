@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..comparisons.metrics import DEFINITIONS
-from .markdown import bullets, code, plain, table
+from .markdown import bullets, code, enumeration, plain, table
 from .numbers import DASH, number
 from .results import Results
 
@@ -68,6 +68,16 @@ def _options(manifest: dict[str, Any]) -> str:
     return table(["controller", "type", "options"], lines, text_columns=3)
 
 
+def _forms(results: Results) -> str:
+    """In which form the runs ran."""
+    lines = [line for line in results.stored.results if line["duration_s"] >= 0.0]
+    compiled = sum(bool(line.get("compiled")) for line in lines)
+    if compiled in (0, len(lines)):
+        return "" if not lines else "compiled" if compiled else "NumPy"
+    names = [name for name in results.controllers if not all(line.get("compiled") for line in results.all_runs(name))]
+    return f"compiled in {compiled} of {len(lines)} runs; in NumPy, in whole or in part, some of {enumeration(names)}"
+
+
 def _machine(results: Results, manifest: dict[str, Any]) -> str:
     machine, packages = manifest.get("machine", {}), manifest.get("packages", {})
     wall = manifest.get("wall_time_s")
@@ -78,7 +88,7 @@ def _machine(results: Results, manifest: dict[str, Any]) -> str:
         "system": machine.get("system"),
         "python": machine.get("python"),
         **packages,
-        "control step": {"True": "compiled", "False": "NumPy"}.get(str(manifest.get("compiled"))),
+        "control step": _forms(results),
         "version": manifest.get("version"),
         "git commit": manifest.get("git_commit"),
         "command": code(" ".join(manifest["command"])) if manifest.get("command") else None,

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..comparisons import StoredComparison
+from ..comparisons.folder import held
+from ..errors import StorageError
 from .closing import closing
 from .failures import failures
 from .headlines import opening
@@ -49,11 +51,21 @@ def write_report(
     Raises
     ------
     ConfigurationError
-        if there is no comparison in the folder.
+        if there is no comparison in the folder, or another process is storing one.
+    StorageError
+        if the report cannot be written.
     """
     results = Results(StoredComparison.load(folder))
+    with held(folder):
+        try:
+            return _write(folder, results, on_drawn if figures else None)
+        except OSError as error:
+            raise StorageError(f"the report cannot be written to {folder}: {error}") from error
+
+
+def _write(folder: Path, results: Results, on_drawn: Callable[[int, int], None] | None) -> Path:
     drawn, overview = {name: Drawn(name) for name in results.scenarios}, Overview()
-    if figures:
+    if on_drawn is not None:
         drawn, overview = _draw(results, on_drawn)
     parts = [
         opening(results),

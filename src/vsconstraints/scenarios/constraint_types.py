@@ -66,7 +66,7 @@ def _make(section: Section, robot: Robot, camera: Camera, folder: Path) -> Const
             return own(**options)
         except VsconstraintsError:
             raise
-        except Exception as error:  # an own constraint may fail in any way
+        except (Exception, SystemExit) as error:  # an own constraint may fail in any way
             raise ConfigurationError(
                 f"{section.where}: {kind} cannot be made with {shown(options)}: {described(error)}"
             ) from error

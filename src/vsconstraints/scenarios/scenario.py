@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -11,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConfigurationError, shown, unknown_name
-from ..plugins import plugin_files
+from ..plugins import module_files
 from ..simulation import Setup
+from ..urdf import mesh_files
 from .build import build
 from .section import override, read_toml
 
@@ -97,14 +99,19 @@ class Scenario:
         return str(self.tables.get("description", "")).strip()
 
     @property
-    def files(self) -> tuple[Path, ...]:
-        """Files besides its own that the scenario is made of: the robot's URDF and own modules."""
-        robot = self.tables.get("robot")
-        urdf = robot.get("urdf") if isinstance(robot, dict) else None
+    def own_parts(self) -> tuple[str, ...]:
+        """Constraints of one's own, as ``module:Class``."""
         constraints = self.tables.get("constraints", [])
-        kinds = [str(table.get("type", "")) for table in constraints if isinstance(table, dict)]
-        found = [self.folder / urdf] if isinstance(urdf, str) else []
-        return (*found, *plugin_files(kinds, self.folder))
+        kinds = (str(table.get("type", "")) for table in constraints if isinstance(table, dict))
+        return tuple(kind for kind in kinds if ":" in kind)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files besides its own that the scenario names: URDF and its meshes, those of obstacles, SRDF, own modules."""
+        named = [self.folder / text for text in _texts(self.tables)]
+        found = [file for file in named if _is_file(file)]
+        meshes = [mesh for file in found if file.suffix.lower() in (".urdf", ".xml") for mesh in mesh_files(file)]
+        return (*found, *meshes, *module_files(self.own_parts, self.folder))
 
     def setup(self, trial: int = 0, seed: int = 0) -> Setup:
         """What is simulated.
@@ -168,3 +175,19 @@ def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
         both = isinstance(value, dict) and isinstance(merged.get(key), dict)
         merged[key] = _merged(merged[key], value) if both else value
     return merged
+
+
+def _texts(value: object) -> Iterator[str]:
+    """All texts in nested tables and lists."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, (dict, list)):
+        for inside in value.values() if isinstance(value, dict) else value:
+            yield from _texts(inside)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a text that is no path
+        return False

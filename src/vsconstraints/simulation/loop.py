@@ -46,7 +46,8 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
     if trajectory.fallbacks:
         remarks.append(f"another QP solver than the one asked for answered in {trajectory.fallbacks} samples")
     remarks.append(controller._remark(setup.constraints.labels))
-    return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *remarks))))
+    reason = "; ".join(filter(None, (trajectory.reason, *remarks)))
+    return replace(trajectory, reason=reason, compiled=run.compiled)
 
 
 class _Run:
@@ -57,11 +58,12 @@ class _Run:
         self.control = ControlStep(setup.scene, setup.constraints, setup.task)
         self.plant, self.sensor, self.gradient_error = setup.plant(), setup.sensor(), setup.gradient_error()
         self.log = Log(setup, self.control, self.plant)
-        self.ended, self.reason = "", ""
+        self.ended, self.reason, self.compiled = "", "", False
 
     def to_the_end(self) -> None:
         k = 0
-        sample = self._compiled() or self._sample
+        compiled = self._compiled()
+        self.compiled, sample = compiled is not None, compiled or self._sample
         try:
             for k in range(self.setup.samples):
                 sample(k)

@@ -54,6 +54,8 @@ class Trajectory:
         (N,) wall time for rows and task, and for the controller's call [s].
     fallbacks
         How often another solver than the one asked for gave the answer.
+    compiled
+        Whether rows, task and law all ran compiled.
     """
 
     status: Outcome
@@ -77,6 +79,7 @@ class Trajectory:
     rows_time: Array
     step_time: Array
     fallbacks: int
+    compiled: bool = False
 
     def active_intervals(self, label: str, gap: float = 0.6) -> list[tuple[float, float]]:
         """When φ of a row was at or above zero [s]: first and last sample, intervals closer than ``gap`` merged."""

@@ -54,13 +54,12 @@ _TITLES = {
 
 def _load(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
     runs = {}
-    for name in job.controllers:
+    for name in job.finished:
         path = run_file(job.folder, job.scenario.name, name, job.trial)
         record = RunRecord.load(path)
         if record is None:
-            if name in job.finished:
-                why = "cannot be read" if path.exists() else "is missing"
-                drawn.problems.append(f"The trajectory of {name} {why}; the figures leave it out.")
+            why = "cannot be read" if path.exists() else "is missing"
+            drawn.problems.append(f"The trajectory of {name} {why}; the figures leave it out.")
             continue
         t = record.trajectory.t
         if len(t) < 2:

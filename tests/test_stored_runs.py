@@ -1,0 +1,424 @@
+"""A stored run stands for what is run now, or is run again; and one bad thing costs one run."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vsconstraints import provenance
+from vsconstraints.comparisons import Job, RunRecord, Suite, compare
+from vsconstraints.comparisons.machine import package_versions
+from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
+from vsconstraints.comparisons.record import run_file
+from vsconstraints.comparisons.runner import run_job
+from vsconstraints.comparisons.tables import append_lines, read_table, write_table
+from vsconstraints.errors import ConfigurationError, StorageError
+from vsconstraints.reports.figures import drawing
+from vsconstraints.reports.jobs import Drawn
+from vsconstraints.reports.report import _jobs
+from vsconstraints.reports.results import Results
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+
+LAW = """
+import os
+from pathlib import Path
+from vsconstraints.controllers import Tracking
+{imports}
+
+class Own(Tracking):
+    name = "own"
+    def __init__(self):
+        super().__init__(rank_tolerance={tolerance})
+        {begin}
+    def solve(self, rows, task):
+        {solve}
+        return super().solve(rows, task)
+"""
+
+
+def law(imports: str = "", tolerance: str = "1e-3", begin: str = "pass", solve: str = "pass") -> str:
+    return LAW.format(imports=imports, tolerance=tolerance, begin=begin, solve=solve)
+
+
+def jobs(folder: Path, kind: str = "law:Own", scenario: str = "example-2d-fov", trials: int = 1) -> list[Job]:
+    """The runs of an own law in a suite of that folder, 0.05 s each."""
+    (folder / "s.toml").write_text(
+        f'scenarios = ["{scenario}"]\ntrials = {trials}\n[controllers.own]\ntype = "{kind}"\n', encoding="utf-8"
+    )
+    suite = Suite.load(folder / "s.toml").select(settings=["scenario.duration=0.05"])
+    return [job for job in suite.with_baseline().jobs() if job.entry.name == "own"]
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    """Where runs are stored."""
+    (tmp_path / "out" / "trajectories").mkdir(parents=True)
+    return tmp_path / "out"
+
+
+@pytest.fixture(autouse=True)
+def _imports_are_forgotten() -> Iterator[None]:
+    """As in a process of its own."""
+    before = list(sys.path)
+    _forget_imports()
+    yield
+    _forget_imports()
+    sys.path[:] = before
+
+
+# --- old results are never taken for new ones ---
+
+
+def test_a_law_edited_while_a_comparison_runs_is_run_again(tmp_path: Path, out: Path) -> None:
+    """The process keeps what it has imported; its results are those of the old file, whenever they are made."""
+    (tmp_path / "law.py").write_text(law())
+    first, second = jobs(tmp_path, trials=2)
+    assert run_job(first, out, False)[0].result["status"] == "unfinished"
+    assert first.stored(out) is not None
+    (tmp_path / "law.py").write_text(law(tolerance="1e-9"))
+    run_job(second, out, False)
+    assert (first.stored(out), second.stored(out)) == (None, None)
+
+
+def _law(text: str) -> Callable[[Path], None]:
+    def write(folder: Path) -> None:
+        (folder / "law.py").write_text(text)
+
+    return write
+
+
+def _package(within: str) -> Callable[[Path], None]:
+    def write(folder: Path) -> None:
+        package = folder / within / "lawful" / "inner"
+        package.mkdir(parents=True)
+        (package.parent / "__init__.py").touch()
+        (package / "__init__.py").write_text("from .gain import GAIN\n")
+        (package / "gain.py").write_text("GAIN = 1e-3\n")
+        (package / "own.py").write_text(law("from ..inner import GAIN", "GAIN"))
+        sys.path.insert(0, str(folder / within))
+
+    return write
+
+
+def _beside(folder: Path) -> None:
+    (folder / "helpers").mkdir()
+    (folder / "helpers" / "gain.py").write_text("GAIN = 1e-3\n")
+    (folder / "law.py").write_text(law("from helpers.gain import GAIN", "GAIN"))
+
+
+READ = 'Path({!r}).joinpath("gain.txt").read_text()'
+
+
+@pytest.mark.parametrize(
+    ("kind", "write", "changed"),
+    [
+        ("law:Own", _law(law()), "law.py"),
+        ("law:Own", _beside, "helpers/gain.py"),
+        ("lawful.inner.own:Own", _package("on-the-path"), "on-the-path/lawful/inner/gain.py"),
+        ("lawful.inner.own:Own", _package("site-packages"), "site-packages/lawful/inner/gain.py"),
+        ("law:Own", _law(law("GAIN = Path(__file__).with_name('gain.txt').read_text()")), "gain.txt"),
+        ("law:Own", _law(law(begin="Path(__file__).with_name('gain.txt').read_text()")), "gain.txt"),
+        ("law:Own", _law(law(solve="Path(__file__).with_name('gain.txt').read_text()")), "gain.txt"),
+        ("law:Own", _law(law(begin="np.load(Path(__file__).with_name('gain.npy'))", imports="import numpy as np")),
+         "gain.npy"),
+    ],
+    ids=["law", "beside", "on the path", "installed", "read at import", "read when made", "read in a run", "array"],
+)  # fmt: skip
+def test_a_changed_file_of_an_own_law_is_noticed(
+    kind: str, write: Callable[[Path], None], changed: str, tmp_path: Path, out: Path
+) -> None:
+    (tmp_path / "gain.txt").write_text("1")
+    np.save(tmp_path / "gain.npy", np.ones(3))
+    write(tmp_path)
+    (job,) = jobs(tmp_path, kind)
+    _forget_imports()
+    assert run_job(job, out, False)[0].result["reason"].startswith("still moving")
+    assert run_job(job, out, False)[1]
+    record = job.stored(out)
+    assert record is not None
+    assert not any("site-packages" in path and "lawful" not in path for path in record.files)
+    (tmp_path / changed).write_bytes((tmp_path / changed).read_bytes() + b"\n# 2\n")
+    assert job.stored(out) is None
+
+
+def _forget_imports() -> None:
+    provenance._imported.clear()
+    for name in [name for name in sys.modules if "own file" in name or name.startswith(("lawful", "helpers"))]:
+        del sys.modules[name]
+
+
+def test_what_a_run_writes_is_not_what_it_is_made_from(tmp_path: Path, out: Path) -> None:
+    log = "Path(__file__).with_name('log').open('a').close(); Path(__file__).with_name('log').read_text()"
+    (tmp_path / "law.py").write_text(law(solve=log))
+    (job,) = jobs(tmp_path)
+    run_job(job, out, False)
+    (tmp_path / "log").write_text("more")
+    assert run_job(job, out, False)[1]
+
+
+BOX = "\n".join(
+    ["solid box"]
+    + [
+        f"facet normal 0 0 0\nouter loop\n{vertices}\nendloop\nendfacet"
+        for vertices in (
+            "vertex 0 0 0\nvertex 0.1 0 0\nvertex 0 0.1 0",
+            "vertex 0 0 0\nvertex 0.1 0 0\nvertex 0 0 0.1",
+            "vertex 0 0 0\nvertex 0 0.1 0\nvertex 0 0 0.1",
+            "vertex 0.1 0 0\nvertex 0 0.1 0\nvertex 0 0 0.1",
+        )
+    ]
+    + ["endsolid box\n"]
+)
+
+ARM = """
+extends = "arm.toml"
+duration = 0.01
+
+[[constraints]]
+type = "self-collision"
+srdf = "arm.srdf"
+K = 0.2
+switching_gain = 2.0
+link_radius = 0.01
+pairs = [["hand", "shoulder"]]
+
+[[constraints]]
+type = "collision"
+name = "box"
+obstacle = { shape = "mesh", file = "meshes/box.stl", xyz = [2.0, 2.0, 2.0] }
+K = 0.2
+switching_gain = 2.0
+link_radius = 0.01
+"""
+
+
+@pytest.mark.parametrize("changed", ["six_axis.urdf", "arm.srdf", "meshes/box.stl", "meshes/link.stl"])
+def test_a_changed_file_of_the_scene_is_noticed(changed: str, tmp_path: Path, out: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    for name in ("box", "link"):
+        (tmp_path / "meshes" / f"{name}.stl").write_text(BOX)
+    (tmp_path / "arm.srdf").write_text('<robot name="arm"/>')
+    shutil.copy(EXAMPLES / "my-arm.toml", tmp_path / "arm.toml")
+    urdf = (EXAMPLES / "six_axis.urdf").read_text(encoding="utf-8")
+    mesh = '<mesh filename="package://meshes/link.stl"/>'
+    link = f'<link name="far"><collision><geometry>{mesh}</geometry></collision></link>'
+    joint = '<joint name="off" type="fixed"><parent link="tool"/><child link="far"/><origin xyz="0 0 -0.5"/></joint>'
+    (tmp_path / "six_axis.urdf").write_text(urdf.replace("</robot>", f"{link}{joint}</robot>"), encoding="utf-8")
+    (tmp_path / "scene.toml").write_text(ARM)
+    suite = replace(Suite.load(), scenarios=())
+    suite = suite.select([str(tmp_path / "scene.toml")], ["tracking"])
+    (job,) = suite.jobs()
+    assert tmp_path / changed in job.files
+    run_job(job, out, False)
+    assert job.stored(out) is not None
+    (tmp_path / changed).write_bytes((tmp_path / changed).read_bytes() + b" ")
+    assert job.stored(out) is None
+
+
+def test_versions_and_the_form_that_runs_are_in_the_fingerprint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert {"coal", "numba", "numpy", "pin"} <= package_versions().keys()
+    (tmp_path / "law.py").write_text(law())
+    (job,) = jobs(tmp_path)
+    before = job.fingerprint
+    monkeypatch.setattr("vsconstraints.kernels._loaded", {"step": None})
+    monkeypatch.setenv("VSCONSTRAINTS_COMPILE", "0")
+    assert job.fingerprint != before
+
+
+def test_an_old_baseline_gives_no_utilization(out: Path) -> None:
+    suite = Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=3.5"])
+    baseline, job = suite.with_baseline().jobs()
+    run_job(baseline, out, False)
+    assert run_job(job, out, True)[0].result["utilization"] > 0.9
+    path = run_file(out, *baseline.key)
+    record = RunRecord.load(path)
+    assert record is not None
+    replace(record, fingerprint="of another code").save(path)
+    for fresh in (True, False):
+        score, _ = run_job(job, out, fresh)
+        assert np.isnan(score.result["utilization"])
+        assert not any(row["challenged"] for row in score.constraints)
+
+
+def test_a_run_whose_process_dies_leaves_neither_an_old_trajectory_nor_a_figure(tmp_path: Path) -> None:
+    (tmp_path / "law.py").write_text(law(solve="os.path.exists('die') and os._exit(3)"))
+    (job,) = jobs(tmp_path)
+    suite = Suite.load(tmp_path / "s.toml").select(settings=["scenario.duration=0.05"])
+    here = Path.cwd()
+    os.chdir(tmp_path)
+    try:
+        assert compare(suite, tmp_path / "out", workers=1).scores[job.key].result["status"] == "unfinished"
+        (tmp_path / "die").touch()
+        lines = compare(suite, tmp_path / "out", workers=1, fresh=True).scores
+    finally:
+        os.chdir(here)
+    assert lines[job.key].result["reason"] == "the process that ran it died"
+    assert not run_file(tmp_path / "out", *job.key).exists()
+
+
+def test_figures_show_no_run_that_the_tables_do_not_have(tmp_path: Path) -> None:
+    suite = Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=0.1"])
+    compare(suite, tmp_path, workers=1)
+    lines = read_table(tmp_path / "results.csv")
+    write_table(tmp_path / "results.csv", RESULT_COLUMNS, lines[:1])
+    from vsconstraints.comparisons import StoredComparison
+
+    (job,) = _jobs(Results(StoredComparison.load(tmp_path)))
+    assert set(drawing._load(job, Drawn("example-2d-fov"))) == {"tracking"}
+
+
+# --- one bad thing costs one run ---
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", b"no archive"])
+def test_a_damaged_trajectory_is_no_trajectory(content: bytes, tmp_path: Path, out: Path) -> None:
+    (tmp_path / "law.py").write_text(law())
+    (job,) = jobs(tmp_path)
+    run_job(job, out, False)
+    run_file(out, *job.key).write_bytes(content)
+    assert job.stored(out) is None
+    score, stored = run_job(job, out, False)
+    assert (stored, score.result["status"]) == (False, "unfinished")
+
+
+def test_no_damage_of_a_trajectory_raises(tmp_path: Path, out: Path) -> None:
+    (tmp_path / "law.py").write_text(law())
+    (job,) = jobs(tmp_path)
+    run_job(job, out, False)
+    whole, path = run_file(out, *job.key).read_bytes(), tmp_path / "damaged.npz"
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        damaged = bytearray(whole)
+        begin = int(rng.integers(len(whole)))
+        damaged[begin : begin + 64] = rng.bytes(len(damaged[begin : begin + 64]))
+        path.write_bytes(damaged)
+        RunRecord.load(path)
+
+
+def test_a_full_disk_fails_the_run_in_one_line_and_leaves_nothing_half_written(tmp_path: Path, out: Path) -> None:
+    (tmp_path / "law.py").write_text(law())
+    (job,) = jobs(tmp_path)
+    run_job(job, out, False)
+    path = run_file(out, *job.key)
+    path.with_name(path.name + ".part").symlink_to("/dev/full")
+    score, stored = run_job(job, out, True)
+    assert (stored, score.result["status"]) == (False, "failed")
+    assert "No space left on device" in score.result["reason"]
+    assert "\n" not in score.result["reason"]
+    assert list(path.parent.iterdir()) == []
+
+
+def test_tables_that_cannot_be_written_are_an_error_that_keeps_what_is_there(tmp_path: Path) -> None:
+    suite = Suite.load().select(["example-2d-fov"], ["tracking"], settings=["scenario.duration=0.05"])
+    (tmp_path / "constraints.csv").touch()
+    (tmp_path / ".vsconstraints-lock").touch()
+    (tmp_path / "constraints.csv.part").symlink_to("/dev/full")
+    with pytest.raises(StorageError, match="No space left on device"):
+        compare(suite, tmp_path, workers=1)
+    assert run_file(tmp_path, "example-2d-fov", "tracking", 0).exists()
+    assert len(read_table(tmp_path / "results.csv")) == 1
+
+
+def test_a_line_that_does_not_fit_is_not_added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    line = dict.fromkeys(CONSTRAINT_COLUMNS, 1.0)
+    append_lines(tmp_path / "t.csv", CONSTRAINT_COLUMNS, [line])
+    before = (tmp_path / "t.csv").read_bytes()
+    real = Path.open
+
+    def fills_up(path: Path, *arguments: object, **options: object) -> object:
+        with real(path, *arguments, **options) as file:  # type: ignore[call-overload]
+            file.write(b"half a li")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "open", fills_up)
+    with pytest.raises(OSError, match="No space"):
+        append_lines(tmp_path / "t.csv", CONSTRAINT_COLUMNS, [line])
+    monkeypatch.undo()
+    assert (tmp_path / "t.csv").read_bytes() == before
+
+
+def test_a_law_that_changes_the_working_directory_changes_it_for_itself(
+    tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "law.py").write_text(law("os.chdir('/')", begin="os.chdir('/')", solve="os.chdir('/')"))
+    monkeypatch.chdir(tmp_path)
+    first, second = jobs(Path(), trials=2)
+    for job in (first, second):
+        assert run_job(job, Path("out"), False)[0].result["status"] == "unfinished"
+        assert run_file(out, *job.key).exists()
+    assert Path.cwd() == tmp_path
+
+
+@pytest.mark.parametrize(
+    "message", ["'x' * 200_000", "chr(0xD800)", "'two\\nlines'", "Nasty()"], ids=["long", "surrogate", "lines", "nasty"]
+)
+def test_whatever_a_law_says_is_a_reason_of_one_line(message: str, tmp_path: Path, out: Path) -> None:
+    nasty = "class Nasty:\n    def __str__(self):\n        raise ValueError('even that')"
+    (tmp_path / "law.py").write_text(law(nasty, solve=f"raise RuntimeError({message})"))
+    (job,) = jobs(tmp_path)
+    score, _ = run_job(job, out, False)
+    assert score.result["status"] == "failed"
+    line = {"suite": "s", "scenario": "s", "controller": "own", "trial": 0, **score.result}
+    write_table(tmp_path / "results.csv", RESULT_COLUMNS, [line])
+    (again,) = read_table(tmp_path / "results.csv")
+    assert again["reason"] == score.result["reason"]
+    assert 10 < len(again["reason"]) < 2500
+    assert "\n" not in again["reason"]
+    assert "RuntimeError" in again["reason"]
+
+
+def test_names_that_make_no_file_name_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(
+        f'scenarios = ["example-2d-fov"]\n[controllers.{"a" * 250}]\ntype = "sliding-mode"\n'
+    )
+    with pytest.raises(ConfigurationError, match="file names and longer than 100 bytes"):
+        Suite.load(tmp_path / "s.toml")
+
+
+@pytest.mark.parametrize("begin", ["import sys; sys.exit()", "raise SystemExit(0)"])
+def test_a_module_that_exits_is_an_error(begin: str, tmp_path: Path) -> None:
+    (tmp_path / "law.py").write_text(law(begin))
+    with pytest.raises(ConfigurationError, match="cannot import 'law': SystemExit"):
+        jobs(tmp_path)
+
+
+def test_a_law_that_exits_when_it_is_made_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "law.py").write_text(law(begin="raise SystemExit(0)"))
+    with pytest.raises(ConfigurationError, match=r"cannot be made with .*SystemExit: 0"):
+        jobs(tmp_path)
+
+
+CONSTRAINT = """
+import numpy as np
+from vsconstraints.constraints import ImageConstraint
+
+class Wrong(ImageConstraint):
+    kind = "wrong"
+    def __init__(self):
+        super().__init__(K=0.2, switching_gain=10.0, length=100.0)
+    def sigma(self, y):
+        return y[..., 1] / 100.0 - 10.0
+    def gradient(self, y):
+        return np.zeros((3, 5, 7))
+"""
+
+
+def test_a_constraint_with_a_gradient_of_the_wrong_shape_fails_its_own_runs(tmp_path: Path, out: Path) -> None:
+    (tmp_path / "limit.py").write_text(CONSTRAINT)
+    (tmp_path / "wrong.toml").write_text('extends = "example-2d-fov"\n[[constraints]]\ntype = "limit:Wrong"\n')
+    (tmp_path / "s.toml").write_text('scenarios = ["example-2d-fov", "wrong.toml"]\n[controllers.tracking]\n')
+    suite = Suite.load(tmp_path / "s.toml").select(settings=["scenario.duration=0.05"])
+    assert [remark.partition(": ")[0] for remark in suite.remarks()] == ["wrong"]
+    right, wrong = (run_job(job, out, False)[0].result for job in suite.jobs())
+    assert (right["status"], wrong["status"]) == ("unfinished", "failed")
+    assert "Error" in wrong["reason"]
