@@ -9,6 +9,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from ..decomposition import svd
 from ..errors import ConfigurationError, unknown_name
 from ..kinematics import RobotPoint
 from ..robot import Robot
@@ -199,7 +200,7 @@ def _slices(patches: list[tuple[Array, float]], spacing: float, more: int) -> tu
     """
     vertices = np.concatenate([corners.reshape(-1, 3) for corners, _ in patches])
     middle = vertices.mean(axis=0)
-    axes = np.linalg.svd(vertices - middle, full_matrices=False)[2] if len(vertices) > 1 else np.eye(3)
+    axes = svd(vertices - middle, full_matrices=False)[2] if len(vertices) > 1 else np.eye(3)
     x = (vertices - middle) @ axes.T
     low, high = x.min(axis=0), x.max(axis=0)
     main = int(np.argmax(high - low))

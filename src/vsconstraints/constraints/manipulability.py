@@ -6,6 +6,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from ..decomposition import svd
 from ..errors import ConfigurationError, unknown_name
 from ..geometry import skew
 from ..robot import Robot
@@ -96,7 +97,7 @@ class Manipulability(Constraint):
         A, B, C = J[self._rows], J_dot[self._rows], J_ddot[self._rows]
         if A.shape[0] > A.shape[1]:
             A, B, C = A.T, B.T, C.T
-        U, s, _ = np.linalg.svd(A, full_matrices=False)
+        U, s, _ = svd(A, full_matrices=False)
         s = np.maximum(s, SINGULAR)
         # X = G⁻¹ Ġ and tr(G⁻¹ G̈) for G = A Aᵀ
         inverse = (U / s**2) @ U.T
@@ -132,12 +133,12 @@ class Manipulability(Constraint):
 
 def measure(J: Array) -> float:
     """Product of the singular values of J (r, n)."""
-    return float(np.linalg.svd(J, compute_uv=False).prod())
+    return float(svd(J, full_matrices=False)[1].prod())
 
 
 def weighted_inverse(J: Array) -> Array:
     """(n, r) w J⁺ with w the product of the singular values: finite also where one of them is zero."""
-    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    U, s, Vt = svd(J, full_matrices=False)
     others = np.where(np.eye(len(s), dtype=np.bool_), 1.0, s).prod(axis=1)
     weighted: Array = (Vt.T * others) @ U.T
     return weighted

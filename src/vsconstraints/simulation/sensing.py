@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..camera import Camera
+from ..decomposition import svd
 from ..errors import ConfigurationError, SceneError
 from ..geometry import Pose
 from ..rows import Array
@@ -138,7 +139,7 @@ def estimated_pose(markers: Array, normalised: Array, near: Pose) -> Pose:
         Z = np.maximum(P[:, 2], MINIMUM_DEPTH)
         xy = P[:, :2] / Z[:, None]
         L = interaction_matrix(xy, Z).reshape(-1, 6)
-        U, s, Vt = np.linalg.svd(L, full_matrices=False)
+        U, s, Vt = svd(L, full_matrices=False)
         kept = s > RANK_TOLERANCE * s[0]
         step = Vt[kept].T @ ((U[:, kept].T @ (normalised - xy).ravel()) / s[kept])
         camera = camera @ Pose(np.asarray(pin.exp3(step[3:])), step[:3])
