@@ -52,10 +52,13 @@ def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: flo
     Raises
     ------
     SolverError
-        if the limit of iterations is reached, which only rounding could bring about.
+        if weighted rows are not finite; or if the limit of iterations is reached, which only rounding could bring
+        about.
     """
     B = weights[:, None] * A
     d = weights * c
+    if not (np.isfinite(B).all() and np.isfinite(d).all()):
+        raise SolverError("weighted rows are beyond the range of floating point")
     row_norms = np.sqrt(np.einsum("ij,ij->i", B, B))
     x = np.clip(start, -bound, bound)
     held, reached = np.zeros(x.size, dtype=np.bool_), np.zeros(c.size, dtype=np.bool_)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..decomposition import svd
 from ..errors import SolverError
 from ..rows import Array, BoolArray
 from .chain import SolverChain, Verified
@@ -183,7 +184,7 @@ def _box(n: int, bound: float) -> tuple[Array, Array]:
 
 def _null_space(A: Array) -> Array:
     """Orthonormal basis (n, p) of the vectors that no row of A (none of them zero) sees."""
-    _, s, Vt = np.linalg.svd(A / np.linalg.norm(A, axis=1)[:, None])
+    _, s, Vt = svd(A / np.linalg.norm(A, axis=1)[:, None])
     rank = int(np.count_nonzero(s > DEPENDENT * s[0]))
     basis: Array = Vt[rank:].T
     return basis
