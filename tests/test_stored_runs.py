@@ -20,6 +20,7 @@ from vsconstraints.comparisons.record import run_file
 from vsconstraints.comparisons.runner import run_job
 from vsconstraints.comparisons.tables import append_lines, read_table, write_table
 from vsconstraints.errors import ConfigurationError, StorageError
+from vsconstraints.reports import write_report
 from vsconstraints.reports.figures import drawing
 from vsconstraints.reports.jobs import Drawn
 from vsconstraints.reports.report import _jobs
@@ -322,11 +323,23 @@ def test_tables_that_cannot_be_written_are_an_error_that_keeps_what_is_there(tmp
     suite = Suite.load().select(["example-2d-fov"], ["tracking"], settings=["scenario.duration=0.05"])
     (tmp_path / "constraints.csv").touch()
     (tmp_path / ".vsconstraints-lock").touch()
-    (tmp_path / "constraints.csv.part").symlink_to("/dev/full")
-    with pytest.raises(StorageError, match="No space left on device"):
+    (tmp_path / "constraints.csv.part").mkdir()
+    with pytest.raises(StorageError, match=r"results cannot be stored in .*; what is there stays"):
         compare(suite, tmp_path, workers=1)
     assert run_file(tmp_path, "example-2d-fov", "tracking", 0).exists()
     assert len(read_table(tmp_path / "results.csv")) == 1
+
+
+def test_a_report_that_does_not_fit_leaves_the_one_before(tmp_path: Path) -> None:
+    suite = Suite.load().select(["example-2d-fov"], ["tracking"], settings=["scenario.duration=0.05"])
+    compare(suite, tmp_path, workers=1)
+    report = write_report(tmp_path)
+    before = report.read_bytes()
+    (tmp_path / "report.md.part").symlink_to("/dev/full")
+    with pytest.raises(StorageError, match=r"the report cannot be written .*No space left on device"):
+        write_report(tmp_path)
+    assert report.read_bytes() == before
+    assert not list(tmp_path.rglob("*.part"))
 
 
 def test_a_line_that_does_not_fit_is_not_added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

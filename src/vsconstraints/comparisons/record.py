@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 from ..errors import one_line
 from ..provenance import Files
 from ..rows import Array, BoolArray
+from ..runs.files import replaced
 from ..simulation import Setup, Trajectory
 
 _TEXT = ("status", "reason")
@@ -104,14 +104,8 @@ class RunRecord:
             else:
                 arrays[name] = np.array(value, dtype=np.str_) if name == "labels" else value
         arrays.update(length=self.length, switching_gain=self.switching_gain, settled=self.settled)
-        part = path.with_name(path.name + ".part")
-        try:
-            with part.open("wb") as file:
-                np.savez_compressed(file, facts=np.array(json.dumps(facts)), **arrays)
-            os.replace(part, path)
-        except BaseException:
-            part.unlink(missing_ok=True)
-            raise
+        with replaced(path) as part, part.open("wb") as file:
+            np.savez_compressed(file, facts=np.array(json.dumps(facts)), **arrays)
 
     @classmethod
     def load(cls, path: Path) -> RunRecord | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +16,7 @@ from .. import __version__
 from ..errors import StorageError, described
 from ..kernels import prepare
 from ..provenance import Files, digests, imported, noted
+from ..runs.files import replaced
 from ..runs.pool import Failure, Pool
 from ..runs.resources import process_count, run_limit
 from ..runs.signals import INTERRUPTS, signal_of
@@ -261,7 +261,6 @@ def _manifest(suite: Suite, command: Sequence[str]) -> dict[str, Any]:
 
 
 def _write_json(path: Path, data: object) -> None:
-    part = path.with_name(path.name + ".part")
     text = json.dumps(data, indent=1, ensure_ascii=False, default=str) + "\n"
-    part.write_text(text, encoding="utf-8", errors="backslashreplace")
-    os.replace(part, path)
+    with replaced(path) as part:
+        part.write_text(text, encoding="utf-8", errors="backslashreplace")

@@ -14,6 +14,7 @@ from typing import Any, get_args
 import numpy as np
 
 from ..errors import ConfigurationError, shown
+from ..runs.files import replaced
 from ..simulation.trajectory import Outcome
 
 _TEXT = {"suite", "scenario", "controller", "status", "reason", "violated", "constraint", "kind", "unit"}
@@ -32,12 +33,10 @@ def cell(value: object) -> str:
 
 def write_table(path: Path, columns: Sequence[str], lines: Iterable[dict[str, Any]]) -> None:
     """Write a whole table; the file is replaced at once, never left half written."""
-    part = path.with_name(path.name + ".part")
-    with part.open("w", newline="", encoding="utf-8") as file:
+    with replaced(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows([cell(line[name]) for name in columns] for line in lines)
-    os.replace(part, path)
 
 
 def append_lines(path: Path, columns: Sequence[str], lines: Iterable[dict[str, Any]], new: bool = False) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 from ..comparisons import StoredComparison
 from ..comparisons.folder import held
 from ..errors import StorageError
+from ..runs.files import replaced
 from .closing import closing
 from .failures import failures
 from .headlines import opening
@@ -77,9 +77,8 @@ def _write(folder: Path, results: Results, on_drawn: Callable[[int, int], None] 
         closing(results),
     ]
     report = folder / "report.md"
-    part = folder / "report.md.part"
-    part.write_text("\n\n".join(text for text in parts if text) + "\n", encoding="utf-8")
-    os.replace(part, report)
+    with replaced(report) as part:
+        part.write_text("\n\n".join(text for text in parts if text) + "\n", encoding="utf-8")
     return report
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from itertools import groupby
@@ -12,6 +11,7 @@ from typing import Any
 from ..comparisons.machine import git_commit, machine, package_versions
 from ..comparisons.tables import write_table
 from ..reports.markdown import bold, bullets, code, plain, table
+from ..runs.files import replaced
 from .figures.catalogue import FIGURES
 from .reconstructed import reconstructed
 from .runner import Reproduction
@@ -81,9 +81,8 @@ def write_report(
         _problems(result),
         _machine(result, command),
     ]
-    part = result.report.with_name("report.md.part")
-    part.write_text("\n\n".join(text.strip() for text in parts if text) + "\n", encoding="utf-8")
-    os.replace(part, result.report)
+    with replaced(result.report) as part:
+        part.write_text("\n\n".join(text.strip() for text in parts if text) + "\n", encoding="utf-8")
     lines = [
         {
             "claim": claim.key,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import numpy as np
 from ..comparisons.metrics import score
 from ..comparisons.record import RunRecord
 from ..rows import Array
+from ..runs.files import replaced
 from .recorder import DriftRecorder
 
 GRID = 0.02
@@ -86,10 +86,8 @@ class RunSummary:
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         arrays: dict[str, Any] = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
         facts = {name: value for name, value in values.items() if name not in arrays}
-        part = path.with_name(path.name + ".part")
-        with part.open("wb") as file:
+        with replaced(path) as part, part.open("wb") as file:
             np.savez(file, facts=np.array(json.dumps(facts, default=lambda number: number.item())), **arrays)
-        os.replace(part, path)
 
     @classmethod
     def load(cls, path: Path) -> RunSummary | None:

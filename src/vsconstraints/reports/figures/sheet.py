@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
 
+from ...runs.files import replaced
 from ..style import Look, shortened
 
 WIDTH = 8.0
@@ -91,9 +92,8 @@ class Sheet:
         pixels = np.asarray(self.canvas.buffer_rgba())[..., :3]
         # 32 shades a channel: nobody sees it, and the file is a quarter smaller
         pixels = np.round(np.round(pixels * (31.0 / 255.0)) * (255.0 / 31.0)).astype(np.uint8)
-        part = path.with_name(path.name + ".part")
-        Image.fromarray(pixels).save(part, format="PNG", optimize=True, dpi=(DPI, DPI))
-        part.replace(path)
+        with replaced(path) as part:
+            Image.fromarray(pixels).save(part, format="PNG", optimize=True, dpi=(DPI, DPI))
 
 
 def controller_handles(looks: dict[str, Look], names: Sequence[str]) -> list[Any]:
