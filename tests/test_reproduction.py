@@ -16,6 +16,7 @@ from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.features import CameraPose
 from vsconstraints.geometry import rotation_vector_rate, skew
+from vsconstraints.order_filter import OrderFilter
 from vsconstraints.reproduction import CLAIMS, all_claims, report, reproduce, runner
 from vsconstraints.reproduction.claims.erroneous_gradients import Difference
 from vsconstraints.reproduction.figures.catalogue import FIGURES, FigureSpec
@@ -489,6 +490,15 @@ def test_the_limits_that_the_paper_prints_are_those_of_the_case_study() -> None:
     ):
         changed = {name: getattr(case.trajectory, name) + value for name, value in change.items()}
         assert CLAIMS["5e"].check({RunSpec("case-study-6r"): spoiled(case, **changed)}).verdict == verdict
+
+
+def test_a_filter_that_leaves_out_half_a_square_integrates_something_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    def shortened(one: OrderFilter, qdd: Array) -> Array:
+        one.q, one.qd = one.q + one.Ts * one.qd, one.qd + one.Ts * qdd
+        return one.q
+
+    monkeypatch.setattr(OrderFilter, "step", shortened)
+    assert check("6m").verdict == "does not hold"
 
 
 class PoseInNumPy(CameraPose):

@@ -119,7 +119,7 @@ class UnselectedExperiments(Study):
     def draw(self, result: StudyResult, path: Path) -> None:
         """One row per experiment; one panel per measure, a line per case."""
         present = [case for case in LOOKS if any(point["case"] == case for point in result.points)]
-        with Grid(path, len(EXPERIMENTS), len(PANELS), height=1.7, legend=0.2, left=0.95, gap=0.4) as grid:
+        with Grid(path, len(EXPERIMENTS), len(PANELS), height=1.7, legend=0.2, left=0.95, gap=0.4, below=0.7) as grid:
             grid.legend([handle(LOOKS[c][2], LOOKS[c][0], linestyle=LOOKS[c][1]) for c in present], 3)
             for i, experiment in enumerate(EXPERIMENTS):
                 own = [p for p in result.points if p["scenario"] == experiment.scenario and not p["rejected"]]

@@ -203,8 +203,9 @@ def _far_beyond(ax: Any, run: Run, rows: tuple[tuple[str, str, str], ...]) -> No
     for label, colour, name in rows:
         signal(ax, run, run.phi(label), color=colour, label=name, linewidth=1.2)
     ax.axhspan(-bound, bound, color="#DCE6FA", linewidth=0.0, zorder=0.5)
-    time_axis(ax, run, "constraint\nfunction $\\phi$")
+    time_axis(ax, run, "$\\phi$ of the bowl")
     ax.set_yscale("symlog", linthresh=bound)
     ax.set_yticks([-1e4, -1e2, -1.0, 0.0, 1.0, 1e2], ["−10⁴", "−100", "−1", "0", "1", "100"])
+    ax.set_ylim(top=1e4)
     ax.yaxis.set_minor_locator(NullLocator())
     inside_legend(ax, loc="lower right")
