@@ -25,7 +25,7 @@ from vsconstraints.reproduction.report import TOPICS, differences
 from vsconstraints.reproduction.runs import Run, RunSpec
 from vsconstraints.reproduction.verdicts import VERDICTS, Claim, Finding, claim
 from vsconstraints.rows import Array
-from vsconstraints.scenarios import Scenario, shipped_scenarios
+from vsconstraints.scenarios import shipped_scenarios
 from vsconstraints.simulation import simulate
 from vsconstraints.studies import StudyResult
 
@@ -516,10 +516,12 @@ def test_without_half_of_its_rotation_the_error_follows_another_polynomial(
         return L - left_out * skew(w), L_dot
 
     monkeypatch.setattr("vsconstraints.features.rotation_vector_rate", changed)
-    setup = Scenario.load("case-study-6r").with_override("duration", 1.0).setup()
+    (spec,) = CLAIMS["5j"].needs
+    assert isinstance(spec, RunSpec)
+    setup = spec.load().with_override("duration", 1.0).setup()
     setup.task.feature = PoseInNumPy()
     made = Run(setup, RunRecord.of(setup, simulate(setup, Tracking()), "changed"))
-    assert CLAIMS["5j"].check({RunSpec("case-study-6r", "tracking"): made}).verdict == verdict
+    assert CLAIMS["5j"].check({spec: made}).verdict == verdict
 
 
 # --- what is missing costs only what rests on it ---

@@ -11,7 +11,9 @@ from ..verdicts import Finding, claim, judged, rounds_to, shown_intervals
 from .boundary import FULFILLED_RULE, VANISHED, fully_used, phi_never_positive, plural, signed, smoothly
 
 CASE = RunSpec("case-study-6r")
-TRACKING = RunSpec("case-study-6r", "tracking")
+TRACKING = RunSpec("case-study-6r", "tracking", overrides=(("qd0", (0.2, -0.2, 0.2, 0.6, -0.6, 0.6)),))
+"""From a start at which the camera turns about another axis than the one that leads to the goal."""
+
 CASE_HALVED = RunSpec("case-study-6r", overrides=(("sampling_time", 0.001),))
 
 SPHERE, RANGE, SPEED = "sphere[tip]", "range[joint 6]", "speed[joint 2]"
@@ -225,30 +227,33 @@ def sphere_fulfilled(case: Run) -> Finding:
     "4.4",
     "the dynamics (i.e., the poles) of this kinematic controller is given by the roots of the polynomial with "
     "coefficients [1 K_T,v K_T,p]",
-    "with tracking alone, the error of the first phase stays within 1 % of its norm at the start of the solution of "
-    "ë = −K_T,p e − K_T,v ė, integrated apart from the simulation",
+    "with tracking alone, started in motion, the error of the first phase stays within 1 % of its norm at the start of "
+    "the solution of ë = −K_T,p e − K_T,v ė, integrated apart from the simulation",
     "",
     TRACKING,
 )
 def error_follows_its_polynomial(tracking: Run) -> Finding:
     """The six numbers of the error, and what (42) with the printed gains makes of them."""
     k = int(np.searchsorted(tracking.t, switch_time(tracking) - 0.5 * tracking.sampling_time))
-    wanted = ideal_error(tracking.trajectory.error[0], tracking.t[:k])
-    apart = float(np.linalg.norm(tracking.trajectory.error[:k] - wanted, axis=1).max())
+    error = tracking.trajectory.error[:k]
+    # to second order in T_s, and from nothing but the error itself
+    rate = (4.0 * error[1] - 3.0 * error[0] - error[2]) / (2.0 * tracking.sampling_time)
+    wanted = ideal_error(error[0], rate, tracking.t[:k])
+    apart = float(np.linalg.norm(error - wanted, axis=1).max())
     share = apart / float(np.linalg.norm(wanted[0]))
     text = f"{100.0 * share:.2g} % of the error at the start, at most, in {k} samples"
     return Finding(judged(share <= VANISHED), text, {"share": share})
 
 
-def ideal_error(start: Array, t: Array) -> Array:
-    """(N, k) error at times (N,) from rest, with K_T,p(0) = 20, slope 60 and K_T,v = 3 √K_T,p as in 9.1."""
+def ideal_error(start: Array, start_rate: Array, t: Array) -> Array:
+    """(N, k) error at times (N,) from e and ė (k,), with K_T,p(0) = 20, slope 60 and K_T,v = 3 √K_T,p as in 9.1."""
 
     def rate(x: Array) -> Array:
         e, e_dot = x
         Kp = 20.0 * np.exp(-60.0 / 20.0 * np.sqrt((e**2).sum()))
         return np.array([e_dot, -Kp * e - 3.0 * np.sqrt(Kp) * e_dot])
 
-    x, found = np.array([start, 0.0 * start]), [start]
+    x, found = np.array([start, start_rate]), [start]
     for h in np.diff(t):  # Runge and Kutta
         a = rate(x)
         b = rate(x + 0.5 * h * a)
