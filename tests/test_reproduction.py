@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +34,18 @@ from vsconstraints.studies import StudyResult
 WORST_FIRST = ("not measured", "does not hold", "holds partly", "holds")
 
 
+KEPT_RUNS = os.environ.get("VSCONSTRAINTS_KEPT_RUNS")
+"""Environment variable: a folder for runs, as the mutation run makes one: those that are there are not made again."""
+
+
 @cache
 def run(spec: RunSpec) -> Run:
-    return spec.perform()
+    return spec.perform(Path(KEPT_RUNS) / f"{sha256(repr(spec).encode()).hexdigest()}.npz" if KEPT_RUNS else None)
+
+
+if __name__ == "__main__":  # simulate what claims need, and keep it
+    for need in {need for one in all_claims() for need in one.needs if isinstance(need, RunSpec)}:
+        run(need)
 
 
 def check(key: str, change: Callable[[Run], Run] = lambda run: run) -> Finding:

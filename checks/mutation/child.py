@@ -20,6 +20,7 @@ from typing import Any
 import pytest
 
 from .mutants import Mutant
+from .targets import SLOW
 
 MEMORY = 8 * 2**30
 """Bytes a process may take: a mistake in a size must not take the machine's."""
@@ -69,7 +70,7 @@ def fork(work: Callable[[], int], output: Path) -> int:
 def watch(tests: Sequence[str], files: Sequence[Path], result: Path) -> int:
     """Run tests and write down what each of them reaches; tests that fail are left out."""
     watched = _Watch({str(file) for file in files})
-    pytest.main([*QUIET, *tests], plugins=[watched])
+    pytest.main([*QUIET, *tests, "-k", " and ".join(f"not {word}" for word in SLOW)], plugins=[watched])
     lines = {
         test: (reached.seconds, sorted(reached.functions))
         for test, reached in watched.tests.items()

@@ -8,6 +8,7 @@ import json
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -84,12 +85,24 @@ class Runner:
                 shutil.copytree(there, self.folder / name, ignore=shutil.ignore_patterns("__pycache__"))
             elif there.exists():
                 shutil.copy(there, self.folder / name)
+        self._keep_runs(root)
         os.chdir(self.folder)
         sys.path.insert(0, str(self.folder / "src"))
         for name in THIRD_PARTY:
             importlib.import_module(name)
         gc.freeze()
         self.reached = self._watch(tests, [self.folder / file for file in files])
+
+    def _keep_runs(self, root: Path) -> None:
+        """Simulate what the tests of claims judge, once and compiled."""
+        folder, script = self.folder / "runs", root / "tests" / "test_reproduction.py"
+        if not script.exists():
+            return
+        folder.mkdir()
+        os.environ["VSCONSTRAINTS_KEPT_RUNS"] = str(folder)
+        paths = os.pathsep.join(str(root / name) for name in ("src", "tests"))
+        environment = {**os.environ, "VSCONSTRAINTS_COMPILE": "1", "PYTHONPATH": paths}
+        subprocess.run([sys.executable, str(script)], check=True, env=environment)
 
     def _watch(self, tests: Sequence[str], files: Sequence[Path]) -> dict[str, Reached]:
         result, output = self.folder / "reached.json", self.folder / "reached.log"

@@ -16,6 +16,8 @@ GROUPS = {
         "src/vsconstraints/reproduction/verdicts.py",
         "src/vsconstraints/reproduction/claims/boundary.py",
         "src/vsconstraints/reproduction/claims/case_study.py",
+        "src/vsconstraints/reproduction/claims/erroneous_gradients.py",
+        "src/vsconstraints/reproduction/claims/every_scene.py",
         "src/vsconstraints/reproduction/claims/experiments.py",
         "src/vsconstraints/reproduction/claims/first_example.py",
         "src/vsconstraints/reproduction/claims/general.py",
@@ -40,11 +42,17 @@ COMPILED = ("_compiled", "_bound", "_arguments", "_weights_of")
 """Functions of the laws' compiled form, which does not run here: tests hold it to the definition."""
 
 TESTS = (
+    "tests/test_claims_by_hand.py",
     "tests/test_controllers.py",
     "tests/test_disturbances.py",
     "tests/test_hierarchical_qp.py",
     "tests/test_laws_by_hand.py",
     "tests/test_motion_by_hand.py",
+    "tests/test_more_claims_by_hand.py",
+    "tests/test_reproduction.py",
     "tests/test_simulation.py",
     "tests/test_tracking.py",
 )
+
+SLOW = ("figures", "report_is_written", "interrupted")
+"""Tests with this in their names are left out."""

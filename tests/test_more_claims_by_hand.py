@@ -1,0 +1,443 @@
+"""The rules of the other claims, on made-up runs and studies: every number just inside or just outside."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from told import NO, PARTLY, ROW, YES, T, Told, at, during, verdict
+from vsconstraints.reproduction.claims import case_study, erroneous_gradients, every_scene
+from vsconstraints.reproduction.claims.erroneous_gradients import CASES, in_unselected
+from vsconstraints.reproduction.verdicts import CLAIMS, NotMeasured
+from vsconstraints.rows import Array
+from vsconstraints.studies import StudyResult
+
+
+def study(**numbers: float) -> StudyResult:
+    return StudyResult("made up", {name.replace("__", "."): value for name, value in numbers.items()}, (), (), ())
+
+
+# --- claim 5: a phase of 4 s and one of 6 s ---
+
+LONG = 0.1 * np.arange(101)
+BORDERS = [f"fov[marker {i}]" for i in (1, 2, 3, 4)]
+RANGE, SPEED, SPHERE = "range[joint 6].upper", "speed[joint 2].upper", "sphere[tip]"
+
+
+class Phases(Told):
+    """A case study whose second goal holds from 4 s on."""
+
+    setup = SimpleNamespace(task=SimpleNamespace(goals=[None, SimpleNamespace(from_time=4.0)]))
+
+
+def phased(q6: float = 0.0999, qd2: float = 0.4, **spans: Any) -> Phases:
+    """Rows act in the intervals given, by the beginnings of their names; markers by number."""
+    names = {"marker1": BORDERS[0], "marker2": BORDERS[1], "marker3": BORDERS[2], "marker4": BORDERS[3]}
+    names |= {"range": RANGE, "speed": SPEED, "sphere": SPHERE}
+    phi = {label: during(*spans.get(name, ()), t=LONG) for name, label in names.items()}
+    q, qd = np.full((len(LONG), 6), 9.0), np.full((len(LONG), 6), 9.0)
+    q[:, 5], qd[:, 1] = at({7: q6}, -3.0, LONG), at({7: qd2}, 0.0, LONG)
+    return Phases(phi, t=LONG, q=q, qd=qd)
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({}, YES),
+        ({(39, 0): 0.0101}, PARTLY),
+        ({(39, 1): 0.0201}, PARTLY),
+        ({(100, 0): 0.0301}, PARTLY),
+        ({(100, 1): 0.0401}, PARTLY),
+        ({(39, 0): 0.0101, (39, 1): 0.0201, (100, 0): 0.0301, (100, 1): 0.0401}, NO),
+    ],
+)
+def test_5a(changed: dict[tuple[int, int], float], expected: str) -> None:
+    """1 and 2 at the start of the first phase, 3 and 4 at that of the second: a hundredth of them may be left."""
+    error = np.full((101, 2), 7.0)
+    start = {(0, 0): 1.0, (0, 1): 2.0, (40, 0): 3.0, (40, 1): 4.0}
+    left = {(39, 0): 0.0099, (39, 1): 0.0199, (100, 0): 0.0299, (100, 1): 0.0399}
+    for place, value in (start | left | changed).items():
+        error[place] = value
+    assert verdict("5a", Phases(t=LONG, camera_error=error)) == expected
+
+
+@pytest.mark.parametrize(
+    ("run", "expected"),
+    [
+        (phased(range=[(1.0, 2.0)], speed=[(0.0, 3.9)]), YES),
+        (phased(range=[(1.0, 2.0)], speed=[(1.0, 4.0)]), NO),
+        (phased(range=[(1.0, 2.0)]), NO),
+        (phased(range=[(1.0, 2.0)], speed=[(1.0, 2.0)], q6=0.0881), YES),
+        (phased(range=[(1.0, 2.0)], speed=[(1.0, 2.0)], q6=0.0879), PARTLY),
+        (phased(range=[(1.0, 2.0)], speed=[(1.0, 2.0)], q6=0.1001), PARTLY),
+        (phased(range=[(1.0, 2.0)], speed=[(1.0, 2.0)], qd2=-0.4039), YES),
+        (phased(range=[(1.0, 2.0)], speed=[(1.0, 2.0)], qd2=0.4041), PARTLY),
+        (phased(range=[(1.0, 2.0)], speed=[(1.0, 2.0)], qd2=0.3961), YES),
+        (phased(range=[(1.0, 2.0)], speed=[(1.0, 2.0)], qd2=0.3959), PARTLY),
+    ],
+)
+def test_5e(run: Phases, expected: str) -> None:
+    assert verdict("5e", run) == expected
+
+
+@pytest.mark.parametrize(
+    ("spans", "expected"),
+    [
+        ([(6.0, 8.0)], YES),
+        ([(5.6, 8.4)], YES),
+        ([(5.4, 8.0)], PARTLY),
+        ([(6.0, 6.4), (7.0, 8.0)], YES),  # 0.6 s apart is one interval
+        ([(6.0, 6.3), (7.0, 8.0)], PARTLY),
+        ([(1.0, 1.0), (6.0, 8.0)], PARTLY),
+        ([(1.0, 2.0)], NO),
+    ],
+)
+def test_5f(spans: Any, expected: str) -> None:
+    assert verdict("5f", phased(sphere=spans)) == expected
+
+
+FIRST, SECOND = [(1.0, 2.0)], [(5.0, 6.0)]
+
+
+@pytest.mark.parametrize(
+    ("run", "expected"),
+    [
+        (phased(marker2=FIRST + SECOND, marker3=FIRST), YES),
+        (phased(marker2=FIRST + SECOND, marker3=FIRST, marker1=FIRST), PARTLY),
+        (phased(marker2=FIRST + SECOND, marker3=FIRST, marker4=SECOND), PARTLY),
+        (phased(marker2=FIRST, marker3=FIRST), NO),
+        (phased(marker2=FIRST + SECOND), NO),
+    ],
+)
+def test_5g(run: Phases, expected: str) -> None:
+    assert verdict("5g", run) == expected
+
+
+@pytest.mark.parametrize(
+    ("run", "most", "expected"),
+    [
+        (phased(marker2=[(1.0, 2.0)], marker3=[(2.0, 3.0)], range=[(1.5, 2.5)]), 3, YES),
+        (phased(marker2=[(1.0, 1.9)], marker3=[(2.0, 3.0)], range=[(1.5, 2.5)]), 2, PARTLY),
+        (phased(marker2=FIRST, marker3=FIRST, range=FIRST, speed=FIRST), 4, PARTLY),
+        (phased(marker2=FIRST), 1, NO),
+        (phased(marker2=FIRST, marker3=[(3.0, 3.5)]), 1, NO),
+    ],
+)
+def test_5h(run: Phases, most: int, expected: str) -> None:
+    assert verdict("5h", run) == expected
+    assert int(case_study.at_once(run).max()) == most  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("least", "expected"), [(0.0, YES), (-1e-6, NO)])
+def test_5i(least: float, expected: str) -> None:
+    assert verdict("5i", Told({SPHERE: -1.0}, {}, {SPHERE: at({3: least}, 1.0)})) == expected
+
+
+def test_5j() -> None:
+    """A constant gain makes e = (e^(−at) b − e^(−bt) a)/(b − a), a and b the roots of x² − 3√20 x + 20.
+
+    With an error as small as this the slope does not matter: a = 1.7082, b = 11.708.
+    """
+    a, b = 1.7082039324993694, 11.70820393249937
+    t = 0.002 * np.arange(501)
+    e = 1e-6 * (np.exp(-a * t) * b - np.exp(-b * t) * a) / (b - a)
+    start = np.array([1e-6, 0.0, 0.0, 0.0, 0.0, 0.0])
+    found = case_study.ideal_error(start, t)
+    np.testing.assert_allclose(found[:, 0], e, rtol=1e-4)
+    np.testing.assert_array_equal(found[:, 1:], 0.0)
+    # with one of 0.5 the gain is e^(−1.5) of that at first: ë = −20 e^(−1.5) 0.5, and e falls by half of that times t²
+    found = case_study.ideal_error(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.001]))
+    assert found[1, 1] - 0.5 == pytest.approx(-1.1156508e-6, rel=5e-3)
+    for share, expected in ((0.0099, YES), (0.0101, NO)):
+        error = np.zeros((len(t), 6))
+        error[:, 0] = e
+        error[300, 3] = share * 1e-6
+        # what comes after the first phase does not count
+        run = Phases(t=np.concatenate((t, [4.0, 4.1])), error=np.vstack((error, np.ones((2, 6)))))
+        assert verdict("5j", run) == expected
+
+
+# --- claim 6 ---
+
+
+def numbers(what: str, plus: float, minus: float, alone: float, scenes: float = 200.0, applied: float = 200.0) -> Any:
+    found = {f"s.{case}.{what}": value for case, value in zip(CASES, (plus, minus, alone), strict=True)}
+    found |= {f"s.{case}.scenes": scenes for case in CASES}
+    return StudyResult("made up", found | {f"s.{case}.applied": applied for case in CASES}, (), (), ())
+
+
+@pytest.mark.parametrize(
+    ("here", "counts", "expected"),
+    [
+        (True, (190, 190, 0), YES),
+        (True, (189, 200, 0), PARTLY),
+        (True, (200, 189, 0), PARTLY),
+        (False, (200, 200, 0), PARTLY),
+        (True, (100, 100, 0), PARTLY),
+        (True, (0, 0, 100), PARTLY),
+        (True, (99, 99, 99), NO),
+        (False, (99, 99, 99), NO),
+    ],
+)
+def test_unselected_scenes(here: bool, counts: tuple[float, float, float], expected: str) -> None:
+    assert in_unselected(numbers("x", *counts), "s", "x", here)[0] == expected
+
+
+def test_unselected_scenes_must_be_enough_and_changed() -> None:
+    in_unselected(numbers("x", 100, 100, 100, scenes=100.0, applied=95.0), "s", "x", True)
+    with pytest.raises(NotMeasured, match="fewer than 100"):
+        in_unselected(numbers("x", 99, 99, 99, scenes=99.0, applied=99.0), "s", "x", True)
+    with pytest.raises(NotMeasured, match="was it applied"):
+        in_unselected(numbers("x", 100, 100, 100, scenes=100.0, applied=94.0), "s", "x", True)
+
+
+def tracked(far: float = 0.0, speed: float = 0.0, sigma: float = 0.0, other: bool = False, **changed: Any) -> Told:
+    """A marker that slides, and another run in which things are so far off."""
+    rows = {ROW: 0.0 if not other else -1.0, "fov[marker 1]": -1.0 if not other else 0.0}
+    pixels, qd = np.zeros((len(T), 2, 2)), np.zeros((len(T), 6))
+    pixels[5, 1] = 0.6 * far, 0.8 * far
+    qd[0, 0], qd[9, 1] = 1.0, -speed
+    return Told(rows, {ROW: at({3: sigma})}, features_px=pixels, qd=qd, **changed)
+
+
+@pytest.mark.parametrize(
+    ("run", "similar", "little"),
+    [
+        (tracked(32.0), True, True),
+        (tracked(32.1), False, True),
+        (tracked(1.0, speed=0.1), True, True),
+        (tracked(1.0, speed=0.101), True, False),
+        (tracked(1.0, sigma=0.001), False, True),
+        (tracked(1.0, other=True), False, True),
+        (tracked(1.0, status="trapped"), False, True),
+    ],
+)
+def test_differences(run: Any, similar: bool, little: bool) -> None:
+    found = erroneous_gradients.Difference.between(tracked(), run, "fov")  # type: ignore[arg-type]
+    assert (found.similar(640.0), found.little_speed) == (similar, little)
+
+
+def test_a_track_must_differ_for_its_error_to_count() -> None:
+    exact: Any = tracked()
+    erroneous_gradients.Difference.between(exact, tracked(0.0101), "fov")  # type: ignore[arg-type]
+    with pytest.raises(NotMeasured, match="was the error"):
+        erroneous_gradients.Difference.between(exact, tracked(0.0099), "fov")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("fine", "expected"),
+    [("nyny", YES), ("yyny", NO), ("nyyy", NO), ("nnny", PARTLY), ("nynn", PARTLY), ("ynyn", NO)],
+)
+def test_6l(fine: str, expected: str) -> None:
+    """Experiment 1 at 0.1 and 0.01 s, experiment 2 at 0.1 and 0.01 s: which of them go well."""
+    kinds = ("fov[marker 1]", "fov[marker 1]", "occlusion[area, marker 1]", "occlusion[area, marker 1]")
+    for broken in ({"status": "trapped"}, {"clearance": -0.001}):
+        runs = [
+            Told(
+                {kind: -1.0},
+                {},
+                {kind: at({5: 0.0 if good == "y" else float(broken.get("clearance", 0.0))}, 1.0)},
+                status="converged" if good == "y" else str(broken.get("status", "converged")),
+            )
+            for kind, good in zip(kinds, fine, strict=True)
+        ]
+        assert verdict("6l", *runs) == expected
+
+
+def moving(off: float = 0.0, faster: float = 0.0) -> Told:
+    """q̇ = 2 and q̈ = 10 for a period of 0.01 s: q rises by 0.0205 and q̇ by 0.1; but for what one sample is off."""
+    t = 0.01 * np.arange(3)
+    q = np.array([[1.0], [1.0205 + off], [1.042 + off]])
+    qd = np.array([[2.0], [2.1 + faster], [2.1 + faster]])
+    q[2] += 0.01 * faster - 0.0005
+    return Told(t=t, q=q, qd=qd, qdd_command=np.array([[10.0], [0.0], [99.0]]))
+
+
+def test_6m() -> None:
+    good = moving()
+    good.trajectory.q[2] = 1.0205 + 0.021
+    assert verdict("6m", good, good) == YES
+    for off, expected in ((0.9e-9, YES), (1.1e-9, NO)):
+        for column in ("q", "qd"):
+            bad = moving()
+            bad.trajectory.q[2] = 1.0205 + 0.021
+            getattr(bad.trajectory, column)[2] += off
+            assert verdict("6m", bad, good) == expected
+            assert verdict("6m", good, bad) == expected
+
+
+# --- claims 7, 9, 11 and 12 ---
+
+
+def decaying(tau: float, K: float) -> Told:
+    speed = np.where(T >= 0.2, np.exp(-(T - 0.2) / tau), 77.0)
+    speed[T > 0.2 + 2.0 * K + 1e-9] = 33.0
+    return Told({ROW: during((0.2, 1.0))}, speed=speed, K=K)
+
+
+@pytest.mark.parametrize(
+    ("shares", "expected"),
+    [
+        ((1.24, 1.0, 1.0), YES),
+        ((0.76, 1.0, 1.0), YES),
+        ((1.26, 1.0, 1.0), PARTLY),
+        ((1.0, 0.74, 1.0), PARTLY),
+        ((1.0, 1.0, 1.26), PARTLY),
+        ((2.1, 1.0, 1.0), NO),
+        ((1.0, 1.0, 0.4), NO),
+    ],
+)
+def test_7b(shares: tuple[float, float, float], expected: str) -> None:
+    runs = [decaying(share * K, K) for share, K in zip(shares, (0.1, 0.2, 0.4), strict=True)]
+    assert verdict("7b", *runs) == expected
+
+
+def test_9a() -> None:
+    def told(command: float = 0.0, place: float = 0.0, samples: int = 101) -> Told:
+        t = T[:samples]
+        q = at({50: place}, 0.0, t)[:, None]
+        return Told(t=t, q=q, qdd_command=at({70: command}, 1.0, t)[:, None])
+
+    assert verdict("9a", *[told()] * 4) == YES
+    for bad in (told(command=1.0 - 1e-12), told(place=1e-12), told(samples=100)):
+        assert verdict("9a", told(), told(), bad, told()) == NO
+        assert verdict("9a", told(), told(), told(), bad) == NO
+
+
+@pytest.mark.parametrize(
+    ("bad", "some"),
+    [
+        (Told({ROW: 0.0, "speed[joint 1].upper": 5.0}), True),
+        (Told({ROW: 0.0}, status="trapped"), False),
+        (Told({ROW: 0.0}, {ROW: at({5: 0.001})}), False),
+        (Told({ROW: -0.1}), False),
+    ],
+)
+def test_11a(bad: Told, some: bool) -> None:
+    good = Told({ROW: 0.0, "speed[joint 1].upper": 5.0})
+    assert verdict("11a", good, good, bad) == (YES if some else PARTLY)
+    assert verdict("11a", bad, good, good) == (YES if some else PARTLY)
+    assert verdict("11a", bad, bad, bad) == (YES if some else NO)
+
+
+class Timed(Told):
+    """Without a scene: what is compiled is not asked."""
+
+    setup = SimpleNamespace(scene=None, constraints=None, task=None)
+
+
+@pytest.mark.parametrize(
+    ("step", "rows", "expected"),
+    [(12e-6, 8e-6, YES), (12e-6, 8.1e-6, PARTLY), (3e-3, 2e-3, PARTLY), (3e-3, 2.001e-3, NO)],
+)
+def test_12a(step: float, rows: float, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of T_s = 10 ms, the first sample apart; a few slow ones do not matter."""
+    monkeypatch.setattr(
+        "vsconstraints.reproduction.claims.moving_and_time.ControlStep", lambda *_: SimpleNamespace(not_compiled="")
+    )
+    step_time = at({0: 1.0, 1: 1.0, 2: 1.0}, step)
+    assert verdict("12a", Timed(step_time=step_time, rows_time=at({0: 1.0}, rows))) == expected
+
+
+# --- claim 10 ---
+
+SCENES = every_scene.SCENES
+CORNER = [spec.scenario for spec in SCENES].index(every_scene.NOT_DIFFERENTIABLE)
+
+
+def scenes(changed: Told, good: Told, place: int = 0) -> list[Told]:
+    return [changed if i == place else good for i in range(len(SCENES))]
+
+
+class Shared(Told):
+    """A run in which (12) asks for a share of u⁺."""
+
+    asked = 0.5
+
+    def needed_share(self) -> Array:
+        return at({5: self.asked}, 0.0)
+
+
+def above(phi: float = 1.0, clearance: float = 0.0, asked: float = 0.99) -> Shared:
+    run = Shared(
+        {ROW: at({5: phi, 6: 0.0}), "speed[joint 1].upper": -1.0},
+        {},
+        {ROW: clearance, "speed[joint 1].upper": -9.0},
+    )
+    run.asked = asked
+    return run
+
+
+@pytest.mark.parametrize(
+    ("run", "place", "expected"),
+    [
+        (above(), 0, YES),
+        (above(phi=1.01), 0, PARTLY),
+        (above(phi=1.01, clearance=-0.001), 0, NO),
+        (above(phi=1.01, clearance=-0.001, asked=1.0), 0, YES),
+        (above(phi=1.01, clearance=-0.001), CORNER, YES),
+    ],
+)
+def test_10b(run: Shared, place: int, expected: str) -> None:
+    sweep = study(above_bound=3.0, above_bound_allowed=3.0, above_bound_in_band=3.0)
+    assert verdict("10b", sweep, *scenes(run, above(), place)) == expected
+    found = CLAIMS["10b"].check(dict(zip(CLAIMS["10b"].needs, (sweep, *scenes(run, above(), place)), strict=True)))
+    left_out = run.asked >= 1.0 and place != CORNER
+    assert found.values["above"] == 3 + len(SCENES) - 1 - left_out
+    for lacking, verdict_then in (("above_bound_in_band", PARTLY), ("above_bound_allowed", YES)):
+        changed = study(
+            **({"above_bound": 3.0, "above_bound_allowed": 3.0, "above_bound_in_band": 3.0} | {lacking: 2.0})
+        )
+        if expected == YES:
+            assert verdict("10b", changed, *scenes(run, above(), place)) == verdict_then
+
+
+def sliding(width: float) -> Told:
+    return Told({ROW: at({5: 0.0, 6: width, 7: 0.0})})
+
+
+@pytest.mark.parametrize(
+    ("width", "excess", "power", "expected"),
+    [
+        (1.0, 1.0, 1.0, YES),
+        (1.01, 1.0, 1.2, PARTLY),
+        (1.0, 1.01, 0.8, PARTLY),
+        (2.0, 1.0, 1.0, PARTLY),
+        (2.01, 1.0, 1.0, NO),
+        (1.0, 2.01, 1.0, NO),
+        (1.5, 1.0, 1.21, NO),
+        (1.5, 1.0, 0.79, NO),
+    ],
+)
+def test_10c(width: float, excess: float, power: float, expected: str) -> None:
+    sweep = study(s__greatest_excess=excess, s__exponent=power)
+    assert verdict("10c", sweep, *scenes(sliding(width), sliding(0.5))) == expected
+    # a scene in which no row acts has no band
+    assert verdict("10c", sweep, *scenes(sliding(width), Told())) == expected
+
+
+@pytest.mark.parametrize(
+    ("first", "later", "push", "expected"),
+    [
+        (10, 2.0, 50.0, YES),
+        (11, 2.0, 50.0, YES),
+        (12, 2.0, 50.0, PARTLY),
+        (10, 2.01, 50.0, PARTLY),
+        (5, 2.0, 100.0, PARTLY),
+    ],
+)
+def test_10e(first: int, later: float, push: float, expected: str) -> None:
+    """φ starts at 5 and is pushed by u⁺ − L_fφ = 100 − 50: within 0.1 s, and one sample, it is below zero."""
+    run = Told({ROW: at({**dict.fromkeys(range(first), 5.0), first + 9: later}, -1.0)})
+    run.drift[first - 1, 0] = push
+    run.drift[first + 5, 0] = 1e3
+    assert verdict("10e", run) == expected
+
+
+def test_10e_that_never_ends() -> None:
+    assert verdict("10e", Told({ROW: 5.0})) == NO
+    found = CLAIMS["10e"].check(dict(zip(CLAIMS["10e"].needs, [Told({ROW: at({0: 0.0})})], strict=True)))
+    assert found.verdict == "not measured"
