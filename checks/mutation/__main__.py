@@ -22,7 +22,7 @@ from pathlib import Path
 
 from .mutants import Mutant, edited, mutants_of, sampled
 from .run import ROOT, Runner, Verdict
-from .targets import COMPILED, GROUPS, LEAST, TESTS
+from .targets import COMPILED, GROUPS, LEAST, TESTS, files_of
 
 HERE = Path(__file__).parent
 
@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--verbose", action="store_true", help="print every mutant with the test that noticed it")
     chosen = parser.parse_args(arguments)
     started = time.monotonic()
-    files = [file for group in GROUPS.values() for file in group if chosen.only in file]
+    files = [file for group in GROUPS for file in files_of(ROOT, group) if chosen.only in file]
     named = [edited(ROOT, **table) for table in _tables("named.toml") if chosen.only in table["file"]]
     equivalent = {(table["file"], table["old"], table["new"]) for table in _tables("equivalent.toml")}
     every = [mutant for file in files for mutant in mutants_of(ROOT, file, COMPILED)]
@@ -82,7 +82,8 @@ def _scores(verdicts: list[Verdict], every: list[Mutant], equivalent: set[tuple[
         return share
 
     shares = []
-    for group, files in GROUPS.items():
+    for group in GROUPS:
+        files = files_of(ROOT, group)
         for file in files:
             if judged[file]:
                 line(f"  {file}", [file])
