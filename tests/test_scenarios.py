@@ -411,7 +411,8 @@ def test_files_in_overrides_are_where_the_user_is(tmp_path: Path) -> None:
     shipped = Scenario.load("ur5-fov")
     by_key = shipped.with_override("robot", {"urdf": "arm.urdf"}, tmp_path)
     assert by_key.tables["robot"]["urdf"] == str(tmp_path / "arm.urdf")
-    assert by_key.with_override("robot.urdf", "b.urdf", tmp_path).files == (tmp_path / "b.urdf",)
+    again = by_key.with_override("robot.urdf", "b.urdf", tmp_path)
+    assert again.tables["robot"] == {"urdf": str(tmp_path / "b.urdf")}
     elsewhere = str(tmp_path / "elsewhere.urdf")
     assert shipped.with_override("robot", {"urdf": elsewhere}, Path("here")).tables["robot"]["urdf"] == elsewhere
     walls = [{"type": "collision", "obstacle": {"shape": "mesh", "file": "wall.stl"}}]
@@ -515,6 +516,12 @@ def test_messages_do_not_grow_with_what_is_wrong() -> None:
         ("constraints.0.K", 1e308, "the start cannot be evaluated: FloatingPointError"),
         ("task.goals.0", {"markers_px": [[1e300, 0.0]] * 3}, "cannot be evaluated: FloatingPointError"),
         ("constraints.4.centre", [1e300, 0.0, 0.0], "FloatingPointError"),
+        ("disturbances", {"gradient_error_rows": [["fov"]]}, "own.disturbances: gradient_error_rows must be strings"),
+        (
+            "constraints.4",
+            {**TABLES["constraints"][4], "points": "links", "spacing": 1e-6, "link_radius": 0.1},
+            "spacing of points along the links: link . is .* a link may have 60",
+        ),
         (
             "duration",
             5e4,
@@ -526,6 +533,12 @@ def test_what_cannot_be_computed_is_refused(key: str, value: object, words: str)
     own = scenario().with_override("task.feature", "image-points")
     with pytest.raises(REFUSED, match=words):
         own.with_override(key, value).setup().check_start()
+
+
+def test_numbers_that_overflow_in_python_are_refused_too() -> None:
+    own = scenario().with_override("actuation", "position").with_override("disturbances", {"time_constant": 1e160})
+    with pytest.raises(ConfigurationError, match="own: its numbers cannot be computed with: OverflowError"):
+        own.setup()
 
 
 def test_the_memory_of_a_run_is_estimated_from_what_it_keeps() -> None:

@@ -19,6 +19,9 @@ from .base import demand_positive
 FACETS = 32
 """Into how many facets a cylinder's side is cut."""
 
+MOST = 60
+"""Points along a link: each is a row, and covering its surface takes the square of their number."""
+
 FIXED = 1e-9
 """A point that no joint moves faster than this [m per rad or m] does not move."""
 
@@ -67,7 +70,8 @@ def link_points(
     Raises
     ------
     ConfigurationError
-        if there is no collision geometry and no radius, a mesh cannot be read, or no point of a link moves.
+        if there is no collision geometry and no radius, a mesh cannot be read, no point of a link moves, or a link
+        would have more than :data:`MOST` points.
     """
     demand_positive(spacing, "spacing of points along the links")
     if radius is not None:
@@ -98,6 +102,14 @@ def _moves(robot: Robot, point: RobotPoint) -> bool:
     rng = np.random.default_rng(0)
     qs = rng.uniform(-1.0, 1.0, (3, robot.n))
     return max(float(np.abs(robot.kinematics(q, q, [point]).point_J).max()) for q in qs) > FIXED
+
+
+def _demand_few(link: str, length: float, spacing: float) -> None:
+    if length > MOST * spacing:
+        raise ConfigurationError(
+            f"spacing of points along the links: {link} is {length:.3g} m long, {length / spacing:.3g} points with a "
+            f"spacing of {spacing:g} m; a link may have {MOST}"
+        )
 
 
 # --- capsules around the lines between the joints ---
@@ -155,6 +167,7 @@ def _along_segments(
         covered = covered and segment.shared
         if segment.length < FIXED:
             continue
+        _demand_few(segment.link, segment.length, spacing)
         count = int(np.ceil(segment.length / spacing - 1e-9))
         parts = np.arange(1 if covered else 0, count + 1) / count
         covered = links is None or segment.link in links
@@ -179,6 +192,8 @@ def _along_geometry(robot: Robot, spacing: float) -> dict[str, tuple[Array, floa
         frame = model.frames[body.parentFrame]
         placement = frame.placement.inverse() * body.placement
         R, t = np.array(placement.rotation), np.array(placement.translation)
+        body.geometry.computeLocalAABB()
+        _demand_few(frame.name, float(np.max(body.geometry.aabb_local.max_ - body.geometry.aabb_local.min_)), spacing)
         corners, slack = surface(body.geometry, 0.5 * spacing)
         patches.setdefault(frame.name, []).append((corners @ R.T + t, slack))
     return {link: _moving_slices(robot, link, own, spacing) for link, own in patches.items()}

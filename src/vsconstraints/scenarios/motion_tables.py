@@ -50,7 +50,7 @@ def read_disturbances(section: Section, seed: tuple[int, ...]) -> Disturbances:
         if name == "seed":
             continue
         if name == "gradient_error_rows":
-            values[name] = tuple(section.take(name, list, list(default)))
+            values[name] = tuple(section.strings(name, list(default)))
         elif isinstance(default, tuple):
             one = name == "acceleration" and isinstance(section.peek(name), int | float)
             values[name] = (section.number(name),) if one else tuple(section.array(name, np.array(default)).tolist())

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ConfigurationError, shown, unknown_name
+from ..errors import ConfigurationError, described, shown, unknown_name
 from ..plugins import module_files
 from ..simulation import Setup
 from ..urdf import mesh_files
@@ -123,8 +123,8 @@ class Scenario:
         try:
             with np.errstate(over="raise", divide="raise", invalid="raise"):
                 return build(self.tables, self.name, self.folder, deviation, (seed, trial))
-        except FloatingPointError as error:
-            raise ConfigurationError(f"{self.name}: its numbers cannot be computed with: {error}") from error
+        except ArithmeticError as error:
+            raise ConfigurationError(f"{self.name}: its numbers cannot be computed with: {described(error)}") from error
 
 
 def _from_base(key: str, value: object, base: Path) -> object:

@@ -93,6 +93,13 @@ class Section:
             raise ConfigurationError(f"{self._where}: {key} must be finite")
         return array
 
+    def strings(self, key: str, default: Any = REQUIRED) -> Any:
+        """A list of strings; the default as it is."""
+        value = self.take(key, list, default)
+        if value is not default and not all(isinstance(one, str) for one in value):
+            raise ConfigurationError(f"{self._where}: {key} must be strings, not {shown(value)}")
+        return value
+
     def section(self, key: str, default: Any = REQUIRED) -> Section:
         """A table inside this one."""
         return Section(self.take(key, dict, default), f"{self._where}.{key}")
