@@ -262,6 +262,19 @@ def test_several_trials_show_median_and_range(tmp_path: Path) -> None:
     assert "- **b**, 1 of 2 trials: Trapped, first in trial 1." in text
 
 
+def test_the_form_that_ran_is_told(tmp_path: Path) -> None:
+    def told(*compiled: bool) -> str:
+        lines = [result(name, compiled=flag) for name, flag in zip(("tracking", "own"), compiled, strict=True)]
+        text = write_report(made(tmp_path, lines), figures=False).read_text(encoding="utf-8")
+        found = re.search(r"\| control step +\| (.*?) +\|", text)
+        assert found is not None
+        return found[1]
+
+    assert told(True, True) == "compiled"
+    assert told(False, False) == "NumPy"
+    assert told(True, False) == "compiled in 1 of 2 runs; in NumPy, in whole or in part, some of own"
+
+
 def test_without_challenged_rows_there_is_no_utilization(tmp_path: Path) -> None:
     lines = [result(name, utilization=math.nan) for name in ("tracking", "a", "b")]
     rows = [row(name, challenged=False) for name in ("tracking", "a", "b")]

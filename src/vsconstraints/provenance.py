@@ -62,9 +62,9 @@ def digests(paths: Iterable[str | Path]) -> Files:
 def noted() -> Iterator[Files]:
     """Note the files that Python opens for reading meanwhile, each with its hash just before it is first opened.
 
-    Source stands for the bytecode kept of it. Not noted are installed packages other than those of own parts, and files
-    that are written meanwhile. What is read by other means than Python's ``open`` cannot be known: by a library in C,
-    by another process, over a network.
+    Source stands for the bytecode kept of it. Not noted are installed packages other than those of own parts, files
+    that are written meanwhile, and those that are gone at the end. What is read by other means than Python's ``open``
+    cannot be known: by a library in C, by another process, over a network.
     """
     global _hooked
     if not _hooked:
@@ -77,6 +77,8 @@ def noted() -> Iterator[Files]:
         yield files
     finally:
         _notes[:] = [another for another in _notes if another is not note]
+        for path in [path for path, found in files.items() if found and not os.path.exists(path)]:
+            del files[path]
 
 
 @contextmanager

@@ -17,6 +17,8 @@ from ..errors import ConfigurationError, shown
 from ..runs.files import replaced
 from ..simulation.trajectory import Outcome
 
+csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
+
 _TEXT = {"suite", "scenario", "controller", "status", "reason", "violated", "constraint", "kind", "unit"}
 _FLAGS = {"challenged", "compiled"}
 
@@ -63,7 +65,6 @@ def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
     ConfigurationError
         if it cannot be read, has no such columns, or a cell holds what its column cannot; it names file and line.
     """
-    csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
     try:
         with path.open(newline="", encoding="utf-8") as file:
             return _lines(csv.reader(file, strict=True), columns)
