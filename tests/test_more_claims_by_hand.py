@@ -137,19 +137,20 @@ def test_5i(least: float, expected: str) -> None:
 
 
 def test_5j() -> None:
-    """A constant gain makes e = (e^(−at) b − e^(−bt) a)/(b − a), a and b the roots of x² − 3√20 x + 20.
+    """A constant gain makes e = (e^(−at) (b e₀ + ė₀) − e^(−bt) (a e₀ + ė₀))/(b − a), a, b roots of x² − 3√20 x + 20.
 
     With an error as small as this the slope does not matter: a = 1.7082, b = 11.708.
     """
     a, b = 1.7082039324993694, 11.70820393249937
     t = 0.002 * np.arange(501)
-    e = 1e-6 * (np.exp(-a * t) * b - np.exp(-b * t) * a) / (b - a)
+    v = 3.0  # the start is left at three times itself per second
+    e = 1e-6 * (np.exp(-a * t) * (b + v) - np.exp(-b * t) * (a + v)) / (b - a)
     start = np.array([1e-6, 0.0, 0.0, 0.0, 0.0, 0.0])
-    found = case_study.ideal_error(start, t)
+    found = case_study.ideal_error(start, v * start, t)
     np.testing.assert_allclose(found[:, 0], e, rtol=1e-4)
     np.testing.assert_array_equal(found[:, 1:], 0.0)
     # with one of 0.5 the gain is e^(−1.5) of that at first: ë = −20 e^(−1.5) 0.5, and e falls by half of that times t²
-    found = case_study.ideal_error(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.001]))
+    found = case_study.ideal_error(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]), np.zeros(6), np.array([0.0, 0.001]))
     assert found[1, 1] - 0.5 == pytest.approx(-1.1156508e-6, rel=5e-3)
     for share, expected in ((0.0099, YES), (0.0101, NO)):
         error = np.zeros((len(t), 6))
