@@ -19,7 +19,6 @@ from vsconstraints.constraints import (
     Manipulability,
     RowBlock,
     SelfCollision,
-    Trace,
 )
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
@@ -333,18 +332,6 @@ def test_states_of_other_dimensions_are_refused(n: int) -> None:
             to_command(0.0, wrong, qd)
         with pytest.raises(InvalidInput, match="qd of"):
             to_command(0.0, q, wrong)
-
-
-def test_the_least_clearance_is_that_of_all_samples() -> None:
-    setup = Scenario.load("case-study-6r").setup()
-    rng = np.random.default_rng(5)
-    pixels = np.cumsum(rng.normal(scale=3.0, size=(500, len(setup.scene.markers), 2)), axis=0)
-    points = rng.normal(size=(500, len(setup.scene.points), 3))
-    q = rng.normal(size=(500, 6))
-    for scale in (1.0, 20.0):
-        trace = Trace(0.002 * np.arange(500), q, q, scale * pixels, points, setup.scene.camera.size)
-        least = setup.constraints.clearance(trace).min(axis=0)
-        np.testing.assert_array_equal(setup.constraints.least_clearance(trace), least)
 
 
 class Remembering(Tracking):

@@ -45,7 +45,7 @@ def run(name: str, law: str = "sliding-mode", known: bool = True) -> Trajectory:
 def clearance(trajectory: Trajectory, kind: str) -> float:
     """Least clearance of the rows of a kind, also between samples."""
     chosen = [label.startswith(kind) for label in trajectory.labels]
-    least = np.minimum(trajectory.clearance.min(axis=0), trajectory.between_clearance)
+    least = np.minimum(trajectory.clearance, trajectory.between_clearance).min(axis=0)
     return float(least[chosen].min())
 
 

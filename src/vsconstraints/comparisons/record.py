@@ -17,6 +17,7 @@ from ..simulation import Setup, Trajectory
 
 _TEXT = ("status", "reason")
 _NUMBERS = ("fallbacks", "compiled")
+_OWN = ("length", "switching_gain", "approach_time", "sampling_band", "settled")
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,10 @@ class RunRecord:
         (m,) characteristic length L of each row, in its unit.
     switching_gain
         (m,) u⁺ of each row.
+    approach_time
+        (m,) K of each row [s]; 0 for rows of speeds.
+    sampling_band
+        (m,) how far outside sampling alone puts each row, in its unit.
     settled
         (N,) whether the goal counts as reached at each sample.
     last_goal_time
@@ -50,6 +55,8 @@ class RunRecord:
     units: tuple[str, ...]
     length: Array
     switching_gain: Array
+    approach_time: Array
+    sampling_band: Array
     settled: BoolArray
     last_goal_time: float
     Ts: float
@@ -66,6 +73,8 @@ class RunRecord:
             constraints.units,
             constraints.characteristic_length,
             constraints.switching_gain,
+            constraints.approach_time,
+            constraints.sampling_band(setup.Ts),
             setup.reached(trajectory.camera_error, trajectory.feature_error_px),
             setup.task.goals[-1].from_time,
             setup.Ts,
@@ -78,14 +87,15 @@ class RunRecord:
         none = np.empty(0)
         empty: dict[str, Any] = {f.name: none for f in fields(Trajectory)}
         wide: dict[str, Any] = {
-            name: np.empty((0, 0)) for name in ("q", "qd", "qdd_command", "error", "phi", "sigma", "clearance")
+            name: np.empty((0, 0))
+            for name in ("q", "qd", "qdd_command", "error", "phi", "sigma", "clearance", "between_clearance")
         }
         empty.update(wide, camera_error=np.empty((0, 2)), camera_position=np.empty((0, 3)))
         empty.update(features_px=np.empty((0, 0, 2)), points=np.empty((0, 0, 3)))
         empty.update(active=np.empty((0, 0), dtype=np.bool_))
         empty.update(status="failed", reason=one_line(reason), labels=(), fallbacks=0, compiled=False)
         trajectory = Trajectory(**empty)
-        return cls(trajectory, (), (), none, none, np.empty(0, dtype=np.bool_), 0.0, np.nan, fingerprint)
+        return cls(trajectory, (), (), none, none, none, none, np.empty(0, dtype=np.bool_), 0.0, np.nan, fingerprint)
 
     def save(self, path: Path) -> None:
         """Write the file whole or not at all; raises OSError, and what an own part's strange arrays may raise."""
@@ -103,7 +113,7 @@ class RunRecord:
                 facts[name] = value
             else:
                 arrays[name] = np.array(value, dtype=np.str_) if name == "labels" else value
-        arrays.update(length=self.length, switching_gain=self.switching_gain, settled=self.settled)
+        arrays.update({name: getattr(self, name) for name in _OWN})
         with replaced(path) as part, part.open("wb") as file:
             np.savez_compressed(file, facts=np.array(json.dumps(facts)), **arrays)
 
@@ -114,7 +124,7 @@ class RunRecord:
             with path.open("rb") as file, np.load(file) as stored:
                 arrays = {name: stored[name] for name in stored.files}
             facts = json.loads(str(arrays.pop("facts")))
-            own = {name: arrays.pop(name) for name in ("length", "switching_gain", "settled")}
+            own = {name: arrays.pop(name) for name in _OWN}
             labels = tuple(str(name) for name in arrays.pop("labels"))
             text = {name: facts.pop(name) for name in (*_TEXT, *_NUMBERS)}
             trajectory = Trajectory(**arrays, **text, labels=labels)

@@ -198,7 +198,8 @@ def _simulated(job: Job) -> RunRecord:
         try:
             files = digests(job.files)
             setup = job.scenario.setup(job.trial, job.seed)
-            record = RunRecord.of(setup, simulate(setup, job.entry.controller()), job.fingerprint)
+            trajectory = simulate(setup, job.entry.controller(), by_public_call=True)
+            record = RunRecord.of(setup, trajectory, job.fingerprint)
         except BaseException as error:  # even SystemExit
             record = RunRecord.failed(described(error), job.fingerprint)
     # of several readings the first: what was there before an edit is never taken for what is there after it

@@ -19,7 +19,7 @@ from ..simulation.trajectory import Outcome
 
 csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
 
-_TEXT = {"suite", "scenario", "controller", "status", "reason", "violated", "constraint", "kind", "unit"}
+_TEXT = {"suite", "scenario", "controller", "status", "reason", "violated", "within_band", "constraint", "kind", "unit"}
 _FLAGS = {"challenged", "compiled"}
 
 

@@ -106,14 +106,16 @@ class Constraint(ABC):
     def clearance(self, trace: Trace, points: slice) -> Array:
         """(T, r) signed distance to each row's boundary in the natural unit; positive where allowed."""
 
-    def least_clearance(self, trace: Trace, points: slice) -> Array:
-        """(r,) least of :meth:`clearance` over a trace of at least one sample."""
-        least: Array = self.clearance(trace, points).min(axis=0)
-        return least
-
     @abstractmethod
     def characteristic_length(self, scene: Scene) -> Array:
         """(r,) length L by which usage is 1 − clearance/L: half an allowed range, or an obstacle's radius."""
+
+    def sampling_band(self, scene: Scene, Ts: float) -> Array:
+        """(r,) how far outside sampling with ``Ts`` [s] alone puts each row, in its natural unit.
+
+        Nothing, to first order: φ = σ + K σ̇ ≤ T_s u⁺ (eq. 43) reaches the clearance smoothed over K.
+        """
+        return np.zeros(len(self.labels(scene)))
 
     def chain_rule(self, sigma: Array, gradient: Array, curvature: Array, motion: PointMotion) -> RowBlock:
         """Rows from σ (r,), g (r, d), ẏᵀHẏ (r,) and the motion of the coordinates y (r, d)."""

@@ -88,10 +88,9 @@ def _onto_curve(line: Array, sigma: Callable[[Array], Array], gradient: Callable
 def distance_to_lines(points: Array, lines: Sequence[Array]) -> Array:
     """(...) distance of points (..., 2) to the nearest of some polylines [px]; infinite if there is none.
 
-    Exact for the two segments at the nearest vertex, which are those that matter on curves that are sampled densely
-    where they bend.
+    All segments near a point count, not only those at the nearest vertex: in a concave corner another may be nearer.
     """
-    if not lines:
+    if not lines or not points.size:
         return np.full(points.shape[:-1], np.inf)
     flat = points.reshape(-1, 2)
     compiled = load("polylines")
@@ -100,11 +99,15 @@ def distance_to_lines(points: Array, lines: Sequence[Array]) -> Array:
         found: Array = compiled.distances(flat, _prepared(lines), stride)
         return found.reshape(points.shape[:-1])
     vertices, before, after = _neighbours(lines)
-    nearest = cKDTree(vertices).query(flat)[1]
-    distance = np.minimum(
-        _distance_to_segments(flat, vertices[nearest], vertices[after[nearest]]),
-        _distance_to_segments(flat, vertices[nearest], vertices[before[nearest]]),
-    )
+    tree = cKDTree(vertices)
+    # one end of the nearest segment is no farther than √(distance² + (length/2)²)
+    longest = np.sqrt(((vertices[after] - vertices) ** 2).sum(axis=1).max())
+    reach = np.hypot(tree.query(flat)[0], 0.5 * longest) * (1.0 + 1e-9)
+    close = tree.query_ball_point(flat, reach)
+    at, k = np.repeat(np.arange(len(flat)), [len(ends) for ends in close]), np.concatenate(close).astype(np.int64)
+    distance = np.full(len(flat), np.inf)
+    for other in (after, before):
+        np.minimum.at(distance, at, _distance_to_segments(flat[at], vertices[k], vertices[other[k]]))
     return distance.reshape(points.shape[:-1])
 
 

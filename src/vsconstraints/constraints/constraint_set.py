@@ -12,6 +12,7 @@ from ..kinematics import RobotPoint
 from ..rows import Array, Rows
 from ..scene import Scene, State
 from .base import Constraint, RowBlock, Trace
+from .joint_constraint import SpeedConstraint
 
 
 def robot_points(constraints: Sequence[Constraint]) -> tuple[RobotPoint, ...]:
@@ -30,6 +31,8 @@ class ConstraintSet:
         (m,) what each row is about, and the natural unit of its clearance.
     switching_gain, scale, K
         (m,) u⁺, scale and approach time constant of each row.
+    approach_time
+        (m,) K of each row, 0 of those whose φ is not σ + K σ̇ [s].
     characteristic_length
         (m,) L of each row, in its natural unit.
 
@@ -58,13 +61,15 @@ class ConstraintSet:
         self.switching_gain = np.repeat([c.switching_gain for c in self.constraints], counts).astype(np.float64)
         self.scale = np.repeat([c.scale for c in self.constraints], counts).astype(np.float64)
         self.K = np.repeat([c.K for c in self.constraints], counts).astype(np.float64)
+        directly = np.repeat([isinstance(c, SpeedConstraint) for c in self.constraints], counts).astype(np.bool_)
+        self.approach_time = np.where(directly, 0.0, self.K)
         self.characteristic_length = np.concatenate(
             [np.empty(0), *(constraint.characteristic_length(scene) for constraint in self.constraints)]
         )
         # shared by the rows of every step: no controller may change them
         self.switching_gain.setflags(write=False)
         self.scale.setflags(write=False)
-        self._n = scene.robot.n
+        self._scene, self._n = scene, scene.robot.n
 
     def rows(self, state: State) -> tuple[Rows, Array]:
         """The rows now, and σ (m,) of each.
@@ -109,9 +114,9 @@ class ConstraintSet:
         parts = [_known(c.clearance, trace, at, (T, r)) for c, r, at in self.blocks()]
         return np.concatenate([np.empty((T, 0)), *parts], axis=1)
 
-    def least_clearance(self, trace: Trace) -> Array:
-        """(m,) least of :meth:`clearance` over a trace of at least one sample."""
-        parts = [_known(c.least_clearance, trace, at, (r,)) for c, r, at in self.blocks()]
+    def sampling_band(self, Ts: float) -> Array:
+        """(m,) how far outside sampling with ``Ts`` [s] alone puts each row, in its natural unit."""
+        parts = [constraint.sampling_band(self._scene, Ts) for constraint in self.constraints]
         return np.concatenate([np.empty(0), *parts])
 
 

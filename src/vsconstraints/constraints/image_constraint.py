@@ -13,9 +13,6 @@ from ..scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_positive
 from .boundary import distance_to_lines, zero_lines
 
-EVERY = 16
-"""Of so many samples in a row, one is looked at to find the least clearance."""
-
 REMEMBERED = 64
 """Curves that stand still, of which the polylines are kept: finding one takes as long as a thousand control steps."""
 
@@ -78,28 +75,6 @@ class ImageConstraint(PositionConstraint):
         pixels = self.displaced(trace.pixels[:, self._at], trace.t)
         distance = distance_to_lines(pixels, self.boundary(trace.image_size, trace.t))
         return np.where(self.sigma(pixels) > 0.0, -distance, distance)
-
-    def least_clearance(self, trace: Trace, points: slice) -> Array:
-        """As :meth:`clearance`, of which it computes what may be least.
-
-        A distance changes by no more than the marker moves: from some of them, many others are known to be greater.
-        """
-        if type(self).clearance is not ImageConstraint.clearance:
-            return super().least_clearance(trace, points)
-        pixels = self.displaced(trace.pixels[:, self._at], trace.t)
-        lines = self.boundary(trace.image_size, trace.t)
-        wrong = self.sigma(pixels) > 0.0
-        some = (np.arange(len(pixels)) // EVERY) * EVERY
-        distance = distance_to_lines(pixels[::EVERY], lines)
-        least = distance.min(axis=0)
-        nearest = np.repeat(distance, EVERY, axis=0)[: len(pixels)]
-        du, dv = np.moveaxis(pixels - pixels[some], 2, 0)
-        moved = np.sqrt(du * du + dv * dv)
-        found = np.full(wrong.shape, np.inf)
-        exact = wrong | (nearest - moved <= least)
-        found[exact] = distance_to_lines(pixels[exact], lines)
-        clearance: Array = np.where(wrong, -found, found).min(axis=0)
-        return clearance
 
     def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
         """The curve σ = 0 as it is at t = 0, as polylines (p, 2) [px].

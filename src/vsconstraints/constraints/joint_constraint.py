@@ -7,7 +7,7 @@ from abc import abstractmethod
 import numpy as np
 
 from ..rows import Array
-from ..scene import State
+from ..scene import Scene, State
 from .base import Constraint, RowBlock, Trace
 
 
@@ -80,3 +80,10 @@ class SpeedConstraint(Constraint):
         g = self.gradient(trace.qd)
         clearance: Array = -self.phi(trace.qd) / np.sqrt((g * g).sum(axis=-1))
         return clearance
+
+    def sampling_band(self, scene: Scene, Ts: float) -> Array:
+        """T_s u⁺ / ‖∂φ/∂q̇‖, of the gradient at rest: φ is the clearance itself, and (43) lets it switch by T_s u⁺."""
+        g = self.gradient(np.zeros(scene.robot.n))
+        length = np.sqrt((g * g).sum(axis=-1))
+        band: Array = np.divide(Ts * self.switching_gain, length, out=np.zeros(len(g)), where=length > 0.0)
+        return band

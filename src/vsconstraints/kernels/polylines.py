@@ -28,14 +28,16 @@ def prepare(vertices: Array, before: IntArray, after: IntArray) -> tuple[Any, ..
     """
     vertices = np.ascontiguousarray(vertices)
     chords = (_chords(vertices, BLOCK**level) for level in (1, 2, 3))
-    return vertices, *chords, before.astype(np.int64), after.astype(np.int64)
+    longest = ((vertices[after] - vertices) ** 2).sum(axis=1).max(initial=0.0)
+    return vertices, *chords, before.astype(np.int64), after.astype(np.int64), 0.25 * longest
 
 
 def distances(points: Array, prepared: tuple[Any, ...], stride: int) -> Array:
-    """(k,) distance of points (k, 2) to the two segments at the vertex that is nearest to each.
+    """(k,) distance of points (k, 2) to polylines.
 
-    Consecutive vertices form blocks, each along a chord and not far from it; only blocks that may hold the nearest
-    vertex by that are looked at one by one. Of several nearest vertices it is the first.
+    A segment that is nearest to a point has one of its ends no farther than √(distance² + (length/2)²), so that with
+    the longest segment only vertices up to there matter, with the segments at them. Consecutive vertices form blocks,
+    each along a chord and not far from it; only blocks that may hold such a vertex are looked at one by one.
 
     Parameters
     ----------
@@ -44,13 +46,13 @@ def distances(points: Array, prepared: tuple[Any, ...], stride: int) -> Array:
     prepared
         The polylines, by :func:`prepare`.
     stride
-        The vertex nearest to the point that many before is where the search for a point starts: that of the same
+        The vertex found for the point that many before is where the search for a point starts: that of the same
         marker, where the points are those of several markers over time.
     """
     nearest, found = np.empty(len(points), dtype=np.int64), np.empty(len(points))
-    vertices, blocks, groups, regions, before, after = prepared
+    vertices, blocks, groups, regions, before, after, beyond = prepared
     points = np.ascontiguousarray(points)
-    _search(points, vertices, blocks, groups, regions, before, after, stride, nearest, found)
+    _search(points, vertices, blocks, groups, regions, before, after, beyond, stride, nearest, found)
     return found
 
 
@@ -89,9 +91,17 @@ def may_hold(chords: Array, i: int, u: float, v: float, bound: float) -> bool:
     return bool(x * x + y * y <= limit * limit)
 
 
+@in_place
+def to_neighbours(vertices: Array, before: IntArray, after: IntArray, k: int, u: float, v: float) -> float:
+    """Squared distance of (u, v) to the two segments at a vertex."""
+    x, y, i, j = vertices[k, 0], vertices[k, 1], before[k], after[k]
+    squared = to_segment(u, v, x, y, vertices[i, 0], vertices[i, 1])
+    return min(squared, to_segment(u, v, x, y, vertices[j, 0], vertices[j, 1]))
+
+
 @compiled(
     "void(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], "
-    "int64[::1], int64[::1], int64, int64[::1], float64[::1])",
+    "int64[::1], int64[::1], float64, int64, int64[::1], float64[::1])",
     IN_PLACE,
 )
 def _search(
@@ -102,6 +112,7 @@ def _search(
     regions: Array,
     before: IntArray,
     after: IntArray,
+    beyond: float,
     stride: int,
     nearest: IntArray,
     found: Array,
@@ -110,8 +121,9 @@ def _search(
     for i in range(len(points)):
         u, v = points[i, 0], points[i, 1]
         at = nearest[i - stride] if i >= stride else 0
-        best = (vertices[at, 0] - u) ** 2 + (vertices[at, 1] - v) ** 2
-        bound = np.sqrt(best)
+        least = to_neighbours(vertices, before, after, at, u, v)
+        reach = (least + beyond) * SLACK
+        bound = np.sqrt(reach)
         for r in range(len(regions)):
             if not may_hold(regions, r, u, v, bound):
                 continue
@@ -122,11 +134,12 @@ def _search(
                     if not may_hold(blocks, b, u, v, bound):
                         continue
                     for k in range(b * BLOCK, min((b + 1) * BLOCK, count)):
-                        d = (vertices[k, 0] - u) ** 2 + (vertices[k, 1] - v) ** 2
-                        if d < best or (d == best and k < at):
-                            best, at = d, k
-                            bound = np.sqrt(best)
+                        if (vertices[k, 0] - u) ** 2 + (vertices[k, 1] - v) ** 2 > reach:
+                            continue
+                        squared = to_neighbours(vertices, before, after, k, u, v)
+                        if squared < least:
+                            least, at = squared, k
+                            reach = (least + beyond) * SLACK
+                            bound = np.sqrt(reach)
         nearest[i] = at
-        x, y, j, k = vertices[at, 0], vertices[at, 1], before[at], after[at]
-        squared = to_segment(u, v, x, y, vertices[j, 0], vertices[j, 1])
-        found[i] = np.sqrt(min(squared, to_segment(u, v, x, y, vertices[k, 0], vertices[k, 1])))
+        found[i] = np.sqrt(least)

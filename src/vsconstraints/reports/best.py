@@ -39,37 +39,60 @@ class Cell:
 
 
 def marked(cells: Sequence[Cell], eligible: Sequence[bool], better: Better | None) -> list[str]:
-    """The cells' texts, the best one bold, and all that tie with it; nothing is bold where nobody is eligible."""
-    candidates = [cell for cell, may in zip(cells, eligible, strict=True) if may and math.isfinite(cell.value)]
-    if better is None or not candidates:
+    """The cells' texts: the best one bold and all that tie with it, those that are not compared in parentheses.
+
+    So no bold value is worse than another one that stands without parentheses.
+    """
+    if better is None:
         return [cell.text for cell in cells]
-    best = (min if better == "less" else max)(candidates, key=lambda cell: cell.value)
-    return [
-        bold(cell.text) if may and math.isfinite(cell.value) and cell.shown == best.shown else cell.text
-        for cell, may in zip(cells, eligible, strict=True)
-    ]
+    exist = [math.isfinite(cell.value) for cell in cells]
+    candidates = [cell for cell, may, is_there in zip(cells, eligible, exist, strict=True) if may and is_there]
+    best = (min if better == "less" else max)(candidates, key=lambda cell: cell.value) if candidates else None
+    texts = []
+    for cell, may, is_there in zip(cells, eligible, exist, strict=True):
+        if not is_there:
+            texts.append(cell.text)
+        elif not may:
+            texts.append(f"({cell.text})")
+        else:
+            texts.append(bold(cell.text) if best is not None and cell.shown == best.shown else cell.text)
+    return texts
 
 
 def comparable(statuses: Sequence[Sequence[str]]) -> list[bool]:
-    """Whose values may be the best in a scenario.
+    """Whose values may be compared in a scenario: those that converged in every trial.
 
-    Those that converged in every trial; where nobody did, those that did not fail or abort in any. The others may
-    have small values only because they did not do the task. Nobody if there is only one: it has nothing to be better
-    than.
+    The others may have small values only because they did not do the task, or nothing at all. Nobody if there is only
+    one: it has nothing to be better than.
 
     Parameters
     ----------
     statuses
-        For each controller that competes, the status of each trial; none if it is not compared.
+        For each controller that competes, the status of each trial; none if it does not compete.
     """
-    converged = [bool(own) and all(status == "converged" for status in own) for own in statuses]
     if sum(bool(own) for own in statuses) < 2:
         return [False] * len(statuses)
-    if any(converged):
-        return converged
-    return [bool(own) and not any(status in ("failed", "aborted") for status in own) for own in statuses]
+    return [bool(own) and all(status == "converged" for status in own) for own in statuses]
 
 
 def keeps_rows(lines: Sequence[dict[str, Any]]) -> bool:
     """Whether no row was violated in any trial."""
     return bool(lines) and all(line["violation_depth"] == 0.0 for line in lines)
+
+
+def keeps_sliding(lines: Sequence[dict[str, Any]]) -> bool:
+    """Whether no sliding mode was lost in any trial."""
+    return bool(lines) and all(line["sliding_lost_s"] == 0.0 for line in lines)
+
+
+def judged_by(column: str, lines: Sequence[dict[str, Any]]) -> bool:
+    """Whether runs that converged may be compared in a column.
+
+    Depth and time outside tell who leaves the allowed space; everything else counts only inside it, and the φ band only
+    where no sliding mode was lost.
+    """
+    if column in ("violation_depth", "violation_time_s", "violated"):
+        return True
+    if column in ("phi_band", "sliding_lost_s"):
+        return keeps_rows(lines) and keeps_sliding(lines)
+    return keeps_rows(lines)

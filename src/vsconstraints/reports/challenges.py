@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from ..comparisons.suite import BASELINE
 from .best import Cell, comparable, marked
 from .markdown import code, table
-from .numbers import DASH, error, median, over_trials
+from .numbers import DASH, error, median, number, over_trials, percent
 from .results import Line, Results
+from .rows_shown import lane_rows
 
 FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s": ("mm/s", 1e3)}
 """Units in which margins are printed instead of the stored ones."""
@@ -21,7 +22,7 @@ def challenges(results: Results, scenario: str) -> str:
     if not labels:
         if not results.labels(scenario):
             return "This scenario has no constraint rows that could be scored."
-        return "Tracking alone violates no row here: nothing is challenged, and utilization has no value."
+        return "Tracking alone violates no row here: nothing is challenged."
     names = results.controllers
     may = comparable(
         [[] if name == BASELINE else [line["status"] for line in results.runs(scenario, name)] for name in names]
@@ -38,6 +39,25 @@ def challenges(results: Results, scenario: str) -> str:
         cells = [_cell(own, factor) for own in rows.values()]
         lines.append([code(label), shown, *marked(cells, kept, "less")])
     return table(["challenged row", "unit", *names], lines, text_columns=2)
+
+
+def held_rows(results: Results, scenario: str) -> str:
+    """A table with one line per row that held the arm back, and one column per controller; empty if none did."""
+    labels = lane_rows(results, scenario)
+    if not labels:
+        return ""
+    lines = [
+        [code(label), *(_usage(results.rows(scenario, name, label)) for name in results.controllers)]
+        for label in labels
+    ]
+    return table(["row that held the arm back", *results.controllers], lines, text_columns=1)
+
+
+def _usage(lines: Sequence[Line]) -> str:
+    usage, seconds = [line["usage_held"] for line in lines], median([line["held_time_s"] for line in lines])
+    if not math.isfinite(median(usage)):
+        return DASH
+    return f"{over_trials(usage, percent)} / {number(seconds)} s"
 
 
 def _cell(lines: Sequence[Line], factor: float) -> Cell:

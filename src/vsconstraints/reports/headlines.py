@@ -10,7 +10,7 @@ from ..comparisons.suite import BASELINE
 from .best import keeps_rows
 from .markdown import bold, bullets, code, enumeration, plain
 from .numbers import Format, median, number, percent
-from .results import CARRIED_THROUGH, Line, Results, violated
+from .results import CARRIED_THROUGH, Line, Results, violated, within_band
 
 MOST_NAMES = 9
 """A sentence names no more scenarios than this."""
@@ -65,12 +65,12 @@ def _findings(results: Results) -> list[str]:
     ranked_names = sorted(clean, key=lambda name: -clean[name])
     found = [
         "Runs that converged without violating a row: "
-        + ", ".join(f"{bold(name)} {clean[name]} of {len(results.all_runs(name))}" for name in ranked_names)
+        + ", ".join(_clean_runs(results, name, clean[name]) for name in ranked_names)
         + "."
     ]
     found += [_of_controller(results, name) for name in results.competitors]
     ranked = [
-        ("Most of the challenged space used", "utilization", max, percent, "{} %"),
+        ("Most of the allowed space used", "utilization", max, percent, "{} %"),
         ("Least chattering (acceleration variation)", "acceleration_variation", min, number, "{} rad/s³"),
     ]
     if len(results.competitors) > 1:
@@ -83,6 +83,13 @@ def _findings(results: Results) -> list[str]:
             + "."
         )
     return found
+
+
+def _clean_runs(results: Results, name: str, clean: int) -> str:
+    lines = results.all_runs(name)
+    slight = sum(line["status"] == "converged" and not violated(line) and bool(within_band(line)) for line in lines)
+    text = f"{bold(name)} {clean} of {len(lines)}"
+    return f"{text} ({slight} of them outside within the sampling band)" if slight else text
 
 
 def _of_controller(results: Results, name: str) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from .headlines import anchor
 from .markdown import table
-from .results import Line, Results, violated
+from .results import Line, Results, violated, within_band
 
-OUTSIDE = "†"
+OUTSIDE, WITHIN = "†", "‡"
 
 
 def outcomes(results: Results) -> str:
@@ -15,7 +15,7 @@ def outcomes(results: Results) -> str:
         [f"[{name}](#{anchor(name)})", *(_outcome(list(results.runs(name, one))) for one in results.controllers)]
         for name in results.scenarios
     ]
-    legend = f"{OUTSIDE} a row was violated."
+    legend = f"{OUTSIDE} a row was violated. {WITHIN} none was, but one was outside within the sampling band."
     if results.trials > 1:
         legend += " Counts are of trials."
     return "\n\n".join(
@@ -30,7 +30,11 @@ def outcomes(results: Results) -> str:
 def _outcome(lines: list[Line]) -> str:
     if not lines:
         return "not run"
-    endings = [f"{line['status'] or 'unknown'}{OUTSIDE if violated(line) else ''}" for line in lines]
+    endings = [f"{line['status'] or 'unknown'}{_mark(line)}" for line in lines]
     if len(lines) == 1:
         return endings[0]
     return ", ".join(f"{endings.count(ending)} {ending}" for ending in dict.fromkeys(endings))
+
+
+def _mark(line: Line) -> str:
+    return OUTSIDE if violated(line) else WITHIN if within_band(line) else ""

@@ -19,7 +19,7 @@ def phi_rows(results: Results, scenario: str) -> tuple[str, ...]:
 
 
 def lane_rows(results: Results, scenario: str) -> tuple[str, ...]:
-    """Rows that shaped the command of a competitor."""
+    """Rows that held the arm back with a competitor."""
     weight = _weights(results, scenario)
     return _most(results, scenario, {label for label, (_, acted) in weight.items() if acted > 0.0}, MOST_LANES)
 

@@ -3,84 +3,52 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
-from ..comparisons.metrics import NEGLIGIBLE
+from ..comparisons.metrics import METRICS, NEGLIGIBLE, Metric
 from ..comparisons.suite import BASELINE
 from ..scenarios import Scenario
-from .best import Better, Cell, comparable, keeps_rows, marked
-from .challenges import challenges
+from .best import Cell, comparable, judged_by, marked
+from .challenges import challenges, held_rows
 from .headlines import anchor
 from .jobs import Drawn
 from .markdown import bullets, code, plain, table
 from .numbers import DASH, Format, count, error, number, percent
-from .results import Line, Results, violated
+from .results import Line, Results, ratio, violated, within_band
 from .rows_shown import lanes_left_out
-from .summary import band_ratio
 
-
-@dataclass(frozen=True)
-class Column:
-    """A column of a scenario's tables: what it is called, which value it shows, and what is better."""
-
-    header: str
-    value: Callable[[Line], float]
-    better: Better | None = "less"
-    show: Format = number
-    only_kept: bool = False
-
-
-def _of(name: str, factor: float = 1.0) -> Callable[[Line], float]:
-    return lambda line: factor * float(line[name])
-
-
-TASK = (
-    Column("settling time [s]", _of("settling_time_s")),
-    Column("position error [mm]", _of("final_translation_error_m", 1e3), show=error),
-    Column("orientation error [mrad]", _of("final_rotation_error_rad", 1e3), show=error),
-    Column("image error [px]", _of("final_feature_error_px"), show=error),
-    Column("utilization [%]", _of("utilization"), "more", percent, only_kept=True),
-    Column("worst depth [% of L]", _of("violation_depth", 100.0)),
-    Column("time outside [s]", _of("violation_time_s")),
-)
-CHATTERING = (
-    Column("φ band", _of("phi_band"), None),
-    Column("bound T_s u⁺", _of("phi_band_bound"), None),
-    Column("band / bound", band_ratio),
-    Column("switching rate [Hz]", _of("switching_rate_hz")),
-    Column("acceleration variation [rad/s³]", _of("acceleration_variation")),
-    Column("RMS jerk [rad/s³]", _of("jerk_rms")),
-    Column("step time, median [µs]", _of("step_time_median_us")),
-    Column("p99 [µs]", _of("step_time_p99_us")),
-    Column("max [µs]", _of("step_time_max_us"), None),
-    Column("rows and task, median [µs]", _of("rows_time_median_us"), None),
-    Column("missed periods", _of("missed_periods"), show=count),
-)
+FORMATS: dict[str, Format] = {"number": number, "error": error, "percent": percent, "count": count}
+"""How the styles of metrics print."""
 
 CAPTIONS = {
     "tracks": "Tracks of the markers in the image.",
-    "phi": "φ of the rows that matter, and when each row shapes the command.",
+    "phi": "φ of the rows that matter, and when each row holds the arm back.",
     "errors": "Errors over time.",
     "acceleration": "Commanded joint acceleration.",
 }
 
 HOW_TO_READ = (
-    "**Bold** is the best of a column, judged by the digits shown; ties are all bold. Only controllers that converged "
-    "are judged or, where nobody did, those that neither failed nor were aborted; utilization only where no row was "
-    f"violated. More utilization is better, of everything else less. {BASELINE} is never marked. {DASH} stands where "
-    "there is no value.",
+    "**Bold** is the best of a column, judged by the digits shown; ties are all bold. More utilization is better, of "
+    "everything else less. In parentheses is what is not compared: values of "
+    f"{BASELINE}, and of controllers that did not converge; in the columns other than depth and time outside also of "
+    "those that violated a row, and φ bands of those that lost a sliding mode. Times are not judged: they differ from "
+    f"run to run as much as between laws. {DASH} stands where there is no value.",
+    "**Violated rows** were deeper outside than sampling alone explains; ‡ marks rows that were outside only within "
+    "the sampling band T_s u⁺, which have no part in depth and time outside.",
     "**Challenged rows**: least clearance / mean unused margin. The mean is over the time in which tracking alone is "
-    "outside. A negative clearance is how far the row was outside, which counts as a violation from "
-    f"{100.0 * NEGLIGIBLE:g} % of L on. Bold: the smallest mean among the controllers that did not violate the row.",
+    "outside. A negative clearance is how far the row was outside, which counts from "
+    f"{100.0 * NEGLIGIBLE:g} % of L on. Bold: the smallest mean among the controllers that converged and did not "
+    "violate the row.",
+    "**Rows that held the arm back**: usage [%] of the room that was left at the arm's speed, while the row did, and "
+    "for how long. Its mean, weighted by those times, is the utilization of a run that converged.",
     "**Tracks**: what is far outside the image is cut off. The square is shown enlarged in the same panel: it is where "
     "a controller is deepest outside by less than 5 % of the image or, if none is, where the first one is nearest to "
     "a boundary.",
     "**φ** is drawn relative to one switching step T_s u⁺, linear up to ±2 and logarithmic beyond; lines show the "
     "greatest value in short windows, shades the range. Allowed is below 0; the yellow band is ± one step. The bars "
-    "below show when each row shapes the command of each controller, with short gaps closed. Rows are shown that are "
+    "below show when each row holds the arm back, with each controller, with short gaps closed. Rows are shown that are "
     "challenged or violated, and bars for rows that act.",
     "**Errors** are drawn on a logarithmic axis. Where lines coincide, the later ones lie as thinner lines on the "
     "earlier ones.",
@@ -111,8 +79,8 @@ def scenario_section(results: Results, name: str, drawn: Drawn) -> str:
     parts += [text for text in (" ".join(scenario.description.split()), _facts(scenario)) if text]
     if not any(results.runs(name, controller) for controller in results.controllers):
         return "\n\n".join([*parts, "No run of this scenario finished."])
-    parts += [_table(results, name, TASK, with_status=True), _table(results, name, CHATTERING, with_status=False)]
-    parts.append(challenges(results, name))
+    parts += [_table(results, name, group) for group in ("task", "chattering")]
+    parts += [text for text in (challenges(results, name), held_rows(results, name)) if text]
     for kind, file in drawn.files.items():
         parts.append(f"![{name}: {kind}](figures/{quote(file)})\n\n*{CAPTIONS[kind]}{_addition(results, name, kind)}*")
     if drawn.problems:
@@ -167,22 +135,28 @@ def _unusual(tables: Mapping[str, Any]) -> list[str]:
     return facts
 
 
-def _table(results: Results, scenario: str, columns: Sequence[Column], *, with_status: bool) -> str:
+def _table(results: Results, scenario: str, group: str) -> str:
+    with_status = group == "task"
     runs = {name: list(results.runs(scenario, name)) for name in results.controllers}
     may = comparable([[] if name == BASELINE else [line["status"] for line in own] for name, own in runs.items()])
-    kept = [ok and keeps_rows(own) for ok, own in zip(may, runs.values(), strict=True)]
     header, parts = ["controller"], [list(runs)]
     if with_status:
         header += ["status", "violated rows"]
         parts += [[_status(own) for own in runs.values()], [_violated(own) for own in runs.values()]]
-    for column in columns:
-        cells = [Cell.of([column.value(line) for line in own], column.show) for own in runs.values()]
-        if all(not math.isfinite(cell.value) for cell in cells):
+    for metric in METRICS:
+        cells = [Cell.of([_value(metric, line) for line in own], FORMATS[metric.style]) for own in runs.values()]
+        if metric.group != group or all(not math.isfinite(cell.value) for cell in cells):
             continue
-        header.append(column.header)
-        parts.append(marked(cells, kept if column.only_kept else may, column.better))
+        judged = [ok and judged_by(metric.column, own) for ok, own in zip(may, runs.values(), strict=True)]
+        header.append(metric.header)
+        parts.append(marked(cells, judged, metric.better))
     lines = [[part[i] for part in parts] for i in range(len(runs))]
     return table(header, lines, text_columns=3 if with_status else 1)
+
+
+def _value(metric: Metric, line: Line) -> float:
+    value = ratio(line, metric.column, metric.over) if metric.over else float(line[metric.column])
+    return metric.factor * value
 
 
 def _status(lines: Sequence[Line]) -> str:
@@ -201,10 +175,11 @@ def _violated(lines: Sequence[Line]) -> str:
     if not lines or all(not math.isfinite(line["violation_depth"]) for line in lines):
         return DASH
     names = [label for line in lines for label in violated(line)]
-    if not names:
-        return "none"
-    several = len(lines) > 1
-    return ", ".join(
-        f"{code(label)} ({names.count(label)} of {len(lines)})" if several else code(label)
-        for label in dict.fromkeys(names)
-    )
+    slight = [label for line in lines for label in within_band(line)]
+    listed = [_often(label, names.count(label), len(lines)) for label in dict.fromkeys(names)]
+    listed += [f"{_often(label, slight.count(label), len(lines))} ‡" for label in dict.fromkeys(slight)]
+    return ", ".join(listed) if listed else "none"
+
+
+def _often(label: str, times: int, runs: int) -> str:
+    return f"{code(label)} ({times} of {runs})" if runs > 1 else code(label)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .numbers import mean
-from .results import CARRIED_THROUGH, Results
+from .results import Results
 from .style import looks
 
 FILE = "trade-off.png"
@@ -29,17 +29,13 @@ def trade_off(results: Results, folder: Path) -> Overview:
     means: list[Point] = []
     left_out = 0
     for name in results.competitors:
-        lines = [
-            line
-            for line in results.all_runs(name)
-            if math.isfinite(line["utilization"]) and line["acceleration_variation"] > 0.0
-        ]
-        through = [line for line in lines if line["status"] in CARRIED_THROUGH]
-        left_out += len(lines) - len(through)
+        lines = results.all_runs(name)
         own = [
             Point(name, line["utilization"], line["acceleration_variation"], line["violation_depth"] == 0.0)
-            for line in through
+            for line in lines
+            if math.isfinite(line["utilization"]) and line["acceleration_variation"] > 0.0
         ]
+        left_out += len(lines) - len(own)
         runs += own
         if len(own) > 1:
             means.append(
@@ -58,14 +54,10 @@ def trade_off(results: Results, folder: Path) -> Overview:
         return Overview(f"The overview figure could not be drawn: {type(error).__name__}: {error}")
     text = (
         f"![Utilization against acceleration variation](figures/{FILE})\n\n"
-        "*Each small marker is one run: how much of the allowed space at the challenged rows it used, and how much its "
-        "command chattered. The lower right corner is best. Large markers are the means. Hollow: a row was violated "
-        "in the run, or for a mean in at least one of its runs; a violated row counts as fully used."
+        "*Each small marker is one run that converged: how much of the allowed space it used where rows held it back, "
+        "and how much its command chattered. The lower right corner is best. Large markers are the means. Hollow: a "
+        "row was violated in the run, or for a mean in at least one of its runs."
     )
     if left_out:
-        text += (
-            f" Left out: {left_out} runs that failed or were aborted."
-            if left_out > 1
-            else (" Left out: one run that failed or was aborted.")
-        )
+        text += f" Left out are runs that did not converge, or that no row held back: {left_out}."
     return Overview(text + "*", FILE)

@@ -9,6 +9,7 @@ from ..control_step import ControlStep
 from ..evaluation import Bound
 from ..geometry import Pose, distances
 from ..rows import Array, Command
+from .acting import acting
 from .outcome import judge
 from .plant import Plant
 from .setup import Setup
@@ -42,8 +43,10 @@ class Log:
     ----------
     states
         (N, s, n) of the plant at the beginning of each period, q, q̇ and the command among them.
-    active
-        (N, m) rows that shaped the command.
+    slowed
+        (N, m) by how much less φ rises with the command than with tracking alone [units of φ per second].
+    tracked
+        (N, n) what tracking alone would command; of compiled steps.
     rows_times, step_times
         Wall times of each sample; their length is the number of samples that came to a command.
     """
@@ -60,7 +63,7 @@ class Log:
         self.pixels = np.empty((N, len(setup.scene.markers), 2))
         self.points = np.empty((N, len(setup.scene.points), 3))
         self.phi, self.sigma = np.empty((N, m)), np.empty((N, m))
-        self.active = np.zeros((N, m), dtype=np.bool_)
+        self.slowed, self.tracked = np.empty((N, m)), np.empty((N, setup.scene.robot.n))
         self.rows_times: list[float] = []
         self.step_times: list[float] = []
         self.fallbacks = 0
@@ -85,7 +88,6 @@ class Log:
     def command(self, k: int, command: Command, rows_time: float, step_time: float) -> None:
         """Keep a command and the state that it meets."""
         self.states[k] = self.plant.x
-        self.active[k] = command.acted
         self.rows_times.append(rows_time)
         self.step_times.append(step_time)
         self.fallbacks += bool(command.fallback)
@@ -115,6 +117,9 @@ class Log:
             (self.camera_t, packed.camera_t),
         ):
             part[begin:end] = steps[:, where].reshape(end - begin, *part.shape[1:])
+        change = self.tracked[begin:end] - self.states[begin:end, -2]
+        Lg = steps[:, packed.Lg].reshape(end - begin, packed.m, packed.n)
+        self.slowed[begin:end] = (Lg @ change[:, :, None])[:, :, 0]
 
     def finish(self, ended: str, reason: str) -> Trajectory:
         """The trajectory, of the samples that came to a command."""
@@ -123,7 +128,9 @@ class Log:
         q, qd, qdd = (np.ascontiguousarray(self.states[:N, i]) for i in (0, 1, -2))
         image_size = setup.scene.camera.size
         trace = Trace(self.t[:N], q, qd, self.pixels[:N], self.points[:N], image_size)
-        clearance = setup.constraints.clearance(trace)
+        constraints = setup.constraints
+        clearance = constraints.clearance(trace)
+        active = acting(self.phi[:N], self.slowed[:N], constraints.switching_gain, constraints.scale)
         between = _between(setup, self.control, self.plant, self.states[:N], clearance)
         camera_error, feature_error = self._errors(N)
         camera_R, camera_t = self.camera_R[:N], self.camera_t[:N]
@@ -147,7 +154,7 @@ class Log:
             self.phi[:N],
             self.sigma[:N],
             clearance,
-            self.active[:N],
+            active,
             between,
             np.array(self.rows_times),
             np.array(self.step_times),
@@ -168,10 +175,11 @@ class Log:
 
 
 def _between(setup: Setup, control: ControlStep, plant: Plant, states: Array, clearance: Array) -> Array:
-    """(m,) least clearance inside the sampling periods in which that of some row may be its least of the run.
+    """(N, m) least clearance inside the period after each sample; infinite where it is not looked at.
 
-    These are near its boundary (:data:`NEAR`), and not far from its least in the samples (:data:`DIP`) or such that a
-    joint turns back inside (:data:`BACK`).
+    Looked at are periods inside which a row may be outside, or have its least clearance of the run: near its boundary
+    (:data:`NEAR`), and not far from it or from its least in the samples (:data:`DIP`), or such that a joint turns back
+    inside (:data:`BACK`).
 
     Parameters
     ----------
@@ -182,9 +190,9 @@ def _between(setup: Setup, control: ControlStep, plant: Plant, states: Array, cl
     clearance
         (N, m) in the samples.
     """
-    m = clearance.shape[1]
-    least = np.full(m, np.inf)
-    if m == 0 or len(states) < 2:
+    N, m = clearance.shape
+    least = np.full((N, m), np.inf)
+    if m == 0 or N < 2:
         return least
     near = NEAR * setup.constraints.characteristic_length
     ends = np.minimum(clearance[:-1], clearance[1:])
@@ -192,16 +200,16 @@ def _between(setup: Setup, control: ControlStep, plant: Plant, states: Array, cl
         change = np.abs(np.diff(clearance, axis=0)).max(axis=0)
     change[~np.isfinite(change)] = np.inf
     dip = DIP[0] * change + DIP[1] * setup.constraints.characteristic_length
-    looks = (ends < np.fmin(near, clearance.min(axis=0) + dip)).any(axis=1)
+    looks = (ends < np.fmin(near, np.maximum(clearance.min(axis=0), 0.0) + dip)).any(axis=1)
     turn = -(states[:-1, 1] * states[1:, 1]).min(axis=1) > (4.0 * BACK / setup.Ts) ** 2
     periods = np.flatnonzero(looks | turn & (ends < near).any(axis=1))
-    if not len(periods):
-        return least
-    inside = [plant.inside(states[periods].transpose(0, 2, 1), share * setup.Ts) for share in BETWEEN]
-    q, qd = (np.concatenate(parts) for parts in zip(*inside, strict=True))
-    t = np.concatenate([(periods + share) * setup.Ts for share in BETWEEN])
-    pixels, points, seen = control.look(t, q)
-    if not seen.any():
-        return least
-    trace = Trace(t[seen], q[seen], qd[seen], pixels[seen], points[seen], setup.scene.camera.size)
-    return setup.constraints.least_clearance(trace)
+    for share in BETWEEN if len(periods) else ():
+        q, qd = plant.inside(states[periods].transpose(0, 2, 1), share * setup.Ts)
+        t = (periods + share) * setup.Ts
+        pixels, points, seen = control.look(t, q)
+        if not seen.any():
+            continue
+        at = periods[seen]
+        trace = Trace(t[seen], q[seen], qd[seen], pixels[seen], points[seen], setup.scene.camera.size)
+        least[at] = np.minimum(least[at], setup.constraints.clearance(trace))
+    return least

@@ -9,11 +9,12 @@ from time import perf_counter
 import numpy as np
 
 from ..control_step import ControlStep
-from ..controllers import Controller
+from ..controllers import Controller, Tracking
 from ..errors import ConfigurationError, SceneError, described
 from ..evaluation import CompiledEvaluation
 from ..geometry import Pose
-from ..rows import Command
+from ..rows import Command, Rows, Task
+from .acting import loses_rank
 from .line_of_sight import LinesOfSight
 from .log import STEPS, Log
 from .setup import Setup
@@ -23,13 +24,25 @@ LOOKS = 100
 """How often in a run lines of sight are looked at."""
 
 
-def simulate(setup: Setup, controller: Controller) -> Trajectory:
+def simulate(setup: Setup, controller: Controller, *, by_public_call: bool = False) -> Trajectory:
     """Run a controller on a setup, from t = 0 to its duration or until it cannot go on.
 
     A scene that can no longer be evaluated, a controller that fails, and own parts that raise anything end the run with
     the status ``failed``; what was simulated until then is kept. The command of the last sample is computed but not
-    carried out. The reason also holds the remarks of :meth:`Setup.check_start` and of the controller, and how often
-    another QP solver had to answer.
+    carried out. The reason also holds the remarks of :meth:`Setup.check_start` and of the controller, how often
+    another QP solver had to answer, and how often a law claimed a loss of rank that its rows do not show, at which no
+    run is stopped.
+
+    Parameters
+    ----------
+    setup
+        What is simulated.
+    controller
+        What commands it.
+    by_public_call
+        Whether every law is asked by ``controller.command(rows, task)``, as a user's own loop does, so that the times
+        of different laws are those of the same call. Otherwise compiled laws run on the arrays of the compiled step,
+        which is faster; their commands are the same.
 
     Raises
     ------
@@ -39,12 +52,14 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
     remarks = setup.check_start()
     setup.task.reset()
     controller.reset()
-    run = _Run(setup, controller)
+    run = _Run(setup, controller, by_public_call)
     run.to_the_end()
     trajectory = run.log.finish(run.ended, run.reason)
     remarks += _hidden(setup, trajectory)
     if trajectory.fallbacks:
         remarks.append(f"another QP solver than the one asked for answered in {trajectory.fallbacks} samples")
+    if run.unfounded:
+        remarks.append(f"the law claimed a loss of rank in {run.unfounded} samples in which its rows have full rank")
     remarks.append(controller._remark(setup.constraints.labels))
     reason = "; ".join(filter(None, (trajectory.reason, *remarks)))
     return replace(trajectory, reason=reason, compiled=run.compiled)
@@ -53,12 +68,14 @@ def simulate(setup: Setup, controller: Controller) -> Trajectory:
 class _Run:
     """A controller and a robot, sample by sample."""
 
-    def __init__(self, setup: Setup, controller: Controller) -> None:
-        self.setup, self.controller = setup, controller
+    def __init__(self, setup: Setup, controller: Controller, by_public_call: bool = False) -> None:
+        self.setup, self.controller, self.by_public_call = setup, controller, by_public_call
+        self.baseline = Tracking()
         self.control = ControlStep(setup.scene, setup.constraints, setup.task)
         self.plant, self.sensor, self.gradient_error = setup.plant(), setup.sensor(), setup.gradient_error()
         self.log = Log(setup, self.control, self.plant)
         self.ended, self.reason, self.compiled = "", "", False
+        self.unfounded = 0
 
     def to_the_end(self) -> None:
         k = 0
@@ -94,31 +111,45 @@ class _Run:
         ready = perf_counter()
         # before the call: a law may use its rows as it likes. What is kept is what is true
         log.error(k, step.error)
+        true_Lg = step.rows.Lg
         if self.sensor.disturbed:
             true_rows, sigma = self.setup.constraints.rows(state)
+            true_Lg = true_rows.Lg
             log.true(k, true_rows.phi, sigma, state.pixels.position, state.robot.points, state.camera)
         else:
             log.true(k, step.rows.phi, step.sigma, step.pixels, step.points, Pose(step.camera_R, step.camera_t))
+        true_Lg, task = true_Lg.copy(), Task(step.task.J.copy(), step.task.b.copy())
+        given = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy())
         called = perf_counter()
         command = self.controller.command(rows, step.task)
-        self._carry_out(k, command, ready - started, perf_counter() - called)
+        ended = perf_counter()
+        log.slowed[k] = true_Lg @ (self.baseline.command(Rows.none(len(q)), task).qdd - command.qdd)
+        self._carry_out(k, command, given, ready - started, ended - called)
 
-    def _carry_out(self, k: int, command: Command, rows_time: float, step_time: float) -> None:
+    def _carry_out(self, k: int, command: Command, given: Rows, rows_time: float, step_time: float) -> None:
+        """Go on to the next sample, or end the run.
+
+        A loss of rank that the law claims is believed where the rows that it was given show it.
+        """
         self.plant.begin(command.qdd)
         self.log.command(k, command, rows_time, step_time)
-        if command.status == "failed" or (command.status == "rank-loss" and self.setup.abort_on_rank_loss):
+        claimed = command.status == "rank-loss"
+        lost = claimed and loses_rank(given)
+        self.unfounded += claimed and not lost
+        if command.status == "failed" or (lost and self.setup.abort_on_rank_loss):
             self._end("failed" if command.status == "failed" else "aborted", k, command.reason)
         else:
             self.plant.step()
 
     def _compiled(self) -> Callable[[int], None] | None:
-        """One sample where step and law are compiled and measured is what is true; None if that is not so.
+        """One sample where the step is compiled and measured is what is true; None if that is not so.
 
-        Both work on arrays that stay where they are: making new ones takes longer than computing what they hold.
+        It works on arrays that stay where they are, and so do compiled laws unless they are asked by the public call:
+        making new arrays takes longer than computing what they hold.
         """
         if self.setup.disturbances.sensing or self.gradient_error.any:
             return None
-        setup, x, log, plant = self.setup, self.plant.x, self.log, self.plant
+        setup, x, log, plant, controller = self.setup, self.plant.x, self.log, self.plant, self.controller
         Ts, bound = setup.Ts, self.control.bound()
         # what is kept is what is true; where no motion is unknown, that is what controllers are told
         true = bound
@@ -127,11 +158,14 @@ class _Run:
         if bound is None or true is None:
             return None
         q, qd, acted, qdd = x[0], x[1], np.empty(len(log.labels), dtype=np.bool_), x[-2]
-        law = self.controller._bind(bound.now.rows, bound.now.task, acted, qdd)
-        if law is None:
+        now, untouched, alone = bound.now, np.empty(len(log.labels), dtype=np.bool_), np.empty(len(q))
+        tracking = self.baseline._bind(now.rows, now.task, untouched, alone)
+        if tracking is None:
             return None
-        solve, evaluate, out, steps, active = law.solve, bound.evaluate, true.out, log.begin_steps(true), log.active
-        look = None if true is bound else true.evaluate
+        law = None if self.by_public_call else controller._bind(now.rows, now.task, acted, qdd)
+        solve = None if law is None else law.solve
+        evaluate, out, steps, tracked = bound.evaluate, true.out, log.begin_steps(true), log.tracked
+        look, track = None if true is bound else true.evaluate, tracking.solve
         rows_times, step_times, states, varies = log.rows_times, log.step_times, log.states, plant.varies
 
         def sample(k: int) -> None:
@@ -144,18 +178,22 @@ class _Run:
                 self._sample(k)
                 return
             ready = perf_counter()
-            asks = solve()
+            asks = solve is None or solve()
             ended = perf_counter()
             i = k % STEPS
             if i == 0:
                 log.keep_steps(k)
             steps[i] = out
+            tracked[k] = self.baseline.command(now.rows, now.task).qdd if track() else alone
             if asks:
+                # a law may use its rows as it likes
                 step = CompiledEvaluation(bound.packed, setup.constraints, bound.out.copy())
-                command = self.controller.command(step.rows, step.task)
-                self._carry_out(k, command, ready - started, perf_counter() - ready)
+                rows, task = step.rows, step.task
+                called = perf_counter()
+                command = controller.command(rows, task)
+                ended = perf_counter()
+                self._carry_out(k, command, now.rows, ready - started, ended - called)
                 return
-            active[k] = acted
             if varies:
                 plant.begin(qdd)
             states[k] = x

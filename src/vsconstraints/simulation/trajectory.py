@@ -47,11 +47,12 @@ class Trajectory:
     phi, sigma, clearance
         (N, m) as they are, also where a controller believes otherwise.
     active
-        (N, m) rows that shaped the command.
+        (N, m) rows that hold the arm back: :func:`vsconstraints.simulation.acting.acting`.
     between_clearance
-        (m,) least clearance at instants inside the sampling periods; infinite where none was looked at.
+        (N, m) least clearance at instants inside the period after each sample; infinite where none was looked at.
     rows_time, step_time
-        (N,) wall time for rows and task, and for the controller's call [s].
+        (N,) wall time for rows and task, and for the controller's call [s]: by which route, see
+        :func:`vsconstraints.simulation.simulate`.
     fallbacks
         How often another solver than the one asked for gave the answer.
     compiled

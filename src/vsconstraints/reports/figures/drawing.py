@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ...comparisons import RunRecord
-from ...comparisons.metrics import NEGLIGIBLE
+from ...comparisons.metrics import tolerated
 from ...comparisons.record import run_file
 from ...simulation import Setup
 from ..jobs import Drawn, ScenarioJob
@@ -66,7 +66,7 @@ def _load(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
             drawn.problems.append(f"The run of {name} left no trajectory; the figures leave it out.")
             continue
         runs[name] = record
-        outside = record.trajectory.clearance < -NEGLIGIBLE * record.length
+        outside = record.trajectory.clearance < -tolerated(record)
         for i, label in enumerate(record.trajectory.labels):
             if outside[:, i].any():
                 drawn.first_outside[name, label] = float(t[outside[:, i].argmax()])

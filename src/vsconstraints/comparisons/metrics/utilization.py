@@ -1,0 +1,56 @@
+"""How much of the allowed space is used, while a row holds the arm back."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from ...rows import Array, BoolArray
+from ..record import RunRecord
+
+STEPS = 2.0
+"""While φ is no farther below zero than so many switching steps T_s u⁺, a row that acts before and after holds on."""
+
+
+def held(record: RunRecord) -> BoolArray:
+    """(N, m) when each row holds the arm back: it acts or, in a sliding mode, acts before and after."""
+    active, phi = record.trajectory.active, record.trajectory.phi
+    closed = active.copy()
+    for i, step in enumerate(record.Ts * record.switching_gain):
+        at = np.flatnonzero(active[:, i])
+        for begin, end in pairwise(at):
+            if phi[begin:end, i].min() >= -STEPS * step:
+                closed[begin:end, i] = True
+    return closed
+
+
+def usage_at_speed(record: RunRecord) -> Array:
+    """(N, m) 1 − (c + K ċ)/L, from 0 to 1, of clearances c: usage of what is left at the speed at which it is used up.
+
+    It is 1 where the arm may come no faster, as φ = σ + K σ̇ = 0 says of it, and so does not mark down the approach to a
+    boundary. Of a speed, which has no K, it is the usage.
+    """
+    c = record.trajectory.clearance
+    if len(c) < 2:
+        return np.zeros(c.shape)
+    with np.errstate(invalid="ignore"):
+        left = c + record.approach_time * np.gradient(c, record.Ts, axis=0)
+        usage = np.clip(1.0 - left / record.length, 0.0, 1.0)
+    # where there is no boundary in sight, nothing of the space is used
+    return np.nan_to_num(usage)
+
+
+def usage_while_held(record: RunRecord, when: BoolArray) -> Array:
+    """(m,) mean usage of each row over the samples (N, m) in which it holds the arm back; NaN if there are none."""
+    count = when.sum(axis=0)
+    total = np.where(when, usage_at_speed(record), 0.0).sum(axis=0)
+    mean: Array = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
+    return mean
+
+
+def utilization(record: RunRecord, when: BoolArray) -> float:
+    """The same over all rows; NaN where the goal is not reached or nothing holds the arm back."""
+    if record.trajectory.status != "converged" or not when.any():
+        return float("nan")
+    return float(usage_at_speed(record)[when].mean())
