@@ -313,6 +313,7 @@ def test_settings_reach_what_they_name() -> None:
             "example-2d-fov.constraints.0.K=0.3",
             "hierarchical-qp.rows=active",
             "trials=2",
+            "scenario.start_deviation=0.01",
             "scenario.duration=1",
         ]
     )

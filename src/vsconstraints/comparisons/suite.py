@@ -200,6 +200,9 @@ class Suite:
         for entry in self.controllers:
             entry.controller()
         self.remarks()
+        if self.trials > 1:
+            for scenario in self.scenarios:
+                _demand_variety(scenario, self.trials, self.seed)
         return self
 
     def remarks(self) -> list[str]:
@@ -265,6 +268,17 @@ def _entry(name: str, table: object, where: str, folder: Path) -> Entry:
     law = section.take("type", str, name)
     controller_class(law, folder)
     return Entry(name, law, section.rest(), folder)
+
+
+def _demand_variety(scenario: Scenario, trials: int, seed: int) -> None:
+    """Raise ConfigurationError if all trials would be the same run."""
+    with chdir("."):  # own parts may change the working directory
+        first, second = scenario.setup(0, seed), scenario.setup(1, seed)
+    if not first.disturbances.random and (first.q0 == second.q0).all():
+        raise ConfigurationError(
+            f"{trials} trials of {scenario.name} would be the same run: nothing in it is random. Set start_deviation, "
+            "or pixel_noise, lost_frames or acceleration_noise in disturbances; or trials = 1"
+        )
 
 
 def _unique(names: Iterable[str]) -> list[str]:

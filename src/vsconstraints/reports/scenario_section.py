@@ -48,7 +48,7 @@ HOW_TO_READ = (
     "a boundary.",
     "**φ** is drawn relative to one switching step T_s u⁺, linear up to ±2 and logarithmic beyond; lines show the "
     "greatest value in short windows, shades the range. Allowed is below 0; the yellow band is ± one step. The bars "
-    "below show when each row holds the arm back, with each controller, with short gaps closed. Rows are shown that are "
+    "below show when each row holds the arm back, short gaps closed. Rows are shown that are "
     "challenged or violated, and bars for rows that act.",
     "**Errors** are drawn on a logarithmic axis. Where lines coincide, the later ones lie as thinner lines on the "
     "earlier ones.",

@@ -104,6 +104,11 @@ class Disturbances:
         return values
 
     @property
+    def random(self) -> bool:
+        """Whether anything is drawn from the seed."""
+        return bool(self.acceleration_noise or self.pixel_noise or self.lost_frames)
+
+    @property
     def image(self) -> bool:
         """Whether the measured image is another one than the true image of this moment."""
         return bool(self.pixel_noise or self.delay or self.lost_frames or self.image_period)

@@ -125,8 +125,8 @@ DEFINITIONS = {
     "usage": "1 − clearance / L, which is 1 on the boundary. L is half an allowed range or an obstacle's radius.",
     "challenged": "A row that tracking alone violates in this scenario and trial.",
     "active": "A row acts where it holds the arm back: the command makes its φ rise by less than tracking alone would "
-    "from the same state (by more than 0.001 u⁺). What slows one row slows others as well: of the slowed rows, those with "
-    "φ ≥ 0 act; where there is none, the one nearest to that. What a law says of itself does not count.",
+    "from the same state (by more than 0.001 u⁺). What slows one row slows others as well: of the slowed rows, those "
+    "with φ ≥ 0 act; where there is none, the one nearest to that. What a law says of itself does not count.",
     "held_time_s": "How long a row holds the arm back: it acts, or acted before and acts again while φ was never "
     "farther below zero than two switching steps T_s u⁺, as in a sliding mode. Of this row in constraints.csv, the sum "
     "over the rows in results.csv.",
