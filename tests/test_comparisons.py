@@ -49,6 +49,9 @@ PROMISED_RESULTS = [
     "rows_time_median_us",
     "missed_periods",
     "compiled",
+    "within_band",
+    "sliding_lost_s",
+    "held_time_s",
 ]
 PROMISED_CONSTRAINTS = [
     "suite",
@@ -69,6 +72,10 @@ PROMISED_CONSTRAINTS = [
     "violation_time_s",
     "phi_max",
     "longest_positive_run_s",
+    "sampling_band",
+    "band_depth",
+    "held_time_s",
+    "usage_held",
 ]
 PROMISED_ARRAYS = {
     "t", "q", "qd", "qdd_command", "error", "features_px", "labels", "phi", "sigma", "clearance", "active"
@@ -146,7 +153,10 @@ def test_scores_agree_with_the_trajectories(stored: StoredComparison) -> None:
     # on the side of the image the clearance is the distance to it
     closest = np.abs(run.features_px[:, 1]).max()
     assert marker["clearance_min"] == pytest.approx(half - closest, abs=0.05)
-    assert line["utilization"] == pytest.approx(closest / half, abs=2e-4)
+    assert marker["usage_max"] == pytest.approx(closest / half, abs=2e-4)
+    # stopped before the goal is reached
+    assert np.isnan(line["utilization"])
+    assert 0.9 < marker["usage_held"] <= 1.0
     assert marker["phi_max"] == pytest.approx(run.phi[:, 1].max())
     outside = tracking.clearance[:, 1] < 0
     assert marker["mean_unused_margin"] == pytest.approx(np.maximum(run.clearance[outside, 1], 0).mean(), rel=1e-6)
@@ -382,6 +392,13 @@ def test_own_modules_of_the_same_name_stay_apart(tmp_path: Path) -> None:
         controller = Suite.load(folder / "s.toml").controllers[0].controller()
         tolerances.append(controller.rank_tolerance)
     assert tolerances == [1e-3, 1e-4]
+
+
+@pytest.mark.parametrize("setting", ["start_deviation=0.01", "disturbances={pixel_noise = 0.1}"])
+def test_trials_need_something_random(setting: str) -> None:
+    with pytest.raises(ConfigurationError, match=r"3 trials of example-2d-fov would be the same run.*start_deviation"):
+        small_suite().select(settings=["trials=3"])
+    assert small_suite().select(settings=[f"scenario.{setting}", "trials=3"]).trials == 3
 
 
 def test_even_an_exit_inside_a_run_ends_that_run_only(tmp_path: Path) -> None:

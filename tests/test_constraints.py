@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
+from scipy.spatial import cKDTree
 
 from scenes import build_constraint, camera, constraint_tables, gradient, random_scene, robot, slope
 from vsconstraints import Camera, Robot, RobotPoint
@@ -30,6 +32,7 @@ from vsconstraints.constraints import (
     Shape,
     SpeedConstraint,
     Trace,
+    boundary,
     robot_points,
 )
 from vsconstraints.errors import ConfigurationError, InvalidInput
@@ -435,6 +438,32 @@ def test_clearance_of_bowl_and_heart(shape: Shape) -> None:
     expected = [nearest_crossing(curve, p) for p in pixels]
     # half a step, and next to a corner that falls between two rays sin(0.5°) of 60 px
     np.testing.assert_allclose(np.abs(found), expected, atol=0.65)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_clearance_at_a_concave_corner_is_that_of_the_nearest_side(
+    compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A heart's two sides, w u = r cos a and v = r sin a + |u|, meet in a corner at (0, r)."""
+    if not compiled:
+        monkeypatch.setattr(boundary, "load", lambda name: None)
+    heart = Occlusion(Curve(Heart(35.0, 0.8)), K=0.1, switching_gain=1.0)
+    rng = np.random.default_rng(3)
+    pixels = np.array([0.0, 35.0]) + rng.uniform(-6.0, 6.0, size=(800, 2))
+    angle = np.linspace(0.0, 2.0 * np.pi, 2_000_001)
+    u = 35.0 / 0.8 * np.cos(angle)
+    true = cKDTree(np.stack((u, 35.0 * np.sin(angle) + np.abs(u)), axis=1)).query(pixels)[0]
+    found = np.abs(heart.clearance(trace_of_pixels(pixels), slice(0, 0))[:, 0])
+    np.testing.assert_allclose(found, true, atol=1.5e-3)
+    # a wedge of two long segments and a short one that ends between them: every segment counts, by brute force
+    wedge = [np.array([[-50.0, 40.0], [0.0, 0.0], [50.0, 40.0]]), np.array([[0.0, 30.0], [0.0, 30.2]])]
+    points = rng.uniform(-40.0, 60.0, size=(300, 2))
+    expected = np.full(len(points), np.inf)
+    for line in wedge:
+        share = np.linspace(0.0, 1.0, 20_001)[:, None]
+        dense = np.concatenate([a + share * (b - a) for a, b in pairwise(line)])
+        expected = np.minimum(expected, cKDTree(dense).query(points)[0])
+    np.testing.assert_allclose(boundary.distance_to_lines(points, wedge), expected, atol=3e-3)
 
 
 def test_clearance_of_a_curve_outside_the_image_is_infinite() -> None:

@@ -1,0 +1,435 @@
+"""Scores of runs small enough to be worked out by hand, and what scores must never reward."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vsconstraints.comparisons import RunRecord, score
+from vsconstraints.comparisons.metrics import TIMING_COLUMNS
+from vsconstraints.controllers import Controller, SlidingMode, Tracking, make_controller
+from vsconstraints.rows import Array, Command, Rows, Task
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import Trajectory, simulate
+from vsconstraints.simulation.acting import acting, loses_rank
+
+
+def made(
+    clearance: Any,
+    phi: Any = None,
+    active: Any = None,
+    *,
+    Ts: float = 0.5,
+    between: Any = None,
+    length: Any = None,
+    gain: Any = None,
+    K: Any = None,
+    band: Any = None,
+    settled: Any = None,
+    status: str = "converged",
+    last_goal: float = 0.0,
+    **arrays: Any,
+) -> RunRecord:
+    """A run of one joint that was never simulated; rows are columns."""
+    clearance = np.array(clearance, dtype=float).T
+    N, m = clearance.shape
+
+    def of(values: Any, default: float) -> Array:
+        return np.full((N, m), default) if values is None else np.array(values, dtype=float).T
+
+    def each(values: Any, default: float) -> Array:
+        return np.full(m, default) if values is None else np.array(values, dtype=float)
+
+    nothing = np.zeros((N, 1))
+    trajectory = Trajectory(
+        status,  # type: ignore[arg-type]
+        "",
+        Ts * np.arange(N),
+        **{
+            **dict.fromkeys(("q", "qd", "qdd_command", "error"), nothing),
+            "camera_error": np.zeros((N, 2)),
+            "feature_error_px": np.zeros(N),
+            "camera_position": np.zeros((N, 3)),
+            "features_px": np.zeros((N, 1, 2)),
+            "points": np.zeros((N, 0, 3)),
+            "labels": tuple(f"row {i}" for i in range(m)),
+            "phi": of(phi, -1.0),
+            "sigma": of(phi, -1.0),
+            "clearance": clearance,
+            "active": of(active, 0.0).astype(bool),
+            "between_clearance": of(between, np.inf),
+            "rows_time": np.full(N, 1e-6),
+            "step_time": np.full(N, 1e-6),
+            "fallbacks": 0,
+            **arrays,
+        },
+    )
+    done = np.ones(N, dtype=bool) if settled is None else np.array(settled, dtype=bool)
+    return RunRecord(
+        trajectory,
+        ("made",) * m,
+        ("px",) * m,
+        each(length, 10.0),
+        each(gain, 2.0),
+        each(K, 0.5),
+        each(band, 0.0),
+        done,
+        last_goal,
+        Ts,
+        "",
+    )
+
+
+INF = np.inf
+SMALL = made(
+    clearance=[[4, 2, 1, 1, 2, 4], [1, 0.2, -0.4, 0.2, 1, 1]],
+    between=[[INF, INF, 0.5, INF, INF, INF], [INF] * 6],
+    phi=[[-1, 0.5, -0.3, 0.2, 0.1, -2], [-0.5, -0.1, 0.2, -0.1, -0.5, -0.5]],
+    active=[[0, 1, 0, 1, 0, 0], [0, 0, 1, 0, 0, 0]],
+    length=[10, 2],
+    gain=[2, 1],
+    K=[0.5, 0],
+    band=[0, 0.5],
+    settled=[0, 0, 1, 0, 1, 1],
+    last_goal=0.5,
+    qdd_command=np.array([[0.0], [3.0], [-1.0], [0.0], [0.0], [0.0]]),
+    camera_error=np.array([[9.0, 9.0]] * 5 + [[0.25, 0.125]]),
+    feature_error_px=np.array([9.0] * 5 + [1.5]),
+    step_time=np.array([7.0, 1e-6, 2e-6, 3e-6, 4e-6, 0.6]),
+    rows_time=np.array([7.0, 1e-6, 2e-6, 5e-6, 4e-6, 3e-6]),
+)
+BASELINE = made(clearance=[[4, 3, -1, -2, 3, 4], [1, 1, 1, 1, 1, 1]], length=[10, 2])
+
+
+def test_every_score_of_a_small_run() -> None:
+    """T_s = 0.5 s, six samples, a row of a position (K = 0.5 s) and one of a speed that is outside within its band."""
+    found = score(SMALL, BASELINE)
+    assert found.result == {
+        "status": "converged",
+        "reason": "",
+        "duration_s": 2.5,
+        # settled from 2 s on for good; the last goal was set at 0.5 s
+        "settling_time_s": 1.5,
+        "final_translation_error_m": 0.25,
+        "final_rotation_error_rad": 0.125,
+        "final_feature_error_px": 1.5,
+        # at 0.5, 1 and 1.5 s c + K ċ = 2 − 1.5, 1 − 0.5, 1 + 0.5 of 10; the speed is outside at 1 s
+        "utilization": pytest.approx((0.95 + 0.95 + 0.85 + 1.0) / 4),
+        "violated": "",
+        "violation_depth": 0.0,
+        "violation_time_s": 0.0,
+        # φ ≥ 0 three times; from −0.3 to 0.5
+        "phi_band": pytest.approx(0.8),
+        "phi_band_bound": 1.0,
+        "sliding_lost_s": 0.0,
+        # none, first, second, first, none, none: four changes
+        "switching_rate_hz": pytest.approx(4 / 2.5),
+        # |Δ| = 3, 4, 1, 0, 0
+        "acceleration_variation": pytest.approx(8 / 2.5),
+        "jerk_rms": pytest.approx(np.sqrt((9 + 16 + 1) / 5) / 0.5),
+        "step_time_median_us": pytest.approx(3.0),
+        "step_time_p99_us": pytest.approx(0.96 * 0.6e6 + 0.04 * 4.0),
+        "step_time_max_us": pytest.approx(0.6e6),
+        "rows_time_median_us": pytest.approx(3.0),
+        "missed_periods": 1,
+        "within_band": "row 1",
+        # three samples of the first row, as φ stays above −2 between them, and one of the second
+        "held_time_s": 2.0,
+    }
+    first, second = found.constraints
+    assert first == {
+        "constraint": "row 0",
+        "kind": "made",
+        "unit": "px",
+        "challenged": True,
+        "active_time_s": 1.0,
+        "first_active_s": 0.5,
+        "last_active_s": 1.5,
+        "clearance_min": 0.5,
+        "usage_max": pytest.approx(0.95),
+        "mean_unused_margin": 1.0,
+        "violation_depth": 0.0,
+        "violation_time_s": 0.0,
+        "phi_max": 0.5,
+        "longest_positive_run_s": 1.0,
+        "sampling_band": 0.0,
+        "band_depth": 0.0,
+        "held_time_s": 1.5,
+        "usage_held": pytest.approx((0.95 + 0.95 + 0.85) / 3),
+    }
+    assert not second["challenged"]
+    assert np.isnan(second["mean_unused_margin"])
+    assert (second["clearance_min"], second["usage_max"]) == (-0.4, pytest.approx(1.2))
+    assert (second["violation_depth"], second["band_depth"], second["sampling_band"]) == (0.0, 0.4, 0.5)
+    assert (second["active_time_s"], second["longest_positive_run_s"]) == (0.5, 0.5)
+
+
+def test_a_run_that_does_not_converge_has_no_settling_time_and_no_utilization() -> None:
+    for status in ("trapped", "unfinished", "aborted", "failed"):
+        run = replace(SMALL, trajectory=replace(SMALL.trajectory, status=status))
+        result = score(run, BASELINE).result
+        assert np.isnan([result["settling_time_s"], result["utilization"]]).all()
+        # what each row was used for is still told
+        assert score(run, BASELINE).constraints[0]["usage_held"] == pytest.approx(2.75 / 3)
+
+
+def test_the_unused_margin_is_that_of_the_samples_in_which_tracking_is_outside() -> None:
+    run = made(clearance=[[9, 5, 2, -1, 9]])
+    baseline = made(clearance=[[9, -1, -1, -1, 9]])
+    # 5, 2 and, outside, nothing
+    assert score(run, baseline).constraints[0]["mean_unused_margin"] == pytest.approx(7 / 3)
+
+
+# --- violation ---
+
+
+def test_a_row_counts_as_outside_from_a_ten_thousandth_of_its_length_on() -> None:
+    """L = 10: 0.001."""
+    run = made(clearance=[[1, -0.0009, 1], [1, -0.0011, 1]])
+    result, rows = score(run, None).result, score(run, None).constraints
+    assert result["violated"] == "row 1"
+    assert [row["violation_depth"] for row in rows] == [0.0, 0.0011]
+    assert [row["violation_time_s"] for row in rows] == [0.0, 0.5]
+
+
+def test_depth_and_time_outside_see_between_samples_alike() -> None:
+    run = made(clearance=[[1, 1, 1, -0.2, 1, 1]], between=[[INF, -0.3, 0.5, INF, INF, -0.0005]])
+    result, (row,) = score(run, None).result, score(run, None).constraints
+    assert (row["clearance_min"], row["violation_depth"]) == (-0.3, 0.3)
+    assert result["violation_depth"] == pytest.approx(0.03)
+    # the periods that begin at 0.5 s and at 1.5 s
+    assert result["violation_time_s"] == row["violation_time_s"] == 1.0
+    alone = made(clearance=[[1, 1, 1]], between=[[INF, -0.3, INF]])
+    assert score(alone, None).result["violation_time_s"] == 0.5
+
+
+def test_outside_within_the_sampling_band_is_no_violation() -> None:
+    run = made(clearance=[[1, -0.4, 1], [1, -0.6, 1], [1, -0.6, -0.4]], band=[0.5, 0.5, 0.7])
+    result, rows = score(run, None).result, score(run, None).constraints
+    assert (result["violated"], result["within_band"]) == ("row 1", "row 0; row 2")
+    assert [row["violation_depth"] for row in rows] == [0.0, 0.6, 0.0]
+    assert [row["band_depth"] for row in rows] == [0.4, 0.0, 0.6]
+    assert (result["violation_depth"], result["violation_time_s"]) == (0.06, 0.5)
+
+
+def test_the_sampling_band_of_a_speed_is_a_switching_step() -> None:
+    """T_s u⁺ = 0.002 · 10 of the limit for the UR5's speeds; nothing for its other rows."""
+    setup = Scenario.load("ur5-fov").setup()
+    constraints = setup.constraints
+    speeds = np.array([kind == "speed" for kind in constraints.kinds])
+    gain = constraints.switching_gain[speeds]
+    band = constraints.sampling_band(setup.Ts)
+    np.testing.assert_allclose(band[speeds], setup.Ts * gain * constraints.characteristic_length[speeds])
+    assert (band[~speeds] == 0.0).all()
+    assert (constraints.approach_time[speeds] == 0.0).all()
+    assert (constraints.approach_time[~speeds] > 0.0).all()
+
+
+# --- chattering ---
+
+
+def band(phi: list[float]) -> tuple[float, float]:
+    """Of one row with T_s u⁺ = 1, and how long the sliding mode is lost [samples]."""
+    result = score(made(clearance=[[1.0] * len(phi)], phi=[phi]), None).result
+    return result["phi_band"], result["sliding_lost_s"] / 0.5
+
+
+def test_a_sliding_modes_band_is_from_its_lowest_to_its_highest() -> None:
+    assert band([-9, 0.5, -0.4, 0.1, -0.8, 0.7, -9]) == (pytest.approx(1.5), 0.0)
+
+
+def test_a_touch_is_no_sliding_mode_but_an_excursion_counts() -> None:
+    assert np.isnan(band([-9, 0.9, 0.8, -9, -9])[0])
+    assert band([-9, 1.1, -9])[0] == pytest.approx(1.1)
+    assert np.isnan(band([-1] * 5)[0])
+
+
+def test_times_at_the_boundary_that_are_far_apart_are_not_one() -> None:
+    there = [0.2, -0.3, 0.2, 0.1]
+    assert band([*there, *[-8.0] * 9, *there])[0] == pytest.approx(8.2)
+    assert band([*there, *[-8.0] * 10, *there])[0] == pytest.approx(0.5)
+
+
+def test_a_lost_sliding_mode_counts_however_steady_its_phi() -> None:
+    """φ stays at 18 T_s u⁺: peak to peak is nothing, and no band could be better by that."""
+    assert band([-1, *[18.0] * 77, -1]) == (18.0, 77.0)
+    # as long as sliding modes take
+    assert band([-1, *[18.0] * 10, -1])[1] == 0.0
+    # on the boundary within one step, as a barrier is
+    assert band([-1, *[0.5] * 77, -1]) == (0.5, 0.0)
+
+
+def test_the_row_with_the_greatest_ratio_gives_the_band() -> None:
+    run = made(clearance=[[1] * 4] * 2, phi=[[2, 2, 2, -1], [0.5, 0.5, 0.5, -1]], gain=[20, 1])
+    result = score(run, None).result
+    assert (result["phi_band"], result["phi_band_bound"]) == (0.5, 0.5)
+
+
+# --- which rows act ---
+
+
+def test_rows_act_where_the_command_slows_them_and_the_nearest_only() -> None:
+    phi = np.array([[-0.1, -0.2], [-0.1, -0.2], [0.1, 0.2], [0.1, -0.2], [-0.1, -0.2]])
+    slowed = np.array([[0.0, 0.0], [1.0, 1.0], [1.0, 1.0], [-1.0, 1.0], [0.0019, 0.0021]])
+    acts = acting(phi, slowed, np.array([2.0, 2.0]), np.ones(2))
+    assert acts.tolist() == [[False, False], [True, False], [True, True], [False, True], [False, True]]
+    # nearness is relative to the rows' scales
+    assert acting(phi[1:2], slowed[1:2], np.array([2.0, 2.0]), np.array([1.0, 4.0])).tolist() == [[False, True]]
+    assert acting(np.empty((3, 0)), np.empty((3, 0)), np.empty(0), np.empty(0)).shape == (3, 0)
+
+
+@pytest.mark.parametrize("name", ["example-2d-fast", "panda-fov"])
+@pytest.mark.parametrize("by_public_call", [False, True])
+def test_a_sliding_modes_rows_act_where_their_phi_is_not_negative(name: str, by_public_call: bool) -> None:
+    run = simulate(Scenario.load(name).setup(), SlidingMode(), by_public_call=by_public_call)
+    np.testing.assert_array_equal(run.active, run.phi >= 0.0)
+    assert run.active.any()
+
+
+class Silent(SlidingMode):
+    """Does as the sliding mode, and says that nothing acted."""
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """See the class."""
+        command = super().solve(rows, task)
+        return replace(command, acted=np.zeros_like(command.acted))
+
+
+class Boastful(Tracking):
+    """Does nothing about rows, and says that all act."""
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """See the class."""
+        command = super().solve(rows, task)
+        return replace(command, acted=np.ones_like(command.acted))
+
+
+def scored(name: str, law: Controller, baseline: RunRecord | None = None) -> tuple[RunRecord, dict[str, Any]]:
+    """A run with its line of results.csv, times left out."""
+    setup = Scenario.load(name).setup()
+    record = RunRecord.of(setup, simulate(setup, law, by_public_call=True), "")
+    result = score(record, baseline).result
+    return record, {name: value for name, value in result.items() if name not in TIMING_COLUMNS}
+
+
+def test_what_a_law_says_of_itself_changes_no_score() -> None:
+    (honest, told), (silent, untold) = scored("example-2d-fast", SlidingMode()), scored("example-2d-fast", Silent())
+    assert told["switching_rate_hz"] > 10.0
+    for name, value in told.items():
+        same = value if isinstance(value, str) else pytest.approx(value, rel=1e-6, abs=1e-9, nan_ok=True)
+        assert untold[name] == same, name
+    np.testing.assert_array_equal(silent.trajectory.active, honest.trajectory.active)
+    _, boast = scored("example-2d-fast", Boastful())
+    assert boast["switching_rate_hz"] == boast["held_time_s"] == 0.0
+    assert np.isnan(boast["utilization"])
+
+
+# --- utilization ---
+
+
+class Frozen(Controller):
+    """Stands still."""
+
+    name = "frozen"
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """Nothing."""
+        return Command(np.zeros(task.J.shape[1]), "ok", rows.phi >= 0.0, rows.labels)
+
+
+@pytest.mark.parametrize("name", ["example-2d-fov", "panda-fov"])
+def test_standing_still_uses_nothing(name: str) -> None:
+    assert np.isnan(scored(name, Frozen())[1]["utilization"])
+
+
+def test_of_two_runs_on_the_same_way_the_nearer_one_uses_more() -> None:
+    """Also where the nearer one is held back for longer, its approach included; and one touch is not to stay near."""
+    way = 5.0 + 4.0 * np.cos(np.linspace(0.0, 2.0 * np.pi, 41))
+    acts = (way < 4.0).astype(float)
+    used = [
+        score(made(clearance=[way + away], phi=[-0.1 * (way + away)], active=[when], Ts=0.05), None).result
+        for away, when in ((-0.9, acts), (-0.9, (way < 6.0).astype(float)), (0.0, acts), (1.0, acts))
+    ]
+    near, longer, middle, far = (result["utilization"] for result in used)
+    assert near > middle > far
+    assert longer > far
+    level = np.full(41, 0.2)
+    touching = np.full(41, 1.0)
+    touching[20] = 0.0
+    stays, touches = (
+        score(made(clearance=[c], phi=[-c], active=[np.ones(41)], gain=[100.0]), None).result["utilization"]
+        for c in (level, touching)
+    )
+    assert stays > touches
+
+
+def test_smaller_regions_use_more_and_the_sliding_mode_the_most() -> None:
+    laws = [make_controller("potential-field", {"blend": "priority", "region": r}) for r in (0.5, 0.2, 0.05)]
+    used = [scored("example-2d-fast", law)[1]["utilization"] for law in (*laws, SlidingMode())]
+    assert used == sorted(used)
+    assert used[0] < 0.99 < 0.999 < used[-1]
+
+
+def test_rows_that_only_runaway_tracking_reaches_do_not_count() -> None:
+    """On the Panda, sliding mode fills the two rows that hold it back; a field leaves 2.5 px and 0.416 rad."""
+    baseline, _ = scored("panda-fov", Tracking())
+    sliding, filled = scored("panda-fov", SlidingMode(), baseline)
+    field = make_controller("potential-field", {"blend": "priority"})
+    other, left = scored("panda-fov", field, baseline)
+    rows = {row["constraint"]: row for row in score(sliding, baseline).constraints if row["held_time_s"] > 0.0}
+    assert set(rows) == {"fov[marker 3]", "range[joint 7].lower"}
+    assert min(row["usage_max"] for row in rows.values()) > 0.997
+    assert sum(row["challenged"] for row in score(sliding, baseline).constraints) == 5
+    least = dict(zip(other.trajectory.labels, other.trajectory.clearance.min(axis=0), strict=True))
+    assert least["range[joint 7].lower"] > 0.4
+    assert least["fov[marker 3]"] > 2.4
+    assert filled["utilization"] > 0.99 > 0.95 > left["utilization"]
+
+
+# --- rank loss ---
+
+
+class Claims(Tracking):
+    """Tracks, and claims a loss of rank."""
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """See the class."""
+        return replace(super().solve(rows, task), status="rank-loss", reason="so it says")
+
+
+def test_a_claimed_loss_of_rank_is_checked_by_the_rows() -> None:
+    setup = Scenario.load("example-2d-fov").with_override("duration", 0.1).setup()
+    run = simulate(setup, Claims())
+    assert run.status == "unfinished"
+    assert "claimed a loss of rank in 21 samples" in run.reason
+    np.testing.assert_array_equal(run.q, simulate(setup, Tracking()).q)
+
+
+def test_rank_is_that_of_the_rows_at_their_boundary_whatever_their_units() -> None:
+    def rows(phi: list[float], Lg: list[list[float]]) -> Rows:
+        m = len(phi)
+        return Rows(np.array(phi), np.array(Lg), np.zeros(m), np.ones(m), tuple(map(str, range(m))))
+
+    assert loses_rank(rows([0.0, 0.1], [[1.0, 2.0, 0.0], [-2.0, -4.0, 0.0]]))
+    assert not loses_rank(rows([0.0, -0.1], [[1.0, 2.0, 0.0], [-2.0, -4.0, 0.0]]))
+    assert not loses_rank(rows([0.0, 0.1], [[1e4, 0.0, 0.0], [0.0, 1e-3, 0.0]]))
+    assert not loses_rank(rows([-1.0], [[0.0, 0.0, 0.0]]))
+
+
+# --- times ---
+
+
+def test_every_law_is_timed_by_the_same_call(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The compiled route that only shipped laws have is not taken, and commands are the same by both."""
+    setup = Scenario.load("example-2d-fast").with_override("duration", 0.6).setup()
+    usual = simulate(setup, SlidingMode())
+    calls = []
+    command = SlidingMode.command
+    monkeypatch.setattr(SlidingMode, "_bound", lambda *arguments: pytest.fail("bound"))
+    monkeypatch.setattr(SlidingMode, "command", lambda *arguments: calls.append(1) or command(*arguments))
+    run = simulate(setup, SlidingMode(), by_public_call=True)
+    assert len(calls) == len(run.t)
+    np.testing.assert_allclose(run.qdd_command, usual.qdd_command, rtol=1e-9, atol=1e-9)
