@@ -70,13 +70,12 @@ class Pareto(Study):
                     continue
                 factors, active_factors, regions, alphas = (1.0,), (1.0,), (0.2,), (5.0, 20.0)
             strengths = (1.0,) if small else STRENGTHS
-            short = {"duration": 6.0} if small else {}
             for law, own in ((SLIDING_MODE, factors), (ACTIVE_QP, active_factors)):
-                runs += [_run(scenario, law, factor, {**scaled_gains(scenario, factor), **short}) for factor in own]
+                runs += [_run(scenario, law, factor, scaled_gains(scenario, factor)) for factor in own]
             for blend in ("additive", "priority"):
                 fields = [(potential_field(blend, region, s), region, s) for s in strengths for region in regions]
-                runs += [_run(scenario, law, region, short, strength) for law, region, strength in fields]
-            runs += [_run(scenario, hierarchical_qp(alpha), alpha, short) for alpha in alphas]
+                runs += [_run(scenario, law, region, {}, strength) for law, region, strength in fields]
+            runs += [_run(scenario, hierarchical_qp(alpha), alpha, {}) for alpha in alphas]
         return runs
 
     def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:

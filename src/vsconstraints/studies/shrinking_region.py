@@ -66,15 +66,14 @@ class ShrinkingRegion(Study):
         for scenario, regions in REGIONS.items():
             if small and scenario != "example-2d-fov":
                 continue
-            short: dict[str, Any] = {"duration": 6.0} if small else {}
-            halved = {**short, "sampling_time": HALVED[scenario]}
-            runs.append(StudyRun(f"{scenario} sliding-mode", scenario, *SLIDING_MODE[1:], overrides=short))
+            halved = {"sampling_time": HALVED[scenario]}
+            runs.append(StudyRun(f"{scenario} sliding-mode", scenario, *SLIDING_MODE[1:], overrides={}))
             runs.append(StudyRun(f"{scenario} halved", scenario, *SLIDING_MODE[1:], overrides=halved))
             for blend in BLENDS:
                 for region in (0.5, 0.02, 0.0001) if small else regions:
                     law = potential_field(blend, region)
                     key = f"{scenario} {blend} {region:g}"
-                    runs.append(StudyRun(key, scenario, law.law, law.options, law.controller, short))
+                    runs.append(StudyRun(key, scenario, law.law, law.options, law.controller, {}))
         return runs
 
     def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
