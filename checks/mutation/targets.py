@@ -9,10 +9,11 @@ LEAST = 0.95
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "metrics": (
-        "src/vsconstraints/comparisons/metrics.py",
+        "src/vsconstraints/comparisons/metrics",
         "src/vsconstraints/reports/best.py",
         "src/vsconstraints/reports/headlines.py",
         "src/vsconstraints/reports/summary.py",
+        "src/vsconstraints/simulation/acting.py",
     ),
     "verdicts": (
         "src/vsconstraints/reproduction/verdicts.py",
@@ -52,8 +53,10 @@ TESTS = (
     "tests/test_disturbances.py",
     "tests/test_hierarchical_qp.py",
     "tests/test_laws_by_hand.py",
+    "tests/test_metrics.py",
     "tests/test_motion_by_hand.py",
     "tests/test_more_claims_by_hand.py",
+    "tests/test_reports.py",
     "tests/test_reproduction.py",
     "tests/test_simulation.py",
     "tests/test_tracking.py",
