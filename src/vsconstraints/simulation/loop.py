@@ -79,8 +79,7 @@ class _Run:
 
     def to_the_end(self) -> None:
         k = 0
-        compiled = self._compiled()
-        self.compiled, sample = compiled is not None, compiled or self._sample
+        sample = self._compiled() or self._sample
         try:
             for k in range(self.setup.samples):
                 sample(k)
@@ -162,8 +161,9 @@ class _Run:
         tracking = self.baseline._bind(now.rows, now.task, untouched, alone)
         if tracking is None:
             return None
-        law = None if self.by_public_call else controller._bind(now.rows, now.task, acted, qdd)
-        solve = None if law is None else law.solve
+        law = controller._bind(now.rows, now.task, acted, qdd)
+        self.compiled = law is not None
+        solve = None if law is None or self.by_public_call else law.solve
         evaluate, out, steps, tracked = bound.evaluate, true.out, log.begin_steps(true), log.tracked
         look, track = None if true is bound else true.evaluate, tracking.solve
         rows_times, step_times, states, varies = log.rows_times, log.step_times, log.states, plant.varies

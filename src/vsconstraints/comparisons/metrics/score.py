@@ -51,6 +51,7 @@ def score(record: RunRecord, baseline: RunRecord | None) -> Score:
         "held_time_s": float(when.sum() * record.Ts) if some else np.nan,
         **chattering(record),
         **times(record),
+        "compiled": run.compiled,
     }
     return Score(result, _rows(record, baseline, found, when) if some else [])
 

@@ -93,6 +93,7 @@ RESULT_COLUMNS = (
     "acceleration_variation",
     "jerk_rms",
     *TIMING_COLUMNS,
+    "compiled",
     "within_band",
     "sliding_lost_s",
     "held_time_s",
@@ -163,6 +164,8 @@ DEFINITIONS = {
     "rows_time": "Wall time of kinematics, features, rows and task [µs], the same code for every controller. Where a "
     "controller is deceived (disturbances, motions it is not told of) without the kinematics, and in the NumPy form.",
     "missed_periods": "Samples in which rows, task and controller together took longer than T_s; without the first.",
+    "compiled": "Whether rows, task and controller all have a compiled form, which answers that call; what runs in "
+    "NumPy takes longer.",
     "settling_time_s": "From the last change of the goal until the error stays within tolerance.",
     "status": "converged: the last goal is reached and held. trapped: at rest away from it. aborted: the rows with "
     "φ ≥ 0 lost full row rank (section 5.2), which a law says and the rows confirm. failed: the scene or the "
