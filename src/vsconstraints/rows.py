@@ -26,11 +26,12 @@ IntArray = NDArray[np.int64]
 ARRAYS = (np.ndarray, np.memmap)
 """What an array may be: in other kinds, such as a matrix, operators mean something else."""
 
-Status = Literal["ok", "relaxed", "rank-loss", "failed"]
+Status = Literal["ok", "relaxed", "suboptimal", "rank-loss", "failed"]
 """What a controller says of its command.
 
 ``ok``: every row it handles is met as its law demands. ``relaxed``: the rows contradict each other; the command
-violates them least and says which, by how much. ``rank-loss``: the active rows have lost full row rank, so that
+violates them least and says which, by how much. ``suboptimal``: every row is met, but rounding keeps the law from what
+it defines below them; the reason says what. ``rank-loss``: the active rows have lost full row rank, so that
 their fulfilment is not guaranteed and the operation should be aborted (section 5.2). ``failed``: no command could
 be computed; ``qdd`` is zero.
 """

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.layout import RELAXED_ROWS, RELAXED_SHORT, SHORT
 from ..rows import Array, BoolArray, Command
 from .compiled import BoundLaw, Draft
 
@@ -15,15 +16,20 @@ COMPILED = "compiled"
 """What commands call the compiled solver."""
 
 
+ANSWERS = {RELAXED_ROWS: (True, False), SHORT: (False, True), RELAXED_SHORT: (True, True)}
+"""Codes of answers with something to be said: whether demands are unmet, and whether levels 2 and 3 may be."""
+
+UNPROVED = "rounding does not allow to prove that the task and the accelerations are the least that the rows allow"
+
+
 class BoundHierarchy(BoundLaw):
     """The hierarchy on arrays that stay where they are."""
 
-    __slots__ = ("_last", "_law", "_relaxed", "_remark", "_slack")
+    __slots__ = ("_last", "_law", "_remark", "_slack")
 
     def __init__(
         self,
         law: Callable[[], tuple[int, int]],
-        relaxed: int,
         labels: tuple[str, ...],
         acted: BoolArray,
         qdd: Array,
@@ -32,37 +38,32 @@ class BoundHierarchy(BoundLaw):
     ) -> None:
         super().__init__(self._solve, labels, acted, qdd)
         self._law, self._slack, self._last = law, slack, (0, 0)
-        self._relaxed, self._remark = relaxed, remark
+        self._remark = remark
 
     def _solve(self) -> int:
         code, _ = self._last = self._law()
-        return 0 if code == self._relaxed else code
+        return 0 if code in ANSWERS else code
 
     def command(self) -> Command:
         """The last answer, in arrays of its own."""
         code, iterations = self._last
-        relaxed = code == self._relaxed
         return hierarchy_command(
-            self.qdd.copy(), relaxed, self.acted.copy(), self.labels, self._slack.copy(), iterations, self._remark
+            self.qdd.copy(), code, self.acted.copy(), self.labels, self._slack.copy(), iterations, self._remark
         )
 
 
 def hierarchy_command(
-    qdd: Array,
-    relaxed: bool,
-    acted: BoolArray,
-    labels: tuple[str, ...],
-    slack: Array,
-    iterations: int,
-    remark: str,
+    qdd: Array, code: int, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int, remark: str
 ) -> Command:
     """The command of the compiled hierarchy, from arrays that become its own."""
     command: Any = Draft(qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations)
     if remark:
         command.remark = remark
-    if relaxed:
-        command.status = "relaxed"
-        command.reason = unmet(labels, slack, np.flatnonzero(~acted & (slack > 0.0)))
+    if code:
+        relaxed, short = ANSWERS[code]
+        command.status = "relaxed" if relaxed else "suboptimal"
+        why = unmet(labels, slack, np.flatnonzero(~acted & (slack > 0.0)))
+        command.reason = "; ".join(filter(None, (why, UNPROVED if short else "")))
     command.__class__ = Command
     made: Command = command
     return made

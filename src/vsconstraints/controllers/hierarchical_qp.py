@@ -19,7 +19,7 @@ from ..qp.lexicographic import MET, ZERO_GRADIENT
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
 from .compiled import BOOL, NOT_FOR_COMPILED, BoundLaw, in_usual_layout
-from .compiled_hierarchy import COMPILED, BoundHierarchy, hierarchy_command, unmet
+from .compiled_hierarchy import ANSWERS, COMPILED, BoundHierarchy, hierarchy_command, unmet
 from .options import Fixed, positive, rank_tolerance
 from .tracking import RANK_TOLERANCE, LeastNorm, least_norm
 
@@ -48,12 +48,19 @@ class HierarchicalQP(Controller):
     change it.
 
     How it is computed: levels 2 and 3 are one strictly convex QP, min ½Σⱼ(gⱼ² + damping)vⱼ² in the
-    coordinates v = Vᵀ(q̈ − J†b) of the singular vectors of J with relative gains g, with hard rows. Its
-    minimiser differs from the strict one by the order of the damping, except where a direction's relative
-    gain is below √damping: there level 3 wins on purpose, since the task would ask for excessive
-    accelerations. Only if the hard rows are incompatible is level 1 computed, exactly; the violated rows then
-    become equalities, which are eliminated with an orthonormal basis, and the QP is solved in the remaining
-    coordinates. A large weight or soft rows in place of this were measured to be wrong.
+    coordinates v = Vᵀ(q̈ − J†b) of the singular vectors of J with relative gains g, with hard rows. Only if the hard
+    rows are incompatible is level 1 computed, exactly; the violated rows then become equalities, which are eliminated
+    with an orthonormal basis, and the QP is solved in the remaining coordinates. A large weight or soft rows in place
+    of this were measured to be wrong.
+
+    How strict level 2 is: where J leaves directions free and the damping has cost the task more than a residual of
+    1e-6 ‖J‖‖q̈ − J†b‖, level 2 is found by itself, and level 3 within it. It then uses every direction within the rows
+    whose gain is above ``rank_tolerance`` relative to J, however large the accelerations; ``max_acceleration`` is there
+    to bound them. Two exceptions tame tasks that are nearly singular. Where J has a relative gain below 1e-3, level 2
+    uses directions within the rows only above √damping. And where J leaves no direction free, the QP's minimiser is the
+    answer: level 3 wins in directions whose relative gain is below √damping, and takes a fraction of damping/gⱼ² from
+    others. If rounding does not allow to prove that levels 2 and 3 are met, the status is ``suboptimal``: the rows are
+    met, and no known point that meets them has a smaller residual.
 
     Parameters
     ----------
@@ -137,9 +144,8 @@ class HierarchicalQP(Controller):
         except NOT_FOR_COMPILED:
             usual = in_usual_layout(rows, task)
             return usual and self._compiled(*usual)
-        if code in (kernels.DONE, kernels.RELAXED_ROWS):
-            remark = self._remark(labels)
-            return hierarchy_command(qdd, code == kernels.RELAXED_ROWS, acted, labels, slack, iterations, remark)
+        if code == kernels.DONE or code in ANSWERS:
+            return hierarchy_command(qdd, code, acted, labels, slack, iterations, self._remark(labels))
         if code == kernels.ASK:
             return None
         self.solvers.failures[COMPILED] += 1
@@ -153,7 +159,7 @@ class HierarchicalQP(Controller):
             return None
         slack = np.empty(len(rows.labels))
         law = partial(entry(kernels.descend), *self._arguments(rows, task, slack, acted, qdd))
-        return BoundHierarchy(law, kernels.RELAXED_ROWS, rows.labels, acted, qdd, slack, self._remark(rows.labels))
+        return BoundHierarchy(law, rows.labels, acted, qdd, slack, self._remark(rows.labels))
 
     def _arguments(self, rows: Rows, task: Task, slack: Array, acted: BoolArray, qdd: Array) -> tuple[Any, ...]:
         """What :func:`vsconstraints.kernels.hierarchical_qp.descend` takes."""
@@ -231,7 +237,7 @@ class HierarchicalQP(Controller):
         free = which[~fixed]
         labels = [rows.labels[i] for i in free]
         weights = row_weights(labels, self.weights or {})
-        cost = task_cost(tracking, self.damping)
+        cost = task_cost(tracking, self.damping, self.rank_tolerance)
         try:
             optimum = lexicographic(A[~fixed], c[~fixed], weights, cost, self.solvers, bound)
         except InvalidInput as error:
@@ -244,14 +250,14 @@ class HierarchicalQP(Controller):
         verified = optimum.verified
         return Command(
             optimum.x,
-            "relaxed" if slack.any() else "ok",
+            "relaxed" if slack.any() else "suboptimal" if optimum.shortfall else "ok",
             acted,
             rows.labels,
-            reason=unmet(rows.labels, slack, which[fixed]),
+            reason="; ".join(filter(None, (unmet(rows.labels, slack, which[fixed]), optimum.shortfall))),
             slack=slack,
             solver=verified.solver if verified else "",
             iterations=verified.answer.iterations if verified else 0,
-            fallback=verified.fallback if verified else "",
+            fallback=optimum.fallback,
         )
 
 
@@ -289,7 +295,7 @@ def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
     return values
 
 
-def task_cost(tracking: LeastNorm, damping: float) -> Cost:
+def task_cost(tracking: LeastNorm, damping: float, rank_tolerance: float) -> Cost:
     """State levels 2 and 3 as one cost, ½Σⱼ(gⱼ² + damping)vⱼ² with v = Vᵀ(q̈ − J†b).
 
     g are the gains of J relative to the norm of all. With Jq̈ fixed, q̈ − J†b differs from q̈ by a constant
@@ -298,7 +304,7 @@ def task_cost(tracking: LeastNorm, damping: float) -> Cost:
     """
     size = float(np.linalg.norm(tracking.gains))
     relative = tracking.gains / size if size > 0.0 else tracking.gains
-    return Cost(tracking.qdd, tracking.directions, np.sqrt(relative * relative + damping))
+    return Cost(tracking.qdd, tracking.directions, relative, damping, rank_tolerance)
 
 
 def _positive(name: str, value: object) -> float:

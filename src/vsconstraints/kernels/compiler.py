@@ -134,7 +134,13 @@ def _writable(folder: Path) -> Iterator[Path]:
 def _sources() -> list[Path]:
     """Every file that compiled code may be made of; constants are compiled in, and leave no trace of their origin."""
     package = Path(__file__).parent.parent
-    others = ("constraints/formulas.py", "qp/least_violation.py", "qp/lexicographic.py", "scene.py")
+    others = (
+        "constraints/formulas.py",
+        "qp/least_residual.py",
+        "qp/least_violation.py",
+        "qp/lexicographic.py",
+        "scene.py",
+    )
     return [*sorted((package / "kernels").glob("*.py")), *(package / other for other in others)]
 
 

@@ -19,5 +19,7 @@ CURRENT, DESIRED, MEAN = range(3)
 HALF_SPACE, BOX, CYLINDER, CAPSULE = range(4)
 # laws of eq. (15); the last two are the blends of the potential field
 TRACKING, SLIDING, PRIORITY, ADDITIVE = range(4)
+# answers of the hierarchy: demands are unmet; levels 2 and 3 may be better met; both
+RELAXED_ROWS, SHORT, RELAXED_SHORT = range(4, 7)
 # scratch: so many 3 × 3 matrices and vectors of three
 MATRICES, VECTORS = 11, 15

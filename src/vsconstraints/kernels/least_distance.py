@@ -42,8 +42,9 @@ OPTIMAL = 1e-9
 NONE = constant(-1)
 """No row."""
 
-SIDE, EXCESS, MULTIPLIER = constant(0), constant(1), constant(2)
-"""Of every row of the problem: its side, by how much it is exceeded, and its multiplier."""
+SIDE, EXCESS, MULTIPLIER, SCALE, KINDS = constant(0), constant(1), constant(2), constant(3), constant(4)
+"""Of every row of the problem: its side, by how much it is exceeded, its multiplier, and what made it of unit norm; and
+how many of these there are."""
 
 POINT, NEW, DIRECTION, FORCE, RATIO = constant(0), constant(1), constant(2), constant(3), constant(4)
 """Rows of the work space."""
@@ -67,7 +68,8 @@ def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array) -> tuple[int, i
     G
         (p, m), a column for each row of the problem, so that all are worked on at once; used up.
     rows
-        (3, m): h, where ∞ is no row at all; space for use here; and the output: the multipliers of rows of unit norm.
+        (4, m): h, where ∞ is no row at all; space for use here; and the outputs: the multipliers of rows of unit norm,
+        and the inverses of the norms.
     R, S
         (p + 1, p) and (3, p): the upper triangular matrix by columns, with r as the last one, and the inverses of its
         diagonal in the first row.
@@ -87,7 +89,7 @@ def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array) -> tuple[int, i
         add(rows, SIDE, R[p, j], G, j, START, m)
     for i in range(m):
         rows[MULTIPLIER, i] = 0.0
-        rows[EXCESS, i] = 1.0 / math.sqrt(rows[EXCESS, i])
+        rows[SCALE, i] = rows[EXCESS, i] = 1.0 / math.sqrt(rows[EXCESS, i])
         if rows[EXCESS, i] > 0.0:
             rows[SIDE, i] *= rows[EXCESS, i]
             if not abs(rows[SIDE, i]) < math.inf:

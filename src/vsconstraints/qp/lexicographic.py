@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ..errors import SolverError
 from ..rows import Array, BoolArray
 from .chain import SolverChain, Verified
 from .least_distance import least_distance
+from .least_residual import least_residual
 from .least_violation import least_violation
 
 SIGNIFICANT = 1e-9
@@ -36,9 +38,16 @@ ZERO_GRADIENT = 1e-12
 """A row with ‖L_gφ‖ below this times its scale is one that no acceleration can influence."""
 
 
+STRICT = 1e-6
+"""Level 2 is found by itself if the damped residual exceeds this fraction of ‖J‖ times the way from J†b."""
+
+WELL_CONDITIONED = 1e-3
+"""Relative gain of J below which a task is nearly singular: √damping then limits what level 2 may ask for."""
+
+
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """½‖diag(stiffness) directionsᵀ (x − center)‖².
+    """Levels 2 and 3, ½‖diag(gains) directionsᵀ (x − center)‖² and ½‖x − center‖², and their sum with a damping.
 
     Attributes
     ----------
@@ -46,13 +55,41 @@ class Cost:
         (n,) the minimiser without rows.
     directions
         (n, n) orthogonal matrix.
-    stiffness
-        (n,) positive.
+    gains
+        (n,) singular values of the task over its norm; zero for what counts as its null space.
+    damping
+        Positive weight of level 3 in the sum.
+    tolerance
+        Relative gains below this count as zero.
     """
 
     center: Array
     directions: Array
-    stiffness: Array
+    gains: Array
+    damping: float
+    tolerance: float
+
+    @property
+    def stiffness(self) -> Array:
+        """(n,) square roots of the weights of the sum."""
+        return np.sqrt(self.gains * self.gains + self.damping)
+
+    @property
+    def task(self) -> Array:
+        """(n, n) matrix of level 2."""
+        return self.gains[:, None] * self.directions.T
+
+    def damped(self, x: Array) -> bool:
+        """Whether the damping may have cost x a residual that level 2 by itself does not have."""
+        away = self.directions.T @ (x - self.center)
+        allowed = STRICT * float(np.linalg.norm(away)) + MET * float(np.linalg.norm(x))
+        return bool((self.gains == 0.0).any() and np.linalg.norm(self.gains * away) > allowed)
+
+    def cut(self) -> float:
+        """Relative gain below which level 2 by itself leaves directions within the rows alone."""
+        kept = self.gains[self.gains > 0.0]
+        well = kept.min(initial=np.inf) >= WELL_CONDITIONED * kept.max(initial=0.0)
+        return self.tolerance if well else max(self.tolerance, float(np.sqrt(self.damping)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +106,18 @@ class Optimum:
         (m,) rows that are exceeded, or at their bound with a positive multiplier.
     verified
         Answer of the QP solver; None if no solver was needed.
+    shortfall
+        Why the levels below the first may be better met than by x; empty if they cannot.
+    fallback
+        What failed before; empty if the solver that was asked for gave the answer.
     """
 
     x: Array
     violation: Array
     holding: BoolArray
     verified: Verified | None
+    shortfall: str = ""
+    fallback: str = ""
 
 
 def lexicographic(
@@ -86,6 +129,9 @@ def lexicographic(
     proved by computing the least violation, or at once for a solver whose word means little) the violated
     rows become equalities, Ax = c + violation, and the cost is minimised within them. Rows that rounding
     makes incompatible are relaxed by just that rounding, at most :data:`SIGNIFICANT` of their terms.
+
+    Where the damping costs a redundant task more than :data:`STRICT` allows, and where no solver has an answer, level 2
+    is found by itself, from what is known by then, and level 3 within it.
 
     Parameters
     ----------
@@ -103,19 +149,26 @@ def lexicographic(
     Raises
     ------
     SolverError
-        if no solver gives an answer that passes the check.
+        if the least violation is not found.
     """
     box, box_sides = _box(cost.center.size, bound)
     walls, sides = np.vstack((A, box)), np.concatenate((c, box_sides))
-    T = cost.directions / cost.stiffness
+    T: Array = cost.directions / cost.stiffness
     if solvers.preferred.recognises_infeasibility:
         try:
-            x, verified, holding = _nearest(cost.center, T, walls, sides, solvers, first_only=True)
+            found = _nearest(cost.center, T, walls, sides, solvers, first_only=True)
         except SolverError:
             pass  # incompatible rows or a failed solver: computing the least violation tells which
         else:
-            x = np.clip(x, -bound, bound)
-            return Optimum(x, np.zeros(c.size), holding[: c.size], verified)
+            if cost.damped(found.x):
+                found = _strictly(found, cost, np.empty((0, cost.center.size)), walls, sides, solvers)
+            return Optimum(
+                np.clip(found.x, -bound, bound),
+                np.zeros(c.size),
+                found.holding[: c.size],
+                found.verified,
+                found.shortfall,
+            )
 
     x = least_violation(A, c, weights, cost.center, bound)
     excess = A @ x - c
@@ -123,46 +176,77 @@ def lexicographic(
     violated = excess > SIGNIFICANT * terms
     # From here on x itself is feasible, with a little room: compatible rows may leave a set without interior (two that
     # are opposite to each other), which rounding would empty.
-    room = RELAXED * (np.linalg.norm(walls, axis=1) * np.linalg.norm(x) + np.abs(sides))
-    sides = np.maximum(sides, walls @ x) + room
-    if not violated.any():
-        x, verified, holding = _nearest(cost.center, T, walls, sides, solvers)
-        return Optimum(np.clip(x, -bound, bound), np.zeros(c.size), holding[: c.size], verified)
-
+    sides = _with_room(walls, sides, x, RELAXED)
     # Where the violations pull a coordinate against the box, every point that violates least has it at that bound.
     forces = A[violated] * (weights[violated] ** 2 * excess[violated])[:, None]
     pinned = np.abs(forces.sum(axis=0)) > SIGNIFICANT * np.abs(forces).sum(axis=0)
     pinned &= np.abs(x) >= bound
-    Z = _null_space(np.vstack((A[violated], np.eye(x.size)[pinned])))
-    violation = np.where(violated, excess, 0.0)
-    holding = violated.copy()
-    verified = None
+    equal, Z = _split(np.vstack((A[violated], np.eye(x.size)[pinned])))
+    # Rows within the span of the violated ones are settled by the equalities.
+    others = np.linalg.norm(walls @ Z, axis=1) > DEPENDENT * np.linalg.norm(walls, axis=1)
+    others[: c.size] &= ~violated
+    found = Found(x, None, np.zeros(int(others.sum()), dtype=np.bool_))
     if Z.shape[1]:
-        # In x + Z y the cost is ½‖E y + e‖²: center it, and measure distances in its metric.
-        E = cost.stiffness[:, None] * (cost.directions.T @ Z)
-        e = cost.stiffness * (cost.directions.T @ (x - cost.center))
-        Q, R = np.linalg.qr(E)
-        reduced = Z @ np.linalg.inv(R)
-        others = np.ones(sides.size, dtype=np.bool_)
-        others[: c.size] = ~violated
-        # Rows within the span of the violated ones are settled by the equalities.
-        others &= np.linalg.norm(walls @ Z, axis=1) > DEPENDENT * np.linalg.norm(walls, axis=1)
-        x, verified, held = _nearest(x - reduced @ (Q.T @ e), reduced, walls[others], sides[others], solvers)
-        held_rows = np.zeros(sides.size, dtype=np.bool_)
-        held_rows[others] = held
-        holding |= held_rows[: c.size]
-        x = np.clip(x, -bound, bound)
-        violation[violated] = np.maximum(A[violated] @ x - c[violated], 0.0)
-    return Optimum(x, violation, holding, verified)
+        center, reduced = cost.center, T
+        if len(equal):
+            # In x + Z y the cost is ½‖E y + e‖²: center it, and measure distances in its metric.
+            E = cost.stiffness[:, None] * (cost.directions.T @ Z)
+            e = cost.stiffness * (cost.directions.T @ (x - cost.center))
+            Q, R = np.linalg.qr(E)
+            reduced = Z @ np.linalg.inv(R)
+            center = x - reduced @ (Q.T @ e)
+        try:
+            found = _nearest(center, reduced, walls[others], sides[others], solvers)
+        except SolverError as error:
+            found = found._replace(shortfall=str(error), failed=str(error))
+        if found.shortfall or cost.damped(found.x):
+            found = _strictly(found, cost, equal, walls[others], sides[others], solvers)
+    x = np.clip(found.x, -bound, bound)
+    held = np.zeros(len(walls), dtype=np.bool_)
+    held[others] = found.holding
+    violation = np.where(violated, np.maximum(A @ x - c, 0.0), 0.0)
+    return _optimum(found, x, violation, violated | held[: c.size])
 
 
-def _nearest(
-    center: Array, T: Array, A: Array, c: Array, solvers: SolverChain, *, first_only: bool = False
-) -> tuple[Array, Verified | None, BoolArray]:
-    """Solve  min ½‖u‖²  subject to  A x ≤ c, x = center + T u: x, who found it, and the rows that hold it."""
+class Found(NamedTuple):
+    """A point that meets rows, who found it, the rows that hold it, why a better one may be there, and what failed."""
+
+    x: Array
+    verified: Verified | None
+    holding: BoolArray
+    shortfall: str = ""
+    failed: str = ""
+
+
+def _optimum(found: Found, x: Array, violation: Array, holding: BoolArray) -> Optimum:
+    fallback = found.failed or (found.verified.fallback if found.verified else "")
+    return Optimum(x, violation, holding, found.verified, found.shortfall, fallback)
+
+
+def _strictly(found: Found, cost: Cost, equal: Array, walls: Array, sides: Array, solvers: SolverChain) -> Found:
+    """Level 2 by itself, from a point that meets all rows, and level 3 where that leaves a choice."""
+    sides = _with_room(walls, sides, found.x, MET)
+    target = cost.task @ cost.center
+    x, holding, proved = least_residual(cost.task, target, equal, walls, sides, found.x, found.holding, cost.cut())
+    if not proved:
+        return found._replace(x=x, shortfall=found.shortfall or "level 2 was not found within the limit of iterations")
+    _, N = _split(np.vstack((equal, walls[holding], cost.task[cost.gains > 0.0])))
+    free = np.linalg.norm(walls @ N, axis=1) > DEPENDENT * np.linalg.norm(walls, axis=1)
+    if not N.shape[1]:
+        return found._replace(x=x, holding=holding, shortfall="")
+    try:
+        last = _nearest(x - N @ (N.T @ (x - cost.center)), N, walls[free], sides[free], solvers)
+    except SolverError as error:
+        return found._replace(x=x, holding=holding, shortfall=f"level 3: {error}")
+    holding[free] |= last.holding
+    return Found(last.x, last.verified or found.verified, holding, failed=found.failed)
+
+
+def _nearest(center: Array, T: Array, A: Array, c: Array, solvers: SolverChain, *, first_only: bool = False) -> Found:
+    """Solve  min ½‖u‖²  subject to  A x ≤ c, x = center + T u."""
     problem = least_distance(center, T, A, c)
     if problem is None:
-        return center, None, np.zeros(c.size, dtype=np.bool_)
+        return Found(center, None, np.zeros(c.size, dtype=np.bool_))
     p = problem.G.shape[1]
     data = np.eye(p), np.zeros(p), problem.G, problem.h
     preferred = solvers.preferred
@@ -172,7 +256,7 @@ def _nearest(
     excess, norms = A @ x - c, np.linalg.norm(A, axis=1)
     if (excess > MISSED * (norms * np.linalg.norm(x) + np.abs(c)) + NEGLIGIBLE * norms).any():
         raise SolverError(f"the answer of {verified.solver} exceeds a row by {excess.max():.1e}, which is rounding")
-    return x, verified, multipliers > PULLING * multipliers.max()
+    return Found(x, verified, multipliers > PULLING * multipliers.max())
 
 
 def _box(n: int, bound: float) -> tuple[Array, Array]:
@@ -182,9 +266,17 @@ def _box(n: int, bound: float) -> tuple[Array, Array]:
     return np.vstack((np.eye(n), -np.eye(n))), np.full(2 * n, bound)
 
 
-def _null_space(A: Array) -> Array:
-    """Orthonormal basis (n, p) of the vectors that no row of A (none of them zero) sees."""
+def _with_room(walls: Array, sides: Array, x: Array, room: float) -> Array:
+    """Sides that x meets, with room, as a fraction of their terms, for rounding."""
+    terms = np.linalg.norm(walls, axis=1) * np.linalg.norm(x) + np.abs(sides)
+    wide: Array = np.maximum(sides, walls @ x) + room * terms
+    return wide
+
+
+def _split(A: Array) -> tuple[Array, Array]:
+    """Orthonormal bases: (r, n) of what the rows of A (none of them zero) span, and (n, n − r) of what none sees."""
+    if not len(A):
+        return A, np.eye(A.shape[1])
     _, s, Vt = svd(A / np.linalg.norm(A, axis=1)[:, None])
     rank = int(np.count_nonzero(s > DEPENDENT * s[0]))
-    basis: Array = Vt[rank:].T
-    return basis
+    return Vt[:rank], Vt[rank:].T
