@@ -292,6 +292,18 @@ def test_the_gradient_error_is_eq_49() -> None:
         assert spoilt.Lf[i] - rows.Lf[i] == pytest.approx((wrong - gradient) @ qd, rel=1e-9)
 
 
+def test_the_gradient_error_may_leave_phi_as_it_is() -> None:
+    """The other reading of (49): ∇σ_e in L_gφ alone."""
+    both, alone = case(gradient_error=0.3), case(gradient_error=0.3, gradient_error_in_phi=False)
+    qd = np.array([0.1, -0.2, 0.3, 0.1, -0.3, 0.2])
+    rows, _ = alone.constraints.rows(alone.scene.evaluate(0.0, alone.q0, qd))
+    spoilt = alone.gradient_error()(rows, qd)
+    np.testing.assert_array_equal(spoilt.Lg, both.gradient_error()(rows, qd).Lg)
+    np.testing.assert_array_equal(spoilt.phi, rows.phi)
+    np.testing.assert_array_equal(spoilt.Lf, rows.Lf)
+    assert np.abs(spoilt.Lg - rows.Lg).max() > 0.0
+
+
 def test_what_is_kept_is_true_whatever_is_believed() -> None:
     """σ and φ of a run are those of the true state with the true gradient; the rows that act are the believed ones."""
     there = case(duration=1.0, gradient_error=0.3, depth_factor=1.3, pixel_noise=0.5)
@@ -323,6 +335,7 @@ def test_the_baseline_of_a_disturbed_scenario_is_disturbed_too() -> None:
         ({"gradient_error": 0.3, "gradient_error_rows": ["fov", "rnage"]}, "'rnage'.*Did you mean 'range'"),
         ({"gradient_error": 0.3, "gradient_error_rows": ["speed"]}, "a speed is not"),
         ({"gradient_error": -0.3}, "gradient_error must be zero or more"),
+        ({"gradient_error_in_phi": 1}, "gradient_error_in_phi must be"),
         ({"pixel_noise": -1.0}, "pixel_noise must be zero or more"),
         ({"pixel_noise": float("nan")}, "pixel_noise must be finite"),
         ({"depth_factor": 0.0}, "depth_factor must be positive"),
