@@ -47,6 +47,7 @@ def test_fulfilled(run: Any, good: bool) -> None:
         (Told({ROW: at({5: 1.0, 6: 1.0, 7: 1.0})}, {ROW: 0.0}), NO),
         (Told({ROW: at({5: 1.0})}, {ROW: at({5: 0.001})}), NO),
         (Told({ROW: at({5: 1.0})}, {ROW: 0.0}, {ROW: -0.001}), NO),
+        (Told({ROW: at({5: 1.0}), "b": -0.5}, {ROW: at({5: 0.001})}), NO),
         # the first of two rows is the worst; a speed has no σ of its own, and no clearance that counts
         (Told({ROW: at({5: 2.01}), "fov[marker 3]": -0.5}, {ROW: 0.0}), NO),
         (Told({"speed[joint 2].upper": at({5: 0.01}), ROW: -1.0}, {}, {"speed[joint 2].upper": -1.0}), PARTLY),

@@ -51,7 +51,7 @@ def phased(q6: float = 0.0999, qd2: float = 0.4, **spans: Any) -> Phases:
         ({(39, 1): 0.0201}, PARTLY),
         ({(100, 0): 0.0301}, PARTLY),
         ({(100, 1): 0.0401}, PARTLY),
-        ({(39, 0): 0.0101, (39, 1): 0.0201, (100, 0): 0.0301, (100, 1): 0.0401}, NO),
+        ({(39, 0): 0.01, (39, 1): 0.0201, (100, 0): 0.0301, (100, 1): 0.0401}, NO),
     ],
 )
 def test_5a(changed: dict[tuple[int, int], float], expected: str) -> None:
@@ -62,6 +62,14 @@ def test_5a(changed: dict[tuple[int, int], float], expected: str) -> None:
     for place, value in (start | left | changed).items():
         error[place] = value
     assert verdict("5a", Phases(t=LONG, camera_error=error)) == expected
+
+
+@pytest.mark.parametrize(
+    ("second", "third", "expected"), [(0.01, 0.0, YES), (0.011, 0.0, PARTLY), (0.0, 0.011, PARTLY)]
+)
+def test_5b(second: float, third: float, expected: str) -> None:
+    clearance = {BORDERS[1]: at({5: second}, 1.0), BORDERS[2]: at({5: third}, 1.0)}
+    assert verdict("5b", Told(dict.fromkeys(BORDERS, -1.0), {}, clearance)) == expected
 
 
 @pytest.mark.parametrize(
@@ -128,12 +136,17 @@ def test_5g(run: Phases, expected: str) -> None:
 )
 def test_5h(run: Phases, most: int, expected: str) -> None:
     assert verdict("5h", run) == expected
+    found = CLAIMS["5h"].check(dict(zip(CLAIMS["5h"].needs, [run], strict=True)))
+    assert found.values == {"most": most, "same_sample": most}
     assert int(case_study.at_once(run).max()) == most  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("least", "expected"), [(0.0, YES), (-1e-6, NO)])
 def test_5i(least: float, expected: str) -> None:
-    assert verdict("5i", Told({SPHERE: -1.0}, {}, {SPHERE: at({3: least}, 1.0)})) == expected
+    run = Told({SPHERE: at({5: 0.5})}, {}, {SPHERE: at({3: least}, 1.0)})
+    assert verdict("5i", run) == expected
+    found = CLAIMS["5i"].check(dict(zip(CLAIMS["5i"].needs, [run], strict=True)))
+    assert found.values == {"clearance_min": least, "phi_max": 0.5}
 
 
 def test_5j() -> None:
@@ -226,6 +239,59 @@ def test_a_track_must_differ_for_its_error_to_count() -> None:
     erroneous_gradients.Difference.between(exact, tracked(0.0101), "fov")  # type: ignore[arg-type]
     with pytest.raises(NotMeasured, match="was the error"):
         erroneous_gradients.Difference.between(exact, tracked(0.0099), "fov")  # type: ignore[arg-type]
+
+
+class Seen(Told):
+    """A run whose camera sees what has no coordinate above 100."""
+
+    setup = SimpleNamespace(scene=SimpleNamespace(camera=SimpleNamespace(sees=lambda pixels: pixels[..., 0] <= 100.0)))
+
+    def within(self, Ts: float) -> Seen:
+        self.sampling_time = Ts
+        return self
+
+
+def experiment(kind: str, far: float = 1.0, sigma: float = 0.0, Ts: float = 0.1, **changed: Any) -> Seen:
+    pixels = np.zeros((len(T), 2, 2))
+    pixels[5, 1, 0] = far
+    row = f"{kind}[marker 1]"
+    run = Seen({row: 0.0}, {row: sigma}, features_px=pixels, qd=np.zeros((len(T), 6)), **changed)
+    return run.within(Ts)
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({}, YES),
+        ({"far": 101.0}, PARTLY),
+        ({"sigma": 0.001}, PARTLY),
+        ({"status": "trapped"}, PARTLY),
+        ({"Ts": 0.09}, PARTLY),
+        ({"Ts": 0.11}, PARTLY),
+    ],
+)
+def test_6i(changed: Any, expected: str) -> None:
+    pairs = [(experiment(kind, far=0.0), experiment(kind)) for kind in ("fov", "occlusion")]
+    found = {
+        f"{scenario}.{case}.{what}": 100.0
+        for scenario in ("experiment-1-pbvs", "experiment-2-ibvs")
+        for case in CASES
+        for what in ("satisfactory", "scenes", "applied")
+    }
+    everywhere = StudyResult("made up", found, (), (), ())
+    nowhere = StudyResult("made up", found | {n: 0.0 for n in found if n.endswith("satisfactory")}, (), (), ())
+    here = StudyResult(
+        "made up", found | {n: 0.0 for n in found if n.startswith("experiment-2") and "satis" in n}, (), (), ()
+    )
+    for place, kind in enumerate(("fov", "occlusion")):
+        runs = [
+            run
+            for i, pair in enumerate(pairs)
+            for run in (pair[0], experiment(kind, **changed) if i == place else pair[1])
+        ]
+        assert verdict("6i", *runs, everywhere) == expected
+        assert verdict("6i", *runs, nowhere) == NO
+    assert verdict("6i", *pairs[0], *pairs[1], here) == PARTLY
 
 
 @pytest.mark.parametrize(
@@ -396,8 +462,22 @@ def test_10b(run: Shared, place: int, expected: str) -> None:
             assert verdict("10b", changed, *scenes(run, above(), place)) == verdict_then
 
 
+def test_10b_of_two_rows() -> None:
+    """One that keeps its boundary does not make up for another that does not."""
+    sweep = study(above_bound=3.0, above_bound_allowed=3.0, above_bound_in_band=3.0)
+    two = Shared({ROW: at({5: 1.01}), "b": -1.0}, {}, {ROW: -0.001, "b": 1.0})
+    assert verdict("10b", sweep, *scenes(two, above())) == NO
+
+
 def sliding(width: float) -> Told:
     return Told({ROW: at({5: 0.0, 6: width, 7: 0.0})})
+
+
+def test_10c_is_relative_to_the_period() -> None:
+    """T_s u⁺ = 2 in a run with twice the period."""
+    slow = Told({ROW: at({5: 0.0, 6: 2.0, 7: 0.0})}, t=2.0 * T)
+    sweep = study(s__greatest_excess=1.0, s__exponent=1.0)
+    assert verdict("10c", sweep, *scenes(slow, sliding(0.5))) == YES
 
 
 @pytest.mark.parametrize(
@@ -440,5 +520,6 @@ def test_10e(first: int, later: float, push: float, expected: str) -> None:
 
 def test_10e_that_never_ends() -> None:
     assert verdict("10e", Told({ROW: 5.0})) == NO
-    found = CLAIMS["10e"].check(dict(zip(CLAIMS["10e"].needs, [Told({ROW: at({0: 0.0})})], strict=True)))
-    assert found.verdict == "not measured"
+    for phi in ({0: 0.0}, {0: 0.0, 1: 5.0}):
+        found = CLAIMS["10e"].check(dict(zip(CLAIMS["10e"].needs, [Told({ROW: at(phi)})], strict=True)))
+        assert found.verdict == "not measured"

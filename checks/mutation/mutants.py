@@ -22,6 +22,9 @@ SWAPPED = {one: other for pair in PAIRS for one, other in (pair, pair[::-1])}
 LEFT_OUT = ("abs", "sqrt")
 """Functions whose argument takes their place."""
 
+WORDS = ("text", "texts", "why", "beyond", "broken", "shown")
+"""Names of what is only said: statements that assign or append to them are left alone, as texts are."""
+
 KEYWORDS = ("strict", "repr", "init")
 """Arguments that guard against slips or are for the eye."""
 
@@ -137,7 +140,7 @@ class _Mutations:
 
     def changes(self, node: ast.AST, function: int) -> Iterator[Change]:
         """Of this node and all below it."""
-        if isinstance(node, ast.JoinedStr) or getattr(node, "name", None) in self.without:
+        if isinstance(node, ast.JoinedStr) or getattr(node, "name", None) in self.without or _only_said(node):
             return
         if isinstance(node, ast.FunctionDef):
             for default in (*node.args.defaults, *(d for d in node.args.kw_defaults if d is not None)):
@@ -213,6 +216,17 @@ class _Mutations:
         if name in LEFT_OUT and len(call.args) == 1:
             start, end = self.span(call.args[0])
             yield *self.span(call), f"({self.text[start:end].decode()})"
+
+
+def _only_said(node: ast.AST) -> bool:
+    target: ast.AST | None = None
+    if isinstance(node, ast.Assign):
+        target = node.targets[0]
+    elif isinstance(node, ast.AugAssign):
+        target = node.target
+    elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Call) and isinstance(node.value.func, ast.Attribute):
+        target = node.value.func.value
+    return isinstance(target, ast.Name) and target.id in WORDS
 
 
 def _other_constants(value: object) -> list[str]:
