@@ -302,12 +302,16 @@ def test_one_marker_slides(active: tuple[str, ...], sigma: float, clearance: flo
     assert one_marker_slides(run, "fov").verdict == expected
 
 
+@pytest.mark.parametrize("sample", [20, 40, 60])
 @pytest.mark.parametrize(
     ("speed", "clearance", "good"), [(1.09, 0.1, True), (1.11, 0.1, False), (0.5, 0.0, False), (0.5, -0.1, False)]
 )
-def test_exponentially(speed: float, clearance: float, good: bool) -> None:
+def test_exponentially(speed: float, clearance: float, good: bool, sample: int) -> None:
     """K = 0.1 s: from 0.1 px away no faster than 1 px/s; before and after the row acts, it may be."""
     run: Any = Told(
-        {ROW: during((0.2, 0.6))}, {}, {ROW: at({40: clearance}, 1.0)}, speed=at({19: 99.0, 40: speed, 61: 99.0}, 0.0)
+        {ROW: during((0.2, 0.6))},
+        {},
+        {ROW: at({sample: clearance}, 1.0)},
+        speed=at({19: 99.0, sample: speed, 61: 99.0}, 0.0),
     )
     assert (exponentially(run, ROW).verdict == YES) == good

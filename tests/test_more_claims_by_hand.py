@@ -523,3 +523,57 @@ def test_10e_that_never_ends() -> None:
     for phi in ({0: 0.0}, {0: 0.0, 1: 5.0}):
         found = CLAIMS["10e"].check(dict(zip(CLAIMS["10e"].needs, [Told({ROW: at(phi)})], strict=True)))
         assert found.verdict == "not measured"
+
+
+def test_10e_is_relative_to_the_period() -> None:
+    """T_s u⁺ = 2 in a run with twice the period: φ may be 4 later on."""
+    run = Told({ROW: at({**dict.fromkeys(range(3), 5.0), 20: 4.0}, -1.0)}, t=2.0 * T)
+    assert verdict("10e", run) == YES
+
+
+class Directions(Told):
+    """A run whose rows are (1, 0) and (1, angle) divided by its length: one of the two active, or both."""
+
+    angle = 1.0
+
+    @property
+    def setup(self) -> Any:
+        A = np.array([[5.0, 0.0], [1.0, self.angle]])
+        rows = SimpleNamespace(Lg=A, phi=np.zeros(2))
+        return SimpleNamespace(
+            scene=SimpleNamespace(evaluate=lambda t, q, qd: None),
+            constraints=SimpleNamespace(rows=lambda state: (rows, None)),
+        )
+
+
+def directions(angle: float, last: int = 100, both: bool = True, **changed: Any) -> Directions:
+    """Both rows are active in one sample; the run ends ``100 − last`` samples later."""
+    phi = {"a": at({last: 0.0}), "b": at({last if both else 3: 0.0})}
+    run = Directions(phi, q=np.zeros((101, 2)), qd=np.zeros((101, 2)), **changed)
+    run.angle = angle
+    return run
+
+
+ABORTED = {"status": "aborted", "reason": "dependent: a, b"}
+
+
+@pytest.mark.parametrize(
+    ("run", "expected"),
+    [
+        (directions(1.2e-6, **ABORTED), YES),  # the smaller singular value is angle/√2
+        (directions(1.6e-6, **ABORTED), NO),
+        (directions(1.2e-6, last=99, **ABORTED), NO),
+        (directions(1.2e-6, both=False, **ABORTED), NO),
+        (directions(1.2e-6), NO),
+        (directions(1.2e-6, status="aborted", reason="something else"), NO),
+        (directions(1.0), YES),
+    ],
+)
+def test_10f(run: Directions, expected: str) -> None:
+    lost, well = directions(1e-7, **ABORTED), directions(1.0)
+    assert verdict("10f", run, well, lost, well) == expected
+
+
+def test_10f_needs_a_run_that_loses_its_rank() -> None:
+    found = CLAIMS["10f"].check(dict(zip(CLAIMS["10f"].needs, [directions(1.0)] * 4, strict=True)))
+    assert found.verdict == "not measured"
