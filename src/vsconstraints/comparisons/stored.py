@@ -52,15 +52,17 @@ class StoredComparison:
     def _check(self, path: Path, lines: list[dict[str, Any]], key: tuple[str, ...]) -> None:
         """Raise ConfigurationError if a line is of a run that the manifest does not hold, or there twice."""
         seen = set()
+        scenarios, controllers = self.scenarios, set(self.controllers)
         trials = self.manifest["configuration"].get("trials", 1)
         for line in lines:
-            own = tuple(line[name] for name in key)
-            run = f"scenario {shown(own[0])}, controller {shown(own[1])}, trial {own[2]:g}"
-            if own in seen:
-                raise ConfigurationError(f"{path} has {run} twice")
+            scenario, controller, trial, *_ = own = tuple(line[name] for name in key)
+            held = scenario in scenarios and controller in controllers and trial < trials
+            if own in seen or not held:
+                run = f"scenario {shown(scenario)}, controller {shown(controller)}, trial {trial:g}"
+                raise ConfigurationError(
+                    f"{path} has {run}{' twice' if held else ', which manifest.json beside it does not have'}"
+                )
             seen.add(own)
-            if own[0] not in self.scenarios or own[1] not in self.controllers or own[2] >= trials:
-                raise ConfigurationError(f"{path} has {run}, which manifest.json beside it does not have")
 
     @cached_property
     def scenarios(self) -> dict[str, Scenario]:
