@@ -62,7 +62,8 @@ def test_the_same_seed_gives_the_same_files() -> None:
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A comparison that ends before anything happens."""
     folder = tmp_path_factory.mktemp("stored")
-    suite = Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=0.05", "trials=2"])
+    settings = ["scenario.duration=0.05", "scenario.start_deviation=0.01", "trials=2"]
+    suite = Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=settings)
     compare(suite, folder, workers=1)
     return folder
 
