@@ -59,6 +59,7 @@ TESTS = (
     "tests/test_reports.py",
     "tests/test_reproduction.py",
     "tests/test_simulation.py",
+    "tests/test_studied_claims_by_hand.py",
     "tests/test_tracking.py",
 )
 
