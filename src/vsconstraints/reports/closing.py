@@ -15,10 +15,10 @@ FAIR = (
     "The same start, the same goals, the same exact double integration of the command and, in further trials, the same "
     "random deviations of the start (seed below) for all.",
     "What counts as challenged is decided by tracking alone, which is not compared.",
-    "Status, violations and errors are measured on the simulated motion; no controller's own word is used, except "
-    "that a run ends where its controller reports that it cannot go on.",
-    "The time of the controller's call is measured apart from that of the rows and the task, in processes that use one "
-    "thread each.",
+    "Status, violations, errors, and which rows act are measured on the motion and the command; no controller's own "
+    "word is used, except that a run ends where its controller has no command, or reports lost rank and the rows show it.",
+    "Every law, shipped or own, is timed by the same call, controller.command(rows, task), apart from the rows and the "
+    "task, in processes that use one thread each.",
     "Options are those of the suite, the same in every scenario, listed below and in [manifest.json](manifest.json).",
 )
 
@@ -31,13 +31,15 @@ LIMITATIONS = (
     "chosen by watching that law in all others, the UR5 and the Panda among them; other laws might choose others.",
     "Times are those of Python calls, of compiled functions where the machine's table says so, while other runs use "
     "the machine's other cores; they differ somewhat from run to run.",
-    "Utilization looks at the greatest usage only: a run that touches the boundary once counts as much as one that "
-    "slides along it. The mean unused margin says more, but compares equal times at which runs may be at different "
-    "places. In a scenario with several challenged rows utilization averages over them, however different they are.",
+    "Which row holds the arm back is worked out, not known: of the rows that the command slows, the nearest. A law "
+    "that departs from tracking for a reason of its own is taken to do so for that row. Utilization averages over "
+    "rows, however different they are; the mean unused margin compares equal times, at which runs may be at different "
+    "places.",
     "Between samples clearances are looked at three times per period, and only near a boundary: deviations that are "
     "shorter than that can be missed.",
-    "The φ band mixes what switching causes with what tracking and drift cause. A large ratio is a reason to look at "
-    "the figure, not a measure of switching alone; it has no value where no row slides, which is no merit by itself.",
+    "The φ band mixes what switching causes with what tracking, drift and lost sliding modes cause. A large ratio is a "
+    "reason to look at the figure, not a measure of switching alone; it has no value where no row comes to its "
+    "boundary, which is no merit by itself.",
     "Acceleration variation and jerk add rad and m where an arm has prismatic joints.",
     "Where runs end in different places (trapped, unfinished), their other values are not values of the same motion.",
 )

@@ -22,7 +22,7 @@ CLIP = 1e3
 
 
 def draw_phi(view: View, path: Path) -> None:
-    """One panel of φ / (T_s u⁺) for each row, and bars that show when each row shapes the command."""
+    """One panel of φ / (T_s u⁺) for each row, and bars that show when each row holds the arm back."""
     names = view.shown
     legend_rows = rows_of(len(names), 3)
     top = 0.08 + 0.17 * legend_rows + 0.08
@@ -45,7 +45,7 @@ def draw_phi(view: View, path: Path) -> None:
         for i, label in enumerate(view.lane_rows):
             sheet.text(0.08, above + (i + 0.5) * lanes, label, va="center", ha="left", fontsize=8)
         sheet.text(
-            LEFT, above - 0.03, "when each row shapes the command", va="bottom", ha="left", fontsize=8, color="#444444"
+            LEFT, above - 0.03, "when each row holds the arm back", va="bottom", ha="left", fontsize=8, color="#444444"
         )
         axes.append(ax)
     for ax in axes:

@@ -86,7 +86,7 @@ def _axes(ax: Any, runs: Sequence[Point]) -> None:
     decades = [10.0**k for k in range(low + 1, high + 1)]
     ax.set_yticks(decades, [f"{decade:g}" for decade in decades])
     ax.set_yticks([], minor=True)
-    ax.set_xlabel("utilization of the challenged rows [%], more is better → (spaced by the logarithm of what is left)")
+    ax.set_xlabel("utilization where rows hold the arm back [%], more is better → (logarithm of what is left)")
     ax.set_ylabel("← less is better, acceleration variation [rad/s³]")
 
 
