@@ -16,7 +16,7 @@ FAIR = (
     "random deviations of the start (seed below) for all.",
     "What counts as challenged is decided by tracking alone, which is not compared.",
     "Status, violations, errors, and which rows act are measured on the motion and the command; no controller's own "
-    "word is used, except that a run ends where its controller has no command, or reports lost rank and the rows show it.",
+    "word is used, except that a run ends where its controller has no command, or reports lost rank that rows confirm.",
     "Every law, shipped or own, is timed by the same call, controller.command(rows, task), apart from the rows and the "
     "task, in processes that use one thread each.",
     "Options are those of the suite, the same in every scenario, listed below and in [manifest.json](manifest.json).",
