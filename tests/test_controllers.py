@@ -393,6 +393,22 @@ def test_a_law_that_goes_wrong_fails_with_its_reason_and_rests(answer: object, w
     assert_is_an_answer(command, rows, task)
 
 
+@pytest.mark.parametrize("slack", [np.full(3, np.inf), np.full(3, np.nan), np.zeros(2), [0.0, 0.0, 0.0]])
+def test_slack_that_is_none_is_a_failure(slack: Any) -> None:
+    rows, task = sound()
+    given = replace(SlidingMode().command(rows, task), slack=slack)
+    command = Says(given).command(rows, task)
+    assert command.status == "failed"
+    assert command.reason.startswith("slack must be None or 3 finite numbers, not ")
+
+
+def test_a_demand_beyond_floating_point_is_no_slack() -> None:
+    rows, task = sound()
+    rows = replace(rows, phi=np.array([1e300, -1.0, -1.0]), Lg=np.zeros((3, 6)))
+    command = HierarchicalQP(alpha=1e100).command(rows, task)
+    assert (command.status, "finite numbers" in command.reason) == ("failed", True)
+
+
 def test_a_law_that_answers_is_believed() -> None:
     rows, task = sound()
     command = Own(np.arange(6.0)).command(rows, task)
@@ -746,6 +762,18 @@ def test_the_priority_blend_demands_a_share_of_the_switching_gain() -> None:
         rows, _ = one_row(phi)
         demand = (1.0 - psi) * free - psi * u
         assert float(rows.Lg[0] @ law.command(rows, task).qdd) == pytest.approx(demand, rel=1e-9)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("blend", ["additive", "priority"])
+def test_no_region_is_so_small_that_a_row_is_dropped(blend: str, compiled: bool) -> None:
+    """Where region times scale is zero in floating point, and so is φ."""
+    rows, task = one_row(0.0)
+    rows = replace(rows, scale=np.array([1e-200]))
+    law, usual = PotentialField(blend=blend, region=1e-200), PotentialField(blend=blend)
+    command = (law.command if compiled else law._defined)(rows, task)
+    assert command.active == rows.labels
+    np.testing.assert_allclose(command.qdd, usual.command(*one_row(0.0)).qdd, rtol=1e-9)
 
 
 def test_a_row_without_gradient_is_not_pushed() -> None:

@@ -65,6 +65,9 @@ class Controller(ABC):
             )
         if not np.isfinite(command.qdd).all():
             return self._failure(rows, task, "the law gave accelerations that are not finite")
+        slack: object = command.slack
+        if not (slack is None or (isinstance(slack, np.ndarray) and slack.shape == (m,) and np.isfinite(slack).all())):
+            return self._failure(rows, task, f"slack must be None or {m} finite numbers, not {shown(slack)}")
         return command
 
     @abstractmethod

@@ -86,7 +86,8 @@ class PotentialField(Controller):
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class."""
-        psi = np.maximum(1.0 + rows.phi / (self.region * rows.scale), 0.0) ** self.exponent
+        # the product of a small region and a small scale may be zero
+        psi = np.maximum(1.0 + rows.phi / rows.scale / self.region, 0.0) ** self.exponent
         acts = psi > 0.0
         gain = self.strength * rows.switching_gain
         free = track(task, self.rank_tolerance)

@@ -118,7 +118,7 @@ def follow(
         acted[i] = law == SLIDING and phi[i] >= 0.0
     if law >= PRIORITY:
         for i in range(m):
-            psi = max(1.0 + phi[i] / (region * scale[i]), 0.0)
+            psi = max(1.0 + phi[i] / scale[i] / region, 0.0)
             if exponent != 1.0:
                 psi = psi**exponent
             acted[i] = psi > 0.0
