@@ -390,7 +390,8 @@ def with_margin(run: Run, label: str, share: float) -> Run:
     wanted, least = share * run.length(label), trajectory.between_clearance.copy()
     clearance = trajectory.clearance.copy()
     clearance[:, k] = np.maximum(clearance[:, k], wanted)
-    clearance[-1, k] = least[k] = wanted
+    clearance[-1, k] = wanted
+    least[:, k] = wanted
     return spoiled(run, clearance=clearance, between_clearance=least)
 
 
