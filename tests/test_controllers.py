@@ -827,3 +827,24 @@ def test_demands_that_contradict_each_other_are_relaxed_by_name() -> None:
     assert "up" in command.reason
     assert "side" not in command.reason
     np.testing.assert_allclose(command.qdd, [0.0, -1.0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "law", [SlidingMode(), PotentialField(), HierarchicalQP(), HierarchicalQP(solver="daqp"), Tracking()]
+)
+@pytest.mark.parametrize("size", [1e10, 1e18, 1e100, 1e183])
+def test_accelerations_at_which_rows_cannot_be_checked_are_no_answer(law, size):
+    """A robot that diverges: finite, but so large that rounding of a row exceeds all that it may demand."""
+    rows = Rows(np.array([-0.1, -0.1]), np.eye(2), np.zeros(2), np.full(2, 2.0), ("a", "b"))
+    task = Task(np.array([[1.0, 0.0]]), np.array([-size]))
+    command = law.command(rows, task)
+    acted, qdd = np.empty(2, np.bool_), np.empty(2)
+    bound = law._bind(rows, task, acted, qdd)
+    if size < 1e15:
+        assert command.status == "ok"
+        assert bound is None or bound.solve() == 0
+        return
+    assert command.status == "failed"
+    assert "rounding exceeds the gain of a, b" in command.reason
+    np.testing.assert_array_equal(command.qdd, np.zeros(2))
+    assert bound is None or bound.solve() != 0

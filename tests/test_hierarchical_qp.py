@@ -509,7 +509,7 @@ def test_tracking_stays_bounded_through_a_singularity():
     box=st.sampled_from([None, 2.0]),
     form=st.sampled_from(["barrier", "active"]),
 )
-def test_the_command_is_always_finite_and_never_fails(shape, data, box, form):
+def test_the_command_is_always_finite_and_fails_only_where_rows_cannot_be_checked(shape, data, box, form):
     m, k, n = shape
     number = st.one_of(st.floats(-1e3, 1e3), st.sampled_from([0.0, 1.0, -1.0, 1e-9]))
     phi, Lf = (data.draw(arrays.arrays(float, m, elements=number)) for _ in range(2))
@@ -519,8 +519,12 @@ def test_the_command_is_always_finite_and_never_fails(shape, data, box, form):
     )
     rows = Rows(phi, Lg, Lf, np.ones(m), tuple(f"row[{i}]" for i in range(m)))
     command = HierarchicalQP(rows=form, max_acceleration=box).command(rows, task)
-    assert command.status in ("ok", "relaxed"), command.reason
     assert np.isfinite(command.qdd).all()
+    if command.status == "failed" and box is None:
+        # a task of 1e-180 asks for accelerations of 1e180
+        assert "rounding exceeds the gain" in command.reason
+        return
+    assert command.status in ("ok", "relaxed"), command.reason
     assert np.isfinite(command.slack).all()
     assert (command.slack >= 0.0).all()
     if box is not None:
@@ -758,6 +762,8 @@ def test_reset_forgets_failures(monkeypatch):
         ({"damping": -1e-8}, ("damping must be a positive",)),
         ({"max_acceleration": float("inf")}, ("max_acceleration must be a positive",)),
         ({"weights": {"fov": 0.0}}, ("weights['fov'] must be a positive",)),
+        ({"weights": {"fov": 1e150}}, ("weights['fov'] must be between 1e-10 and 1e+10, not 1e+150", "rounding")),
+        ({"weights": {"fov": 1e-150}}, ("weights['fov'] must be between 1e-10 and 1e+10, not 1e-150",)),
         ({"weights": {1: 2.0}}, ("weights must map beginnings of labels to numbers, not {1: 2.0}",)),
         ({"weights": {"fov": np.float64(0.0)}}, ("weights['fov'] must be a positive, finite number, not 0.0",)),
         ({"weights": [np.float64(2.0)]}, ("to numbers, not [2.0]",)),

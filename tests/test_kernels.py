@@ -212,7 +212,10 @@ def agree_hierarchy(law, rows, task):
     assert bool(command.solver) == bool(expected.solver)
     scale = 1.0 + np.linalg.norm(expected.qdd)
     np.testing.assert_allclose(command.slack, expected.slack, rtol=0.0, atol=1e-9 * scale)
-    np.testing.assert_allclose(command.qdd, expected.qdd, rtol=0.0, atol=1e-8 * scale)
+    # where the task leaves directions free, each form decides by itself whether the damping has cost more than 1e-6
+    redundant = np.linalg.matrix_rank(task.J, tol=1e-6 * np.linalg.norm(task.J)) < task.J.shape[1]
+    tolerance = (1e-6 if redundant else 1e-8) * scale
+    np.testing.assert_allclose(command.qdd, expected.qdd, rtol=0.0, atol=tolerance)
 
 
 @pytest.mark.parametrize("kind", KINDS)

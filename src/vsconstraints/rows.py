@@ -146,6 +146,25 @@ class Command:
         return {self.labels[i]: float(self.slack[i]) for i in np.flatnonzero(self.slack > 0.0)}
 
 
+ROUNDING = 2.0**-53
+"""Largest relative error of one operation in floating point."""
+
+
+def beyond_rounding(rows: Rows, qdd: Array) -> str:
+    """Say which row cannot be told met from unmet at these accelerations; empty if none.
+
+    Rounding of L_gφ q̈ alone, ε‖L_gφ‖‖q̈‖, is then more than u⁺, which is what the row can demand.
+    """
+    largest = float(np.abs(qdd).max(initial=0.0))
+    size = largest * float(np.linalg.norm(qdd / largest)) if largest > 0.0 else 0.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        lost = ROUNDING * np.linalg.norm(rows.Lg, axis=1) * size > rows.switching_gain
+    if not lost.any():
+        return ""
+    names = ", ".join(rows.labels[i] for i in np.flatnonzero(lost))
+    return f"accelerations of {size:.1e} are beyond what rows can be checked at: rounding exceeds the gain of {names}"
+
+
 def check(rows: Rows, task: Task) -> None:
     """Raise InvalidInput unless shapes agree and every number is finite; names the row or entry at fault."""
     if not (isinstance(rows, Rows) and isinstance(task, Task)):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, get_args
 import numpy as np
 
 from ..errors import SolverError, shown
-from ..rows import Array, BoolArray, Command, Rows, Status, Task, check
+from ..rows import Array, BoolArray, Command, Rows, Status, Task, beyond_rounding, check
 
 if TYPE_CHECKING:
     from .compiled import BoundLaw
@@ -19,7 +19,8 @@ class Controller(ABC):
     """A law that turns rows and a task into joint accelerations.
 
     A new controller gives :attr:`name` and :meth:`solve`. Input is checked before and the answer after, so that
-    ``solve`` may assume finite arrays of matching shapes, and no number that is not finite ever reaches a robot.
+    ``solve`` may assume finite arrays of matching shapes, and no number that is not finite ever reaches a robot. Nor
+    does one so large that rounding alone of a row exceeds its switching gain.
     """
 
     name: ClassVar[str]
@@ -68,7 +69,8 @@ class Controller(ABC):
         slack: object = command.slack
         if not (slack is None or (isinstance(slack, np.ndarray) and slack.shape == (m,) and np.isfinite(slack).all())):
             return self._failure(rows, task, f"slack must be None or {m} finite numbers, not {shown(slack)}")
-        return command
+        beyond = beyond_rounding(rows, command.qdd)
+        return self._failure(rows, task, beyond) if beyond else command
 
     @abstractmethod
     def solve(self, rows: Rows, task: Task) -> Command:

@@ -28,6 +28,9 @@ AUTO = "auto"
 
 DEFAULT = "daqp"
 
+HEAVIEST = 1e10
+"""Largest weight of a row, and the inverse of the least: those without one have 1."""
+
 IntArray = NDArray[np.intp]
 
 
@@ -77,7 +80,8 @@ class HierarchicalQP(Controller):
         asked (:data:`vsconstraints.qp.FALLBACKS`) and the command says so.
     weights
         Diagonal of W by the beginning of the label, for example ``{"fov": 2.0, "range[joint 6]": 5.0}``; the
-        longest matching beginning counts, 1 where none matches. One that begins no label is told of in
+        longest matching beginning counts, 1 where none matches. From 1e-10 to 1e10: beside rows of so much more weight
+        violations of light ones are lost in rounding. One that begins no label is told of in
         ``Command.remark``, and in the reason of a simulation.
     max_acceleration
         q̈_max [rad/s² or m/s²]; None for no box.
@@ -121,7 +125,7 @@ class HierarchicalQP(Controller):
             if not (isinstance(self.weights, Mapping) and all(isinstance(prefix, str) for prefix in self.weights)):
                 given = shown(self.weights)
                 raise ConfigurationError(f"weights must map beginnings of labels to numbers, not {given}")
-            weights = {prefix: _positive(f"weights[{prefix!r}]", weight) for prefix, weight in self.weights.items()}
+            weights = {prefix: _weight(prefix, weight) for prefix, weight in self.weights.items()}
             checked["weights"] = Fixed(weights)
         checked["rank_tolerance"] = rank_tolerance(self.rank_tolerance)
         for name, value in checked.items():
@@ -305,6 +309,17 @@ def task_cost(tracking: LeastNorm, damping: float, rank_tolerance: float) -> Cos
     size = float(np.linalg.norm(tracking.gains))
     relative = tracking.gains / size if size > 0.0 else tracking.gains
     return Cost(tracking.qdd, tracking.directions, relative, damping, rank_tolerance)
+
+
+def _weight(prefix: str, value: object) -> float:
+    """Return the weight as a float; raise ConfigurationError unless rounding leaves something of it and of 1."""
+    weight = _positive(f"weights[{prefix!r}]", value)
+    if not 1.0 / HEAVIEST <= weight <= HEAVIEST:
+        raise ConfigurationError(
+            f"weights[{prefix!r}] must be between {1.0 / HEAVIEST:g} and {HEAVIEST:g}, not {shown(value)}: beside "
+            "rows of so much more weight, light ones are lost in rounding"
+        )
+    return weight
 
 
 def _positive(name: str, value: object) -> float:

@@ -139,6 +139,7 @@ def _sources() -> list[Path]:
         "qp/least_residual.py",
         "qp/least_violation.py",
         "qp/lexicographic.py",
+        "rows.py",
         "scene.py",
     )
     return [*sorted((package / "kernels").glob("*.py")), *(package / other for other in others)]

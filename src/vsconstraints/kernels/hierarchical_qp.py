@@ -28,7 +28,7 @@ from .least_residual import cut, least_residual
 from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import least_violation
 from .linear import ASK, DONE, ONE, S_ROWS, START, apply, constant, copy, dot, finite
-from .task_priority import OUTPUT_SIGNATURE, ROWS_SIGNATURE, TASK_SIGNATURE, valid
+from .task_priority import OUTPUT_SIGNATURE, ROWS_SIGNATURE, TASK_SIGNATURE, checkable, valid
 
 HARD, RELAXING, STRICT_TASK = constant(0), constant(1), constant(2)
 """Stages: all rows; the points that violate least; level 2 by itself."""
@@ -116,7 +116,7 @@ def descend(
     if within and (below or tracks):
         for i in range(m):
             acted[i] = False
-        return (DONE if finite(qdd) else ASK), 0
+        return (DONE if checkable(Lg, gain, qdd) else ASK), 0
 
     w = free + (2 * n if bound < math.inf else 0)
     walls, sides, W, index = np.zeros((w, n)), np.empty(w), np.empty(free), np.empty(free, np.int64)
@@ -231,7 +231,7 @@ def descend(
         slack[at] = violation[i]
         unmet = unmet or violation[i] > 0.0
         acted[at] = violation[i] > 0.0 or held[i]
-    if not (finite(qdd) and finite(slack)):
+    if not (checkable(Lg, gain, qdd) and finite(slack)):
         return ASK, steps
     if short:
         return (RELAXED_SHORT if unmet else SHORT), steps

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..qp.lexicographic import ZERO_GRADIENT
-from ..rows import Array, BoolArray
+from ..rows import ROUNDING, Array, BoolArray
 from .compiler import compiled, inner
 from .layout import ADDITIVE, PRIORITY, SLIDING, TRACKING
 from .least_squares import bring, resolve
@@ -26,6 +26,20 @@ def valid(m: int, phi: Array, Lg: Array, Lf: Array, gain: Array, scale: Array, J
         wrong |= not ((abs(phi[i]) < math.inf) & (abs(Lf[i]) < math.inf))
         wrong |= not ((gain[i] > 0.0) & (gain[i] < math.inf) & (scale[i] > 0.0) & (scale[i] < math.inf))
     return wrong == 0 and in_range(Lg) and in_range(J) and finite(b)
+
+
+@inner
+def checkable(Lg: Array, gain: Array, qdd: Array) -> bool:
+    """Whether the accelerations are finite, and :func:`vsconstraints.rows.beyond_rounding` has nothing to say."""
+    n = qdd.size
+    size = 0.0
+    for j in range(n):
+        size += qdd[j] * qdd[j]
+    size *= ROUNDING * ROUNDING
+    wrong = 0
+    for i in range(gain.size):
+        wrong |= not (dot(Lg, i, Lg, i, START, n) * size <= gain[i] * gain[i])
+    return wrong == 0 and size < math.inf
 
 
 @inner
@@ -149,4 +163,4 @@ def follow(
             reached = gather(Lg, demand, scale, phi, acted, 0.0, A)
             if reached == acting or resolve(A[:reached], J, b, tolerance, np.empty(n))[0] < reached:
                 return ASK
-    return DONE if finite(qdd) else ASK
+    return DONE if checkable(Lg, gain, qdd) else ASK
