@@ -398,7 +398,7 @@ class Timed(Told):
 
 @pytest.mark.parametrize(
     ("step", "rows", "expected"),
-    [(12e-6, 8e-6, YES), (12e-6, 8.1e-6, PARTLY), (3e-3, 2e-3, PARTLY), (3e-3, 2.001e-3, NO)],
+    [(12e-6, 8e-6, YES), (20e-6, 0.0, YES), (12e-6, 8.1e-6, PARTLY), (3e-3, 2e-3, PARTLY), (3e-3, 2.001e-3, NO)],
 )
 def test_12a(step: float, rows: float, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of T_s = 10 ms, the first sample apart; a few slow ones do not matter."""

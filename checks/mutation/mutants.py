@@ -22,8 +22,8 @@ SWAPPED = {one: other for pair in PAIRS for one, other in (pair, pair[::-1])}
 LEFT_OUT = ("abs", "sqrt")
 """Functions whose argument takes their place."""
 
-WORDS = ("text", "texts", "why", "beyond", "broken", "shown")
-"""Names of what is only said: statements that assign or append to them are left alone, as texts are."""
+WORDS = ("text", "texts", "title", "why", "shown", "beyond", "broken")
+"""Names of what is only said: statements that assign or append to them are left alone, as where texts are assigned."""
 
 KEYWORDS = ("strict", "repr", "init")
 """Arguments that guard against slips or are for the eye."""
@@ -221,12 +221,20 @@ class _Mutations:
 def _only_said(node: ast.AST) -> bool:
     target: ast.AST | None = None
     if isinstance(node, ast.Assign):
+        if _is_text(node.value):
+            return True
         target = node.targets[0]
     elif isinstance(node, ast.AugAssign):
         target = node.target
     elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Call) and isinstance(node.value.func, ast.Attribute):
         target = node.value.func.value
     return isinstance(target, ast.Name) and target.id in WORDS
+
+
+def _is_text(value: ast.AST) -> bool:
+    if isinstance(value, ast.IfExp):
+        return _is_text(value.body) or _is_text(value.orelse)
+    return isinstance(value, ast.JoinedStr) or (isinstance(value, ast.Constant) and isinstance(value.value, str))
 
 
 def _other_constants(value: object) -> list[str]:
