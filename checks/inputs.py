@@ -227,7 +227,7 @@ def hierarchy(rng: np.random.Generator) -> dict[str, Any]:
     if rng.random() < 0.3:
         options["max_acceleration"] = power(rng, 10.0, 100.0)
     if rng.random() < 0.3:
-        options["weights"] = {"row": power(rng, 1.0, 4.0), "row[1]": power(rng, 1.0, 100.0)}
+        options["weights"] = {"row": power(rng, 1.0, 4.0), "row[1]": power(rng, 1.0, 10.0)}
     if rng.random() < 0.1:
         options["damping"] = power(rng, 1e-8, 6.0)
     return options
@@ -239,4 +239,19 @@ OPTIONS: dict[str, Callable[[np.random.Generator], dict[str, Any]]] = {
 }
 """Options by the name of the controller; others are made with what they have by themselves."""
 
-WRONG_OPTIONS = (None, "fast", 0.0, -1.0, np.nan, np.inf, True, 10**400, 1j, [1.0], np.float64(0.0), {"row": -1.0}, ())
+WRONG_OPTIONS = (
+    None,
+    "fast",
+    0.0,
+    -1.0,
+    np.nan,
+    np.inf,
+    True,
+    10**400,
+    1j,
+    [1.0],
+    np.float64(0.0),
+    {"row": -1.0},
+    {"row": 1e30},
+    (),
+)

@@ -21,7 +21,12 @@ from vsconstraints.scenarios import Scenario
 from vsconstraints.scenarios.section import read_toml
 from vsconstraints.simulation import Trajectory, simulate
 
-NOT_RUN: dict[tuple[str, str], str] = {}
+NOT_RUN: dict[tuple[str, str], str] = {
+    (
+        "checks.md",
+        "python -m checks.mutation                        # every mutant: about an hour on two cores",
+    ): "takes an hour; `.ci/run` runs a sample",
+}
 """Blocks of the language ``text``, which cannot be run, by page and first line, and why they cannot."""
 
 

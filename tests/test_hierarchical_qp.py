@@ -524,7 +524,8 @@ def test_the_command_is_always_finite_and_fails_only_where_rows_cannot_be_checke
         # a task of 1e-180 asks for accelerations of 1e180
         assert "rounding exceeds the gain" in command.reason
         return
-    assert command.status in ("ok", "relaxed"), command.reason
+    # of rows that differ by 1e-9 alone, rounding may leave the optimum unproved
+    assert command.status in ("ok", "relaxed", "suboptimal"), command.reason
     assert np.isfinite(command.slack).all()
     assert (command.slack >= 0.0).all()
     if box is not None:

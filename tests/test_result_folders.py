@@ -23,9 +23,11 @@ from vsconstraints.reports import write_report
 ROOT = Path(__file__).parent.parent
 MAIN = [sys.executable, "-W", "error", "-c", "from vsconstraints.cli import main; main()"]
 
+SHORT = ("scenario.duration=0.05", "scenario.start_deviation=0.001")
+
 
 def suite(*settings: str, controllers: tuple[str, ...] = ("sliding-mode",)) -> Suite:
-    return Suite.load().select(["example-2d-fov"], controllers, settings=["scenario.duration=0.05", *settings])
+    return Suite.load().select(["example-2d-fov"], controllers, settings=[*SHORT, *settings])
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -106,11 +106,11 @@ def test_a_terminal_that_closes_ends_it_as_well(hanging: list[str], tmp_path: Pa
 
 def test_a_run_that_hangs_is_named(hanging: list[str], tmp_path: Path) -> None:
     done = subprocess.run(
-        [*MAIN, *hanging, "--controller", "hangs", "--controller", "sliding-mode", "--run-limit", "2"],
+        [*MAIN, *hanging, "--controller", "hangs", "--controller", "sliding-mode", "--run-limit", "10"],
         capture_output=True, text=True, timeout=120.0,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    why = "it took longer than its limit of 2 s and was ended"
+    why = "it took longer than its limit of 10 s and was ended"
     assert f"short · hangs · trial 0: failed, {why}" in done.stderr
     lines = {line["controller"]: line for line in read_table(tmp_path / "out" / "results.csv")}
     assert (lines["hangs"]["status"], lines["hangs"]["reason"]) == ("failed", why)
