@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from vsconstraints.reproduction.verdicts import CLAIMS, Finding
 from vsconstraints.rows import Array
@@ -125,11 +126,21 @@ def during(*spans: tuple[float, float], t: Array = T, value: float = 0.0) -> Arr
     return column
 
 
-def verdict(key: str, *runs: Any) -> str:
+def found(key: str, *runs: Any) -> Finding:
     one = CLAIMS[key]
-    found: Finding = one.check(dict(zip(one.needs, runs, strict=True)))
-    assert found.verdict != "not measured", found.text
-    return found.verdict
+    return one.check(dict(zip(one.needs, runs, strict=True)))
+
+
+def verdict(key: str, *runs: Any) -> str:
+    of = found(key, *runs)
+    assert of.verdict != "not measured", of.text
+    return of.verdict
+
+
+def gives(finding: Finding, verdict: str, **values: float) -> None:
+    """What was found is this verdict with these values and no others."""
+    assert finding.verdict == verdict, finding.text
+    assert finding.values == pytest.approx(values, rel=1e-9, abs=1e-12)
 
 
 YES, PARTLY, NO = "holds", "holds partly", "does not hold"

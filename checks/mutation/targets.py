@@ -48,15 +48,18 @@ COMPILED = ("_compiled", "_bound", "_arguments", "_weights_of")
 """Functions of the laws' compiled form, which does not run here: tests hold it to the definition."""
 
 TESTS = (
+    "tests/test_case_study_numbers_by_hand.py",
+    "tests/test_claim_numbers_by_hand.py",
     "tests/test_claims_by_hand.py",
     "tests/test_controllers.py",
     "tests/test_disturbances.py",
+    "tests/test_experiment_numbers_by_hand.py",
     "tests/test_headlines_by_hand.py",
     "tests/test_hierarchical_qp.py",
     "tests/test_laws_by_hand.py",
     "tests/test_metrics.py",
-    "tests/test_motion_by_hand.py",
     "tests/test_more_claims_by_hand.py",
+    "tests/test_motion_by_hand.py",
     "tests/test_reports.py",
     "tests/test_reproduction.py",
     "tests/test_scores_by_hand.py",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -122,16 +123,16 @@ class Approach:
 
     @property
     def share(self) -> float:
-        """What is left of the speed after 3 K."""
-        return abs(self.later) / self.first
+        """What is left of the speed after 3 K; infinite if there is none towards the boundary at first."""
+        return abs(self.later) / self.first if self.first > 0.0 else inf
 
     @property
     def smooth(self) -> bool:
         """Whether the speed falls as an exponential approach does, and never rises on the way."""
-        return self.first > 0.0 and self.share <= SHARE_LEFT and self.greatest <= 1.1 * self.first
+        return self.share <= SHARE_LEFT and self.greatest <= 1.1 * self.first
 
 
-def approaches(run: Run, label: str, gap: float = 0.3) -> list[Approach]:
+def approaches(run: Run, label: str, gap: float) -> list[Approach]:
     """Every time the row acts for 3 K or longer."""
     K, speed = run.constraint(label).K, run.approach_speed(label)
     found = []

@@ -33,11 +33,15 @@ def switch_time(run: Run) -> float:
     return run.setup.task.goals[1].from_time
 
 
+def switch_sample(run: Run) -> int:
+    """The first sample of the second phase."""
+    return int(np.searchsorted(run.t, switch_time(run) - 1e-9))
+
+
 def phases(run: Run, event: str) -> tuple[list[Interval], list[Interval]]:
     """When the rows of an event act in the first and in the second phase."""
-    switch, active = switch_time(run), active_of(run, event)
-    first = run.t < switch - 1e-9
-    return intervals(run.t[first], active[first], MERGE), intervals(run.t[~first], active[~first], MERGE)
+    k, active = switch_sample(run), active_of(run, event)
+    return intervals(run.t[:k], active[:k], MERGE), intervals(run.t[k:], active[k:], MERGE)
 
 
 def active_of(run: Run, event: str) -> np.ndarray:
@@ -65,7 +69,7 @@ def at_once(run: Run) -> np.ndarray:
 )
 def errors_vanish_in_both_phases(case: Run) -> Finding:
     """Distance and angle at the first and last sample of each phase."""
-    k = int(np.searchsorted(case.t, switch_time(case) - 0.5 * case.sampling_time))
+    k = switch_sample(case)
     error = case.trajectory.camera_error
     values, texts = {}, []
     for phase, (first, last) in enumerate(((error[0], error[k - 1]), (error[k], error[-1])), start=1):
@@ -234,7 +238,7 @@ def sphere_fulfilled(case: Run) -> Finding:
 )
 def error_follows_its_polynomial(tracking: Run) -> Finding:
     """The six numbers of the error, and what (42) with the printed gains makes of them."""
-    k = int(np.searchsorted(tracking.t, switch_time(tracking) - 0.5 * tracking.sampling_time))
+    k = switch_sample(tracking)
     error = tracking.trajectory.error[:k]
     # to second order in T_s, and from nothing but the error itself
     rate = (4.0 * error[1] - 3.0 * error[0] - error[2]) / (2.0 * tracking.sampling_time)

@@ -200,8 +200,7 @@ def satisfactory(pbvs: Run, pbvs_error: Run, ibvs: Run, ibvs_error: Run, study: 
     for experiment, (scenario, kind, exact, run) in enumerate(pairs, start=1):
         sigma = Difference.between(exact, run, kind).sigma
         seen = bool(run.setup.scene.camera.sees(run.trajectory.features_px).all())
-        sampled = abs(run.sampling_time - 0.1) < 1e-9
-        good = sigma <= 0.0 and seen and run.trajectory.status == "converged" and sampled
+        good = sigma <= 0.0 and seen and run.trajectory.status == "converged" and run.sampling_time == 0.1
         verdict, scenes = in_unselected(study, scenario, "satisfactory", good)
         verdicts.append(verdict)
         texts.append(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...rows import Array
-from ..claims.case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, at_once, phases, switch_time
+from ..claims.case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, at_once, phases, switch_sample
 from ..runs import Run
 from .page import (
     AXES,
@@ -56,7 +56,7 @@ def draw_tracks(case: Run, path: Path) -> None:
     ax = page.views[0]
     image_plane(ax, case)
     pixels = case.trajectory.features_px
-    k = int(np.searchsorted(case.t, switch_time(case) - 0.5 * case.sampling_time))
+    k = switch_sample(case)
     for i, (colour, symbol) in enumerate(zip(COLOURS, SYMBOLS, strict=True)):
         track(ax, case, i, color=colour)
         end_symbol(ax, pixels[k, i], symbol, "white", DARK, 6.0)
