@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import nan
 
 import numpy as np
 
@@ -49,11 +50,6 @@ OUTSIDE = RunSpec(
 """The first example, its camera turning so fast at the start that φ of the second feature is above zero."""
 
 
-def acting(run: Run) -> list[str]:
-    """Rows whose φ is ever at or above zero."""
-    return run.ever_active()
-
-
 @claim(
     "10b",
     "3",
@@ -74,11 +70,11 @@ def bound_is_sufficient(study: StudyResult, *runs: Run) -> Finding:
     for spec, run in zip(SCENES, runs, strict=True):
         if spec.scenario == NOT_DIFFERENTIABLE:
             continue
-        share = float(run.needed_share().max(initial=0.0))
+        share = float(run.needed_share().max())
         if share >= 1.0:
             broken.append(f"{spec.scenario} ({share:.3g} u⁺)")
             continue
-        excess = max((float(run.phi(label).max()) / run.bound(label) for label in acting(run)), default=0.0)
+        excess = max(float(run.phi(label).max()) / run.bound(label) for label in run.trajectory.labels)
         lines = [run.row(label) for label in run.trajectory.labels if not label.startswith("speed")]
         above, band = above + 1, band + (excess <= 1.0)
         kept += all(float(line["clearance_min"]) >= 0.0 for line in lines)
@@ -116,10 +112,10 @@ def band_is_bounded(study: StudyResult, *runs: Run) -> Finding:
     scenes = {
         spec.scenario: max(
             (float(np.ptp(run.while_sliding(label))) / run.bound(label), label, run.positive_samples(label))
-            for label in acting(run)
+            for label in run.ever_active()
         )
         for spec, run in zip(SCENES, runs, strict=True)
-        if acting(run)
+        if run.ever_active()
     }
     text = "; ".join(
         f"{name}: up to {excess:.2f} T_s u⁺, growing with T_s to the power {power[name]:.2f}"
@@ -160,14 +156,15 @@ def reached_in_finite_time(run: Run) -> Finding:
         return Finding("does not hold", f"φ starts at {phi[0]:.3g} and never falls below zero")
     first = int(inside[0])
     push = float(run.drift[:first, run.index(SECOND)].max())
-    within = phi[0] / (gain - push) if gain > push else float("inf")
+    within = float(phi[0]) / (gain - push) if gain > push else nan
     later = float(phi[first:].max()) / run.bound(SECOND)
     text = (
         f"φ starts at {phi[0]:.3g}; u⁺ = {gain:g}, L_fφ up to {push:.3g}: below zero after "
-        f"{1e3 * run.t[first]:.3g} ms, promised within {1e3 * within:.3g} ms; then at most {later:.2f} T_s u⁺"
+        f"{1e3 * run.t[first]:.3g} ms, promised {f'within {1e3 * within:.3g} ms' if gain > push else 'never'}"
+        f"; then at most {later:.2f} T_s u⁺"
     )
-    good = gain > push and run.t[first] <= within + run.sampling_time and later <= MOST_EXCESS
-    return Finding(judged(good, True), text, {"after": float(run.t[first]), "within": float(within)})
+    good = float(run.t[first]) <= within + run.sampling_time and later <= MOST_EXCESS
+    return Finding(judged(good, True), text, {"after": float(run.t[first]), "within": within})
 
 
 @claim(
@@ -190,7 +187,7 @@ def aborted_without_rank(*runs: Run) -> Finding:
             right.append(end.status != "aborted")
             continue
         lost_ever = True
-        named = any(label in end.reason for label in run.trajectory.labels)
+        named = any(label in end.reason for label in end.labels if run.phi(label)[lost] >= 0.0)
         right.append(lost == len(run.t) - 1 and end.status == "aborted" and named)
         texts.append(f"{spec.scenario}, T_s = {run.sampling_time:g} s: rank lost at {run.t[lost]:.2f} s, {end.status}")
     if not lost_ever:
