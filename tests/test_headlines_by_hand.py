@@ -13,6 +13,7 @@ from vsconstraints.comparisons import StoredComparison
 from vsconstraints.reports.best import Cell, comparable, judged_by, keeps_rows, keeps_sliding, marked
 from vsconstraints.reports.headlines import opening, some
 from vsconstraints.reports.results import Results
+from vsconstraints.reports.scenario_section import _table
 from vsconstraints.reports.summary import summary
 
 WINNERS = "among the controllers that converged and violated no row"
@@ -195,7 +196,12 @@ def test_a_sentence_names_nine_scenarios() -> None:
 
 def summary_of(results: Results) -> dict[str, dict[str, str]]:
     """Its cells, by controller and column."""
-    lines = [line for line in summary(results).splitlines() if line.startswith("|")]
+    return cells_of(summary(results))
+
+
+def cells_of(text: str) -> dict[str, dict[str, str]]:
+    """A table's cells, by controller and column."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
     header, _, *body = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
     return {cells[0]: dict(zip(header[1:], cells[1:], strict=True)) for cells in body}
 
@@ -242,6 +248,32 @@ def test_every_cell_of_the_summary() -> None:
         "wide": ["(92.50, 2 of 3)", "2", "0", "25.0", "(1.00)", "(2.00, 2 of 3)", "(0.750, 2 of 3)", "1.00"],
         "part": ["(99.00, 1 of 3)", "(0)", "1", "(0)", "(1.00, 2 of 3)", "(3.00, 1 of 3)", "–", "5.50, 2 of 3"],
     }  # fmt: skip
+
+
+def test_means_of_the_summary_are_no_medians() -> None:
+    """Of 0.5, 0.75 and 0.7; of 1, 2 and 6; of 2, 3 and 7."""
+    lines = [
+        result("a", name, utilization=used, switching_rate_hz=rate, acceleration_variation=rate + 1.0)
+        for name, used, rate in (("one", 0.5, 1.0), ("two", 0.75, 2.0), ("three", 0.7, 6.0))
+    ]
+    found = summary_of(results_of(lines))["a"]
+    headers = ("mean utilization [%]", "switching rate [Hz]", "acceleration variation [rad/s³]")
+    assert [found[header] for header in headers] == ["(65.00)", "(3.00)", "(4.00)"]
+
+
+def test_a_scenarios_tables_show_numbers_in_the_units_of_their_headers() -> None:
+    """Of a law that ends 2 mm and 3 mrad away and was outside by an eighth of L, for 0.5 s."""
+    own = {"final_translation_error_m": 0.002, "final_rotation_error_rad": 0.003, "final_feature_error_px": 1.5}
+    outside = {"violated": "x", "violation_depth": 0.125, "violation_time_s": 0.5, "settling_time_s": 4.0}
+    results = results_of([result("tracking"), result("a", **own, **outside, phi_band=3.0, phi_band_bound=2.0)])
+    found = cells_of(_table(results, "one", "task"))["a"] | cells_of(_table(results, "one", "chattering"))["a"]
+    shown = {header: text.strip("()") for header, text in found.items()}
+    expected = {
+        "position error [mm]": "2.00", "orientation error [mrad]": "3.00", "image error [px]": "1.50",
+        "worst depth [% of L]": "12.5", "time outside [s]": "0.500", "settling time [s]": "4.00",
+        "φ band": "3.00", "bound T_s u⁺": "2.00", "band / bound": "1.50",
+    }  # fmt: skip
+    assert {header: shown[header] for header in expected} == expected
 
 
 def test_a_law_that_alone_was_run_is_the_best_of_nothing() -> None:

@@ -184,6 +184,7 @@ def test_of_several_bands_the_greatest_counts() -> None:
 def test_a_touch_up_to_the_bound_is_no_band() -> None:
     assert np.isnan(band([-9, 1.0, -9])[0])
     assert band([-9, 1.125, -9])[0] == 1.125
+    assert band([-9, 1.125, 0.5, -9])[0] == 1.125
 
 
 def test_a_sliding_mode_is_lost_after_ten_samples_beyond_the_bound() -> None:

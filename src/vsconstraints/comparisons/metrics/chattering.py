@@ -24,13 +24,13 @@ def chattering(record: RunRecord) -> dict[str, float]:
     bounds = Ts * record.switching_gain
     bands = np.array([_band(phi, bound) for phi, bound in zip(run.phi.T, bounds, strict=True)])
     worst = np.nanargmax(bands / bounds) if np.isfinite(bands).any() else None
-    lost = np.array([_lost(phi, bound) for phi, bound in zip(run.phi.T, bounds, strict=True)], dtype=np.bool_)
+    lost = np.any([_lost(phi, bound) for phi, bound in zip(run.phi.T, bounds, strict=True)], axis=0)
     duration = (N - 1) * Ts
     change = np.sqrt((np.diff(run.qdd_command, axis=0) ** 2).sum(axis=1))
     return {
         "phi_band": np.nan if worst is None else float(bands[worst]),
         "phi_band_bound": np.nan if worst is None else float(bounds[worst]),
-        "sliding_lost_s": float(lost.reshape(-1, N).any(axis=0).sum() * Ts),
+        "sliding_lost_s": float(lost.sum() * Ts),
         "switching_rate_hz": float((run.active[1:] != run.active[:-1]).any(axis=1).sum() / duration),
         "acceleration_variation": float(change.sum() / duration),
         "jerk_rms": float(np.sqrt((change**2).mean()) / Ts),
