@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from math import exp, log
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, found, verdict
+from vsconstraints.reproduction import verdicts
 from vsconstraints.reproduction.claims import first_example, general
-from vsconstraints.reproduction.runs import RunSpec
-from vsconstraints.reproduction.verdicts import CLAIMS, Claim, Finding, judged, shown_intervals
+from vsconstraints.reproduction.runs import Run, RunSpec
+from vsconstraints.reproduction.verdicts import CLAIMS, Claim, Finding, claim, judged, shown_intervals
 from vsconstraints.rows import Array
 
 # --- verdicts ---
@@ -32,6 +35,29 @@ def test_what_was_not_run_is_not_measured() -> None:
     assert one.check({here: 1, other: 2}).text == "1 2"
     assert one.check({here: 1}).text == "a study: was not run"
     assert one.check({here: "lost", other: 2}) == Finding("not measured", f"{here}: lost")
+
+
+@pytest.mark.parametrize("tolerated", [False, True])
+@pytest.mark.parametrize("status", ["converged", "trapped", "failed", "aborted"])
+def test_a_run_that_ended_early_is_not_measured(status: str, tolerated: bool) -> None:
+    """Unless the claim is about how it ends."""
+    need = RunSpec("example-2d-fov", may_end_early=tolerated)
+    record: Any = SimpleNamespace(trajectory=SimpleNamespace(status=status, reason="why"))
+    nothing: Any = None
+    one = Claim(1, "z", "", "", "", "", (need,), lambda run: Finding("holds", run.trajectory.status))
+    of = one.check({need: Run(nothing, record)})
+    early = status in ("failed", "aborted") and not tolerated
+    assert of == (Finding("not measured", f"{need}: {status}, why") if early else Finding("holds", status))
+
+
+def test_a_claim_is_what_is_said_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verdicts, "CLAIMS", {})
+    register = claim("123b", "where", "sentence", "rule", "figure.png", "a study")
+    measure = register(lambda study: Finding("holds", ""))
+    expected = Claim(123, "b", "where", "sentence", "rule", "figure.png", ("a study",), measure)
+    assert expected == verdicts.CLAIMS["123b"]
+    with pytest.raises(ValueError, match="there are two claims 123b"):
+        register(measure)
 
 
 # --- claims 1 and 2 ---
@@ -92,11 +118,12 @@ def test_1f() -> None:
 
 
 def steps(speed: float, jump: float) -> Told:
-    """Two joints, far apart from each other; the greater step is down."""
-    return Told(
-        qd=np.column_stack((at({40: 0.5}, 0.0), at({50: 100.0 - speed}, 100.0))),
-        qdd_command=np.column_stack((at({40: -0.5}, 0.0), at({50: 300.0 - jump}, 300.0))),
-    )
+    """Two joints, far apart from each other; the second makes its step down, and stays there."""
+
+    def joints(step: float) -> Array:
+        return np.column_stack((at({40: 0.5}, 0.0), np.where(T < 0.5, 100.0, 100.0 - step)))
+
+    return Told(qd=joints(speed), qdd_command=joints(jump))
 
 
 def test_1h() -> None:

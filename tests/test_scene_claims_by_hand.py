@@ -151,6 +151,7 @@ def test_10e_of_a_row_that_never_leaves() -> None:
     of = found("10e", Told({ROW: at({7: 0.0}, 5.0)}))
     assert of == every_scene.Finding(NO, "φ starts at 5 and never falls below zero")
     assert found("10e", Told({ROW: 0.0})).text == "φ is 0 at the start, not above zero"
+    assert verdict("10e", Told({ROW: at({0: 0.5}, -1.0)})) == YES
 
 
 # --- claim 10f ---
