@@ -69,14 +69,14 @@ def blindly(monkeypatch: pytest.MonkeyPatch, **blind: dict[int, Rows]) -> None:
 
 
 def test_11b(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of rows that act in two samples, in the first two of three, of which one pushes inwards."""
+    """Two rows of three act in two samples: one of them pushes inwards, which takes nothing from what is needed."""
     told = {
         20: Rows.of([0.0, 0.5, -0.5], [1.0, -3.0, 90.0], 5.0),
-        40: Rows.of([-0.5, 2.0, -0.5], [80.0, 4.0, 80.0], 5.0),
+        40: Rows.of([0.0, 2.0, -0.5], [-3.0, 4.0, 80.0], 5.0),
     }
     blind = {
-        20: Rows.of([0.25, 0.0, 9.0], [2.5, -3.0, 90.0], 5.25),
-        40: Rows.of([9.0, 2.25, 9.0], [80.0, 3.0, 80.0], 5.0),
+        20: Rows.of([0.25, 1.0, 9.0], [2.5, -3.0, 90.0], 5.25),
+        40: Rows.of([0.0, 2.25, 9.0], [-3.0, 3.0, 80.0], 5.0),
     }
     blindly(monkeypatch, occluder=blind, sphere={})
     of = found("11b", Moving(told), Moving({}))
@@ -117,6 +117,8 @@ def test_11b_of_small_differences(numbers: dict[str, float], expected: str, monk
     assert found("11b", Moving(told, 1), Moving(fine, 1)).verdict == expected
     blindly(monkeypatch, occluder=without, sphere=blind)
     assert found("11b", Moving(fine, 1), Moving(told, 1)).verdict == expected
+    blindly(monkeypatch, occluder=fine, sphere=without)
+    assert found("11b", Moving(fine, 1), Moving(fine, 1)).verdict == NO
     if "phi" not in numbers:
         blindly(monkeypatch, occluder=told, sphere=without)
         assert found("11b", Moving(blind, 1), Moving(fine, 1)).verdict == expected

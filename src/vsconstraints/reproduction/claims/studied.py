@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 from math import isfinite, nan
-from typing import TYPE_CHECKING
 
+from ...studies import StudyResult
 from ..verdicts import Finding, NotMeasured, claim, judged
-
-if TYPE_CHECKING:
-    from ...studies import StudyResult
 
 SCENARIOS = ("example-2d-fov", "case-study-6r")
 SLIDING, FIELDS = "sliding-mode", ("potential-field", "potential-field-priority")
