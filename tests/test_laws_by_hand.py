@@ -5,13 +5,17 @@ Their definitions in NumPy are asked, which compiled forms are held to elsewhere
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
-from vsconstraints.errors import ConfigurationError
+from vsconstraints.controllers.hierarchical_qp import row_weights, task_cost
+from vsconstraints.controllers.task_priority import dependent_rows, resolve, unit_rows
+from vsconstraints.controllers.tracking import least_norm
+from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import Command, Rows, Task
 
 FREE = [1.0, 5.0]
@@ -244,3 +248,188 @@ def test_what_the_rows_leave_of_a_task() -> None:
     np.testing.assert_allclose(weighed.qdd, [-2.2, 4.2], rtol=1e-6)
     alone = answer(barrier(), [row], b=[10.0], J=[[0, 2]])
     np.testing.assert_allclose(alone.qdd, [-3.0, 5.0], rtol=1e-6)
+
+
+# --- what counts as nothing, what is refused, and what a command tells ---
+
+
+def test_level_1_counts_what_is_above_its_share_of_the_largest_singular_value() -> None:
+    """4 q̈₁ = 8 and q̈₂ = 3, then q̈ = (0, 7): with a quarter of 4 the second does not count, with a fifth it does."""
+    A, b = np.diag([4.0, 1.0]), np.array([8.0, 3.0])
+    for share, qdd, lost in ((0.25, [2.0, 7.0], 1), (0.2, [2.0, 3.0], 0)):
+        found, dependent = resolve(A, b, np.eye(2), np.array([0.0, 7.0]), share)
+        np.testing.assert_allclose(found, qdd, rtol=1e-12)
+        assert dependent.shape == (2, lost)
+        assert dependent_rows(A, share).shape == (2, lost)
+
+
+def test_level_2_counts_what_is_above_its_share_of_the_largest_singular_value_of_the_task() -> None:
+    """q̈₁ = 2, then 4 q̈₂ = 8 and q̈₁ + q̈₃ = 5: with a fifth of 4 all is met, with 0.3 × 4 the last rests."""
+    A, b = np.array([[1.0, 0.0, 0.0]]), np.array([2.0])
+    J = np.array([[0.0, 4.0, 0.0], [1.0, 0.0, 1.0]])
+    for share, qdd in ((0.2, [2.0, 2.0, 3.0]), (0.3, [2.0, 2.0, 0.0])):
+        np.testing.assert_allclose(resolve(A, b, J, np.array([8.0, 5.0]), share)[0], qdd, rtol=1e-12, atol=1e-14)
+    # and with exactly that share
+    J = np.array([[0.0, 4.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(resolve(A, b, J, np.array([8.0, 5.0]), 0.25)[0], [2.0, 2.0, 0.0], atol=1e-14)
+
+
+def made(Lg: Any, scale: float = 1.0) -> Rows:
+    """One row of this gradient."""
+    return Rows(np.zeros(1), np.array([Lg]), np.zeros(1), np.ones(1), ("a",), np.array([scale]))
+
+
+def test_rows_of_unit_length() -> None:
+    """−3 q̈₁ − 4 q̈₂ = 10 is −0.6 q̈₁ − 0.8 q̈₂ = 2."""
+    A, b = unit_rows(made([-3.0, -4.0]), np.array([10.0]), np.array([True]))
+    np.testing.assert_allclose(A, [[-0.6, -0.8]], rtol=1e-15)
+    np.testing.assert_allclose(b, [2.0], rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("Lg", "scale", "seen"),
+    [
+        ([1e-12, 0.0], 1.0, False),
+        ([1.1e-12, 0.0], 1.0, True),
+        ([0.8e-12, 0.8e-12], 1.0, True),
+        ([0.7e-12, 0.7e-12], 1.0, False),
+        ([1e-11, 0.0], 100.0, False),
+        ([1e-9, 0.0], 100.0, True),
+        ([0.0, 0.0], 1.0, False),
+    ],
+)
+def test_a_row_is_seen_above_1e_minus_12_of_its_scale(Lg: list[float], scale: float, seen: bool) -> None:
+    """Its length counts; nothing is divided by zero."""
+    with np.errstate(all="raise"):
+        A, b = unit_rows(made(Lg, scale), np.array([1.0]), np.array([True]))
+    assert np.linalg.norm(A) == pytest.approx(float(seen))
+    assert (b != 0.0).all() == seen
+    law = barrier()
+    command = law._defined(replace(made(Lg, scale), phi=np.array([0.1])), Task(np.eye(2), np.array(FREE)))
+    assert (command.status == "relaxed") != seen
+
+
+def test_one_of_two_rows_acts() -> None:
+    rows = [{"phi": -0.1, "Lg": [1, 0]}, {"phi": 0.1, "Lg": [0, 2], "gain": 3}]
+    gives(answer(SlidingMode(), rows), [1.0, -1.5], "b")
+
+
+def test_rows_of_two_dependences_are_named() -> None:
+    """One that nothing moves, and two that are the same."""
+    command = answer(SlidingMode(), [{"Lg": [0, 0]}, {"Lg": [1, 0]}, {"Lg": [1, 0]}])
+    gives(command, [-1.0, 5.0], "abc", "rank-loss")
+    assert command.reason.endswith("dependent: a, b, c")
+    # two that nothing moves
+    command = answer(SlidingMode(), [{"Lg": [0, 0]}, {"Lg": [0, 0]}, {"Lg": [1, 0]}])
+    gives(command, [-1.0, 5.0], "abc", "rank-loss")
+    assert command.reason.endswith("dependent: a, b")
+
+
+def test_decomposition_of_a_task() -> None:
+    found = least_norm(np.diag([4.0, 1.0]), np.array([8.0, 3.0]), 0.25)
+    np.testing.assert_allclose(found.qdd, [2.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(found.gains, [4.0, 0.0], rtol=1e-15)
+    np.testing.assert_allclose(least_norm(np.diag([4.0, 1.0]), np.array([8.0, 3.0]), 0.2).gains, [4.0, 1.0], rtol=1e-15)
+    # directions that a task leaves free are directions too
+    found = least_norm(np.array([[3.0, 4.0]]), np.array([10.0]), 1e-6)
+    np.testing.assert_allclose(np.abs(found.directions), [[0.6, 0.8], [0.8, 0.6]], rtol=1e-12)
+    np.testing.assert_allclose(found.gains, [5.0, 0.0], rtol=1e-14)
+    # a task of no equations
+    found = least_norm(np.empty((0, 2)), np.empty(0), 1e-6)
+    np.testing.assert_array_equal(found.qdd, [0.0, 0.0])
+    np.testing.assert_array_equal(found.gains, [0.0, 0.0])
+    np.testing.assert_array_equal(found.directions, np.eye(2))
+
+
+@pytest.mark.parametrize(
+    "options", [{"blend": "both"}, {"blend": 3}, {"region": 0.0}, {"exponent": -1.0}, {"strength": np.inf}]
+)
+def test_fields_that_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises((ConfigurationError, InvalidInput)):
+        PotentialField(**options)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"rows": "both"},
+        {"rows": 3},
+        {"rows": ["barrier"]},
+        {"alpha": 0.0},
+        {"max_acceleration": -1.0},
+        {"weights": ["a"]},
+        {"weights": {"a": 1.0, 2: 1.0}},
+        {"weights": {"a": 0.9e-10}},
+        {"weights": {"a": 1.1e10}},
+    ],
+)
+def test_programs_that_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(ConfigurationError):
+        barrier(**options)
+
+
+def test_weights() -> None:
+    """From 1e-10 to 1e10; the longest beginning counts, and one that begins no label is told of."""
+    given = {"f": 2.0, "fov[": 3.0}
+    np.testing.assert_array_equal(row_weights(("fov", "fov[1]", "x"), given), [2.0, 3.0, 1.0])
+    for weight in (1e-10, 1e10):
+        assert barrier(weights={"a": weight}).weights == {"a": weight}
+    row = {"phi": -0.1, "Lg": [0, 1]}
+    assert answer(barrier(weights={"a": 2.0}), [row]).remark == ""
+    command = answer(barrier(weights={"a": 2.0, "z": 3.0}), [row])
+    gives(command, [1.0, 2.0], "a")
+    assert command.remark == "weights that begin no row's label: 'z'"
+
+
+def test_gains_of_a_task_are_relative_to_all_of_them() -> None:
+    """0.4 and 0.3 of 0.5; a task of zeros has none."""
+    for size in (0.1, 10.0):
+        tracking = least_norm(size * np.diag([3.0, 4.0]), np.ones(2), 1e-6)
+        np.testing.assert_allclose(task_cost(tracking, 1e-8, 1e-6).gains, [0.8, 0.6], rtol=1e-14)
+    with np.errstate(all="raise"):
+        cost = task_cost(least_norm(np.zeros((2, 2)), np.ones(2), 1e-6), 1e-8, 1e-6)
+    np.testing.assert_array_equal(cost.gains, [0.0, 0.0])
+
+
+def test_failures_are_forgotten() -> None:
+    law = barrier()
+    law.solvers.failures["daqp"] += 1
+    law.reset()
+    assert not law.solvers.failures
+
+
+def test_rounding_is_that_of_a_rows_terms() -> None:
+    """q̈₁ ≤ −100 − 1.5e-10, of the terms 100 and 100: 0.75e-12 of them."""
+    row = {"phi": (100.0 + 1.5e-10) / 20.0, "Lg": [1, 0]}
+    # beside it one that nothing moves, and that need not be: 0 ≤ 0, or 0 ≤ 0.5
+    for law in (barrier(), barrier(max_acceleration=200.0)):
+        for rows in ([row], [row, {"phi": 0.0, "Lg": [0, 0]}], [row, {"phi": -0.025, "Lg": [0, 0]}]):
+            command = answer(law, rows, b=[-100.0, 0.0])
+            gives(command, [-100.0, 0.0])
+            assert (command.solver, command.slacks) == ("", {})
+            assert command.slack is not None
+            np.testing.assert_array_equal(command.slack, np.zeros(len(rows)))
+    # q̈₂ ≤ 50 − 0.75e-10, of the terms 112 and 50, and the other joint on the side of its box
+    row = {"phi": (0.75e-10 - 50.0) / 20.0, "Lg": [0, 1]}
+    assert answer(barrier(max_acceleration=100.0), [row], b=[-100.0, 50.0]).solver == ""
+
+
+def test_without_a_name_the_definition_asks_daqp() -> None:
+    command = answer(HierarchicalQP(), [{"phi": -0.1, "Lg": [0, 1]}])
+    gives(command, [1.0, 2.0], "a")
+    assert command.solver == "daqp"
+
+
+def test_slack_of_rows_that_nothing_moves() -> None:
+    """0 ≤ −0.2 is missed by 0.2, without any solver; 0 ≤ 2 by nothing, also where another row resists."""
+    command = answer(barrier(), [{"phi": 0.01, "Lg": [0, 0]}])
+    gives(command, [1.0, 5.0], "", "relaxed")
+    assert command.slacks == {"a": pytest.approx(0.2)}
+    assert (command.solver, command.iterations) == ("", 0)
+    command = answer(barrier(), [{"phi": -0.1, "Lg": [0, 1]}, {"phi": -0.1, "Lg": [0, 0]}])
+    gives(command, [1.0, 2.0], "a")
+    assert command.slacks == {}
+    # a row that demands nothing has no slack
+    command = answer(barrier(rows="active"), [{"phi": 0.0, "Lg": [0, 1]}, {"phi": -0.1, "Lg": [1, 0]}])
+    gives(command, [1.0, -1.0], "a")
+    assert command.slacks == {}

@@ -192,6 +192,9 @@ def test_goals_hold_from_their_times() -> None:
     times = (0.0, 2.0 - 1e-6, 2.0 - 1.1e-9, 2.0 - 0.9e-9, 2.0, 3.0)
     assert [law.goal_at(t) for t in times] == [0, 0, 0, 1, 1, 1]
     assert law.goal_at(-1.0) == 0
+    # 1e-9 s itself is rounding
+    goals[1] = Goal(1e-9, GOAL.pixels, GOAL.normalised)
+    assert VisualTask(Told(), goals, TrackingGains(1.0)).goal_at(0.0) == 1
 
 
 # --- what rows and tasks stand on ---

@@ -67,7 +67,7 @@ def prioritise(rows: Rows, task: Task, acts: BoolArray, demand: Array, rank_tole
     A, b = unit_rows(rows, demand, acts)
     qdd, dependent = resolve(A, b, task.J, task.b, rank_tolerance)
     reached = acts & (rows.phi >= 0.0)
-    if dependent.shape[1] and reached.sum() < acts.sum():
+    if dependent.shape[1]:
         dependent = dependent_rows(unit_rows(rows, demand, reached)[0], rank_tolerance)
     if not dependent.shape[1]:
         return Command(qdd, "ok", acts, rows.labels)
