@@ -64,7 +64,9 @@ def test_5b_and_5c() -> None:
     run = Told(phi, {}, dict.fromkeys(case_study.BORDERS, 0.5) | {second: 0.004, third: 0.006})
     run.approach_speed = lambda label: at({10: 4.0, 40: 0.2} if label == second else {50: 2.0, 80: 0.15}, 0.0)  # type: ignore[method-assign]
     gives(found("5b", run), YES, **{second: 0.004, third: 0.006})
-    gives(found("5c", run), YES, share_left=0.075)
+    finding = found("5c", run)
+    gives(finding, YES, share_left=0.075)
+    assert finding.text.endswith(f": {second} 4 → 0.2 px/s; {third} 2 → 0.15 px/s")
 
 
 @pytest.mark.parametrize(("asked", "said"), [(0.999, "keep (12)"), (1.0, "break (12): this is not sampling")])
@@ -131,8 +133,8 @@ def test_5j() -> None:
     """An error that ends as (42) wants it, but for a share of its start in one sample of the first phase."""
     t = 0.002 * np.arange(2100)
     start = np.array([3e-6, 0.0, 0.0, 0.0, 0.0, 4e-6])
-    wanted = case_study.ideal_error(start, -0.5 * start, t)
-    wanted[:, 3] += at({300: 0.006 * 5e-6}, 0.0, t)
+    wanted = case_study.ideal_error(start, -3.0 * start, t)
+    wanted[:, 3] += at({300: 0.006 * 5e-6, 301: 0.004 * 5e-6}, 0.0, t)
     wanted[t > 4.0 - 1e-9] = 1.0
     finding = found("5j", Phases(t=t, error=wanted))
     assert finding.verdict == YES

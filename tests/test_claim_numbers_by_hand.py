@@ -125,25 +125,26 @@ def test_3b_and_3c() -> None:
     assert found("3c", run).text == "7 mm after 12 s"
 
 
-def trapped(moved: float = 0.004, speed: float = -0.04, now: float = 1.05) -> Told:
-    """The camera ends at (1, 2, 3), and was so far from there a second before; φ spans 1 from 6 to 8 s, later so much.
+def trapped(moved: float = 0.004, speed: float = -0.04, now: float = 2.1) -> Told:
+    """The camera ends at (1, 2, 3), and was so far from there a second before; φ spans 2 from 6 to 8 s, later so much.
 
     Before 10 s everything is faster and wider.
     """
     place = np.full((len(LONG), 3), 9.0)
     place[LONG >= 10.0] = 1.0, 2.0, 3.0
+    place[-2] += 0.001, 0.0, 0.0
     place[110] += 0.6 * moved, 0.8 * moved, 0.0
     qd = np.full((len(LONG), 2), 7.0)
     qd[LONG >= 10.0] = 0.01, 0.03
     qd[105, 0] = speed
-    phi = at({59: 9.0, 60: 0.25, 70: 1.25, 81: 9.0, 99: 9.0, 100: 0.0, 120: now}, 0.5, LONG)
+    phi = at({59: 9.0, 60: 0.25, 70: 2.25, 81: 9.0, 99: 9.0, 100: 0.0, 120: now}, 0.5, LONG)
     return Told({BOWL_ROW: phi}, {}, {BOWL_ROW: at({4: -0.7}, 2.0, LONG)}, t=LONG, camera_position=place, qd=qd)
 
 
 def test_3d() -> None:
-    gives(found("3d", trapped()), YES, moved=0.004, speed=0.04, phi_range=1.05, phi_range_before=1.0, depth=0.7)
-    assert found("3d", trapped(now=1.1)).verdict == YES
-    assert found("3d", trapped(now=1.1001)).verdict == PARTLY
+    gives(found("3d", trapped()), YES, moved=0.004, speed=0.04, phi_range=2.1, phi_range_before=2.0, depth=0.7)
+    assert found("3d", trapped(now=2.2)).verdict == YES
+    assert found("3d", trapped(now=2.2001)).verdict == PARTLY
     assert found("3d", trapped(speed=0.05)).verdict == NO
 
 

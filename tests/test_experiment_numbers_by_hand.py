@@ -15,6 +15,7 @@ from vsconstraints.reproduction.claims.erroneous_gradients import (
     IBVS_ALONE,
     PBVS_ALONE,
     Difference,
+    in_unselected,
     little_speed_difference,
     very_similar,
 )
@@ -173,6 +174,10 @@ def test_6m() -> None:
     finding = found("6m", integrated(), integrated(faster=-0.5))
     assert (finding.verdict, finding.values) == (NO, {"left": pytest.approx(0.5)})
     assert finding.text.endswith("rad and 0.5 rad/s are left")
+    # at rest, but for exactly as much as may be left
+    still = np.zeros((3, 1))
+    last = Told(t=0.1 * np.arange(3), q=still, qd=np.array([[0.0], [0.0], [1e-9]]), qdd_command=still)
+    assert found("6m", last, last).verdict == YES
 
 
 # --- errors in the gradient ---
@@ -222,8 +227,11 @@ def test_difference() -> None:
     assert Difference.between(imaged(), late, "fov") == Difference(5.0, 0.0, 4.0, 0.5, fine=False, same=True)  # type: ignore[arg-type]
     for pair in ((imaged(), imaged((3.0, 4.0), status="timeout")), (imaged(status="timeout"), imaged((3.0, 4.0)))):
         assert not Difference.between(*pair, "fov").fine  # type: ignore[arg-type]
+    origin, beside = imaged(), imaged()
+    origin.trajectory.features_px, beside.trajectory.features_px = np.zeros((101, 2, 2)), np.zeros((101, 2, 2))
+    beside.trajectory.features_px[7, 1, 0] = 0.01
     with pytest.raises(NotMeasured, match=r"tracks differ by 0\.01 px"):
-        Difference.between(imaged(), imaged((0.0, 0.01 - 1e-15)), "fov")  # type: ignore[arg-type]
+        Difference.between(origin, beside, "fov")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("far", "expected"), [((18.0, 24.0), YES), ((19.3, 25.7), PARTLY)])
@@ -240,6 +248,14 @@ def test_very_similar(far: tuple[float, float], expected: str) -> None:
         f"L_gφ alone, the other reading of (49), in 50 of 200. Here tracks differ by up to {track:.2f} px, with errors "
         "max σ = −0.25, converged; with ∇σ_e in L_gφ alone by 1.00 px, max σ = 0.75, timeout"
     )
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_scenes_must_be_enough_in_every_case(case: str) -> None:
+    few = study("s", "x")
+    few = StudyResult("made up", few.numbers | {f"s.{case}.scenes": 99.0}, (), (), ())
+    with pytest.raises(NotMeasured, match="has 99 scenes of s, fewer than 100"):
+        in_unselected(few, "s", "x", here=True)
 
 
 @pytest.mark.parametrize(("slower", "expected"), [(0.4, YES), (0.401, PARTLY)])
