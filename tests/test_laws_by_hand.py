@@ -420,6 +420,13 @@ def test_without_a_name_the_definition_asks_daqp() -> None:
     assert command.solver == "daqp"
 
 
+def test_demands_beyond_the_range_of_floating_point_have_no_answer() -> None:
+    """20 × 1e308 is no number, and tracking is not in the box."""
+    command = answer(barrier(max_acceleration=1.0), [{"phi": 1e308, "Lg": [0, 1]}])
+    gives(command, [0.0, 0.0], "", "failed")
+    assert "SolverError: beyond the range of floating point" in command.reason
+
+
 def test_slack_of_rows_that_nothing_moves() -> None:
     """0 ≤ −0.2 is missed by 0.2, without any solver; 0 ≤ 2 by nothing, also where another row resists."""
     command = answer(barrier(), [{"phi": 0.01, "Lg": [0, 0]}])
