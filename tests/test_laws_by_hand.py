@@ -246,6 +246,7 @@ def test_what_the_rows_leave_of_a_task() -> None:
     gives(answer(barrier(), [row]), [-1.0, 3.0], "a")
     weighed = answer(barrier(), [row], b=[1.0, 10.0], J=[[1, 0], [0, 2]])
     np.testing.assert_allclose(weighed.qdd, [-2.2, 4.2], rtol=1e-6)
+    assert barrier().damping == 1e-8
     alone = answer(barrier(), [row], b=[10.0], J=[[0, 2]])
     np.testing.assert_allclose(alone.qdd, [-3.0, 5.0], rtol=1e-6)
 
