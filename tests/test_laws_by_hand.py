@@ -422,10 +422,11 @@ def test_without_a_name_the_definition_asks_daqp() -> None:
 
 
 def test_demands_beyond_the_range_of_floating_point_have_no_answer() -> None:
-    """20 × 1e308 is no number, and tracking is not in the box."""
-    command = answer(barrier(max_acceleration=1.0), [{"phi": 1e308, "Lg": [0, 1]}])
-    gives(command, [0.0, 0.0], "", "failed")
-    assert "SolverError: beyond the range of floating point" in command.reason
+    """20 × 1e308 is no number: with a box that tracking leaves and without one, in either form."""
+    for law in (barrier(max_acceleration=1.0), barrier(), HierarchicalQP()):
+        command = answer(law, [{"phi": 1e308, "Lg": [0, 1]}])
+        gives(command, [0.0, 0.0], "", "failed")
+        assert "SolverError: beyond the range of floating point" in command.reason
 
 
 def test_slack_of_rows_that_nothing_moves() -> None:

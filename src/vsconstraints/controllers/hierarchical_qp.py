@@ -218,7 +218,8 @@ class HierarchicalQP(Controller):
                 return self._tracks(rows, tracking)
             norms = np.sqrt(np.einsum("ij,ij->i", A, A))
             fixed = norms <= ZERO_GRADIENT * rows.scale[which]
-            met = excess <= MET * (norms * np.linalg.norm(tracking.qdd) + np.abs(c))
+            # a demand beyond the range of floating point exceeds nothing by a fraction of itself
+            met = (excess < np.inf) & (excess <= MET * (norms * np.linalg.norm(tracking.qdd) + np.abs(c)))
             if inside and (met & ~fixed | (c >= 0.0) & fixed).all():
                 return self._tracks(rows, tracking)
             return self._resist(rows, tracking, bound, (which, A, c, fixed))

@@ -111,6 +111,7 @@ def descend(
             excess = dot(Lg, i, X, CENTER, START, n) - c[i]
             fixed[i] = size <= ZERO_GRADIENT * scale[i]
             below = below and excess <= 0.0
+            tracks = tracks and excess < math.inf
             tracks = tracks and (c[i] >= 0.0 if fixed[i] else excess <= MET * (size * length + abs(c[i])))
             free += not fixed[i]
     if within and (below or tracks):
