@@ -183,7 +183,7 @@ def wrong(rng: np.random.Generator, array: Any, sound: bool | None) -> tuple[Any
         return array.T, None
     if kind < 0.55:
         # these numba may take for plain arrays, after another one that was not quite plain
-        return (array.view(np.matrix) if rng.random() < 0.5 else array.astype(">f8")), None
+        return (array.view(np.matrix) if rng.random() < 0.5 and array.size else array.astype(">f8")), None
     return WRONG[int(rng.integers(len(WRONG)))](array), sound
 
 

@@ -49,6 +49,7 @@ other_packages = (
     "coal",
     "collections",
     "matplotlib",
+    "multiprocessing",
     "np",
     "numpy",
     "pathlib",
@@ -56,6 +57,7 @@ other_packages = (
     "pinocchio",
     "rich",
     "typing",
+    "types",
 )
 nitpick_ignore_regex = [
     ("py:.*", rf"({'|'.join(other_packages)})(\..*)?"),
@@ -67,5 +69,5 @@ nitpick_ignore = [
     ("py:class", "dict[str"),  # aliases of types with a comma in them
     ("py:class", "tuple[int | None"),
     ("py:class", "vsconstraints.plugins.Base"),  # type variables
-    ("py:class", "vsconstraints.reproduction.reproduce.Key"),
+    ("py:class", "vsconstraints.runs.pool.Key"),
 ]

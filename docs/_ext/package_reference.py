@@ -120,9 +120,11 @@ def resolve(app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, tex
     target, module, inside = (str(node.get(key) or "") for key in ("reftarget", "py:module", "py:class"))
     documented = env.domains.python_domain.objects
     # as written, in the class, in the module; the only one of this name; for attributes the class, which tells of them
-    names = [target, f"{module}.{inside}.{target}", f"{module}.{target}"]
+    names = [target, *([f"{module}.{inside}.{target}", f"{module}.{target}"] if module else [])]
     names += [f"vsconstraints.rows.{target}"] if target in ARRAYS else []
-    for name in chain(names, _elsewhere(target, documented), [f"{module}.{inside}"] * (node["reftype"] == "attr")):
+    for name in chain(
+        names, _elsewhere(target, documented), [f"{module}.{inside}"] * (bool(module) and node["reftype"] == "attr")
+    ):
         for place in (documented.get(name), documented.get(defined_as(name))):
             if place is not None:
                 return make_refnode(app.builder, node["refdoc"], place.docname, place.node_id, text, name)

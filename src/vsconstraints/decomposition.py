@@ -15,7 +15,7 @@ def svd(A: Array, *, full_matrices: bool = True) -> tuple[Array, Array, Array]:
 
     Raises
     ------
-    LinAlgError
+    numpy.linalg.LinAlgError
         if A, or one of its singular values, is not finite; or if they are not found.
     """
     if np.isfinite(A).all():

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""What asks a command to stop: Ctrl-C, the system, and a terminal that is closed."""
 
 SAME_REQUEST = 2.0
 """Signals within this time of one that was obeyed mean the same and are ignored [s]: a terminal that closes, and what
