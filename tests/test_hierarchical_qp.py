@@ -830,3 +830,10 @@ def test_weights_go_by_the_longest_beginning_of_the_label():
     weights = {"range": 2.0, "range[joint 6]": 5.0, "fov": 3.0}
     np.testing.assert_array_equal(row_weights(labels, weights), [3.0, 5.0, 2.0, 1.0])
     np.testing.assert_array_equal(row_weights(labels, {}), np.ones(4))
+
+
+def test_labels_that_are_no_names_are_refused_where_the_answer_names_rows():
+    """A row that no acceleration influences, so that the compiled form has something to say of it."""
+    rows = Rows(np.ones(2), np.array([[1.0], [0.0]]), np.zeros(2), np.ones(2), (0, 1))
+    with pytest.raises(InvalidInput, match="labels"):
+        HierarchicalQP(rows="active").command(rows, Task(np.eye(1), np.zeros(1)))

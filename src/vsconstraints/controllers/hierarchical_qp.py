@@ -145,11 +145,11 @@ class HierarchicalQP(Controller):
             m = len(labels)
             acted, slack, qdd = np.empty(m, BOOL), np.empty(m), np.empty(task.J.shape[1])
             code, iterations = kernels.descend(*self._arguments(rows, task, slack, acted, qdd))
-        except NOT_FOR_COMPILED:
+            if code == kernels.DONE or code in ANSWERS:
+                return hierarchy_command(qdd, code, acted, labels, slack, iterations, self._remark(labels))
+        except NOT_FOR_COMPILED:  # labels that are no names among them
             usual = in_usual_layout(rows, task)
             return usual and self._compiled(*usual)
-        if code == kernels.DONE or code in ANSWERS:
-            return hierarchy_command(qdd, code, acted, labels, slack, iterations, self._remark(labels))
         if code == kernels.ASK:
             return None
         self.solvers.failures[COMPILED] += 1
