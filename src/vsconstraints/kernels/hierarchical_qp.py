@@ -1,4 +1,4 @@
-"""The hierarchical quadratic program, compiled: rows, task and least acceleration with strict priorities."""
+"""The hierarchical quadratic program, compiled: its demands, given to the resolver ``hierarchy``."""
 
 from __future__ import annotations
 
@@ -6,32 +6,13 @@ import math
 
 import numpy as np
 
-from ..qp.lexicographic import DEPENDENT, MET, PULLING, ZERO_GRADIENT
 from ..rows import Array, BoolArray
 from .compiler import compiled
-from .hierarchy import (
-    CENTER,
-    OFFSET,
-    ORIGIN,
-    ROWS_OF_X,
-    damped,
-    join,
-    meets,
-    metric,
-    optimal,
-    settle,
-    with_room,
-)
-from .layout import RELAXED_ROWS, RELAXED_SHORT, SHORT
-from .least_distance import FAILED, KINDS, MULTIPLIER, POINT, SIDE, nearest
-from .least_residual import cut, least_residual
-from .least_squares import CERTAIN, pseudoinverse
-from .least_violation import least_violation
-from .linear import ASK, DONE, ONE, S_ROWS, START, apply, constant, copy, dot, finite
+from .hierarchy import Demands, Priorities, Resolved, hierarchy
+from .layout import RELAXED_ROWS, RELAXED_SHORT, SHORT  # noqa: F401 - codes of its answers
+from .least_distance import FAILED
+from .linear import ASK, DONE, finite  # noqa: F401
 from .task_priority import OUTPUT_SIGNATURE, ROWS_SIGNATURE, TASK_SIGNATURE, checkable, valid
-
-HARD, RELAXING, STRICT_TASK = constant(0), constant(1), constant(2)
-"""Stages: all rows; the points that violate least; level 2 by itself."""
 
 INPUT_SIGNATURE = f"{ROWS_SIGNATURE}, {TASK_SIGNATURE}, float64, boolean, float64, float64[::1], float64, float64"
 """Signature of the tolerance, the form of the rows, α, weights, box and damping."""
@@ -81,159 +62,18 @@ def descend(
     Returns
     -------
     tuple
-        ``DONE``, ``RELAXED_ROWS``, ``SHORT``, ``RELAXED_SHORT``, ``FAILED`` or ``ASK``; and the iterations of the
-        active-set method, at least 1 if it was needed.
+        The code and the iterations of :func:`vsconstraints.kernels.hierarchy.hierarchy`, or ``ASK``.
     """
     if not valid(m, phi, Lg, Lf, gain, scale, J, b, qdd.size) or acted.size != m or slack.size != m:
         return ASK, 0
-    n = qdd.size
-    k = J.shape[0]
-    G, X = np.empty((k, n + 1)), np.zeros((ROWS_OF_X, n))
-    for i in range(k):
-        copy(G, i, J, i, n)
-        G[i, n] = b[i]
-    _, _, rank, _ = pseudoinverse(G, START, CERTAIN * tolerance, tolerance, G, X, CENTER)
-    redundant = rank < n
-    # demands A q̈ ≤ c of the rows that have any
-    c, fixed = np.empty(m), np.zeros(m, np.bool_)
-    below = within = tracks = True
-    for j in range(n):
-        qdd[j] = X[ORIGIN, j] = X[CENTER, j]
-        within = within and abs(qdd[j]) <= bound
-    length = math.sqrt(dot(X, CENTER, X, CENTER, START, n))
-    free = 0
+    c = np.empty(m)
     for i in range(m):
-        acted[i] = barrier or phi[i] >= 0.0
-        slack[i] = 0.0
-        if acted[i]:
-            c[i] = -alpha * phi[i] - Lf[i] if barrier else -gain[i]
-            size = math.sqrt(dot(Lg, i, Lg, i, START, n))
-            excess = dot(Lg, i, X, CENTER, START, n) - c[i]
-            fixed[i] = size <= ZERO_GRADIENT * scale[i]
-            below = below and excess <= 0.0
-            tracks = tracks and excess < math.inf
-            tracks = tracks and (c[i] >= 0.0 if fixed[i] else excess <= MET * (size * length + abs(c[i])))
-            free += not fixed[i]
-    if within and (below or tracks):
-        for i in range(m):
-            acted[i] = False
-        return (DONE if checkable(Lg, gain, qdd) else ASK), 0
-
-    w = free + (2 * n if bound < math.inf else 0)
-    walls, sides, W, index = np.zeros((w, n)), np.empty(w), np.empty(free), np.empty(free, np.int64)
-    violation, rows = np.empty(free), np.empty((KINDS, w))
-    at = START
-    unmet = False
-    for i in range(m):
-        if acted[i]:
-            acted[i] = False
-            if fixed[i]:
-                slack[i] = max(0.0, -c[i])
-                unmet = unmet or slack[i] > 0.0
-            else:
-                sides[at], W[at], index[at], violation[at] = c[i], weights[i], i, 0.0
-                copy(walls, at, Lg, i, n)
-                at += 1
-    for i in range(free, w):
-        j = i - free
-        walls[i, j % n] = 1.0 if j < n else -1.0
-        sides[i] = bound
-
-    # x = origin + Z y, in all directions first; if that is in vain in those which the least violations leave; and in
-    # those which level 2 leaves, where the damping has cost it something or no answer has passed the check
-    Z, p, steps, stage = np.empty((START, n)), n, 0, HARD
-    A: Array = Z
-    E = A
-    limits, held, point = sides.copy(), np.zeros(w, np.bool_), np.empty((ONE, n))
-    short = False
-    while True:
-        if stage == RELAXING:
-            code = least_violation(walls[:free], sides[:free], W, bound, qdd)
-            if code != DONE:
-                return code, steps
-            for j in range(n):
-                X[ORIGIN, j] = qdd[j]
-                X[OFFSET, j] = qdd[j] - X[CENTER, j]
-            A = settle(walls, sides, W, bound, X, limits, violation)
-            E = A.copy()
-        elif stage == STRICT_TASK:
-            for j in range(n):
-                point[0, j] = qdd[j]
-            with_room(walls, limits, point)
-            proved = least_residual(G, X, CENTER, E, walls, limits, point, held, cut(G, n, damping, tolerance))
-            for j in range(n):
-                X[ORIGIN, j] = qdd[j] = min(max(point[0, j], -bound), bound)
-                X[OFFSET, j] = qdd[j] - X[CENTER, j]
-            short = not proved
-            if short:
-                break
-            A = join(E, walls, held, G)
-        if stage != HARD:
-            Z, p = np.empty((START, n)), n
-            if A.shape[0] > 0:
-                F, T, rank, _ = pseudoinverse(A, START, CERTAIN * DEPENDENT, DEPENDENT, A, X, POINT)
-                p = n - rank
-                if p == 0:
-                    steps = steps if stage == STRICT_TASK else 0
-                    break
-                Z = np.zeros((p, n))
-                for d in range(p):
-                    Z[d, rank + d] = 1.0
-                    apply(F, T, rank, Z, d)
-            elif stage == RELAXING:
-                for j in range(n):
-                    X[ORIGIN, j], X[OFFSET, j] = X[CENTER, j], 0.0
-        H, R, T = np.empty((p, w)), np.empty((p + 1, p)), np.empty((S_ROWS, p))
-        for i in range(w):
-            outside = 0.0
-            for d in range(p):
-                H[d, i] = walls[i, d] if p == n else dot(walls, i, Z, d, START, n)
-                outside += H[d, i] * H[d, i]
-            if p < n:
-                # rows within the span of the violated ones are settled
-                settled = outside <= DEPENDENT * DEPENDENT * dot(walls, i, walls, i, START, n)
-                if settled or (i < free and violation[i] > 0.0):
-                    limits[i] = math.inf
-            rows[SIDE, i] = limits[i] - dot(walls, i, X, ORIGIN, START, n)
-            if not rows[SIDE, i] > -math.inf:
-                return FAILED, 0
-        metric(G, damping, Z, X, R, T)
-        code, more = nearest(H, rows, R, T, X)
-        steps = steps + more if stage == STRICT_TASK else more
-        if code == DONE:
-            for j in range(n):
-                point[0, j] = X[POINT, j] if p == n else 0.0
-                for d in range(p if p < n else START):
-                    point[0, j] += X[POINT, d] * Z[d, j]
-                point[0, j] = min(max(X[ORIGIN, j] + point[0, j], -bound), bound)
-        good = code == DONE and meets(walls, sides, violation, point)
-        good = good and optimal(G, damping, Z, walls, limits, rows, X, point)
-        if good:
-            for j in range(n):
-                qdd[j] = point[0, j]
-            strongest = 0.0
-            for i in range(w):
-                strongest = max(strongest, rows[MULTIPLIER, i])
-            for i in range(w):
-                held[i] = held[i] or rows[MULTIPLIER, i] > PULLING * strongest
-        if stage == STRICT_TASK:
-            short = not good
-            break
-        if good and not (redundant and damped(G, X, point)):
-            break
-        stage = STRICT_TASK if good or stage == RELAXING else RELAXING
-    for i in range(free):
-        at = index[i]
-        if violation[i] > 0.0:
-            excess = -sides[i]
-            for j in range(n):
-                excess += walls[i, j] * qdd[j]
-            violation[i] = max(0.0, excess)
-        slack[at] = violation[i]
-        unmet = unmet or violation[i] > 0.0
-        acted[at] = violation[i] > 0.0 or held[i]
-    if not (checkable(Lg, gain, qdd) and finite(slack)):
-        return ASK, steps
-    if short:
-        return (RELAXED_SHORT if unmet else SHORT), steps
-    return (RELAXED_ROWS if unmet else DONE), steps
+        if barrier:
+            c[i] = -alpha * phi[i] - Lf[i]
+        else:
+            c[i] = -gain[i] if phi[i] >= 0.0 else math.inf
+    demands, priorities = Demands(Lg, c, scale, weights), Priorities(bound, damping, tolerance)
+    code, iterations = hierarchy(demands, J, b, priorities, Resolved(qdd, slack, acted))
+    if code == FAILED or (checkable(Lg, gain, qdd) and finite(slack)):
+        return code, iterations
+    return ASK, iterations

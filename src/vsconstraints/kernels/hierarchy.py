@@ -1,238 +1,256 @@
-"""Parts of the hierarchical QP, compiled: the metric of its lower levels, what level 1 leaves them, and the check."""
+"""The resolver ``hierarchy``, compiled: demands, task and least acceleration with strict priorities."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from ..qp.lexicographic import MET, MISSED, NEGLIGIBLE, RELAXED, SIGNIFICANT, STRICT
+from ..qp.lexicographic import DEPENDENT, MET, PULLING, ZERO_GRADIENT
 from ..rows import Array, BoolArray
 from .compiler import inner
-from .least_distance import MULTIPLIER, NEW, SCALE
-from .linear import S_ROWS, START, add, constant, copy, dot
+from .layout import RELAXED_ROWS, RELAXED_SHORT, SHORT
+from .least_distance import FAILED, KINDS, MULTIPLIER, POINT, SIDE, nearest
+from .least_residual import cut, least_residual
+from .least_squares import CERTAIN, pseudoinverse
+from .least_violation import least_violation
+from .levels import (
+    CENTER,
+    OFFSET,
+    ORIGIN,
+    ROWS_OF_X,
+    damped,
+    join,
+    meets,
+    metric,
+    optimal,
+    settle,
+    with_room,
+)
+from .linear import DONE, ONE, S_ROWS, START, apply, constant, copy, dot
 
-CHECKED = 1e-5
-"""Largest rest of the gradient of levels 2 and 3, as a fraction of the size of the cost in the metric of √damping."""
-
-ROUNDED = 1e-13
-"""What rounding leaves of the gradient, as a fraction of its terms."""
-
-CENTER, ORIGIN, OFFSET, ROWS_OF_X = constant(5), constant(6), constant(7), constant(8)
-"""Rows of the work space behind those of :func:`nearest`: J†b, a point, and the way to it; and how many there are."""
+HARD, RELAXING, STRICT_TASK = constant(0), constant(1), constant(2)
+"""Stages: all rows; the points that violate least; level 2 by itself."""
 
 
-@inner
-def metric(G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array) -> None:
-    """Levels 2 and 3, ½‖G (offset + Z y)‖² / ‖G‖² + ½ damping ‖offset + Z y‖², as ½‖R y + r‖² up to a constant.
+class Demands(NamedTuple):
+    """What rows ask of the acceleration, A q̈ ≤ c.
 
-    Householder QR of the rows √damping I above those of G Z / ‖G‖: the reflection of column j leaves all of the former
-    but the j-th alone, so that the work grows with the square of the number of columns.
-
-    Parameters
+    Attributes
     ----------
-    G
-        (k, n) or more columns: the task, without what counts as its null space.
-    Z
-        (p, n): an orthonormal basis by columns, or none: the identity.
-    X
-        (8, n), with the row ``OFFSET``.
-    R, S
-        (p + 1, p) and (3, p) outputs: R by columns with r as the last one, and the inverses of the diagonal.
-    """
-    k, n, p = G.shape[0], X.shape[1], R.shape[1]
-    reduced = Z.shape[0] > 0
-    B = np.zeros((p + 1, k))
-    size = 0.0
-    for i in range(k):
-        size += dot(G, i, G, i, START, n)
-    for j in range(p + 1):
-        for i in range(p):
-            R[j, i] = 0.0
-        if j < p:
-            R[j, j] = math.sqrt(damping)
-        elif reduced:
-            for i in range(p):
-                R[p, i] = math.sqrt(damping) * dot(Z, i, X, OFFSET, START, n)
-        if size > 0.0:
-            for i in range(k):
-                if j < p:
-                    B[j, i] = (dot(G, i, Z, j, START, n) if reduced else G[i, j]) / math.sqrt(size)
-                else:
-                    B[j, i] = dot(G, i, X, OFFSET, START, n) / math.sqrt(size)
-    for j in range(p):
-        length = math.sqrt(R[j, j] * R[j, j] + dot(B, j, B, j, START, k))
-        head = R[j, j] + length
-        for other in range(j + 1, p + 1):
-            scale = (head * R[other, j] + dot(B, j, B, other, START, k)) / (length * head)
-            R[other, j] -= scale * head
-            add(B, other, -scale, B, j, START, k)
-        R[j, j] = -length
-        S[0, j] = -1.0 / length
-
-
-@inner
-def settle(
-    walls: Array, sides: Array, weights: Array, bound: float, X: Array, relaxed: Array, violation: Array
-) -> Array:
-    """What every point that violates least has in common with a given one: rows A of equalities, as [A | 0].
-
-    Parameters
-    ----------
-    walls, sides
-        (w, n) and (w,).
+    A, c
+        (m, n) and (m,) in units of φ per second; c = ∞ for a row that asks for nothing.
+    scale
+        (m,) ‖Aᵢ‖ that counts as usual, positive: a row far below it is one that no acceleration influences.
     weights
-        (m,) of level 1; the rows of the box, from m on, have none.
-    bound
-        Half the width of the box.
-    X
-        (8, n): its row ``ORIGIN`` is a point that violates least.
-    relaxed, violation
-        (w,) and (m,) outputs: sides that the point meets, with a little room, since the rows may leave a set without
-        interior; and what it exceeds the given ones by, where that is more than rounding.
+        (m,) of level 1, positive.
     """
-    w, n = walls.shape
-    m = weights.size
-    A, pull = np.zeros((m + n, n + 1)), np.zeros((S_ROWS, n))
-    length = math.sqrt(dot(X, ORIGIN, X, ORIGIN, START, n))
-    at = 0
-    for i in range(w):
-        value = dot(walls, i, X, ORIGIN, START, n)
-        size = math.sqrt(dot(walls, i, walls, i, START, n))
-        room = size * length + abs(sides[i])
-        relaxed[i] = max(sides[i], value) + RELAXED * room
-        if i < m and value - sides[i] > SIGNIFICANT * room:
-            violation[i] = value - sides[i]
-            for j in range(n):
-                force = walls[i, j] * weights[i] * weights[i] * violation[i]
-                pull[0, j] += force
-                pull[1, j] += abs(force)
-                A[at, j] = walls[i, j] / size
-            at += 1
-    # where the violations pull a coordinate against the box, every point that violates least has it at that bound
-    for j in range(n):
-        if abs(pull[0, j]) > SIGNIFICANT * pull[1, j] and abs(X[ORIGIN, j]) >= bound:
-            A[at, j] = 1.0
-            at += 1
-    return A[:at]
+
+    A: Array
+    c: Array
+    scale: Array
+    weights: Array
+
+
+class Priorities(NamedTuple):
+    """Options of the levels.
+
+    Attributes
+    ----------
+    bound
+        Half the width of the box |q̈| ≤ bound of level 0, or infinity.
+    damping
+        Weight of level 3 within the QP, relative to ‖J‖².
+    tolerance
+        Singular values of J below this fraction of the largest one count as zero.
+    """
+
+    bound: float
+    damping: float
+    tolerance: float
+
+
+class Resolved(NamedTuple):
+    """Outputs: q̈ (n,), what each demand is exceeded by (m,), and which rows act (m,)."""
+
+    qdd: Array
+    slack: Array
+    acted: BoolArray
 
 
 @inner
-def optimal(
-    G: Array, damping: float, Z: Array, walls: Array, sides: Array, rows: Array, X: Array, point: Array
-) -> bool:
-    """Whether this is the minimiser of levels 2 and 3, by its optimality conditions, on the rows as they were given.
+def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, resolved: Resolved) -> tuple[int, int]:
+    """Of all q̈ in the box those that violate the demands least, of these those with the least ‖J q̈ − b‖, then ‖q̈‖.
 
-    With the gradient g, the multipliers μ and the rows a, its cost exceeds the least one by no more than
-    ‖Z ᵀ(g + Σ μ a)‖² / (2 damping), if the rows with a multiplier are at their bounds.
+    The least ‖W max(0, A q̈ − c)‖; see :class:`vsconstraints.controllers.HierarchicalQP` for how strict level 2 is.
+    Shapes, signs and finite numbers are for the caller to check before; and after, that ``resolved`` is finite.
 
     Parameters
     ----------
-    G, damping, Z
-        As for :func:`metric`.
-    walls, sides, rows
-        (w, n), (w,), and what :func:`nearest` made of them.
-    X
-        (8, n), with the row ``CENTER``; its row ``NEW`` is for use here.
-    point
-        (1, n) the answer.
+    demands
+        m of them.
+    J, b
+        (k, n) and (k,) of the task.
+    priorities
+        Box, damping and rank tolerance.
+    resolved
+        Outputs.
+
+    Returns
+    -------
+    tuple
+        ``DONE``; ``RELAXED_ROWS``, where demands are unmet; ``SHORT``, where levels 2 and 3 may be better met;
+        ``RELAXED_SHORT``, both; or ``FAILED``. And the iterations of the active-set method, at least 1 if it was
+        needed.
     """
-    k, n, w, p = G.shape[0], point.shape[1], walls.shape[0], Z.shape[0]
-    size = cost = away = 0.0
-    for j in range(n):
-        X[NEW, j] = 0.0
+    A, c, scale, weights = demands
+    bound, damping, tolerance = priorities
+    qdd, slack, acted = resolved
+    m = c.size
+    n, k = qdd.size, J.shape[0]
+    G, X = np.empty((k, n + 1)), np.zeros((ROWS_OF_X, n))
     for i in range(k):
-        size += dot(G, i, G, i, START, n)
-    for i in range(k):
-        along = 0.0
-        for j in range(n):
-            along += G[i, j] * (point[0, j] - X[CENTER, j])
-        along = along / size if size > 0.0 else 0.0
-        cost += along * along * size
-        add(X, NEW, along, G, i, START, n)
+        copy(G, i, J, i, n)
+        G[i, n] = b[i]
+    _, _, rank, _ = pseudoinverse(G, START, CERTAIN * tolerance, tolerance, G, X, CENTER)
+    redundant = rank < n
+    fixed = np.zeros(m, np.bool_)
+    below = within = tracks = True
     for j in range(n):
-        way = point[0, j] - X[CENTER, j]
-        away += way * way
-        X[NEW, j] += damping * way
-    cost = math.sqrt(cost + damping * away)
-    terms = 0.0
-    for j in range(n):
-        terms += abs(point[0, j]) + abs(X[CENTER, j])
-    loose = 0.0
-    for i in range(w):
-        if rows[MULTIPLIER, i] > 0.0 and rows[SCALE, i] > 0.0:
-            force = rows[MULTIPLIER, i] * rows[SCALE, i]
-            add(X, NEW, force, walls, i, START, n)
-            room = sides[i] - dot(walls, i, point, START, START, n)
-            length = math.sqrt(dot(walls, i, walls, i, START, n))
-            terms += force * length
-            loose += force * max(0.0, abs(room) - ROUNDED * (length * terms + abs(sides[i])))
-    rest = 0.0
-    if p > 0:
-        for d in range(p):
-            rest += dot(X, NEW, Z, d, START, n) ** 2
-    else:
-        rest = dot(X, NEW, X, NEW, START, n)
-    return math.sqrt(rest) <= CHECKED * math.sqrt(damping) * cost + ROUNDED * terms and loose <= CHECKED * cost * cost
+        qdd[j] = X[ORIGIN, j] = X[CENTER, j]
+        within = within and abs(qdd[j]) <= bound
+    length = math.sqrt(dot(X, CENTER, X, CENTER, START, n))
+    free = 0
+    for i in range(m):
+        acted[i] = c[i] != math.inf
+        slack[i] = 0.0
+        if acted[i]:
+            size = math.sqrt(dot(A, i, A, i, START, n))
+            excess = dot(A, i, X, CENTER, START, n) - c[i]
+            fixed[i] = size <= ZERO_GRADIENT * scale[i]
+            below = below and excess <= 0.0
+            tracks = tracks and excess < math.inf
+            tracks = tracks and (c[i] >= 0.0 if fixed[i] else excess <= MET * (size * length + abs(c[i])))
+            free += not fixed[i]
+    if within and (below or tracks):
+        for i in range(m):
+            acted[i] = False
+        return DONE, 0
 
+    w = free + (2 * n if bound < math.inf else 0)
+    walls, sides, W, index = np.zeros((w, n)), np.empty(w), np.empty(free), np.empty(free, np.int64)
+    violation, rows = np.empty(free), np.empty((KINDS, w))
+    at = START
+    unmet = False
+    for i in range(m):
+        if acted[i]:
+            acted[i] = False
+            if fixed[i]:
+                slack[i] = max(0.0, -c[i])
+                unmet = unmet or slack[i] > 0.0
+            else:
+                sides[at], W[at], index[at], violation[at] = c[i], weights[i], i, 0.0
+                copy(walls, at, A, i, n)
+                at += 1
+    for i in range(free, w):
+        j = i - free
+        walls[i, j % n] = 1.0 if j < n else -1.0
+        sides[i] = bound
 
-@inner
-def damped(G: Array, X: Array, point: Array) -> bool:
-    """Whether the damping may have cost the point a residual that level 2 by itself does not have."""
-    n = point.shape[1]
-    size = residual = away = length = 0.0
-    for i in range(G.shape[0]):
-        along = 0.0
-        for j in range(n):
-            along += G[i, j] * (point[0, j] - X[CENTER, j])
-        residual += along * along
-        size += dot(G, i, G, i, START, n)
-    for j in range(n):
-        away += (point[0, j] - X[CENTER, j]) ** 2
-        length += point[0, j] ** 2
-    return math.sqrt(residual) > math.sqrt(size) * (STRICT * math.sqrt(away) + MET * math.sqrt(length))
-
-
-@inner
-def meets(walls: Array, sides: Array, violation: Array, point: Array) -> bool:
-    """Whether the point meets all rows but the violated ones, and the box: whatever rounding did on a long way."""
-    n = point.shape[1]
-    length = math.sqrt(dot(point, START, point, START, START, n))
-    for i in range(violation.size):
-        size = math.sqrt(dot(walls, i, walls, i, START, n))
-        excess = dot(walls, i, point, START, START, n) - sides[i]
-        if violation[i] == 0.0 and not excess <= MISSED * (size * length + abs(sides[i])) + NEGLIGIBLE * size:
-            return False
-    return True
-
-
-@inner
-def with_room(walls: Array, sides: Array, point: Array) -> None:
-    """Make the sides some that the point meets, with room for rounding."""
-    n = point.shape[1]
-    length = math.sqrt(dot(point, START, point, START, START, n))
-    for i in range(walls.shape[0]):
-        if sides[i] < math.inf:
-            size = math.sqrt(dot(walls, i, walls, i, START, n))
-            sides[i] = max(sides[i], dot(walls, i, point, START, START, n)) + MET * (size * length + abs(sides[i]))
-
-
-@inner
-def join(E: Array, walls: Array, held: BoolArray, G: Array) -> Array:
-    """Rows of E, the walls that are held, and the task, of unit norm, as [A | 0]."""
-    n = walls.shape[1]
-    A = np.zeros((E.shape[0] + walls.shape[0] + G.shape[0], n + 1))
-    at, size = E.shape[0], 0.0
-    for i in range(at):
-        copy(A, i, E, i, n)
-    for i in range(walls.shape[0]):
-        if held[i]:
-            add(A, at, 1.0 / math.sqrt(dot(walls, i, walls, i, START, n)), walls, i, START, n)
-            at += 1
-    for i in range(G.shape[0]):
-        size += dot(G, i, G, i, START, n)
-    for i in range(G.shape[0]):
-        if size > 0.0:
-            add(A, at, 1.0 / math.sqrt(size), G, i, START, n)
-            at += 1
-    return A[:at]
+    # x = origin + Z y, in all directions first; if that is in vain in those which the least violations leave; and in
+    # those which level 2 leaves, where the damping has cost it something or no answer has passed the check
+    Z, p, steps, stage = np.empty((START, n)), n, 0, HARD
+    equal: Array = Z
+    E = equal
+    limits, held, point = sides.copy(), np.zeros(w, np.bool_), np.empty((ONE, n))
+    short = False
+    while True:
+        if stage == RELAXING:
+            code = least_violation(walls[:free], sides[:free], W, bound, qdd)
+            if code != DONE:
+                return code, steps
+            for j in range(n):
+                X[ORIGIN, j] = qdd[j]
+                X[OFFSET, j] = qdd[j] - X[CENTER, j]
+            equal = settle(walls, sides, W, bound, X, limits, violation)
+            E = equal.copy()
+        elif stage == STRICT_TASK:
+            for j in range(n):
+                point[0, j] = qdd[j]
+            with_room(walls, limits, point)
+            proved = least_residual(G, X, CENTER, E, walls, limits, point, held, cut(G, n, damping, tolerance))
+            for j in range(n):
+                X[ORIGIN, j] = qdd[j] = min(max(point[0, j], -bound), bound)
+                X[OFFSET, j] = qdd[j] - X[CENTER, j]
+            short = not proved
+            if short:
+                break
+            equal = join(E, walls, held, G)
+        if stage != HARD:
+            Z, p = np.empty((START, n)), n
+            if equal.shape[0] > 0:
+                F, T, rank, _ = pseudoinverse(equal, START, CERTAIN * DEPENDENT, DEPENDENT, equal, X, POINT)
+                p = n - rank
+                if p == 0:
+                    steps = steps if stage == STRICT_TASK else 0
+                    break
+                Z = np.zeros((p, n))
+                for d in range(p):
+                    Z[d, rank + d] = 1.0
+                    apply(F, T, rank, Z, d)
+            elif stage == RELAXING:
+                for j in range(n):
+                    X[ORIGIN, j], X[OFFSET, j] = X[CENTER, j], 0.0
+        H, R, T = np.empty((p, w)), np.empty((p + 1, p)), np.empty((S_ROWS, p))
+        for i in range(w):
+            outside = 0.0
+            for d in range(p):
+                H[d, i] = walls[i, d] if p == n else dot(walls, i, Z, d, START, n)
+                outside += H[d, i] * H[d, i]
+            if p < n:
+                # rows within the span of the violated ones are settled
+                settled = outside <= DEPENDENT * DEPENDENT * dot(walls, i, walls, i, START, n)
+                if settled or (i < free and violation[i] > 0.0):
+                    limits[i] = math.inf
+            rows[SIDE, i] = limits[i] - dot(walls, i, X, ORIGIN, START, n)
+            if not rows[SIDE, i] > -math.inf:
+                return FAILED, 0
+        metric(G, damping, Z, X, R, T)
+        code, more = nearest(H, rows, R, T, X)
+        steps = steps + more if stage == STRICT_TASK else more
+        if code == DONE:
+            for j in range(n):
+                point[0, j] = X[POINT, j] if p == n else 0.0
+                for d in range(p if p < n else START):
+                    point[0, j] += X[POINT, d] * Z[d, j]
+                point[0, j] = min(max(X[ORIGIN, j] + point[0, j], -bound), bound)
+        good = code == DONE and meets(walls, sides, violation, point)
+        good = good and optimal(G, damping, Z, walls, limits, rows, X, point)
+        if good:
+            for j in range(n):
+                qdd[j] = point[0, j]
+            strongest = 0.0
+            for i in range(w):
+                strongest = max(strongest, rows[MULTIPLIER, i])
+            for i in range(w):
+                held[i] = held[i] or rows[MULTIPLIER, i] > PULLING * strongest
+        if stage == STRICT_TASK:
+            short = not good
+            break
+        if good and not (redundant and damped(G, X, point)):
+            break
+        stage = STRICT_TASK if good or stage == RELAXING else RELAXING
+    for i in range(free):
+        at = index[i]
+        if violation[i] > 0.0:
+            excess = -sides[i]
+            for j in range(n):
+                excess += walls[i, j] * qdd[j]
+            violation[i] = max(0.0, excess)
+        slack[at] = violation[i]
+        unmet = unmet or violation[i] > 0.0
+        acted[at] = violation[i] > 0.0 or held[i]
+    if short:
+        return (RELAXED_SHORT if unmet else SHORT), steps
+    return (RELAXED_ROWS if unmet else DONE), steps
