@@ -13,9 +13,9 @@ from typing import ClassVar
 import numpy as np
 
 from ..errors import InvalidInput, unknown_name
+from ..formulas import curves as formulas
 from ..geometry import vector
 from ..rows import Array
-from . import formulas
 
 
 class Shape(ABC):
@@ -58,11 +58,11 @@ class Circle(Shape):
         self.radius = _positive(radius, "radius")
 
     def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
-        """See :func:`.formulas.circle`."""
+        """See :func:`vsconstraints.formulas.curves.circle`."""
         return formulas.circle(u, v, self.radius)
 
     def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
-        """See :func:`.formulas.circle_curvature`."""
+        """See :func:`vsconstraints.formulas.curves.circle_curvature`."""
         bending: Array = formulas.circle_curvature(u, v, self.radius, u_dot, v_dot)
         return bending
 
@@ -81,12 +81,12 @@ class Hyperellipse(Shape):
         self.radius = float(self.half_size.min())
 
     def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Minus :func:`.formulas.superellipse`."""
+        """Minus :func:`vsconstraints.formulas.curves.superellipse`."""
         value, du, dv = formulas.superellipse(u, v, *self.ellipse)
         return -value, -du, -dv
 
     def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
-        """Minus :func:`.formulas.superellipse_curvature`."""
+        """Minus :func:`vsconstraints.formulas.curves.superellipse_curvature`."""
         bending: Array = -formulas.superellipse_curvature(u, v, *self.ellipse, u_dot, v_dot)
         return bending
 
@@ -100,11 +100,11 @@ class Bowl(Shape):
         self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
 
     def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
-        """See :func:`.formulas.bowl`."""
+        """See :func:`vsconstraints.formulas.curves.bowl`."""
         return formulas.bowl(u, v, self.radius, self.width)
 
     def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
-        """See :func:`.formulas.bowl_curvature`."""
+        """See :func:`vsconstraints.formulas.curves.bowl_curvature`."""
         bending: Array = formulas.bowl_curvature(u, v, self.radius, self.width, u_dot, v_dot)
         return bending
 
@@ -122,11 +122,11 @@ class Heart(Shape):
         self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
 
     def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
-        """See :func:`.formulas.heart`."""
+        """See :func:`vsconstraints.formulas.curves.heart`."""
         return formulas.heart(u, v, self.radius, self.width)
 
     def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
-        """See :func:`.formulas.heart_curvature`."""
+        """See :func:`vsconstraints.formulas.curves.heart_curvature`."""
         bending: Array = formulas.heart_curvature(u, v, self.radius, self.width, u_dot, v_dot)
         return bending
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..camera import Camera
 from ..errors import ConfigurationError
+from ..formulas.curves import superellipse, superellipse_curvature
 from ..rows import Array
 from .base import demand_positive
-from .formulas import superellipse, superellipse_curvature
 from .image_constraint import ImageConstraint
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..errors import ConfigurationError
+from ..formulas import regions as formulas
 from ..geometry import Pose, vector
 from ..kinematics import RobotPoint
-from . import formulas
 from .forbidden_region import RegionByFormula
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..formulas import regions as formulas
 from ..geometry import vector
 from ..kinematics import RobotPoint
-from . import formulas
 from .base import demand_positive
 from .forbidden_region import RegionByFormula, axis_pose
 

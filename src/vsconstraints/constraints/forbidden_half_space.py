@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import ConfigurationError
+from ..formulas import regions as formulas
+from ..formulas.regions import SMALL
 from ..geometry import Pose, vector
 from ..kinematics import RobotPoint
-from . import formulas
 from .forbidden_region import RegionByFormula, frame_along
-from .formulas import SMALL
 
 
 class ForbiddenHalfSpace(RegionByFormula):

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConfigurationError
+from ..formulas.regions import SMALL
 from ..geometry import Pose
 from ..kinematics import RobotPoint
 from ..rows import Array
-from .formulas import SMALL
 from .point_constraint import PointConstraint
 
 
@@ -88,7 +88,7 @@ class ForbiddenRegion(PointConstraint):
 
 
 class RegionByFormula(ForbiddenRegion):
-    """A region whose distance and derivatives are one formula of :mod:`vsconstraints.constraints.formulas`.
+    """A region whose distance and derivatives are one formula of :mod:`vsconstraints.formulas.regions`.
 
     Attributes
     ----------

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import ConfigurationError
+from ..formulas import regions as formulas
 from ..geometry import vector
 from ..kinematics import RobotPoint
 from ..rows import Array
-from . import formulas
 from .base import demand_positive
 from .point_constraint import PointConstraint
 

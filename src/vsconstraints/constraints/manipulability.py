@@ -8,12 +8,12 @@ import numpy as np
 
 from ..decomposition import svd
 from ..errors import ConfigurationError, unknown_name
+from ..formulas.manipulability import SINGULAR
 from ..geometry import skew
 from ..robot import Robot
 from ..rows import Array
 from ..scene import Scene, State
 from .base import Constraint, RowBlock, Trace, demand_positive
-from .formulas import SINGULAR
 
 Part = Literal["pose", "position", "orientation"]
 """Which rows of the tip's Jacobian count."""

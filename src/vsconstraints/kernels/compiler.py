@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
+import inspect
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
+from ..formulas import FORMULAS
 from . import VARIABLE
 
 numba = import_module("numba")  # not typed
@@ -35,6 +37,18 @@ IN_PLACE = {**OPTIONS, "_nrt": False}
 """For functions that make no arrays: counting references to every view of one takes as long as computing."""
 
 
+_known: set[Callable[..., Any]] = set()
+"""Formulas that compiled code can call."""
+
+
+def know(*formulas: Callable[..., Any]) -> None:
+    """Let compiled code call these functions and every marked formula: see :mod:`vsconstraints.formulas`."""
+    for function in (*FORMULAS, *formulas):
+        if function not in _known:
+            _known.add(function)
+            numba.extending.register_jitable(error_model="numpy")(function)
+
+
 def inner(function: F) -> F:
     """Compile for use by other compiled functions only."""
     compiled_function: F = numba.njit(**OPTIONS, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
@@ -47,15 +61,18 @@ def in_place(function: F) -> F:
     return compiled_function
 
 
-def compiled(signature: str, options: dict[str, Any] = OPTIONS) -> Callable[[F], F]:
+def compiled(
+    signature: Any, options: dict[str, Any] = OPTIONS, formulas: Sequence[Callable[..., Any]] = ()
+) -> Callable[[F], F]:
     """Compile for this signature, and keep the result on disk; ``options`` are :data:`OPTIONS` or :data:`IN_PLACE`.
 
-    Arguments of other types raise TypeError.
+    The function may call ``formulas`` beside the marked ones. Arguments of other types raise TypeError.
     """
 
     def decorate(function: F) -> F:
+        know(*formulas)
         before = numba.config.CACHE_DIR
-        with _writable(_cache(function)) as folder:
+        with _writable(_cache(function, formulas)) as folder:
             numba.config.CACHE_DIR = str(folder)
             try:
                 compile_or_read = numba.njit(signature, cache=True, no_cfunc_wrapper=True, **options)
@@ -86,7 +103,7 @@ def _alone(folder: Path) -> Iterator[None]:
         yield
 
 
-def cache_folder(function: Callable[..., Any]) -> Path:
+def cache_folder(function: Callable[..., Any], formulas: Sequence[Callable[..., Any]] = ()) -> Path:
     """Where a compiled function is kept: one folder for each state of its code, the compiler, Python and the processor.
 
     Numba alone would compare the file of a function, and not see that one it calls has changed. The folder is made
@@ -101,6 +118,12 @@ def cache_folder(function: Callable[..., Any]) -> Path:
     state = hashlib.sha256()
     for file in _sources():
         state.update(file.read_bytes())
+    for formula in formulas:
+        # the module of an own one may hold whatever it calls
+        source = inspect.getsourcefile(formula)
+        with suppress(OSError):
+            state.update(Path(source or "").read_bytes())
+        state.update(formula.__code__.co_code + repr(formula.__code__.co_consts).encode())
     processor = import_module("llvmlite.binding").get_host_cpu_name()
     state.update(f"{numba.__version__} {sys.version} {processor}".encode())
     name = f"{function.__module__.rpartition('.')[2]}-{state.hexdigest()[:HASH]}"
@@ -135,14 +158,17 @@ def _sources() -> list[Path]:
     """Every file that compiled code may be made of; constants are compiled in, and leave no trace of their origin."""
     package = Path(__file__).parent.parent
     others = (
-        "constraints/formulas.py",
         "qp/least_residual.py",
         "qp/least_violation.py",
         "qp/lexicographic.py",
         "rows.py",
         "scene.py",
     )
-    return [*sorted((package / "kernels").glob("*.py")), *(package / other for other in others)]
+    folders = (package / "kernels", package / "formulas")
+    return [
+        *(file for folder in folders for file in sorted(folder.glob("*.py"))),
+        *(package / other for other in others),
+    ]
 
 
 _announced = False
@@ -151,10 +177,10 @@ _helpers: list[subprocess.Popen[bytes]] = []
 """Kept, since the end of a process that nobody holds is complained about."""
 
 
-def _cache(function: Callable[..., Any]) -> Path:
+def _cache(function: Callable[..., Any], formulas: Sequence[Callable[..., Any]]) -> Path:
     """The cache folder; says so, once, if it is empty, since filling it takes a while, and removes old ones."""
     global _announced
-    folder = cache_folder(function)
+    folder = cache_folder(function, formulas)
     with suppress(OSError):
         os.utime(folder)
         states = folder.parent.glob(f"{folder.name.rpartition('-')[0]}-{'?' * HASH}")

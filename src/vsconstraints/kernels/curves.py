@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
-from ..constraints import formulas
+from ..formulas import curves as formulas
 from ..rows import Array
 from .compiler import in_place
 from .layout import BOWL, CIRCLE, FIELD_OF_VIEW, HYPERELLIPSE
@@ -14,37 +10,7 @@ from .layout import BOWL, CIRCLE, FIELD_OF_VIEW, HYPERELLIPSE
 circle, circle_curvature = in_place(formulas.circle), in_place(formulas.circle_curvature)
 bowl, bowl_curvature = in_place(formulas.bowl), in_place(formulas.bowl_curvature)
 heart, heart_curvature = in_place(formulas.heart), in_place(formulas.heart_curvature)
-
-
-@in_place
-def power(x: float, n: float) -> float:
-    """Power xⁿ, x ≥ 0: by products for small whole n."""
-    count = int(n) if 0.0 <= n <= 64.0 else -1
-    if count != n:
-        return math.pow(x, n)
-    result = 1.0
-    while count > 0:
-        if count & 1:
-            result *= x
-        x *= x
-        count >>= 1
-    return result
-
-
-@in_place
-def superellipse(u: float, v: float, a: float, b: float, n: float) -> tuple[float, float, float]:
-    """As :func:`vsconstraints.constraints.formulas.superellipse`."""
-    x, y = abs(u) / a, abs(v) / b
-    X, Y = power(x, n - 1.0), power(y, n - 1.0)
-    return X * x + Y * y - 1.0, n / a * np.sign(u) * X, n / b * np.sign(v) * Y
-
-
-@in_place
-def superellipse_curvature(u: float, v: float, a: float, b: float, n: float, u_dot: float, v_dot: float) -> float:
-    """As :func:`vsconstraints.constraints.formulas.superellipse_curvature`."""
-    X, Y = power(abs(u) / a, n - 2.0), power(abs(v) / b, n - 2.0)
-    bent: float = n * (n - 1.0) * (X * (u_dot / a) ** 2 + Y * (v_dot / b) ** 2)
-    return bent
+superellipse, superellipse_curvature = in_place(formulas.superellipse), in_place(formulas.superellipse_curvature)
 
 
 @in_place

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from ..constraints.formulas import SINGULAR
+from ..formulas.manipulability import SINGULAR
 from ..rows import Array, IntArray
 from .compiler import compiled, inner
 from .kinematics import AXIS, ORIGIN, point_jacobian, turned

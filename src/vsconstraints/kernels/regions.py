@@ -5,7 +5,7 @@ They are apart so that only who has such regions compiles them.
 
 from __future__ import annotations
 
-from ..constraints import formulas
+from ..formulas import regions as formulas
 from ..rows import Array, IntArray
 from .compiler import IN_PLACE, compiled, in_place
 from .kinematics import matrix_at, point_jacobian, turned

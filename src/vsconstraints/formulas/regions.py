@@ -1,12 +1,4 @@
-"""Values and gradients of constraint functions, elementwise: for arrays of points, and compiled for single ones.
-
-Each function takes coordinates as separate numbers or arrays and returns σ and its partial derivatives. Those of
-regions (:func:`half_space` and what follows it) take a point in the region's frame, lengths, and the point's velocity,
-and return the signed distance d, its partial derivatives n, and ẋᵀ (∂²d/∂x²) ẋ.
-
-No ``if`` depends on a value, which arrays do not have: ``np.where`` chooses, or a comparison counts as 1 or 0 and a
-divisor that is zero gets 1 added.
-"""
+"""Regions in space, in frames of their own: signed distances, derivatives, and second derivatives along a motion."""
 
 from __future__ import annotations
 
@@ -14,60 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from . import formula
+
 SMALL = 1e-9
 """Distance [m] below which a direction or a curvature is taken as that at this distance, so that it stays finite."""
 
-SINGULAR = 1e-9
-"""Singular value below which manipulability's curvature is taken as that at this value, so that it stays finite."""
 
-
-def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> tuple[Any, Any, Any]:
-    """|u/a|ⁿ + |v/b|ⁿ − 1 and its derivatives (eqs. 20 and 23)."""
-    x, y = np.abs(u) / a, np.abs(v) / b
-    X, Y = x ** (n - 1.0), y ** (n - 1.0)
-    return X * x + Y * y - 1.0, n / a * np.sign(u) * X, n / b * np.sign(v) * Y
-
-
-def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v_dot: Any) -> Any:
-    """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`superellipse`."""
-    x, y = np.abs(u) / a, np.abs(v) / b
-    return n * (n - 1.0) * (x ** (n - 2.0) * (u_dot / a) ** 2 + y ** (n - 2.0) * (v_dot / b) ** 2)
-
-
-def circle(u: Any, v: Any, r: Any) -> tuple[Any, Any, Any]:
-    """1 − (u² + v²)/r² and its derivatives."""
-    return 1.0 - (u * u + v * v) / (r * r), -2.0 * u / (r * r), -2.0 * v / (r * r)
-
-
-def circle_curvature(u: Any, v: Any, r: Any, u_dot: Any, v_dot: Any) -> Any:
-    """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`circle`."""
-    return -2.0 / (r * r) * (u_dot * u_dot + v_dot * v_dot)
-
-
-def bowl(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
-    """1 − r⁻² (w² u² + (v − u²)²) and its derivatives (eq. 45)."""
-    d, s = v - u * u, -2.0 / (r * r)
-    return 1.0 - ((w * u) ** 2 + d * d) / (r * r), s * (w * w * u - 2.0 * u * d), s * d
-
-
-def bowl_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> Any:
-    """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`bowl`."""
-    d, d_dot = v - u * u, v_dot - 2.0 * u * u_dot
-    return -2.0 / (r * r) * ((w * u_dot) ** 2 + d_dot * d_dot - 2.0 * d * u_dot * u_dot)
-
-
-def heart(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
-    """1 − r⁻² (w² u² + (v − |u|)²) and its derivatives, at u = 0 the mean of both sides (eq. 46)."""
-    d, s = v - np.abs(u), -2.0 / (r * r)
-    return 1.0 - ((w * u) ** 2 + d * d) / (r * r), s * (w * w * u - np.sign(u) * d), s * d
-
-
-def heart_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> Any:
-    """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`heart`."""
-    d_dot = v_dot - np.sign(u) * u_dot
-    return -2.0 / (r * r) * ((w * u_dot) ** 2 + d_dot * d_dot)
-
-
+@formula
 def sphere(x: Any, y: Any, z: Any, r: Any) -> tuple[Any, Any, Any, Any, Any]:
     """Depth in a sphere r − ‖p‖, its derivatives (eqs. 47 and 48), and ‖p‖; at the centre the direction out is +z."""
     d = np.sqrt(x * x + y * y + z * z)
@@ -76,6 +21,7 @@ def sphere(x: Any, y: Any, z: Any, r: Any) -> tuple[Any, Any, Any, Any, Any]:
     return r - d, s * x, s * y, np.where(inside, s * z, -1.0), d
 
 
+@formula
 def sphere_curvature(x: Any, y: Any, z: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
     """ṗᵀ H ṗ of :func:`sphere`: −(‖ṗ‖² − (ṗ·n)²)/‖p‖, n the direction out."""
     d = np.maximum(np.sqrt(x * x + y * y + z * z), SMALL)
@@ -83,12 +29,14 @@ def sphere_curvature(x: Any, y: Any, z: Any, x_dot: Any, y_dot: Any, z_dot: Any)
     return -(x_dot * x_dot + y_dot * y_dot + z_dot * z_dot - radial * radial) / d
 
 
+@formula
 def half_space(x: Any, y: Any, z: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> tuple[Any, Any, Any, Any, Any]:
     """Height above the plane z = 0; its gradient is the normal, and it is not bent."""
     none = 0.0 * z
     return z, none, none, none + 1.0, none
 
 
+@formula
 def box(
     x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, x_dot: Any, y_dot: Any, z_dot: Any
 ) -> tuple[Any, Any, Any, Any, Any]:
@@ -115,6 +63,7 @@ def box(
     return length + np.minimum(np.maximum(beyond_x, yz), 0.0), nx, ny, nz, bend
 
 
+@formula
 def cylinder(
     x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any
 ) -> tuple[Any, Any, Any, Any, Any]:
@@ -140,6 +89,7 @@ def cylinder(
     return length + np.minimum(np.maximum(side, end), 0.0), n_rho * rx, n_rho * ry, n_z, bend
 
 
+@formula
 def capsule(
     x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any
 ) -> tuple[Any, Any, Any, Any, Any]:

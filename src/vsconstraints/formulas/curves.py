@@ -1,0 +1,79 @@
+"""Implicit curves in the image: value and derivatives at pixels (u, v), and second derivative along (u̇, v̇)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from . import formula
+
+
+@formula
+def power(x: Any, n: float) -> Any:
+    """Power xⁿ, x ≥ 0 and n a number: by products for small whole n."""
+    count = int(n) if 0.0 <= n <= 64.0 else -1
+    if count != n:
+        return x**n
+    result = x**0.0
+    while count > 0:
+        if count & 1:
+            result = result * x
+        x = x * x
+        count >>= 1
+    return result
+
+
+@formula
+def superellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> tuple[Any, Any, Any]:
+    """|u/a|ⁿ + |v/b|ⁿ − 1 and its derivatives (eqs. 20 and 23)."""
+    x, y = np.abs(u) / a, np.abs(v) / b
+    X, Y = power(x, n - 1.0), power(y, n - 1.0)
+    return X * x + Y * y - 1.0, n / a * np.sign(u) * X, n / b * np.sign(v) * Y
+
+
+@formula
+def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v_dot: Any) -> Any:
+    """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`superellipse`."""
+    X, Y = power(np.abs(u) / a, n - 2.0), power(np.abs(v) / b, n - 2.0)
+    return n * (n - 1.0) * (X * (u_dot / a) ** 2 + Y * (v_dot / b) ** 2)
+
+
+@formula
+def circle(u: Any, v: Any, r: Any) -> tuple[Any, Any, Any]:
+    """1 − (u² + v²)/r² and its derivatives."""
+    return 1.0 - (u * u + v * v) / (r * r), -2.0 * u / (r * r), -2.0 * v / (r * r)
+
+
+@formula
+def circle_curvature(u: Any, v: Any, r: Any, u_dot: Any, v_dot: Any) -> Any:
+    """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`circle`."""
+    return -2.0 / (r * r) * (u_dot * u_dot + v_dot * v_dot)
+
+
+@formula
+def bowl(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
+    """1 − r⁻² (w² u² + (v − u²)²) and its derivatives (eq. 45)."""
+    d, s = v - u * u, -2.0 / (r * r)
+    return 1.0 - ((w * u) ** 2 + d * d) / (r * r), s * (w * w * u - 2.0 * u * d), s * d
+
+
+@formula
+def bowl_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> Any:
+    """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`bowl`."""
+    d, d_dot = v - u * u, v_dot - 2.0 * u * u_dot
+    return -2.0 / (r * r) * ((w * u_dot) ** 2 + d_dot * d_dot - 2.0 * d * u_dot * u_dot)
+
+
+@formula
+def heart(u: Any, v: Any, r: Any, w: Any) -> tuple[Any, Any, Any]:
+    """1 − r⁻² (w² u² + (v − |u|)²) and its derivatives, at u = 0 the mean of both sides (eq. 46)."""
+    d, s = v - np.abs(u), -2.0 / (r * r)
+    return 1.0 - ((w * u) ** 2 + d * d) / (r * r), s * (w * w * u - np.sign(u) * d), s * d
+
+
+@formula
+def heart_curvature(u: Any, v: Any, r: Any, w: Any, u_dot: Any, v_dot: Any) -> Any:
+    """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`heart`."""
+    d_dot = v_dot - np.sign(u) * u_dot
+    return -2.0 / (r * r) * ((w * u_dot) ** 2 + d_dot * d_dot)

@@ -1,0 +1,65 @@
+"""Parts that compiled code calls without knowing them: rows of a constraint, a law, made for one formula each.
+
+What varies is compiled into a function of its own, and called by its address. So the step and the loop are compiled
+once for all constraints and laws, those of users among them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from .compiler import IN_PLACE, compiled, numba
+
+VOID, INT = numba.types.void, numba.types.int64
+
+
+def address(function: Any) -> int:
+    """Where a compiled function of one signature begins; it stays there as long as the function is kept."""
+    result = function.overloads[function.signatures[0]]
+    return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
+
+
+def _caller(result: Any) -> Any:
+    """A function (address, arguments) for compiled code, which calls what begins there with a tuple of arguments."""
+
+    def call(typing_context: Any, address: Any, arguments: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            types = list(signature.args[1].types)
+            kind = context.call_conv.get_function_type(result, types)
+            function = builder.inttoptr(values[0], kind.as_pointer())
+            unpacked = [builder.extract_value(values[1], i) for i in range(len(types))]
+            _, answer = context.call_conv.call_function(builder, function, result, types, unpacked)
+            return context.get_dummy_value() if result == VOID else answer
+
+        return result(address, arguments), generate
+
+    return numba.extending.intrinsic(call)
+
+
+call, ask = _caller(VOID), _caller(INT)
+"""Call by address a function that returns nothing, and one that returns an integer: ``call(address, (a, b))``."""
+
+
+def make_part(
+    template: Callable[..., Any],
+    formulas: tuple[Callable[..., Any] | None, ...],
+    constants: tuple[int, ...],
+    signature: Any,
+) -> Any:
+    """The function that ``template(*formulas, *constants)`` gives, compiled for a signature and kept on disk.
+
+    Parameters
+    ----------
+    template
+        A function of a module of this package that returns a function which calls the formulas.
+    formulas
+        Elementwise functions, see :mod:`vsconstraints.formulas`; None where there is none.
+    constants
+        What else the template is made with, such as the number of parameters of a formula.
+    signature
+        Of the function.
+    """
+    function = template(*formulas, *constants)
+    given = tuple(formula for formula in formulas if formula is not None)
+    return compiled(signature, IN_PLACE, given)(function)
