@@ -13,6 +13,9 @@ from .compiler import IN_PLACE, compiled, numba
 
 VOID, INT = numba.types.void, numba.types.int64
 
+BYTES = 1 << 14
+"""So many are enough for a structure of some two hundred arrays."""
+
 
 def address(function: Any) -> int:
     """Where a compiled function of one signature begins; it stays there as long as the function is kept."""
@@ -63,3 +66,32 @@ def make_part(
     function = template(*formulas, *constants)
     given = tuple(formula for formula in formulas if formula is not None)
     return compiled(signature, IN_PLACE, given)(function)
+
+
+@numba.extending.intrinsic
+def store(typing_context: Any, structure: Any, buffer: Any) -> Any:
+    """Write where the arrays of a structure are to a buffer of :data:`BYTES` (uint8); returns how many bytes that takes.
+
+    The arrays are not copied. They, and the buffer, must live as long as its address is used.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        kind = context.get_value_type(structure)
+        begin = context.make_array(buffer)(context, builder, values[1]).data
+        builder.store(values[0], builder.bitcast(begin, kind.as_pointer()))
+        return context.get_constant(INT, context.get_abi_sizeof(kind))
+
+    return INT(structure, buffer), generate
+
+
+def thaw_as(structure: Any) -> Any:
+    """A function for compiled code that gives back the structure of that type which :func:`store` has put there."""
+
+    def thaw(typing_context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            kind = context.get_value_type(structure)
+            return builder.load(builder.inttoptr(values[0], kind.as_pointer()))
+
+        return structure(address), generate
+
+    return numba.extending.intrinsic(thaw)

@@ -72,6 +72,42 @@ PART = np.dtype(
 """A constraint: where its compiled rows begin; its first row, and how many it has; K; margin; the frame in which its
 formula is written (in the image R[:2, :2] and t[:2]); how what it forbids moves."""
 
+BODY = np.dtype(
+    [
+        ("R", "f8", (3, 3)),
+        ("origin", "f8", (3,)),
+        ("axis", "f8", (3,)),
+        ("angular_velocity", "f8", (3,)),
+        ("velocity", "f8", (3,)),
+        ("angular_acceleration", "f8", (3,)),
+        ("acceleration", "f8", (3,)),
+    ]
+)
+"""A body in the base frame, when q̈ = 0: orientation, origin, axis of its joint, ω, v of the origin, ω̇, v̇."""
+
+MARKER = np.dtype([("xy", "f8", (2,)), ("velocity", "f8", (2,)), ("drift", "f8", (2,)), ("depth", "f8")])
+"""A marker in the image: normalised coordinates, their first and, with q̈ = 0, second derivative, and Z."""
+
+PLACE = np.dtype([("position", "f8", (3,)), ("velocity", "f8", (3,)), ("drift", "f8", (3,))])
+"""A robot point in the base frame, its velocity and, with q̈ = 0, its acceleration."""
+
+CAMERA_MOTION = np.dtype(
+    [
+        *POSE,
+        ("eye", "f8", (3,)),
+        ("base_R", "f8", (3, 3)),
+        ("velocity", "f8", (3,)),
+        ("angular_velocity", "f8", (3,)),
+        ("acceleration", "f8", (3,)),
+        ("angular_acceleration", "f8", (3,)),
+    ]
+)
+"""The camera: its pose in the target's frame, position and orientation in the base frame, and v, ω, v̇ and ω̇ (q̈ = 0)
+relative to the target, in its own axes."""
+
+SAMPLE = np.dtype([("time", "f8"), ("goal", "i8")])
+"""The last sample that the task remembers; goal −1 if there is none."""
+
 
 class RowArrays(NamedTuple):
     """Rows as compiled laws take them; see :class:`vsconstraints.rows.Rows`. (m,) each, L_gφ (m, n)."""
@@ -102,3 +138,60 @@ class Answer(NamedTuple):
     acted: BoolArray
     slack: Array
     iterations: IntArray
+
+
+class Step(NamedTuple):
+    """All that the compiled step knows and makes, for m rows, n joints, M markers, P robot points and k features.
+
+    Attributes
+    ----------
+    joints, camera, markers, robot_points, target
+        The scene: (n,) JOINT, (1,) CAMERA, (M, 3) in the target's frame, (P,) POINT, (1,) TARGET.
+    options, goals, goal_points, goal_interaction
+        The task: (1,) TASK, (g,) GOAL, (g, 2M) normalised markers, (g, 2M, 6) L.
+    parts, parameters, which, gradients, offsets
+        The constraints: (c,) PART, (c, p) parameters of their formulas; for each row (m,) the marker or robot point,
+        and of linear rows (m, n) the gradient and (m,) the constant.
+    time, q, qd
+        (1,), (n,) and (n,): now.
+    last, last_error, last_partial, last_J
+        What the task remembers: (1,) SAMPLE, (k,) error, (k,) ∂s/∂t and (k, n) J_s of the sample before.
+    bodies, eye, camera_J, seen, places
+        (n + 1,) BODY, (1,) CAMERA_MOTION, (6, n) of its twist relative to the target, (M,) MARKER, (P,) PLACE.
+    J_point
+        (3, n) scratch for the Jacobian of a point.
+    rows, task, pixels, points
+        What comes out, with (M, 2) pixels and (P, 3) robot points.
+    """
+
+    joints: Records
+    camera: Records
+    markers: Array
+    robot_points: Records
+    target: Records
+    options: Records
+    goals: Records
+    goal_points: Array
+    goal_interaction: Array
+    parts: Records
+    parameters: Array
+    which: IntArray
+    gradients: Array
+    offsets: Array
+    time: Array
+    q: Array
+    qd: Array
+    last: Records
+    last_error: Array
+    last_partial: Array
+    last_J: Array
+    bodies: Records
+    eye: Records
+    camera_J: Array
+    seen: Records
+    places: Records
+    J_point: Array
+    rows: RowArrays
+    task: TaskArrays
+    pixels: Array
+    points: Array
