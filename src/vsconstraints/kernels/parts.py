@@ -68,9 +68,8 @@ def make_part(
     return compiled(signature, IN_PLACE, given)(function)
 
 
-@numba.extending.intrinsic
-def store(typing_context: Any, structure: Any, buffer: Any) -> Any:
-    """Write where the arrays of a structure are to a buffer of :data:`BYTES` (uint8); returns how many bytes that takes.
+def _store(typing_context: Any, structure: Any, buffer: Any) -> Any:
+    """Write where the arrays of a structure are to a buffer of :data:`BYTES` (uint8); returns their number of bytes.
 
     The arrays are not copied. They, and the buffer, must live as long as its address is used.
     """
@@ -82,6 +81,10 @@ def store(typing_context: Any, structure: Any, buffer: Any) -> Any:
         return context.get_constant(INT, context.get_abi_sizeof(kind))
 
     return INT(structure, buffer), generate
+
+
+store = numba.extending.intrinsic(_store)
+"""For compiled code, see :func:`_store`."""
 
 
 def thaw_as(structure: Any) -> Any:
