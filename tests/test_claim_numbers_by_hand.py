@@ -38,10 +38,10 @@ class Scaled(Told):
 def test_fulfilled() -> None:
     run: Any = Scaled({ROW: at({5: 3.0, 7: 2.0, 8: 1.0}, -4.0)}, {ROW: at({9: -0.25}, -3.0)}, {ROW: 0.5})
     run.bounds = {ROW: 4.0}
-    good, text, values = boundary.fulfilled(run, ROW)
-    assert good
-    assert values == {"sigma_max": -0.25, "phi_max": 3.0, "bound": 4.0, "positive_samples": 2.0}
-    assert text == "max σ = −0.25; max φ = 3 (T_s u⁺ = 4), positive for 2 samples in a row"
+    finding = boundary.fulfilled(run, ROW)
+    assert finding.verdict == YES
+    assert finding.values == {"sigma_max": -0.25, "phi_max": 3.0, "bound": 4.0, "positive_samples": 2.0}
+    assert finding.text == "max σ = −0.25; max φ = 3 (T_s u⁺ = 4), positive for 2 samples in a row"
 
 
 def test_never_positive() -> None:

@@ -35,7 +35,7 @@ def test_intervals_round_to_what_is_printed() -> None:
     ],
 )
 def test_fulfilled(run: Any, good: bool) -> None:
-    assert boundary.fulfilled(run, ROW)[0] == good
+    assert (boundary.fulfilled(run, ROW).verdict == YES) == good
 
 
 @pytest.mark.parametrize(

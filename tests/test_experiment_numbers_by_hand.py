@@ -12,17 +12,17 @@ from told import NO, PARTLY, ROW, YES, T, Told, at, during, found
 from vsconstraints.reproduction.claims import experiments
 from vsconstraints.reproduction.claims.erroneous_gradients import (
     CASES,
-    IBVS_ALONE,
-    PBVS_ALONE,
     Difference,
     in_unselected,
     little_speed_difference,
     very_similar,
 )
+from vsconstraints.reproduction.runs import RunSpec
 from vsconstraints.reproduction.verdicts import NotMeasured
 from vsconstraints.studies import StudyResult
 
 OTHER = "fov[marker 3]"
+MADE_UP = experiments.Experiment("made up", RunSpec("s"), "fov")
 
 
 class Long(Told):
@@ -146,7 +146,7 @@ def test_what_is_simulated_of_the_experiments() -> None:
     for spec in (experiments.PBVS, experiments.IBVS):
         assert spec.tables["task"]["Kp0"] == 0.6
         assert not spec.may_end_early
-    for spec in (PBVS_ALONE, IBVS_ALONE):
+    for spec in (experiments.FIRST.alone, experiments.SECOND.alone):
         assert spec.tables["disturbances"]["gradient_error_in_phi"] is False
 
 
@@ -238,7 +238,7 @@ def test_difference() -> None:
 def test_very_similar(far: tuple[float, float], expected: str) -> None:
     """30 px are less than 5 % of the image's width, 32 px, but more than of its height, 24 px."""
     alone = imaged((0.6, 0.8), sigma=0.75, status="timeout")
-    finding = very_similar("s", "fov", imaged(), imaged(far), alone, study("s", "similar"))  # type: ignore[arg-type]
+    finding = very_similar(imaged(), imaged(far), alone, study("s", "similar"), of=MADE_UP)  # type: ignore[arg-type]
     track = np.hypot(*far)
     assert finding.verdict == expected
     assert finding.values == {"track_difference_px": pytest.approx(track), "sigma_max": -0.25}
@@ -261,7 +261,7 @@ def test_scenes_must_be_enough_in_every_case(case: str) -> None:
 @pytest.mark.parametrize(("slower", "expected"), [(0.4, YES), (0.401, PARTLY)])
 def test_little_speed(slower: float, expected: str) -> None:
     erroneous: Any = imaged((3.0, 4.0), slower)
-    finding = little_speed_difference("s", "fov", imaged(), erroneous, study("s", "little_speed"))  # type: ignore[arg-type]
+    finding = little_speed_difference(imaged(), erroneous, study("s", "little_speed"), of=MADE_UP)  # type: ignore[arg-type]
     assert finding.verdict == expected
     assert finding.values == {"share": pytest.approx(slower / 4.0)}
     assert finding.text.endswith("Here by up to 4e+02 mrad/s, 10 % of the fastest joint's 4e+03 mrad/s")

@@ -51,11 +51,21 @@ def test_a_run_that_ended_early_is_not_measured(status: str, tolerated: bool) ->
 
 
 def test_a_claim_is_what_is_said_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    texts = {
+        "shared": {"half": "half", "three": "three and a {half}"},
+        "123b": {"where": "where", "sentence": "sentence", "rule": "{three} or {half}", "figure": "figure.png"},
+        "4c": {"where": "there", "sentence": "other", "rule": "rule"},
+    }
     monkeypatch.setattr(verdicts, "CLAIMS", {})
-    register = claim("123b", "where", "sentence", "rule", "figure.png", "a study")
+    monkeypatch.setattr(verdicts, "TEXTS", texts)
+    register = claim("123b", "a study")
     measure = register(lambda study: Finding("holds", ""))
-    expected = Claim(123, "b", "where", "sentence", "rule", "figure.png", ("a study",), measure)
-    assert expected == verdicts.CLAIMS["123b"]
+    claim("4c")(measure)
+    rule = "three and a half or half"
+    assert {
+        "123b": Claim(123, "b", "where", "sentence", rule, "figure.png", ("a study",), measure),
+        "4c": Claim(4, "c", "there", "other", "rule", "", (), measure),
+    } == verdicts.CLAIMS
     with pytest.raises(ValueError, match="there are two claims 123b"):
         register(measure)
 
@@ -202,7 +212,7 @@ def test_7b_needs_a_row_that_acts() -> None:
     [((0.125, 0.25, 0.5), YES), ((0.125, 0.25, 0.51), PARTLY), ((0.2, 0.2, 0.4), NO), ((0.2, 0.21, 0.21), NO)],
 )
 def test_7b_of_time_constants(constants: tuple[float, ...], expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(general, "_time_constant", lambda run: run)
+    monkeypatch.setattr(general, "time_constant", lambda run: run)
     assert found("7b", *constants).verdict == expected
 
 

@@ -25,7 +25,7 @@ from vsconstraints.reproduction.figures.catalogue import FIGURES, FigureSpec
 from vsconstraints.reproduction.reconstructed import reconstructed
 from vsconstraints.reproduction.report import TOPICS, differences
 from vsconstraints.reproduction.runs import Run, RunSpec
-from vsconstraints.reproduction.verdicts import VERDICTS, Claim, Finding, claim
+from vsconstraints.reproduction.verdicts import TEXTS, VERDICTS, Claim, Finding, claim
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import shipped_scenarios
 from vsconstraints.simulation import simulate
@@ -81,6 +81,10 @@ def test_every_claim_of_the_paper_has_a_function() -> None:
     assert {one.number for one in all_claims()} == set(range(1, 13)) == set(TOPICS)
 
 
+def test_every_text_is_measured() -> None:
+    assert set(CLAIMS) == set(TEXTS) - {"shared"}
+
+
 def test_keys_count_within_a_number() -> None:
     for number in TOPICS:
         letters = [one.letter for one in all_claims() if one.number == number]
@@ -92,7 +96,6 @@ def test_claims_say_where_and_by_what_rule(one: Claim) -> None:
     assert one.sentence
     assert one.rule
     assert one.where
-    assert one.measure.__doc__
     assert one.needs
     figures = {figure.file for figure in FIGURES.values()}
     assert not one.figure or one.figure in figures or one.figure.startswith("study-")
@@ -100,7 +103,7 @@ def test_claims_say_where_and_by_what_rule(one: Claim) -> None:
 
 def test_two_claims_cannot_have_one_key() -> None:
     with pytest.raises(ValueError, match="two claims 1a"):
-        claim("1a", "", "", "", "")(lambda: Finding("holds", ""))
+        claim("1a")(lambda: Finding("holds", ""))
 
 
 # --- verdicts on the shipped scenarios ---

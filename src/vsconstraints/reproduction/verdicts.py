@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 from ..simulation.trajectory import Outcome
@@ -15,6 +17,9 @@ VERDICTS: tuple[Verdict, ...] = ("holds", "holds partly", "does not hold", "not 
 
 ENDED_EARLY: tuple[Outcome, ...] = ("failed", "aborted")
 """Statuses of runs on which nothing can be measured but how they ended."""
+
+TEXTS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("claims.toml").read_text(encoding="utf-8"))
+"""What ``claims.toml`` says: by key, the paper's words and the rule; ``shared``, what several rules contain."""
 
 
 @dataclass(frozen=True)
@@ -111,18 +116,35 @@ def all_claims() -> list[Claim]:
     return sorted(CLAIMS.values(), key=lambda one: (one.number, one.letter))
 
 
-def claim(
-    key: str, where: str, sentence: str, rule: str, figure: str, *needs: RunSpec | str
-) -> Callable[[Callable[..., Finding]], Callable[..., Finding]]:
-    """Register a function as the measurement of a claim: see :class:`Claim` for the parameters."""
+def claim(key: str, *needs: RunSpec | str) -> Callable[[Callable[..., Finding]], Callable[..., Finding]]:
+    """Register a function as the measurement of the claim that :data:`TEXTS` has under this key.
+
+    Parameters
+    ----------
+    key
+        Number and letter.
+    needs
+        See :class:`Claim`.
+    """
 
     def register(measure: Callable[..., Finding]) -> Callable[..., Finding]:
         if key in CLAIMS:
             raise ValueError(f"there are two claims {key}")
-        CLAIMS[key] = Claim(int(key[:-1]), key[-1], where, sentence, rule, figure, needs, measure)
+        text = TEXTS[key]
+        rule = text["rule"].format(**_shared())
+        figure = text.get("figure", "")
+        CLAIMS[key] = Claim(int(key[:-1]), key[-1], text["where"], text["sentence"], rule, figure, needs, measure)
         return measure
 
     return register
+
+
+def _shared() -> dict[str, str]:
+    """What several rules contain; one may contain those before it."""
+    found: dict[str, str] = {}
+    for name, text in TEXTS["shared"].items():
+        found[name] = text.format(**found)
+    return found
 
 
 def judged(good: bool, part: bool = False) -> Verdict:
@@ -130,9 +152,31 @@ def judged(good: bool, part: bool = False) -> Verdict:
     return "holds" if good else "holds partly" if part else "does not hold"
 
 
+def finding(text: str, good: bool, part: bool = False, /, **values: float) -> Finding:
+    """What was found, with the verdict that :func:`judged` gives."""
+    return Finding(judged(good, part), text, values)
+
+
+def signed(value: float) -> str:
+    """Three significant digits with a true minus sign."""
+    return f"{value:.3g}".replace("-", "−")
+
+
+def plural(samples: int) -> str:
+    """``1 sample``, ``14 samples``."""
+    return f"{samples} sample" + ("" if samples == 1 else "s")
+
+
 def shown_intervals(found: Sequence[tuple[float, float]]) -> str:
     """``2.96–4.90 s and 8.02–9.14 s``; ``never``."""
     return " and ".join(f"{first:.2f}–{last:.2f} s" for first, last in found) or "never"
+
+
+def ends_of(found: Sequence[tuple[float, float]]) -> dict[str, float]:
+    """Of intervals: ``from_0``, ``to_0``, ``from_1`` and so on."""
+    return {
+        f"{side}_{k}": time for k, pair in enumerate(found) for side, time in zip(("from", "to"), pair, strict=True)
+    }
 
 
 def rounds_to(found: Sequence[tuple[float, float]], printed: Sequence[tuple[float, float]]) -> bool:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 
 from ..runs import Run
-from ..verdicts import Finding, judged
+from ..verdicts import Finding, finding, plural, signed
 
 VANISHED = 0.01
 """Share of the greatest error that may be left where the paper says zero."""
@@ -26,94 +27,77 @@ LONGEST_POSITIVE = 2
 """In a sliding mode φ is not positive for longer than this many samples."""
 
 
-def fulfilled(run: Run, label: str) -> tuple[bool, str, dict[str, float]]:
+def greatest_phi(run: Run, label: str) -> float:
+    """Greatest φ of a row."""
+    return float(run.phi(label).max())
+
+
+def excess(run: Run, label: str) -> float:
+    """Greatest φ of a row in T_s u⁺."""
+    return greatest_phi(run, label) / run.bound(label)
+
+
+def greatest_sigma(run: Run, *labels: str) -> float:
+    """Greatest σ of rows."""
+    return max(float(run.sigma(label).max()) for label in labels)
+
+
+def clear(run: Run, *labels: str) -> float:
+    """Least clearance of rows, between samples too, in their unit."""
+    return min(float(run.row(label)["clearance_min"]) for label in labels)
+
+
+def with_sigma(labels: Iterable[str]) -> list[str]:
+    """Rows with a σ of their own: a speed's σ is its φ."""
+    return [label for label in labels if not label.startswith("speed")]
+
+
+def fulfilled(run: Run, label: str) -> Finding:
     """Whether σ ≤ 0, also between samples, and φ stays within T_s u⁺ of zero."""
-    line = run.row(label)
-    sigma, phi, bound = float(run.sigma(label).max()), float(line["phi_max"]), run.bound(label)
-    samples = run.positive_samples(label)
-    kept = sigma <= 0.0 and float(line["clearance_min"]) >= 0.0
-    good = kept and phi <= bound and samples <= LONGEST_POSITIVE
+    sigma, bound, samples = greatest_sigma(run, label), run.bound(label), run.positive_samples(label)
+    phi = float(run.row(label)["phi_max"])
     text = (
         f"max σ = {signed(sigma)}; max φ = {signed(phi)} (T_s u⁺ = {bound:g}), positive for {plural(samples)} in a row"
     )
-    return good, text, {"sigma_max": sigma, "phi_max": phi, "bound": bound, "positive_samples": float(samples)}
+    good = sigma <= 0.0 and clear(run, label) >= 0.0 and phi <= bound and samples <= LONGEST_POSITIVE
+    return finding(text, good, sigma_max=sigma, phi_max=phi, bound=bound, positive_samples=samples)
 
 
-FULFILLED_RULE = (
-    "max φ ≤ 0; partly if max σ ≤ 0, also between samples, over the rows that have a σ of their own, max φ ≤ 2 T_s u⁺ "
-    "and φ ≥ 0 for two samples in a row at most: no more than sampling explains"
-)
-"""Wherever the paper says that a constraint is fulfilled, φ ≤ 0."""
-
-
-def phi_never_positive(run: Run, labels: list[str]) -> Finding:
-    """Of ``φ ≤ 0``: see :data:`FULFILLED_RULE`.
-
-    A speed's σ is its φ, so that only the other rows are asked to keep σ ≤ 0.
-    """
-    phi = max(float(run.phi(label).max()) for label in labels)
-    own = [label for label in labels if not label.startswith("speed")]
-    sigma = max(float(run.sigma(label).max()) for label in own)
-    inside = min(float(run.row(label)["clearance_min"]) for label in own) >= 0.0
-    worst = max(labels, key=lambda label: float(run.phi(label).max()) / run.bound(label))
-    excess = float(run.phi(worst).max()) / run.bound(worst)
-    samples = {label: run.positive_samples(label) for label in labels}
-    longest = max(labels, key=lambda label: samples[label])
-    at = run.index(longest)
+def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
+    """Of ``φ ≤ 0``, wherever the paper says that a constraint is fulfilled: what claims.toml calls ``fulfilled``."""
+    own = with_sigma(labels)
+    phi, sigma = max(greatest_phi(run, label) for label in labels), greatest_sigma(run, *own)
+    worst, longest = max(labels, key=lambda label: excess(run, label)), max(labels, key=run.positive_samples)
+    most, samples, at = excess(run, worst), run.positive_samples(longest), run.index(longest)
     text = (
-        f"max σ = {signed(sigma)}; max φ = {signed(phi)}, up to {excess:.2f} T_s u⁺ ({worst}), at or above zero for "
-        f"{plural(samples[longest])} in a row{'' if len(labels) == 1 else f' ({longest})'}; (12) asks for u⁺ > "
-        f"{float(run.drift[:, at].max()):.3g} there, where u⁺ = {float(run.record.switching_gain[at]):g}"
+        f"max σ = {signed(sigma)}; max φ = {signed(phi)}, up to {most:.2f} T_s u⁺ ({worst}), at or above zero for "
+        f"{plural(samples)} in a row{'' if len(labels) == 1 else f' ({longest})'}; (12) asks for u⁺ > "
+        f"{run.drift[:, at].max():.3g} there, where u⁺ = {run.record.switching_gain[at]:g}"
     )
-    sampled = excess <= MOST_EXCESS and samples[longest] <= LONGEST_POSITIVE
-    values = {"phi_max": phi, "sigma_max": sigma, "excess": excess, "longest": float(samples[longest])}
-    return Finding(judged(phi <= 0.0, sigma <= 0.0 and inside and sampled), text, values)
+    part = sigma <= 0.0 and clear(run, *own) >= 0.0 and most <= MOST_EXCESS and samples <= LONGEST_POSITIVE
+    return finding(text, phi <= 0.0, part, phi_max=phi, sigma_max=sigma, excess=most, longest=samples)
 
 
-@dataclass(frozen=True)
-class Margin:
-    """How much of a row's allowed space was left unused.
-
-    Attributes
-    ----------
-    least
-        Least clearance, between samples too, in the row's unit.
-    share
-        The same as a fraction of the row's characteristic length.
-    """
-
-    least: float
-    share: float
-
-    @classmethod
-    def of(cls, run: Run, label: str) -> Margin:
-        """That of a run."""
-        least = float(run.row(label)["clearance_min"])
-        return cls(least, least / run.length(label))
+def unused(run: Run, label: str) -> float:
+    """Least clearance of a row as a fraction of its characteristic length."""
+    return clear(run, label) / run.length(label)
 
 
 def fully_used(run: Run, *labels: str) -> Finding:
     """Of ``the allowed space is fully utilized``: unused margins of at most 1 %, and none negative."""
-    margins = {label: Margin.of(run, label) for label in labels}
-    good = all(0.0 <= margin.share <= FULLY for margin in margins.values())
-    part = any(0.0 <= margin.share <= FULLY for margin in margins.values())
+    shares = {label: unused(run, label) for label in labels}
+    used = [0.0 <= share <= FULLY for share in shares.values()]
     text = "; ".join(
-        f"{label} comes within {margin.least:.2g} {run.unit(label)} of its boundary ({100.0 * margin.share:.2g} % of L)"
-        for label, margin in margins.items()
+        f"{label} comes within {clear(run, label):.2g} {run.unit(label)} of its boundary ({100.0 * share:.2g} % of L)"
+        for label, share in shares.items()
     )
-    return Finding(judged(good, part), text, {label: margin.share for label, margin in margins.items()})
+    return finding(text, all(used), any(used), **shares)
 
 
-@dataclass(frozen=True)
-class Approach:
-    """How a boundary is reached: normal speed when the row begins to act, and 3 K later.
+class Approach(NamedTuple):
+    """How a boundary is reached: normal speed when the row begins to act, 3 K later, and the greatest in between.
 
-    Attributes
-    ----------
-    start
-        When [s].
-    first, later, greatest
-        Normal speed then, 3 K later, and the greatest in between [the row's unit per second].
+    ``start`` is a time [s]; the speeds are in the row's unit per second.
     """
 
     start: float
@@ -148,22 +132,11 @@ def smoothly(run: Run, *labels: str, gap: float = 0.3) -> Finding:
     """Of ``the boundary is reached smoothly``: every approach of these rows is."""
     found = {label: approaches(run, label, gap) for label in labels}
     every = [one for some in found.values() for one in some]
+    if missing := [label for label, some in found.items() if not some]:
+        return finding(f"no approach lasts 3 K: {', '.join(missing)}", False, bool(every))
     text = "normal speed, at first and 3 K later: " + "; ".join(
         f"{label} " + ", ".join(f"{one.first:.3g} → {one.later:.2g} {run.unit(label)}/s" for one in some)
         for label, some in found.items()
     )
-    if not all(found.values()):
-        missing = [label for label, some in found.items() if not some]
-        return Finding(judged(False, bool(every)), f"no approach lasts 3 K: {', '.join(missing)}")
-    good, part = all(one.smooth for one in every), any(one.smooth for one in every)
-    return Finding(judged(good, part), text, {"share_left": max(one.share for one in every)})
-
-
-def signed(value: float) -> str:
-    """Three significant digits with a true minus sign."""
-    return f"{value:.3g}".replace("-", "−")
-
-
-def plural(samples: int) -> str:
-    """``1 sample``, ``14 samples``."""
-    return f"{samples} sample" + ("" if samples == 1 else "s")
+    smooth = [one.smooth for one in every]
+    return finding(text, all(smooth), any(smooth), share_left=max(one.share for one in every))
