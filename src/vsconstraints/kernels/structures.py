@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -93,17 +94,18 @@ PLACE = np.dtype([("position", "f8", (3,)), ("velocity", "f8", (3,)), ("drift", 
 
 CAMERA_MOTION = np.dtype(
     [
-        *POSE,
-        ("eye", "f8", (3,)),
-        ("base_R", "f8", (3, 3)),
+        ("R", "f8", (3, 3)),
+        ("origin", "f8", (3,)),
         ("velocity", "f8", (3,)),
         ("angular_velocity", "f8", (3,)),
         ("acceleration", "f8", (3,)),
         ("angular_acceleration", "f8", (3,)),
     ]
 )
-"""The camera: its pose in the target's frame, position and orientation in the base frame, and v, ω, v̇ and ω̇ (q̈ = 0)
-relative to the target, in its own axes."""
+"""The camera: orientation and origin in the base frame; v, ω, v̇ and ω̇ (q̈ = 0) relative to the target, in its axes."""
+
+MEASUREMENT = np.dtype([("given", "i8"), ("time", "f8"), ("pose_given", "i8"), *POSE])
+"""What a camera has measured: whether pixels are given, and when they were; whether the camera's pose is, and which."""
 
 SAMPLE = np.dtype([("time", "f8"), ("goal", "i8")])
 """The last sample that the task remembers; goal −1 if there is none."""
@@ -156,12 +158,16 @@ class Step(NamedTuple):
         (1,), (n,) and (n,): now.
     last, last_error, last_partial, last_J
         What the task remembers: (1,) SAMPLE, (k,) error, (k,) ∂s/∂t and (k, n) J_s of the sample before.
-    bodies, eye, camera_J, seen, places
-        (n + 1,) BODY, (1,) CAMERA_MOTION, (6, n) of its twist relative to the target, (M,) MARKER, (P,) PLACE.
-    J_point
-        (3, n) scratch for the Jacobian of a point.
-    rows, task, pixels, points
-        What comes out, with (M, 2) pixels and (P, 3) robot points.
+    bodies, eye, target_R, target_t, camera_J, seen, places
+        (n + 1,) BODY, (1,) CAMERA_MOTION, the target's pose in the base frame, (6, n) ∂(v, ω)/∂q̇ of the camera's twist
+        relative to it, (M,) MARKER, (P,) PLACE.
+    measurement, measured, correction
+        What a detector says, if anything: (1,) MEASUREMENT, (M, 3) pixels and Z, NaN where it says nothing; (M, 2) by how
+        much a marker was last seen beside where the model has it, in normalised coordinates.
+    J_point, partial, drift
+        Scratch: (3, n) the Jacobian of a point; (k,) ∂s/∂t, and s̈ when q̈ = 0.
+    rows, task, pixels, points, camera_R, camera_t
+        What comes out, with (M, 2) pixels, (P, 3) robot points, and the camera's pose in the target's frame.
     """
 
     joints: Records
@@ -187,11 +193,104 @@ class Step(NamedTuple):
     last_J: Array
     bodies: Records
     eye: Records
+    target_R: Array
+    target_t: Array
     camera_J: Array
     seen: Records
     places: Records
+    measurement: Records
+    measured: Array
+    correction: Array
     J_point: Array
+    partial: Array
+    drift: Array
     rows: RowArrays
     task: TaskArrays
     pixels: Array
     points: Array
+    camera_R: Array
+    camera_t: Array
+
+
+@dataclass(frozen=True)
+class Size:
+    """How many joints n, markers M, robot points P, rows m, features k, goals, and constraints there are."""
+
+    n: int = 1
+    M: int = 0
+    P: int = 0
+    m: int = 0
+    k: int = 0
+    goals: int = 1
+    parts: int = 0
+    parameters: int = 0
+
+    @property
+    def outputs(self) -> dict[str, tuple[int, ...]]:
+        """Names and shapes of what a step comes to, in the order in which they stand in one array."""
+        n, m, k = self.n, self.m, self.k
+        return {
+            "phi": (m,), "Lg": (m, n), "Lf": (m,), "sigma": (m,), "sigma_dot": (m,),
+            "J": (k, n), "b": (k,), "error": (k,), "error_rate": (k,),
+            "pixels": (self.M, 2), "points": (self.P, 3), "camera_R": (3, 3), "camera_t": (3,),
+        }  # fmt: skip
+
+    def where(self) -> dict[str, slice]:
+        """Where each output stands in that array."""
+        ends = np.cumsum([int(np.prod(shape)) for shape in self.outputs.values()]).tolist()
+        return {name: slice(a, b) for name, a, b in zip(self.outputs, [0, *ends[:-1]], ends, strict=True)}
+
+    def step(self) -> tuple[Step, Array]:
+        """A step of this size, of zeros, and the array that all its outputs are parts of."""
+        n, M, P, m, k, zeros = self.n, self.M, self.P, self.m, self.k, np.zeros
+        where = self.where()
+        out = zeros(where["camera_t"].stop)
+        view = {name: out[where[name]].reshape(shape) for name, shape in self.outputs.items()}
+        rows = RowArrays(
+            *(view[name] for name in ("phi", "Lg", "Lf", "sigma", "sigma_dot")), zeros(m), zeros(m), zeros(m)
+        )
+        task = TaskArrays(*(view[name] for name in ("J", "b", "error", "error_rate")))
+        step = Step(
+            joints=zeros(n, JOINT),
+            camera=zeros(1, CAMERA),
+            markers=zeros((M, 3)),
+            robot_points=zeros(P, POINT),
+            target=zeros(1, TARGET),
+            options=zeros(1, TASK),
+            goals=zeros(self.goals, GOAL),
+            goal_points=zeros((self.goals, 2 * M)),
+            goal_interaction=zeros((self.goals, 2 * M, 6)),
+            parts=zeros(self.parts, PART),
+            parameters=zeros((self.parts, self.parameters)),
+            which=zeros(m, np.int64),
+            gradients=zeros((m, n)),
+            offsets=zeros(m),
+            time=zeros(1),
+            q=zeros(n),
+            qd=zeros(n),
+            last=zeros(1, SAMPLE),
+            last_error=zeros(max(k, 6)),
+            last_partial=zeros(k),
+            last_J=zeros((k, n)),
+            bodies=zeros(n + 1, BODY),
+            eye=zeros(1, CAMERA_MOTION),
+            target_R=zeros((3, 3)),
+            target_t=zeros(3),
+            camera_J=zeros((6, n)),
+            seen=zeros(M, MARKER),
+            places=zeros(P, PLACE),
+            measurement=zeros(1, MEASUREMENT),
+            measured=zeros((M, 3)),
+            correction=zeros((M, 2)),
+            J_point=zeros((3, n)),
+            partial=zeros(k),
+            drift=zeros(k),
+            rows=rows,
+            task=task,
+            pixels=view["pixels"],
+            points=view["points"],
+            camera_R=view["camera_R"],
+            camera_t=view["camera_t"],
+        )
+        step.bodies["R"][0] = np.eye(3)
+        return step, out

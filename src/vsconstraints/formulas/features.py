@@ -1,0 +1,53 @@
+"""Visual features: the camera's pose relative to a goal's, and markers in the image."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from . import formula
+from .image import interaction
+from .rotation import rotation_vector
+from .vectors import Matrix, Vector, cross, minus, plus, transposed_product, turned, turned_back
+
+
+@formula
+def pose_error(
+    goal_R: Matrix, goal_t: Any, R: Matrix, t: Any, near: Any, continues: bool
+) -> tuple[Matrix, Vector, Vector]:
+    """c*R_C, c*t_C and θu of eq. (44), of the poses goal and camera in the target's frame.
+
+    If the motion ``continues``, θu is the vector closest to ``near``.
+    """
+    E = transposed_product(goal_R, R)
+    return E, turned_back(goal_R, minus(t, goal_t)), rotation_vector(E, near, continues)
+
+
+@formula
+def pose_rates(
+    E: Matrix, L: Matrix, L_dot: Matrix, v: Any, omega: Any, v_dot: Any, omega_dot: Any
+) -> tuple[Vector, Vector, Vector]:
+    """The rate of c*t_C; and its second derivative and that of θu, of a camera that moves so relative to the target.
+
+    v, ω, v̇ and ω̇ are in the camera's axes; ω̇ and v̇ those with q̈ = 0.
+    """
+    linear = cross(omega, v)
+    return turned(E, v), turned(E, plus(v_dot, linear)), pair(L, omega_dot, L_dot, omega)
+
+
+@formula
+def pair(A: Matrix, x: Any, B: Matrix, y: Any) -> Vector:
+    """A x + B y, summed column by column."""
+    return pair_of_rows(A[0], x, B[0], y), pair_of_rows(A[1], x, B[1], y), pair_of_rows(A[2], x, B[2], y)
+
+
+@formula
+def pair_of_rows(a: Any, x: Any, b: Any, y: Any) -> Any:
+    """Σᵢ aᵢ xᵢ + bᵢ yᵢ."""
+    return (a[0] * x[0] + b[0] * y[0]) + (a[1] * x[1] + b[1] * y[1]) + (a[2] * x[2] + b[2] * y[2])
+
+
+@formula
+def image_row(c: int, x: Any, y: Any, Z: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
+    """Row c of L_sx, eq. (24), at the normalised point (x, y) and depth Z."""
+    linear, angular = interaction(1.0 - c, 1.0 * c, x, y, Z)
+    return linear[0], linear[1], linear[2], angular[0], angular[1], angular[2]
