@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
@@ -12,10 +13,13 @@ from ..comparisons.machine import git_commit, machine, package_versions
 from ..comparisons.tables import write_table
 from ..reports.markdown import bold, bullets, code, plain, table
 from ..runs.files import replaced
+from ..studies import STUDIES, data_file, figure_file
 from .figures.catalogue import FIGURES
 from .reconstructed import reconstructed
 from .runner import Reproduction
-from .verdicts import VERDICTS, Claim, Verdict, all_claims
+from .verdicts import VERDICTS, Claim, Finding, all_claims
+
+Found = Sequence[tuple[Claim, Finding]]
 
 COLUMNS = ("claim", "where", "sentence", "rule", "verdict", "measured")
 
@@ -66,35 +70,29 @@ def write_report(
     command
         What the user typed.
     """
-    folder = result.report.parent
+    folder, found = result.report.parent, [(claim, result.findings[claim.key]) for claim in all_claims()]
     parts = [
         "# The paper, claim by claim",
         OPENING,
-        _summary(result),
+        _summary(result, found),
         SAMPLING,
-        *_claims(result, folder),
-        _rules(),
+        *_claims(found, folder),
+        '<a id="rules"></a>\n\n## Rules\n\nA claim holds if:',
+        table(["claim", "rule"], [[claim.key, plain(claim.rule)] for claim, _ in found], text_columns=2),
         *_figures(drawn),
         *_studies(studies, folder),
         reconstructed(),
         differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1),
-        _problems(result),
+        *_problems(result),
+        "## Machine and versions",
         _machine(result, command),
     ]
     with replaced(result.report) as part:
         part.write_text("\n\n".join(text.strip() for text in parts if text) + "\n", encoding="utf-8")
     lines = [
-        {
-            "claim": claim.key,
-            "where": claim.where,
-            "sentence": claim.sentence,
-            "rule": claim.rule,
-            "verdict": result.findings[claim.key].verdict,
-            "measured": result.findings[claim.key].text,
-        }
-        for claim in all_claims()
+        (claim.key, claim.where, claim.sentence, claim.rule, finding.verdict, finding.text) for claim, finding in found
     ]
-    write_table(folder / "claims.csv", COLUMNS, lines)
+    write_table(folder / "claims.csv", COLUMNS, [dict(zip(COLUMNS, line, strict=True)) for line in lines])
 
 
 def differences() -> str:
@@ -102,105 +100,84 @@ def differences() -> str:
     return files(__package__).joinpath("differences.md").read_text(encoding="utf-8")
 
 
-def _summary(result: Reproduction) -> str:
+def _by_number(found: Found) -> Iterator[tuple[int, Found]]:
+    for number, group in groupby(found, key=lambda pair: pair[0].number):
+        yield number, list(group)
+
+
+def _summary(result: Reproduction, found: Found) -> str:
     lines = []
-    for number, group in groupby(all_claims(), key=lambda claim: claim.number):
-        found = [result.findings[claim.key].verdict for claim in group]
-        counts = [str(found.count(verdict)) if verdict in found else "" for verdict in VERDICTS]
-        lines.append([f"[{number}. {TOPICS[number]}](#claim-{number})", *counts])
+    for number, group in _by_number(found):
+        counts = Counter(finding.verdict for _, finding in group)
+        lines.append([f"[{number}. {TOPICS[number]}](#claim-{number})", *(str(counts[v] or "") for v in VERDICTS)])
     total = [bold(str(count)) if count else "" for count in result.counts.values()]
     return table(["claims", *VERDICTS], [*lines, [bold("all"), *total]])
 
 
-def _claims(result: Reproduction, folder: Path) -> list[str]:
-    parts = ["## Claims"]
-    for number, group in groupby(all_claims(), key=lambda claim: claim.number):
-        parts.append(f'<a id="claim-{number}"></a>\n\n### {number}. {TOPICS[number]}')
+def _claims(found: Found, folder: Path) -> Iterator[str]:
+    yield "## Claims"
+    for number, group in _by_number(found):
+        yield f'<a id="claim-{number}"></a>\n\n### {number}. {TOPICS[number]}'
         lines = [
             [
                 f'<a id="{claim.key}"></a>{claim.key}',
                 _where(claim, folder),
                 plain(claim.sentence),
-                plain(result.findings[claim.key].text),
-                _shown(result.findings[claim.key].verdict),
+                plain(finding.text),
+                finding.verdict if finding.verdict == "holds" else bold(finding.verdict),
             ]
-            for claim in group
+            for claim, finding in group
         ]
-        parts.append(table(["", "where", "the paper says", "measured here", "verdict"], lines, text_columns=5))
-    return parts
-
-
-def _shown(verdict: Verdict) -> str:
-    return verdict if verdict == "holds" else bold(verdict)
+        yield table(["", "where", "the paper says", "measured here", "verdict"], lines, text_columns=5)
 
 
 def _where(claim: Claim, folder: Path) -> str:
-    if claim.figure and (folder / "figures" / claim.figure).exists():
-        return f"[{claim.where}](figures/{claim.figure})"
-    return claim.where
+    drawn = claim.figure and (folder / "figures" / claim.figure).exists()
+    return f"[{claim.where}](figures/{claim.figure})" if drawn else claim.where
 
 
-def _rules() -> str:
-    lines = [[claim.key, plain(claim.rule)] for claim in all_claims()]
-    return '<a id="rules"></a>\n\n## Rules\n\nA claim holds if:\n\n' + table(["claim", "rule"], lines, text_columns=2)
-
-
-def _figures(drawn: Mapping[int, str]) -> list[str]:
-    parts = [
-        "## Figures",
+def _figures(drawn: Mapping[int, str]) -> Iterator[str]:
+    yield "## Figures"
+    yield (
         "Our counterparts, with the paper's numbers. Figs. 1 and 13 show frames and a laboratory, and have none. In "
         "Figs. 4 to 8 v points upwards, as in the paper; in the others downwards, as in an image. What is forbidden is "
-        "shaded.",
-    ]
+        "shaded."
+    )
     for number, figure in FIGURES.items():
         why = drawn[number]
         image = f"![Fig. {number}](figures/{figure.file})" if not why else f"Not drawn: {plain(why)}"
-        parts.append(f"### Fig. {number}\n\n{image}\n\n{plain(figure.caption)}")
-    return parts
+        yield f"### Fig. {number}\n\n{image}\n\n{plain(figure.caption)}"
 
 
-def _studies(studies: Mapping[str, Any], folder: Path) -> list[str]:
-    if not studies:
-        return []
-    parts = ["## Studies", "Sweeps that go beyond the paper's single runs."]
-    try:
-        from ..studies import STUDIES
-    except ImportError:
-        STUDIES = {}
+def _studies(studies: Mapping[str, Any], folder: Path) -> Iterator[str]:
+    if studies:
+        yield "## Studies"
+        yield "Sweeps that go beyond the paper's single runs."
     for name, result in studies.items():
         if isinstance(result, str):
-            parts.append(f"{code(name)}: not measured, {plain(result)}")
+            yield f"{code(name)}: not measured, {plain(result)}"
             continue
-        study = STUDIES[name]
-        image = f"figures/study-{name}.png"
-        shown = f"![{study.title}]({image})\n\n{plain(study.figure_caption)}" if (folder / image).exists() else ""
-        texts = [
-            f"### {study.title}",
-            study.question,
-            bullets([plain(sentence) for sentence in result.sentences]),
-            shown,
-            bullets([f"failed: {plain(failure)}" for failure in result.failures]),
-            f"Data: [studies/{name}.csv](studies/{name}.csv)" if (folder / "studies" / f"{name}.csv").exists() else "",
-        ]
-        parts.append("\n\n".join(text for text in texts if text))
-    return parts
+        study, image = STUDIES[name], figure_file(folder, name)
+        yield f"### {study.title}"
+        yield study.question
+        yield bullets([plain(sentence) for sentence in result.sentences])
+        if image.exists():
+            yield f"![{study.title}]({image.relative_to(folder)})\n\n{plain(study.figure_caption)}"
+        if result.failures:
+            yield bullets([f"failed: {plain(failure)}" for failure in result.failures])
+        if data_file(folder, name).exists():
+            yield f"Data: [studies/{name}.csv](studies/{name}.csv)"
 
 
-def _problems(result: Reproduction) -> str:
-    if not result.problems:
-        return ""
-    return "## What could not be run or drawn\n\n" + bullets(
-        [f"{plain(name)}: {plain(why)}" for name, why in result.problems.items()]
-    )
+def _problems(result: Reproduction) -> Iterator[str]:
+    if result.problems:
+        yield "## What could not be run or drawn"
+        yield bullets([f"{plain(name)}: {plain(why)}" for name, why in result.problems.items()])
 
 
 def _machine(result: Reproduction, command: Sequence[str]) -> str:
-    facts = {
-        **machine(),
-        **package_versions(),
-        "git commit": git_commit(),
-        "command": code(" ".join(command)) if command else "",
-        "wall time [s]": f"{result.wall_time:.0f}",
-    }
-    lines = [[name, str(value) if name == "command" else plain(str(value))] for name, value in facts.items() if value]
-    return "## Machine and versions\n\n" + table(["what", "value"], lines, text_columns=2)
+    facts = {**machine(), **package_versions(), "git commit": git_commit()}
+    lines = [[name, plain(str(value))] for name, value in facts.items() if value]
+    lines += [["command", code(" ".join(command))]] if command else []
+    lines.append(["wall time [s]", f"{result.wall_time:.0f}"])
+    return table(["what", "value"], lines, text_columns=2)
