@@ -21,6 +21,11 @@ from ..kinematics import RobotPoint
 from ..motion import Motion
 from ..rows import Array
 from ..scene import PointMotion, Scene, State
+from . import by_formula
+from .by_formula import Formula, Frame
+
+FOLLOWING = ("sigma", "gradient", "curvature", "rows", "relative", "chain_rule")
+"""Methods that follow from a formula; a class that gives one of them may compute anything."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,20 +135,43 @@ class Constraint(ABC):
 
 
 class PositionConstraint(Constraint):
-    """σ and its gradient as functions of coordinates y: what own constraints derive from, through a subclass.
+    """σ as a function of coordinates y: what own constraints derive from, through a subclass.
+
+    A :attr:`formula` says all about it, for arrays and for the compiled step. A subclass that gives :meth:`sigma` and
+    :meth:`gradient` instead may compute anything; its rows are made in NumPy, beside the compiled ones.
 
     What it forbids may move (section 5.4): see :meth:`moving`.
 
     Attributes
     ----------
+    formula, curvature_formula, parameters, frame
+        See :class:`vsconstraints.constraints.by_formula.ByFormula`.
+    margin
+        σ is the formula's value plus this.
     motion
         How what it forbids moves; None if it stands still.
     """
 
-    coordinates: ClassVar[int]
+    coordinates: int
     """Number of coordinates d of y."""
 
+    formula: Formula | None = None
+    curvature_formula: Formula | None = None
+    parameters: tuple[float, ...] = ()
+    frame: Frame | None = None
+    margin: float = 0.0
     motion: Motion | None = None
+
+    def __init__(self, *, K: float, switching_gain: float) -> None:
+        super().__init__(K=K, switching_gain=switching_gain)
+        if self.formula is None and type(self).sigma is PositionConstraint.sigma:
+            raise ConfigurationError(f"{self.kind} needs a formula, or sigma and gradient")
+
+    def follows_formula(self, methods: Sequence[str] = FOLLOWING) -> bool:
+        """Whether the formula says all: no class outside this package gives one of these methods itself."""
+        package = __name__.rpartition(".")[0]
+        others = [vars(c) for c in type(self).__mro__ if c.__module__.rpartition(".")[0] != package]
+        return self.formula is not None and not any(method in given for given in others for method in methods)
 
     def moving(self, motion: Motion) -> Self:
         """The same constraint, with what it forbids displaced by d(t): σ(y − d(t)).
@@ -175,27 +203,22 @@ class PositionConstraint(Constraint):
         """Coordinates y (T, r, d) at times t (T,), relative to what is forbidden."""
         return y if self.motion is None else y - self.motion.displacement(t)[:, None, :]
 
-    @abstractmethod
     def sigma(self, y: Array) -> Array:
         """(...) σ at coordinates y (..., d): positive where forbidden."""
+        return by_formula.value(self, y) + self.margin
 
-    @abstractmethod
     def gradient(self, y: Array) -> Array:
         """(..., d) ∂σ/∂y at coordinates y (..., d)."""
+        return by_formula.gradient(self, y)
 
     def curvature(self, y: Array, velocity: Array) -> Array:
-        """(...) ẏᵀ H ẏ; by central differences of the gradient along the velocity unless a subclass knows it.
+        """(...) ẏᵀ H ẏ; by central differences of the gradient along the velocity unless something better is known.
 
         Only L_fφ depends on it, which the sliding-mode law does not use.
         """
-        speed = np.sqrt((velocity * velocity).sum(axis=-1, keepdims=True))
-        step = self.difference_step / np.maximum(speed, 1e-300)
-        ahead, behind = self.gradient(y + step * velocity), self.gradient(y - step * velocity)
-        change: Array = ((ahead - behind) * velocity).sum(axis=-1) / (2.0 * step[..., 0])
-        return np.where(speed[..., 0] > 0.0, change, 0.0)
-
-    difference_step: ClassVar[float] = 1e-4
-    """How far :meth:`curvature` steps along the velocity, in units of y."""
+        if self.follows_formula(("gradient",)):
+            return by_formula.curvature(self, y, velocity)
+        return by_formula.curvature_by_differences(self.gradient, y, velocity)
 
 
 def demand_positive(value: object, what: str) -> None:

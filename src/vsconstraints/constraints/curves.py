@@ -6,7 +6,6 @@ image whose v points down, positive is clockwise.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -16,10 +15,12 @@ from ..errors import InvalidInput, unknown_name
 from ..formulas import curves as formulas
 from ..geometry import vector
 from ..rows import Array
+from . import by_formula
+from .by_formula import Formula, Frame
 
 
-class Shape(ABC):
-    """An implicit curve about its own origin, in pixels.
+class Shape:
+    """An implicit curve about its own origin, in pixels: see :class:`vsconstraints.constraints.by_formula.ByFormula`.
 
     Attributes
     ----------
@@ -31,82 +32,58 @@ class Shape(ABC):
 
     name: ClassVar[str]
     radius: float
-
-    @abstractmethod
-    def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Value and its derivatives by u and v (...) at pixels from the shape's origin."""
-
-    @abstractmethod
-    def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
-        """Second derivative of the value along (u̇, v̇), times its square: (u̇, v̇) H (u̇, v̇)ᵀ."""
+    coordinates = 2
+    formula: Formula | None
+    curvature_formula: Formula | None = None
+    parameters: tuple[float, ...] = ()
+    frame: Frame | None = None
 
     def value(self, p: Array) -> Array:
         """(...) value at pixels p (..., 2) from the shape's origin."""
-        return self.evaluate(p[..., 0], p[..., 1])[0]
+        return by_formula.value(self, p)
 
     def gradient(self, p: Array) -> Array:
         """(..., 2) ∂value/∂p."""
-        return np.stack(self.evaluate(p[..., 0], p[..., 1])[1:], axis=-1)
+        return by_formula.gradient(self, p)
 
 
 class Circle(Shape):
     """1 − ‖p‖²/r²."""
 
     name = "circle"
+    formula = staticmethod(formulas.circle)
+    curvature_formula = staticmethod(formulas.circle_curvature)
 
     def __init__(self, radius: float) -> None:
         self.radius = _positive(radius, "radius")
-
-    def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
-        """See :func:`vsconstraints.formulas.curves.circle`."""
-        return formulas.circle(u, v, self.radius)
-
-    def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
-        """See :func:`vsconstraints.formulas.curves.circle_curvature`."""
-        bending: Array = formulas.circle_curvature(u, v, self.radius, u_dot, v_dot)
-        return bending
+        self.parameters = (self.radius,)
 
 
 class Hyperellipse(Shape):
     """1 − |u/a|ⁿ − |v/b|ⁿ: the forbidden area of experiment 2."""
 
     name = "hyperellipse"
+    formula = staticmethod(formulas.hyperellipse)
+    curvature_formula = staticmethod(formulas.hyperellipse_curvature)
 
     def __init__(self, a: float, b: float, n: float = 4.0) -> None:
         self.half_size = np.array([_positive(a, "a"), _positive(b, "b")])
         self.n = _positive(n, "n")
         if n < 2.0:
             raise InvalidInput(f"n of a hyperellipse must be 2 or more for a smooth boundary, not {n}")
-        self.ellipse = (float(a), float(b), self.n)
         self.radius = float(self.half_size.min())
-
-    def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Minus :func:`vsconstraints.formulas.curves.superellipse`."""
-        value, du, dv = formulas.superellipse(u, v, *self.ellipse)
-        return -value, -du, -dv
-
-    def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
-        """Minus :func:`vsconstraints.formulas.curves.superellipse_curvature`."""
-        bending: Array = -formulas.superellipse_curvature(u, v, *self.ellipse, u_dot, v_dot)
-        return bending
+        self.parameters = (*self.half_size.tolist(), self.n)
 
 
 class Bowl(Shape):
     """1 − r⁻² (w² u² + (v − u²)²): the narrow U of eq. (45), whose parabola is in raw pixels; r = 45, w = 0.7."""
 
     name = "bowl"
+    formula = staticmethod(formulas.bowl)
+    curvature_formula = staticmethod(formulas.bowl_curvature)
 
     def __init__(self, radius: float = 45.0, width: float = 0.7) -> None:
-        self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
-
-    def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
-        """See :func:`vsconstraints.formulas.curves.bowl`."""
-        return formulas.bowl(u, v, self.radius, self.width)
-
-    def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
-        """See :func:`vsconstraints.formulas.curves.bowl_curvature`."""
-        bending: Array = formulas.bowl_curvature(u, v, self.radius, self.width, u_dot, v_dot)
-        return bending
+        self.parameters = self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
 
 
 class Heart(Shape):
@@ -117,18 +94,11 @@ class Heart(Shape):
     """
 
     name = "heart"
+    formula = staticmethod(formulas.heart)
+    curvature_formula = staticmethod(formulas.heart_curvature)
 
     def __init__(self, radius: float = 35.0, width: float = 0.8) -> None:
-        self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
-
-    def evaluate(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
-        """See :func:`vsconstraints.formulas.curves.heart`."""
-        return formulas.heart(u, v, self.radius, self.width)
-
-    def bending(self, u: Array, v: Array, u_dot: Array, v_dot: Array) -> Array:
-        """See :func:`vsconstraints.formulas.curves.heart_curvature`."""
-        bending: Array = formulas.heart_curvature(u, v, self.radius, self.width, u_dot, v_dot)
-        return bending
+        self.parameters = self.radius, self.width = _positive(radius, "radius"), _positive(width, "width")
 
 
 SHAPES: dict[str, type[Shape]] = {shape.name: shape for shape in (Circle, Hyperellipse, Bowl, Heart)}
@@ -155,27 +125,28 @@ class Curve:
         By how much it is turned about its origin, u towards v [rad].
     """
 
+    coordinates = 2
+
     def __init__(self, shape: Shape, centre: Sequence[float] = (0.0, 0.0), rotation: float = 0.0) -> None:
         self.shape, self.centre = shape, vector(centre, 2, f"centre of {shape.name}")
         if not np.isfinite(rotation):
             raise InvalidInput(f"rotation of {shape.name} must be finite")
         self.rotation = float(rotation)
         c, s = np.cos(rotation), np.sin(rotation)
-        self._R = np.array([[c, -s], [s, c]])
+        self.frame: Frame | None = (np.array([[c, -s], [s, c]]), self.centre)
+        self.formula, self.curvature_formula, self.parameters = shape.formula, shape.curvature_formula, shape.parameters
 
     def value(self, pixels: Array) -> Array:
         """(...) value at pixels (..., 2) from the image's centre."""
-        return self.shape.value((pixels - self.centre) @ self._R)
+        return by_formula.value(self, pixels)
 
     def gradient(self, pixels: Array) -> Array:
         """(..., 2) ∂value/∂(u, v)."""
-        gradient: Array = self.shape.gradient((pixels - self.centre) @ self._R) @ self._R.T
-        return gradient
+        return by_formula.gradient(self, pixels)
 
     def curvature(self, pixels: Array, velocity: Array) -> Array:
         """(...) ẏᵀ H ẏ at pixels y (..., 2) from the image's centre that move with ẏ (..., 2)."""
-        local, moving = (pixels - self.centre) @ self._R, velocity @ self._R
-        return self.shape.bending(local[..., 0], local[..., 1], moving[..., 0], moving[..., 1])
+        return by_formula.curvature(self, pixels, velocity)
 
 
 def _positive(value: float, what: str) -> float:

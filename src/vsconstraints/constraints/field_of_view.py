@@ -8,7 +8,7 @@ import numpy as np
 
 from ..camera import Camera
 from ..errors import ConfigurationError
-from ..formulas.curves import superellipse, superellipse_curvature
+from ..formulas import curves as formulas
 from ..rows import Array
 from .base import demand_positive
 from .image_constraint import ImageConstraint
@@ -34,6 +34,8 @@ class FieldOfView(ImageConstraint):
     """
 
     kind = "fov"
+    formula = staticmethod(formulas.superellipse)
+    curvature_formula = staticmethod(formulas.superellipse_curvature)
 
     def __init__(
         self,
@@ -58,21 +60,5 @@ class FieldOfView(ImageConstraint):
         if n < 2.0:
             raise ConfigurationError(f"n of fov must be 2 or more for a smooth boundary, not {n}")
         self.n = float(n)
-        self.ellipse = (float(self.half_size[0]), float(self.half_size[1]), self.n)
+        self.parameters = (*self.half_size.tolist(), self.n)
         super().__init__(K=K, switching_gain=switching_gain, length=float(self.half_size.min()), markers=markers)
-
-    def sigma(self, y: Array) -> Array:
-        """|u/a|ⁿ + |v/b|ⁿ − 1 (eq. 20)."""
-        sigma: Array = superellipse(y[..., 0], y[..., 1], *self.ellipse)[0]
-        return sigma
-
-    def gradient(self, y: Array) -> Array:
-        """Eq. (23)."""
-        return np.stack(superellipse(y[..., 0], y[..., 1], *self.ellipse)[1:], axis=-1)
-
-    def curvature(self, y: Array, velocity: Array) -> Array:
-        """The derivative of :meth:`gradient`: n (n − 1) (|u/a|ⁿ⁻² (u̇/a)² + |v/b|ⁿ⁻² (v̇/b)²)."""
-        curvature: Array = superellipse_curvature(
-            y[..., 0], y[..., 1], *self.ellipse, velocity[..., 0], velocity[..., 1]
-        )
-        return curvature

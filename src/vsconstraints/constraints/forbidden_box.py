@@ -8,10 +8,10 @@ from ..errors import ConfigurationError
 from ..formulas import regions as formulas
 from ..geometry import Pose, vector
 from ..kinematics import RobotPoint
-from .forbidden_region import RegionByFormula
+from .forbidden_region import ForbiddenRegion
 
 
-class ForbiddenBox(RegionByFormula):
+class ForbiddenBox(ForbiddenRegion):
     """Margin − d(p) ≤ 0 for a box, also a turned one.
 
     Inside, where several faces are equally near, the way out is along the first of the box's axes; at the centre
@@ -37,6 +37,7 @@ class ForbiddenBox(RegionByFormula):
 
     kind = "box"
     formula = staticmethod(formulas.box)
+    curvature_formula = staticmethod(formulas.box_curvature)
 
     def __init__(
         self,
@@ -54,7 +55,7 @@ class ForbiddenBox(RegionByFormula):
         if (self.size <= 0.0).any():
             raise ConfigurationError(f"size of a box must be three positive lengths, not {self.size}")
         half = 0.5 * self.size
-        self.lengths = tuple(half.tolist())
+        self.parameters = tuple(half.tolist())
         super().__init__(
             Pose(Pose.from_xyz_rpy((0.0, 0.0, 0.0), rpy).R, vector(centre, 3, "centre of a box")),
             length=float(half.min()),

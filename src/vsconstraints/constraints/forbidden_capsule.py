@@ -8,10 +8,10 @@ from ..formulas import regions as formulas
 from ..geometry import vector
 from ..kinematics import RobotPoint
 from .base import demand_positive
-from .forbidden_region import RegionByFormula, axis_pose
+from .forbidden_region import ForbiddenRegion, axis_pose
 
 
-class ForbiddenCapsule(RegionByFormula):
+class ForbiddenCapsule(ForbiddenRegion):
     """Radius + margin − ‖p − nearest point of a segment‖ ≤ 0: a pipe with round ends.
 
     On the segment, where every direction across it leads out, the gradient is that of leaving along a fixed one.
@@ -34,6 +34,7 @@ class ForbiddenCapsule(RegionByFormula):
 
     kind = "capsule"
     formula = staticmethod(formulas.capsule)
+    curvature_formula = staticmethod(formulas.capsule_curvature)
 
     def __init__(
         self,
@@ -51,7 +52,7 @@ class ForbiddenCapsule(RegionByFormula):
         self.start, self.end = vector(start, 3, "start of a capsule"), vector(end, 3, "end of a capsule")
         pose, length = axis_pose(self.start, self.end, "capsule")
         self.radius = float(radius)
-        self.lengths = self.radius, 0.5 * length
+        self.parameters = self.radius, 0.5 * length
         super().__init__(
             pose,
             length=self.radius,

@@ -8,10 +8,10 @@ from ..formulas import regions as formulas
 from ..geometry import vector
 from ..kinematics import RobotPoint
 from .base import demand_positive
-from .forbidden_region import RegionByFormula, axis_pose
+from .forbidden_region import ForbiddenRegion, axis_pose
 
 
-class ForbiddenCylinder(RegionByFormula):
+class ForbiddenCylinder(ForbiddenRegion):
     """Margin − d(p) ≤ 0 for a cylinder with flat ends.
 
     Inside, where side and end are equally near, the way out is through the side; on the axis it is a fixed direction
@@ -35,6 +35,7 @@ class ForbiddenCylinder(RegionByFormula):
 
     kind = "cylinder"
     formula = staticmethod(formulas.cylinder)
+    curvature_formula = staticmethod(formulas.cylinder_curvature)
 
     def __init__(
         self,
@@ -52,10 +53,10 @@ class ForbiddenCylinder(RegionByFormula):
         self.start, self.end = vector(start, 3, "start of a cylinder"), vector(end, 3, "end of a cylinder")
         pose, length = axis_pose(self.start, self.end, "cylinder")
         self.radius = float(radius)
-        self.lengths = self.radius, 0.5 * length
+        self.parameters = self.radius, 0.5 * length
         super().__init__(
             pose,
-            length=min(self.lengths),
+            length=min(self.parameters),
             K=K,
             switching_gain=switching_gain,
             margin=margin,

@@ -11,10 +11,10 @@ from ..formulas import regions as formulas
 from ..formulas.regions import SMALL
 from ..geometry import Pose, vector
 from ..kinematics import RobotPoint
-from .forbidden_region import RegionByFormula, frame_along
+from .forbidden_region import ForbiddenRegion, frame_along
 
 
-class ForbiddenHalfSpace(RegionByFormula):
+class ForbiddenHalfSpace(ForbiddenRegion):
     """Margin − n·(p − a) ≤ 0: points stay on the side of a plane that its normal n points to.
 
     Parameters
@@ -37,6 +37,7 @@ class ForbiddenHalfSpace(RegionByFormula):
 
     kind = "half-space"
     formula = staticmethod(formulas.half_space)
+    curvature_formula = staticmethod(formulas.half_space_curvature)
 
     def __init__(
         self,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -23,7 +21,8 @@ class ForbiddenRegion(PointConstraint):
     way. Where several surface points are equally near (edges and corners seen from inside, axes, centres) the
     gradient is the one that leads to one of them, always the same; it is a unit vector everywhere.
 
-    An own region gives ``kind`` and :meth:`distance`, :meth:`outwards` and :meth:`bending` in its own frame.
+    An own region gives ``kind``, its formula (value and derivatives of the depth −d from x, y and z in its own frame)
+    and if it knows it the formula of the curvature.
 
     Parameters
     ----------
@@ -57,69 +56,15 @@ class ForbiddenRegion(PointConstraint):
             raise ConfigurationError(f"margin of a {self.kind} must be zero or more metres, not {margin}")
         self.pose, self.margin = pose, float(margin)
 
-    @abstractmethod
-    def distance(self, x: Array) -> Array:
-        """(...) signed distance [m] of points x (..., 3) in the region's frame."""
-
-    @abstractmethod
-    def outwards(self, x: Array) -> Array:
-        """(..., 3) ∂d/∂x, a unit vector, in the region's frame."""
-
-    @abstractmethod
-    def bending(self, x: Array, velocity: Array) -> Array:
-        """(...) ẋᵀ (∂²d/∂x²) ẋ in the region's frame."""
-
-    def sigma(self, y: Array) -> Array:
-        """Margin − d."""
-        return self.margin - self.distance(self._local(y))
-
-    def gradient(self, y: Array) -> Array:
-        """−∂d/∂p."""
-        gradient: Array = -(self.outwards(self._local(y)) @ self.pose.R.T)
-        return gradient
-
-    def curvature(self, y: Array, velocity: Array) -> Array:
-        """−ṗᵀ (∂²d/∂p²) ṗ, exactly."""
-        return -self.bending(self._local(y), velocity @ self.pose.R)
-
-    def _local(self, y: Array) -> Array:
-        local: Array = (y - self.pose.t) @ self.pose.R
-        return local
-
-
-class RegionByFormula(ForbiddenRegion):
-    """A region whose distance and derivatives are one formula of :mod:`vsconstraints.formulas.regions`.
-
-    Attributes
-    ----------
-    lengths
-        What the formula takes between point and velocity [m].
-    """
-
-    lengths: tuple[float, ...] = ()
-
     @property
-    @abstractmethod
-    def formula(self) -> Callable[..., tuple[Any, Any, Any, Any, Any]]:
-        """From x, y, z in the region's frame, its lengths, and ẋ, ẏ, ż: d, its three derivatives and its bend."""
+    def pose(self) -> Pose:
+        """Of the region's frame in the base frame."""
+        assert self.frame is not None
+        return Pose(*self.frame)
 
-    def distance(self, x: Array) -> Array:
-        """See :class:`ForbiddenRegion`."""
-        distance: Array = self._evaluate(x, np.zeros(3))[0]
-        return distance
-
-    def outwards(self, x: Array) -> Array:
-        """See :class:`ForbiddenRegion`."""
-        return np.stack(self._evaluate(x, np.zeros(3))[1:4], axis=-1)
-
-    def bending(self, x: Array, velocity: Array) -> Array:
-        """See :class:`ForbiddenRegion`."""
-        bending: Array = self._evaluate(x, velocity)[4]
-        return bending
-
-    def _evaluate(self, x: Array, velocity: Array) -> tuple[Any, Any, Any, Any, Any]:
-        point, motion = (x[..., 0], x[..., 1], x[..., 2]), (velocity[..., 0], velocity[..., 1], velocity[..., 2])
-        return self.formula(*point, *self.lengths, *motion)
+    @pose.setter
+    def pose(self, pose: Pose) -> None:
+        self.frame = pose.R, pose.t
 
 
 def axis_pose(start: Array, end: Array, what: str) -> tuple[Pose, float]:

@@ -6,16 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..errors import ConfigurationError
 from ..formulas import regions as formulas
-from ..geometry import vector
+from ..geometry import Pose, vector
 from ..kinematics import RobotPoint
 from ..rows import Array
 from .base import demand_positive
-from .point_constraint import PointConstraint
+from .forbidden_region import ForbiddenRegion
 
 
-class ForbiddenSphere(PointConstraint):
+class ForbiddenSphere(ForbiddenRegion):
     """r − ‖p − c‖ + margin ≤ 0 (eqs. 47 and 48) for any robot points.
 
     At the very centre, where every direction leads out, the gradient is that of leaving along +z.
@@ -37,6 +36,8 @@ class ForbiddenSphere(PointConstraint):
     """
 
     kind = "sphere"
+    formula = staticmethod(formulas.sphere)
+    curvature_formula = staticmethod(formulas.sphere_curvature)
 
     def __init__(
         self,
@@ -50,29 +51,19 @@ class ForbiddenSphere(PointConstraint):
         name: str = "",
     ) -> None:
         demand_positive(radius, "radius of a sphere")
-        if not (np.isfinite(margin) and margin >= 0.0):
-            raise ConfigurationError(f"margin of a sphere must be zero or more metres, not {margin}")
-        self.centre, self.radius, self.margin = (
-            vector(centre, 3, "centre of a sphere"),
-            float(radius),
-            float(margin),
+        self.radius = float(radius)
+        self.parameters = (self.radius,)
+        super().__init__(
+            Pose(np.eye(3), vector(centre, 3, "centre of a sphere")),
+            length=self.radius,
+            K=K,
+            switching_gain=switching_gain,
+            margin=margin,
+            robot_points=robot_points,
+            name=name,
         )
-        super().__init__(K=K, switching_gain=switching_gain, length=radius, robot_points=robot_points, name=name)
 
-    def sigma(self, y: Array) -> Array:
-        """Eq. (47)."""
-        sigma: Array = formulas.sphere(*_coordinates(y - self.centre), self.radius + self.margin)[0]
-        return sigma
-
-    def gradient(self, y: Array) -> Array:
-        """Eq. (48)."""
-        return np.stack(formulas.sphere(*_coordinates(y - self.centre), self.radius)[1:4], axis=-1)
-
-    def curvature(self, y: Array, velocity: Array) -> Array:
-        """−(‖ṗ‖² − (ṗ·n)²) / ‖p − c‖, with n the outward direction."""
-        curvature: Array = formulas.sphere_curvature(*_coordinates(y - self.centre), *_coordinates(velocity))
-        return curvature
-
-
-def _coordinates(p: Array) -> tuple[Array, Array, Array]:
-    return p[..., 0], p[..., 1], p[..., 2]
+    @property
+    def centre(self) -> Array:
+        """(3,) in the base frame [m]."""
+        return self.pose.t

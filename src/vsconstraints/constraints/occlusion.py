@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import ConfigurationError
-from ..rows import Array
 from .curves import Curve, Shape
 from .image_constraint import ImageConstraint
 
@@ -45,21 +44,11 @@ class Occlusion(ImageConstraint):
         if not np.isfinite(margin):
             raise ConfigurationError(f"margin of {self.kind} must be finite, not {margin}")
         self.margin = float(margin)
+        self.formula, self.curvature_formula = self.curve.formula, self.curve.curvature_formula
+        self.parameters, self.frame = self.curve.parameters, self.curve.frame
         self.name = name or self.curve.shape.name
         super().__init__(K=K, switching_gain=switching_gain, length=self.curve.shape.radius, markers=markers)
 
     def marker_label(self, number: int) -> str:
         """For example ``occlusion[bowl, marker 1]``."""
         return f"{self.kind}[{self.name}, marker {number}]"
-
-    def sigma(self, y: Array) -> Array:
-        """The curve's value, plus the margin."""
-        return self.curve.value(y) + self.margin
-
-    def gradient(self, y: Array) -> Array:
-        """The curve's gradient."""
-        return self.curve.gradient(y)
-
-    def curvature(self, y: Array, velocity: Array) -> Array:
-        """The curve's second derivative along the velocity."""
-        return self.curve.curvature(y, velocity)

@@ -40,6 +40,19 @@ def superellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v
 
 
 @formula
+def hyperellipse(u: Any, v: Any, a: Any, b: Any, n: Any) -> tuple[Any, Any, Any]:
+    """Minus :func:`superellipse`: positive inside."""
+    value, du, dv = superellipse(u, v, a, b, n)
+    return -value, -du, -dv
+
+
+@formula
+def hyperellipse_curvature(u: Any, v: Any, a: Any, b: Any, n: Any, u_dot: Any, v_dot: Any) -> Any:
+    """(u̇, v̇) H (u̇, v̇)ᵀ of :func:`hyperellipse`."""
+    return -superellipse_curvature(u, v, a, b, n, u_dot, v_dot)
+
+
+@formula
 def circle(u: Any, v: Any, r: Any) -> tuple[Any, Any, Any]:
     """1 − (u² + v²)/r² and its derivatives."""
     return 1.0 - (u * u + v * v) / (r * r), -2.0 * u / (r * r), -2.0 * v / (r * r)

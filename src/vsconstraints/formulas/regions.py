@@ -1,4 +1,7 @@
-"""Regions in space, in frames of their own: signed distances, derivatives, and second derivatives along a motion."""
+"""Regions in space, in frames of their own: depth below the surface, its derivatives, and the curvature along a motion.
+
+The depth is positive inside; its derivatives lead in, the shortest way.
+"""
 
 from __future__ import annotations
 
@@ -11,40 +14,45 @@ from . import formula
 SMALL = 1e-9
 """Distance [m] below which a direction or a curvature is taken as that at this distance, so that it stays finite."""
 
+Depth = tuple[Any, Any, Any, Any]
+
 
 @formula
-def sphere(x: Any, y: Any, z: Any, r: Any) -> tuple[Any, Any, Any, Any, Any]:
-    """Depth in a sphere r − ‖p‖, its derivatives (eqs. 47 and 48), and ‖p‖; at the centre the direction out is +z."""
+def sphere(x: Any, y: Any, z: Any, r: Any) -> Depth:
+    """Depth in a sphere r − ‖p‖ and its derivatives (eqs. 47 and 48); at the centre the direction out is +z."""
     d = np.sqrt(x * x + y * y + z * z)
-    inside = d > 0.0
-    s = -1.0 / np.where(inside, d, 1.0)
-    return r - d, s * x, s * y, np.where(inside, s * z, -1.0), d
+    at_centre = 1.0 * (d <= 0.0)
+    whole = d + at_centre
+    return r - d, -x / whole, -y / whole, -z / whole - at_centre
 
 
 @formula
-def sphere_curvature(x: Any, y: Any, z: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
+def sphere_curvature(x: Any, y: Any, z: Any, r: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
     """ṗᵀ H ṗ of :func:`sphere`: −(‖ṗ‖² − (ṗ·n)²)/‖p‖, n the direction out."""
     d = np.maximum(np.sqrt(x * x + y * y + z * z), SMALL)
     radial = (x * x_dot + y * y_dot + z * z_dot) / d
-    return -(x_dot * x_dot + y_dot * y_dot + z_dot * z_dot - radial * radial) / d
+    return (radial * radial - (x_dot * x_dot + y_dot * y_dot + z_dot * z_dot)) / d
 
 
 @formula
-def half_space(x: Any, y: Any, z: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> tuple[Any, Any, Any, Any, Any]:
-    """Height above the plane z = 0; its gradient is the normal, and it is not bent."""
+def half_space(x: Any, y: Any, z: Any) -> Depth:
+    """Depth below the plane z = 0; its gradient is the normal, reversed."""
     none = 0.0 * z
-    return z, none, none, none + 1.0, none
+    return -z, none, none, none - 1.0
 
 
 @formula
-def box(
-    x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, x_dot: Any, y_dot: Any, z_dot: Any
-) -> tuple[Any, Any, Any, Any, Any]:
-    """Distance to the box |x| ≤ a, |y| ≤ b, |z| ≤ c: ‖max(|x| − h, 0)‖ outside, −min(h − |x|) inside, h = (a, b, c).
+def half_space_curvature(x: Any, y: Any, z: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
+    """None."""
+    return 0.0 * z_dot
+
+
+@formula
+def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
+    """Depth in the box |x| ≤ a, |y| ≤ b, |z| ≤ c: −‖max(|x| − h, 0)‖ outside, min(h − |x|) inside, h = (a, b, c).
 
     n leads away from the nearest point of the surface, inside towards it: along the first axis of those that are
-    equally near, and towards + in the middle. The bend is (‖ẋ_A‖² − (ẋ·n)²)/d with A the axes along which x is beyond
-    the box; 0 inside.
+    equally near, and towards + in the middle.
     """
     sx, sy, sz = 1.0 - 2.0 * (x < 0.0), 1.0 - 2.0 * (y < 0.0), 1.0 - 2.0 * (z < 0.0)
     beyond_x, beyond_y, beyond_z = np.abs(x) - a, np.abs(y) - b, np.abs(z) - c
@@ -57,53 +65,92 @@ def box(
     nx = sx * (ox / whole + face_x)
     ny = sy * (oy / whole + face_y)
     nz = sz * (oz / whole + (inside - face_x - face_y))
-    rate = x_dot * nx + y_dot * ny + z_dot * nz
-    moving = (ox > 0.0) * x_dot * x_dot + (oy > 0.0) * y_dot * y_dot + (oz > 0.0) * z_dot * z_dot
-    bend = (1.0 - inside) * (moving - rate * rate) / np.maximum(length, SMALL)
-    return length + np.minimum(np.maximum(beyond_x, yz), 0.0), nx, ny, nz, bend
+    return -(length + np.minimum(np.maximum(beyond_x, yz), 0.0)), -nx, -ny, -nz
 
 
 @formula
-def cylinder(
-    x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any
-) -> tuple[Any, Any, Any, Any, Any]:
-    """Distance to the cylinder ρ ≤ r, |z| ≤ h, ρ² = x² + y²: that of (ρ, |z|) to the rectangle of r and h.
+def box_curvature(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
+    """ẋᵀ H ẋ of :func:`box`: −(‖ẋ_A‖² − (ẋ·n)²)/d outside, A the axes along which x is beyond the box; 0 inside."""
+    depth, nx, ny, nz = box(x, y, z, a, b, c)
+    rate = x_dot * nx + y_dot * ny + z_dot * nz
+    moving = (np.abs(x) > a) * x_dot * x_dot + (np.abs(y) > b) * y_dot * y_dot + (np.abs(z) > c) * z_dot * z_dot
+    return (depth < 0.0) * (rate * rate - moving) / np.maximum(-depth, SMALL)
 
-    n leads away from the nearest point of the surface, inside towards it: through the side where side and end are
-    equally near, along x on the axis, and towards + in the middle. The bend is that of the rectangle's distance, which
-    is there only beyond both side and end, and that of ρ: (ẋ² + ẏ² − ρ̇²)/ρ.
-    """
+
+@formula
+def about_axis(x: Any, y: Any) -> tuple[Any, Any, Any]:
+    """Distance ρ from the z axis, and its derivatives; on the axis those along x."""
     rho = np.sqrt(x * x + y * y)
     on_axis = 1.0 * (rho <= 0.0)
-    rx, ry, sz = x / (rho + on_axis) + on_axis, y / (rho + on_axis), 1.0 - 2.0 * (z < 0.0)
-    side, end = rho - r, np.abs(z) - h
+    return rho, x / (rho + on_axis) + on_axis, y / (rho + on_axis)
+
+
+@formula
+def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
+    """Distance of (ρ, z) to the rectangle ρ ≤ r, |z| ≤ h, and its derivatives.
+
+    Inside, it is that of the nearest side: ρ = r where side and end are equally near, and + in the middle.
+    """
+    side, end, sz = rho - r, np.abs(z) - h, 1.0 - 2.0 * (z < 0.0)
     out_side, out_end = np.maximum(side, 0.0), np.maximum(end, 0.0)
     length = np.sqrt(out_side * out_side + out_end * out_end)
     inside = 1.0 * (length <= 0.0)
     by_side = inside * (side >= end)
     n_rho, n_z = out_side / (length + inside) + by_side, sz * (out_end / (length + inside) + (inside - by_side))
-    rho_dot = x_dot * rx + y_dot * ry
-    across = x_dot * x_dot + y_dot * y_dot - rho_dot * rho_dot
-    turning = (side > 0.0) * (end > 0.0) * (rho_dot * n_z - z_dot * n_rho)
-    bend = n_rho * across / np.maximum(rho, SMALL) + turning * turning / np.maximum(length, SMALL)
-    return length + np.minimum(np.maximum(side, end), 0.0), n_rho * rx, n_rho * ry, n_z, bend
+    return length + np.minimum(np.maximum(side, end), 0.0), n_rho, n_z
 
 
 @formula
-def capsule(
-    x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any
-) -> tuple[Any, Any, Any, Any, Any]:
-    """Distance to the capsule of radius r around the segment |z| ≤ h of the z axis: that to the segment, less r.
+def cylinder(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
+    """Depth in the cylinder ρ ≤ r, |z| ≤ h, ρ² = x² + y²: that of (ρ, z) in the rectangle of r and h.
 
-    n leads away from the nearest point of the segment, on it along x. The bend is (‖ẋ‖² − (ẋ·n)²) over the distance to
-    the segment; beside the segment, without ż.
+    n leads away from the nearest point of the surface, inside towards it: through the side where side and end are
+    equally near, along x on the axis, and towards + in the middle.
     """
+    rho, rx, ry = about_axis(x, y)
+    distance, n_rho, n_z = rectangle(rho, z, r, h)
+    return -distance, -(n_rho * rx), -(n_rho * ry), -n_z
+
+
+@formula
+def cylinder_curvature(x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
+    """ẋᵀ H ẋ of :func:`cylinder`.
+
+    It is that of ρ, (ẋ² + ẏ² − ρ̇²)/ρ, and that of the distance to the rectangle, which is bent only beyond both side
+    and end.
+    """
+    rho, rx, ry = about_axis(x, y)
+    distance, n_rho, n_z = rectangle(rho, z, r, h)
+    rho_dot = x_dot * rx + y_dot * ry
+    across = x_dot * x_dot + y_dot * y_dot - rho_dot * rho_dot
+    turning = (rho > r) * (np.abs(z) > h) * (rho_dot * n_z - z_dot * n_rho)
+    return -(n_rho * across / np.maximum(rho, SMALL) + turning * turning / np.maximum(distance, SMALL))
+
+
+@formula
+def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
+    """Distance to the segment |z| ≤ h of the z axis, and its derivatives; on the segment those along x."""
     away = z - np.minimum(np.maximum(z, -h), h)
     length = np.sqrt(x * x + y * y + away * away)
     on_segment = 1.0 * (length <= 0.0)
     whole = length + on_segment
-    nx, ny, nz = x / whole + on_segment, y / whole, away / whole
+    return length, x / whole + on_segment, y / whole, away / whole
+
+
+@formula
+def capsule(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
+    """Depth in the capsule of radius r around the segment |z| ≤ h of the z axis: r less the distance to the segment.
+
+    n leads away from the nearest point of the segment, on it along x.
+    """
+    length, nx, ny, nz = from_segment(x, y, z, h)
+    return r - length, -nx, -ny, -nz
+
+
+@formula
+def capsule_curvature(x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
+    """ẋᵀ H ẋ of :func:`capsule`: −(‖ẋ‖² − (ẋ·n)²) over the distance to the segment; beside the segment, without ż."""
+    length, nx, ny, nz = from_segment(x, y, z, h)
     along = (np.abs(z) > h) * z_dot
     rate = x_dot * nx + y_dot * ny + along * nz
-    bend = (x_dot * x_dot + y_dot * y_dot + along * along - rate * rate) / np.maximum(length, SMALL)
-    return length - r, nx, ny, nz, bend
+    return (rate * rate - (x_dot * x_dot + y_dot * y_dot + along * along)) / np.maximum(length, SMALL)

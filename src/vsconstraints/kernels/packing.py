@@ -19,6 +19,7 @@ from ..constraints import (
     ForbiddenCapsule,
     ForbiddenCylinder,
     ForbiddenHalfSpace,
+    ForbiddenRegion,
     ForbiddenSphere,
     Heart,
     Hyperellipse,
@@ -27,7 +28,6 @@ from ..constraints import (
     Manipulability,
     Occlusion,
 )
-from ..constraints.forbidden_region import RegionByFormula
 from ..constraints.manipulability import ROWS_OF
 from ..features import CameraPose, ImagePoints
 from ..geometry import Pose
@@ -38,7 +38,7 @@ from ..scene import Scene
 from ..tracking import TrackingGains, VisualTask
 from . import layout
 
-REGIONS = {
+REGIONS: dict[type, int] = {
     ForbiddenHalfSpace: layout.HALF_SPACE,
     ForbiddenBox: layout.BOX,
     ForbiddenCylinder: layout.CYLINDER,
@@ -210,26 +210,21 @@ class Packed:
             assert isinstance(constraint, FieldOfView | Occlusion)
             which = [i - 1 for i in constraint.markers] if constraint.markers else list(range(M))
             if isinstance(constraint, FieldOfView):
-                return layout.FIELD_OF_VIEW, self._floats(constraint.ellipse), which
+                return layout.FIELD_OF_VIEW, self._floats(constraint.parameters), which
             shape, curve = constraint.curve.shape, constraint.curve
             _demand(curve, Curve)
             kinds = {Circle: layout.CIRCLE, Hyperellipse: layout.HYPERELLIPSE, Bowl: layout.BOWL, Heart: layout.HEART}
             if type(shape) not in kinds:
                 raise NotCompiled(f"the shape {shape.name}")
-            if isinstance(shape, Hyperellipse):
-                size: tuple[float, ...] = shape.ellipse
-            elif isinstance(shape, Bowl | Heart):
-                size = (shape.radius, shape.width)
-            else:
-                size = (shape.radius,)
+            size = shape.parameters
             turn = (np.cos(curve.rotation), np.sin(curve.rotation), constraint.margin)
             return kinds[type(shape)], self._floats(curve.centre, turn, size), which
         if type(constraint) is ForbiddenSphere:
             at = self._floats(constraint.centre, [constraint.radius + constraint.margin])
             return layout.SPHERE, at, list(range(points.start, points.stop))
         if type(constraint) in REGIONS:
-            assert isinstance(constraint, RegionByFormula)
-            pose, sizes = constraint.pose, (constraint.margin, *constraint.lengths)
+            assert isinstance(constraint, ForbiddenRegion)
+            pose, sizes = constraint.pose, (constraint.margin, *constraint.parameters)
             at = self._floats(pose.R, pose.t, sizes)
             return REGIONS[type(constraint)], at, list(range(points.start, points.stop))
         if type(constraint) is Manipulability:

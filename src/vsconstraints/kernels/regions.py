@@ -32,23 +32,31 @@ from .layout import (
 from .step import ARGUMENTS
 from .target import displacement
 
-half_space, box = in_place(formulas.half_space), in_place(formulas.box)
-cylinder, capsule = in_place(formulas.cylinder), in_place(formulas.capsule)
+half_space, half_space_curvature = in_place(formulas.half_space), in_place(formulas.half_space_curvature)
+box, box_curvature = in_place(formulas.box), in_place(formulas.box_curvature)
+cylinder, cylinder_curvature = in_place(formulas.cylinder), in_place(formulas.cylinder_curvature)
+capsule, capsule_curvature = in_place(formulas.capsule), in_place(formulas.capsule_curvature)
 
 
 @in_place
 def region(kind: int, F: Array, at: int, x: Array, v: Array) -> tuple[float, float, float, float, float]:
-    """Distance, its derivatives and its bend at a point x (3,) with velocity v (3,) in the region's frame.
+    """Depth, its derivatives and its curvature at a point x (3,) with velocity v (3,) in the region's frame.
 
     The region's lengths begin at ``at``.
     """
     if kind == HALF_SPACE:
-        return half_space(x[0], x[1], x[2], v[0], v[1], v[2])
-    if kind == BOX:
-        return box(x[0], x[1], x[2], F[at], F[at + 1], F[at + 2], v[0], v[1], v[2])
-    if kind == CYLINDER:
-        return cylinder(x[0], x[1], x[2], F[at], F[at + 1], v[0], v[1], v[2])
-    return capsule(x[0], x[1], x[2], F[at], F[at + 1], v[0], v[1], v[2])
+        bent = half_space_curvature(x[0], x[1], x[2], v[0], v[1], v[2])
+        depth, dx, dy, dz = half_space(x[0], x[1], x[2])
+    elif kind == BOX:
+        bent = box_curvature(x[0], x[1], x[2], F[at], F[at + 1], F[at + 2], v[0], v[1], v[2])
+        depth, dx, dy, dz = box(x[0], x[1], x[2], F[at], F[at + 1], F[at + 2])
+    elif kind == CYLINDER:
+        bent = cylinder_curvature(x[0], x[1], x[2], F[at], F[at + 1], v[0], v[1], v[2])
+        depth, dx, dy, dz = cylinder(x[0], x[1], x[2], F[at], F[at + 1])
+    else:
+        bent = capsule_curvature(x[0], x[1], x[2], F[at], F[at + 1], v[0], v[1], v[2])
+        depth, dx, dy, dz = capsule(x[0], x[1], x[2], F[at], F[at + 1])
+    return depth, dx, dy, dz, bent
 
 
 @compiled(f"void{ARGUMENTS}", IN_PLACE)
@@ -95,17 +103,17 @@ def add_rows(
                 for k in range(3):
                     local[0, j] += turn[k, j] * (points[i, 0, k] - shift[0, k] - F[at + 9 + k])
                     local[1, j] += turn[k, j] * (points[i, 1, k] - told * shift[1, k])
-            distance, slope[0], slope[1], slope[2], bend = region(I[block + KIND], F, at + 13, local[0], local[1])
-            sigma, rate, drift = F[at + 12] - distance, 0.0, 0.0
+            depth, slope[0], slope[1], slope[2], bend = region(I[block + KIND], F, at + 13, local[0], local[1])
+            sigma, rate, drift = F[at + 12] + depth, 0.0, 0.0
             for j in range(3):
-                rate -= slope[j] * local[1, j]
+                rate += slope[j] * local[1, j]
             # from here on in the base frame
             turned(turn, slope, local[0])
             for j in range(3):
-                drift -= local[0, j] * (points[i, 2, j] - told * shift[2, j])
-            out[o_sigma + row], out[row], out[o_Lf + row] = sigma, sigma + K * rate, rate + K * (drift - bend)
+                drift += local[0, j] * (points[i, 2, j] - told * shift[2, j])
+            out[o_sigma + row], out[row], out[o_Lf + row] = sigma, sigma + K * rate, rate + K * (drift + bend)
             for j in range(n):
                 total = 0.0
                 for k in range(3):
-                    total -= local[0, k] * J[k, j]
+                    total += local[0, k] * J[k, j]
                 out[m + row * n + j] = K * total

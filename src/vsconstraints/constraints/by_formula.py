@@ -1,0 +1,99 @@
+"""What an elementwise formula in a frame of its own comes to, for arrays of coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..formulas.frames import differences_in_image, differences_in_space, turned_back_in_image, turned_in_image
+from ..formulas.vectors import turned, turned_back
+from ..rows import Array
+
+Formula = Callable[..., Any]
+Frame = tuple[Array, Array]
+"""R (d, d), whose columns are the axes, and origin t (d,)."""
+
+TURNED: dict[int, Formula] = {2: turned_in_image, 3: turned}
+TURNED_BACK: dict[int, Formula] = {2: turned_back_in_image, 3: turned_back}
+DIFFERENCES: dict[int, Formula] = {2: differences_in_image, 3: differences_in_space}
+"""By the number of coordinates."""
+
+STEPS = {2: 1e-4, 3: 1e-6}
+"""How far curvatures by differences look along the velocity [px or m]."""
+
+
+class ByFormula(Protocol):
+    """Says all about a function of d coordinates; see :mod:`vsconstraints.formulas` for what formulas may contain.
+
+    Attributes
+    ----------
+    coordinates
+        d: 2 in the image, 3 in space.
+    formula
+        Elementwise: value and its d derivatives, from the d coordinates in the frame, then the parameters.
+    curvature_formula
+        Elementwise: ẏᵀ H ẏ, from coordinates, parameters and d velocities; if None it is taken by differences.
+    parameters
+        Floats.
+    frame
+        In which the formula is written; None if that is the one of the coordinates.
+    """
+
+    coordinates: int
+    formula: Formula | None
+    curvature_formula: Formula | None
+    parameters: tuple[float, ...]
+    frame: Frame | None
+
+
+def value(part: ByFormula, y: Array) -> Array:
+    """(...) value at coordinates y (..., d)."""
+    return np.broadcast_to(_evaluated(part, y)[0], y.shape[:-1])
+
+
+def gradient(part: ByFormula, y: Array) -> Array:
+    """(..., d) ∂value/∂y at coordinates y (..., d)."""
+    slope = _evaluated(part, y)[1:]
+    if part.frame is not None:
+        slope = TURNED[part.coordinates](part.frame[0], slope)
+    return np.stack([np.broadcast_to(entry, y.shape[:-1]) for entry in slope], axis=-1)
+
+
+def curvature(part: ByFormula, y: Array, velocity: Array) -> Array:
+    """(...) ẏᵀ H ẏ at coordinates y (..., d) with velocities (..., d)."""
+    x, v = _local(part, y), _split(part, velocity)
+    if part.curvature_formula is None:
+        bent = DIFFERENCES[part.coordinates](part.formula, part.parameters, STEPS[part.coordinates], x, v)
+    else:
+        bent = part.curvature_formula(*x, *part.parameters, *v)
+    return np.broadcast_to(bent, y.shape[:-1])
+
+
+def curvature_by_differences(gradient: Callable[[Array], Array], y: Array, velocity: Array) -> Array:
+    """(...) ẏᵀ H ẏ where only a gradient (..., d) is known, as a function of coordinates y (..., d)."""
+
+    def function(*x: Array) -> tuple[Array, ...]:
+        return np.empty(0), *np.moveaxis(gradient(np.stack(x, axis=-1)), -1, 0)
+
+    d = y.shape[-1]
+    bent: Array = DIFFERENCES[d](function, (), STEPS[d], np.moveaxis(y, -1, 0), np.moveaxis(velocity, -1, 0))
+    return bent
+
+
+def _evaluated(part: ByFormula, y: Array) -> tuple[Any, ...]:
+    assert part.formula is not None
+    found: tuple[Any, ...] = part.formula(*_local(part, y), *part.parameters)
+    return found
+
+
+def _local(part: ByFormula, y: Array) -> tuple[Array, ...]:
+    """Coordinates in the frame, one by one."""
+    return _split(part, y if part.frame is None else y - part.frame[1])
+
+
+def _split(part: ByFormula, x: Array) -> tuple[Array, ...]:
+    """Coordinates of vectors along the axes of the frame, one by one."""
+    apart = tuple(np.moveaxis(x, -1, 0))
+    return apart if part.frame is None else TURNED_BACK[part.coordinates](part.frame[0], apart)
