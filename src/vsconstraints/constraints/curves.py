@@ -33,7 +33,7 @@ class Shape:
     name: ClassVar[str]
     radius: float
     coordinates = 2
-    formula: Formula | None
+    formula: Formula | None = None
     curvature_formula: Formula | None = None
     parameters: tuple[float, ...] = ()
     frame: Frame | None = None
