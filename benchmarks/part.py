@@ -127,7 +127,7 @@ class Part:
 
 def controllers() -> dict[str, Controller]:
     """New controllers of the default comparison, by the names used there."""
-    return {entry.name: entry.controller() for entry in _default_suite().controllers}
+    return {entry.name: entry.make() for entry in _default_suite().controllers}
 
 
 @cache

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vsconstraints.comparisons import Entry, RunRecord, StoredComparison, Suite, compare, score
+from vsconstraints.comparisons import ControllerSpec, RunRecord, StoredComparison, Suite, compare, score
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, TIMING_COLUMNS
-from vsconstraints.comparisons.record import run_file
+from vsconstraints.comparisons.record import run_file, stored_run
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.errors import ConfigurationError, InvalidInput, VsconstraintsError
 from vsconstraints.scenarios import Scenario
@@ -197,10 +197,12 @@ def test_a_stored_run_is_kept_and_a_changed_one_is_not(tmp_path: Path) -> None:
     assert compare(suite, tmp_path, workers=1).stored_before == 0
     assert compare(suite, tmp_path, workers=1).stored_before == 3
     assert compare(suite, tmp_path, workers=1, fresh=True).stored_before == 0
-    more = replace(suite, controllers=(*suite.controllers, Entry("other", "sliding-mode", {"rank_tolerance": 1e-7})))
+    more = replace(
+        suite, controllers=(*suite.controllers, ControllerSpec("other", "sliding-mode", {"rank_tolerance": 1e-7}))
+    )
     assert compare(more, tmp_path, workers=1).stored_before == 3
     elsewhere = suite.select(settings=["scenario.q0=[-0.72, -1.744, 1.075]"])
-    assert [job.stored(tmp_path) for job in elsewhere.with_baseline().jobs()] == [None] * 3
+    assert [stored_run(job, tmp_path) for job in elsewhere.with_baseline().runs()] == [None] * 3
     # half a file, as a full disk leaves it
     file = run_file(tmp_path, "example-2d-fov", "tracking", 0)
     file.write_bytes(file.read_bytes()[:1000])
@@ -389,7 +391,7 @@ def test_own_modules_of_the_same_name_stay_apart(tmp_path: Path) -> None:
         folder.mkdir()
         (folder / "law.py").write_text(LAW.format(tolerance=tolerance))
         (folder / "s.toml").write_text('scenarios = ["example-2d-fov"]\n[controllers.own]\ntype = "law:Own"\n')
-        controller = Suite.load(folder / "s.toml").controllers[0].controller()
+        controller = Suite.load(folder / "s.toml").controllers[0].make()
         tolerances.append(controller.rank_tolerance)
     assert tolerances == [1e-3, 1e-4]
 

@@ -136,7 +136,7 @@ def test_what_is_simulated_of_the_experiments() -> None:
     wanted += [("experiment-2-ibvs", 0.1), ("experiment-2-ibvs", 0.01)]
     for spec, (name, Ts) in zip(experiments.FASTER, wanted, strict=True):
         tables = spec.tables
-        assert (spec.scenario, tables["sampling_time"], tables["task"]["Kp0"], tables["duration"]) == (
+        assert (spec.name, tables["sampling_time"], tables["task"]["Kp0"], tables["duration"]) == (
             name,
             Ts,
             6.0,

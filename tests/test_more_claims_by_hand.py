@@ -412,7 +412,7 @@ def test_12a(step: float, rows: float, expected: str, monkeypatch: pytest.Monkey
 # --- claim 10 ---
 
 SCENES = every_scene.SCENES
-CORNER = [spec.scenario for spec in SCENES].index(every_scene.NOT_DIFFERENTIABLE)
+CORNER = [spec.name for spec in SCENES].index(every_scene.NOT_DIFFERENTIABLE)
 
 
 def scenes(changed: Told, good: Told, place: int = 0) -> list[Told]:

@@ -58,7 +58,7 @@ def blindly(monkeypatch: pytest.MonkeyPatch, **blind: dict[int, Rows]) -> None:
     """What the scenarios' rows are where the motion is not told."""
 
     def untold(scenario: str, overrides: Any) -> Any:
-        assert overrides == (("constraints.0.motion.known", False),)
+        assert overrides == {"constraints.0.motion.known": False}
         scene = SimpleNamespace(evaluate=lambda t, q, qd: round(t / 0.01), believed=lambda k: ("believed", k))
         rows = SimpleNamespace(rows=lambda state: (blind[scenario.removeprefix("moving-")][state[1]], None))
         return SimpleNamespace(

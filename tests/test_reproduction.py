@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from hashlib import sha256
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 from vsconstraints.comparisons import RunRecord
+from vsconstraints.comparisons.unfinished import Unfinished
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.features import CameraPose
@@ -24,7 +26,7 @@ from vsconstraints.reproduction.claims.erroneous_gradients import Difference
 from vsconstraints.reproduction.figures.catalogue import FIGURES, FigureSpec
 from vsconstraints.reproduction.reconstructed import reconstructed
 from vsconstraints.reproduction.report import TOPICS, differences
-from vsconstraints.reproduction.runs import Run, RunSpec
+from vsconstraints.reproduction.runs import Run, RunSpec, kept_run, perform
 from vsconstraints.reproduction.verdicts import TEXTS, VERDICTS, Claim, Finding, claim
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import shipped_scenarios
@@ -40,7 +42,11 @@ KEPT_RUNS = os.environ.get("VSCONSTRAINTS_KEPT_RUNS")
 
 @cache
 def run(spec: RunSpec) -> Run:
-    return spec.perform(Path(KEPT_RUNS) / f"{sha256(repr(spec).encode()).hexdigest()}.npz" if KEPT_RUNS else None)
+    return (
+        kept_run(spec, Path(KEPT_RUNS) / f"{sha256(str(spec).encode()).hexdigest()}.npz")
+        if KEPT_RUNS
+        else perform(spec)
+    )
 
 
 if __name__ == "__main__":  # simulate what claims need, and keep it
@@ -235,9 +241,12 @@ def restless(run: Run) -> Run:
     return spoiled(run, qd=run.trajectory.qd + 1.0, camera_position=run.trajectory.camera_position + run.t[:, None])
 
 
+SEEDS = count()
+
+
 def shaken(run: Run) -> Run:
     """φ and commands with noise on them, another one for each run."""
-    rng = np.random.default_rng(len(str(run.record.fingerprint)))
+    rng = np.random.default_rng(next(SEEDS))
     trajectory = run.trajectory
     noise = rng.normal(scale=2.0, size=trajectory.phi.shape)
     jitter = rng.normal(size=trajectory.qdd_command.shape)
@@ -429,7 +438,7 @@ def test_speeds_differ_only_a_little_up_to_ten_per_cent() -> None:
 @pytest.mark.parametrize("key", ["6d", "6h", "6i", "6j", "6k"])
 def test_an_error_that_was_not_applied_is_no_evidence(key: str) -> None:
     one = CLAIMS[key]
-    exact = {need: run(RunSpec(need.scenario.removesuffix("-gradient-error"))) for need in one.needs[:-1]}  # type: ignore[union-attr]
+    exact = {need: run(RunSpec(need.name.removesuffix("-gradient-error"))) for need in one.needs[:-1]}  # type: ignore[union-attr]
     found = one.check(exact | {"unselected-experiments": study("unselected-experiments")})
     assert found.verdict == "not measured"
     assert "applied" in found.text
@@ -557,14 +566,16 @@ def test_a_run_that_failed_is_a_line_with_its_reason() -> None:
 
 
 def test_a_claim_that_raises_is_a_line_with_its_reason() -> None:
-    no_rows = run(RunSpec("example-2d-bowl", overrides=(("duration", 0.1),)))
+    no_rows = run(RunSpec("example-2d-bowl", overrides={"duration": 0.1}))
     found = CLAIMS["4a"].check(dict.fromkeys(CLAIMS["4a"].needs, no_rows))
     assert found.verdict == "not measured"
     assert "ValueError" in found.text
 
 
-def test_an_unknown_scenario_is_no_exception() -> None:
-    found = runner.perform(RunSpec("no-such-scenario"))
+def test_an_unknown_scenario_is_no_exception(tmp_path: Path) -> None:
+    spec = RunSpec("no-such-scenario")
+    found = runner.made([spec], Unfinished(tmp_path), 1, lambda done, total: None)[spec]
+    assert isinstance(found, str)
     assert found.startswith("ConfigurationError: unknown scenario 'no-such-scenario'")
 
 

@@ -81,7 +81,7 @@ def kept(folder: Path, *suites: Suite) -> Path:
     (folder / "manifest.json").write_text(json.dumps({"configuration": one.with_baseline().resolved()}))
     lines = [
         dict(dict.fromkeys(RESULT_COLUMNS, 1.0), scenario=scenario, controller=controller, trial=trial)
-        for scenario, controller, trial in (job.key for job in one.with_baseline().jobs())
+        for scenario, controller, trial in (job.key for job in one.with_baseline().runs())
     ]
     write_table(folder / "results.csv", RESULT_COLUMNS, lines)
     return folder

@@ -13,7 +13,7 @@ from vsconstraints.reproduction.claims import every_scene
 from vsconstraints.rows import Array
 from vsconstraints.studies import StudyResult
 
-NAMES = [spec.scenario for spec in every_scene.SCENES]
+NAMES = [spec.name for spec in every_scene.SCENES]
 
 
 def study(**numbers: float) -> StudyResult:

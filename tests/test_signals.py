@@ -137,7 +137,7 @@ def test_studies_and_the_reproduction_end_at_once_and_keep_what_was_finished(com
 
 def test_a_study_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
     few = ShrinkingRegion()
-    runs = few.runs(small=True)[:3]
+    runs = dict(list(few.runs(small=True).items())[:3])
     few.runs = lambda small=False: runs  # type: ignore[method-assign]
 
     def interrupt(done: int, total: int) -> None:

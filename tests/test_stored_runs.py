@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 from vsconstraints import provenance
-from vsconstraints.comparisons import Job, RunRecord, Suite, compare
-from vsconstraints.comparisons.machine import package_versions
+from vsconstraints.comparisons import RunRecord, RunSpec, Suite, compare
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
-from vsconstraints.comparisons.record import run_file
-from vsconstraints.comparisons.runner import run_job
+from vsconstraints.comparisons.record import run_file, stored_run
+from vsconstraints.comparisons.runner import run_stored
 from vsconstraints.comparisons.tables import append_lines, read_table, write_table
 from vsconstraints.errors import ConfigurationError, StorageError
 from vsconstraints.reports import write_report
@@ -25,6 +24,7 @@ from vsconstraints.reports.figures import drawing
 from vsconstraints.reports.jobs import Drawn
 from vsconstraints.reports.report import _jobs
 from vsconstraints.reports.results import Results
+from vsconstraints.runs.machine import package_versions
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -49,7 +49,7 @@ def law(imports: str = "", tolerance: str = "1e-3", begin: str = "pass", solve: 
     return LAW.format(imports=imports, tolerance=tolerance, begin=begin, solve=solve)
 
 
-def jobs(folder: Path, kind: str = "law:Own", scenario: str = "example-2d-fov", trials: int = 1) -> list[Job]:
+def jobs(folder: Path, kind: str = "law:Own", scenario: str = "example-2d-fov", trials: int = 1) -> list[RunSpec]:
     """The runs of an own law in a suite of that folder, 0.05 s each."""
     named = f'"{scenario}"'
     if trials > 1:
@@ -58,7 +58,7 @@ def jobs(folder: Path, kind: str = "law:Own", scenario: str = "example-2d-fov", 
         f'scenarios = [{named}]\ntrials = {trials}\n[controllers.own]\ntype = "{kind}"\n', encoding="utf-8"
     )
     suite = Suite.load(folder / "s.toml").select(settings=["scenario.duration=0.05"])
-    return [job for job in suite.with_baseline().jobs() if job.entry.name == "own"]
+    return [job for job in suite.with_baseline().runs() if job.controller.name == "own"]
 
 
 @pytest.fixture
@@ -85,11 +85,11 @@ def test_a_law_edited_while_a_comparison_runs_is_run_again(tmp_path: Path, out: 
     """The process keeps what it has imported; its results are those of the old file, whenever they are made."""
     (tmp_path / "law.py").write_text(law())
     first, second = jobs(tmp_path, trials=2)
-    assert run_job(first, out, False)[0].result["status"] == "unfinished"
-    assert first.stored(out) is not None
+    assert run_stored(first, out, False)[0].result["status"] == "unfinished"
+    assert stored_run(first, out) is not None
     (tmp_path / "law.py").write_text(law(tolerance="1e-9"))
-    run_job(second, out, False)
-    assert (first.stored(out), second.stored(out)) == (None, None)
+    run_stored(second, out, False)
+    assert (stored_run(first, out), stored_run(second, out)) == (None, None)
 
 
 def _law(text: str) -> Callable[[Path], None]:
@@ -144,13 +144,13 @@ def test_a_changed_file_of_an_own_law_is_noticed(
     write(tmp_path)
     (job,) = jobs(tmp_path, kind)
     _forget_imports()
-    assert run_job(job, out, False)[0].result["reason"].startswith("still moving")
-    assert run_job(job, out, False)[1]
-    record = job.stored(out)
+    assert run_stored(job, out, False)[0].result["reason"].startswith("still moving")
+    assert run_stored(job, out, False)[1]
+    record = stored_run(job, out)
     assert record is not None
     assert not any("site-packages" in path and "lawful" not in path for path in record.files)
     (tmp_path / changed).write_bytes((tmp_path / changed).read_bytes() + b"\n# 2\n")
-    assert job.stored(out) is None
+    assert stored_run(job, out) is None
 
 
 def _forget_imports() -> None:
@@ -164,9 +164,9 @@ def test_what_a_run_writes_is_not_what_it_is_made_from(tmp_path: Path, out: Path
     answer = "name = __file__ + '.answer'; os.system(f'echo > {name}'); Path(name).read_text(); os.remove(name)"
     (tmp_path / "law.py").write_text(law(begin=answer, solve=log))
     (job,) = jobs(tmp_path)
-    run_job(job, out, False)
+    run_stored(job, out, False)
     (tmp_path / "log").write_text("more")
-    assert run_job(job, out, False)[1]
+    assert run_stored(job, out, False)[1]
 
 
 BOX = "\n".join(
@@ -220,12 +220,12 @@ def test_a_changed_file_of_the_scene_is_noticed(changed: str, tmp_path: Path, ou
     (tmp_path / "scene.toml").write_text(ARM)
     suite = replace(Suite.load(), scenarios=())
     suite = suite.select([str(tmp_path / "scene.toml")], ["tracking"])
-    (job,) = suite.jobs()
+    (job,) = suite.runs()
     assert tmp_path / changed in job.files
-    run_job(job, out, False)
-    assert job.stored(out) is not None
+    run_stored(job, out, False)
+    assert stored_run(job, out) is not None
     (tmp_path / changed).write_bytes((tmp_path / changed).read_bytes() + b" ")
-    assert job.stored(out) is None
+    assert stored_run(job, out) is None
 
 
 def test_versions_and_the_form_that_runs_are_in_the_fingerprint(
@@ -242,15 +242,15 @@ def test_versions_and_the_form_that_runs_are_in_the_fingerprint(
 
 def test_an_old_baseline_challenges_no_row(out: Path) -> None:
     suite = Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=["scenario.duration=3.5"])
-    baseline, job = suite.with_baseline().jobs()
-    run_job(baseline, out, False)
-    assert any(row["challenged"] for row in run_job(job, out, True)[0].constraints)
+    baseline, job = suite.with_baseline().runs()
+    run_stored(baseline, out, False, baseline)
+    assert any(row["challenged"] for row in run_stored(job, out, True, baseline)[0].constraints)
     path = run_file(out, *baseline.key)
     record = RunRecord.load(path)
     assert record is not None
     replace(record, fingerprint="of another code").save(path)
     for fresh in (True, False):
-        score, _ = run_job(job, out, fresh)
+        score, _ = run_stored(job, out, fresh, baseline)
         assert not any(row["challenged"] for row in score.constraints)
 
 
@@ -288,17 +288,17 @@ def test_figures_show_no_run_that_the_tables_do_not_have(tmp_path: Path) -> None
 def test_a_damaged_trajectory_is_no_trajectory(content: bytes, tmp_path: Path, out: Path) -> None:
     (tmp_path / "law.py").write_text(law())
     (job,) = jobs(tmp_path)
-    run_job(job, out, False)
+    run_stored(job, out, False)
     run_file(out, *job.key).write_bytes(content)
-    assert job.stored(out) is None
-    score, stored = run_job(job, out, False)
+    assert stored_run(job, out) is None
+    score, stored = run_stored(job, out, False)
     assert (stored, score.result["status"]) == (False, "unfinished")
 
 
 def test_no_damage_of_a_trajectory_raises(tmp_path: Path, out: Path) -> None:
     (tmp_path / "law.py").write_text(law())
     (job,) = jobs(tmp_path)
-    run_job(job, out, False)
+    run_stored(job, out, False)
     whole, path = run_file(out, *job.key).read_bytes(), tmp_path / "damaged.npz"
     rng = np.random.default_rng(0)
     for _ in range(300):
@@ -312,10 +312,10 @@ def test_no_damage_of_a_trajectory_raises(tmp_path: Path, out: Path) -> None:
 def test_a_full_disk_fails_the_run_in_one_line_and_leaves_nothing_half_written(tmp_path: Path, out: Path) -> None:
     (tmp_path / "law.py").write_text(law())
     (job,) = jobs(tmp_path)
-    run_job(job, out, False)
+    run_stored(job, out, False)
     path = run_file(out, *job.key)
     path.with_name(path.name + ".part").symlink_to("/dev/full")
-    score, stored = run_job(job, out, True)
+    score, stored = run_stored(job, out, True)
     assert (stored, score.result["status"]) == (False, "failed")
     assert "No space left on device" in score.result["reason"]
     assert "\n" not in score.result["reason"]
@@ -370,7 +370,7 @@ def test_a_law_that_changes_the_working_directory_changes_it_for_itself(
     monkeypatch.chdir(tmp_path)
     first, second = jobs(Path(), trials=2)
     for job in (first, second):
-        assert run_job(job, Path("out"), False)[0].result["status"] == "unfinished"
+        assert run_stored(job, Path("out"), False)[0].result["status"] == "unfinished"
         assert run_file(out, *job.key).exists()
     assert Path.cwd() == tmp_path
 
@@ -382,7 +382,7 @@ def test_whatever_a_law_says_is_a_reason_of_one_line(message: str, tmp_path: Pat
     nasty = "class Nasty:\n    def __str__(self):\n        raise ValueError('even that')"
     (tmp_path / "law.py").write_text(law(nasty, solve=f"raise RuntimeError({message})"))
     (job,) = jobs(tmp_path)
-    score, _ = run_job(job, out, False)
+    score, _ = run_stored(job, out, False)
     assert score.result["status"] == "failed"
     line = {"suite": "s", "scenario": "s", "controller": "own", "trial": 0, **score.result}
     write_table(tmp_path / "results.csv", RESULT_COLUMNS, [line])
@@ -435,6 +435,6 @@ def test_a_constraint_with_a_gradient_of_the_wrong_shape_fails_its_own_runs(tmp_
     (tmp_path / "s.toml").write_text('scenarios = ["example-2d-fov", "wrong.toml"]\n[controllers.tracking]\n')
     suite = Suite.load(tmp_path / "s.toml").select(settings=["scenario.duration=0.05"])
     assert [remark.partition(": ")[0] for remark in suite.remarks()] == ["wrong"]
-    right, wrong = (run_job(job, out, False)[0].result for job in suite.jobs())
+    right, wrong = (run_stored(job, out, False)[0].result for job in suite.runs())
     assert (right["status"], wrong["status"]) == ("unfinished", "failed")
     assert "Error" in wrong["reason"]

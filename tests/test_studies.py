@@ -3,22 +3,35 @@
 import csv
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from vsconstraints.controllers import SlidingMode
+from vsconstraints.comparisons.run import perform
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.runs.spec import ControllerSpec, RunSpec
 from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation import simulate
-from vsconstraints.studies import STUDIES, RunSummary, Study, StudyResult, StudyRun, data_file, figure_file, run_studies
+from vsconstraints.studies import (
+    STUDIES,
+    RunSummary,
+    Study,
+    StudyResult,
+    data_file,
+    figure_file,
+    gradient_error,
+    robustness,
+    run_studies,
+    sampling_time,
+    shrinking_region,
+    switching_gain,
+)
 from vsconstraints.studies.experiment_scenes import EXPERIMENTS, SEED, draw, kept_scenes
 from vsconstraints.studies.laws import LAWS, scaled_gains
 from vsconstraints.studies.panels import plain
 from vsconstraints.studies.pareto import front, not_kept, unused
-from vsconstraints.studies.recorder import DriftRecorder
-from vsconstraints.studies.summary import _gains, clearance_distance, joint_distance, pixel_distance
+from vsconstraints.studies.summary import clearance_distance, gains, joint_distance, pixel_distance
 from vsconstraints.studies.unselected_experiments import compared, counted, why_not
 
 
@@ -42,10 +55,10 @@ class TestEveryStudy:
         assert set(study.claims) <= set(range(1, 13))
 
     @pytest.mark.parametrize("size", [False, True])
-    def test_runs_have_unique_keys_and_identities(self, name, size):
+    def test_runs_are_different(self, name, size):
         runs = STUDIES[name].runs(small=size)
-        assert len({run.key for run in runs}) == len(runs)
-        assert len({run.identity for run in runs}) == len(runs)
+        assert len(set(runs.values())) == len(runs)
+        assert [type(run) for run in runs.values()] == [RunSpec] * len(runs)
 
     def test_small_form_answers(self, name, small):
         results, folder, _ = small
@@ -64,7 +77,7 @@ class TestEveryStudy:
 
     def test_survives_runs_that_all_failed(self, name, tmp_path):
         study = STUDIES[name]
-        lost = {run.key: RunSummary("failed", "lost") for run in study.runs()}
+        lost = dict.fromkeys(study.runs(), RunSummary("failed", "lost"))
         result = study.evaluate(lost)
         assert len(result.failures) == len(lost)
         assert all(point["status"] == "failed" for point in result.points)
@@ -74,9 +87,8 @@ class TestEveryStudy:
 
 def test_progress_counts_every_different_run_once(small):
     _, _, done = small
-    identities = {run.identity for study in STUDIES.values() for run in study.runs(small=True)}
-    scenarios = {run.scenario for study in STUDIES.values() for run in study.runs(small=True)}
-    total = len(identities) + len(scenarios)
+    different = {run for study in STUDIES.values() for run in study.runs(small=True).values()}
+    total = len(different) + len({run.name for run in different})
     assert done == [(k + 1, total) for k in range(total)]
 
 
@@ -162,37 +174,35 @@ class TestDistances:
 
 
 class TestDrift:
-    def test_what_condition_12_needs_of_made_up_rows(self):
-        phi = np.array([[-0.3, -1.0], [0.1, -1.0], [0.2, 0.4], [-0.1, -1.0]])
-        drift = np.array([[9.0, 9.0], [2.0, 9.0], [3.0, 4.0], [9.0, 9.0]])
-        push = np.array([[5.0, 7.0], [6.0, 8.0], [9.0, 9.0], [9.0, 9.0]])
-        gains = _gains(phi, drift, push, 0.1)
-        assert gains["needed_gain"] == 7.0  # both rows, in the third sample
-        assert gains["return_gain"] == pytest.approx(4.0 + 0.4 / 0.1)  # the second row, which has just become active
-        assert gains["entry_push"] == 8.0  # the second row, one sample before
+    def test_what_condition_12_needs_is_what_moves_phi(self):
+        """Between samples φ changes as L_fφ + L_gφ q̈ says, with the tracking command where no row acts."""
+        made = perform(RunSpec("example-2d-fast", overrides={"duration": 1.0}))
+        found, phi = gains(made), made.trajectory.phi
+        active = phi >= 0.0
+        enters, row = np.nonzero(active[1:] & ~active[:-1])
+        assert len(enters)
+        change = (phi[enters + 1, row] - phi[enters, row]) / made.sampling_time
+        assert found["entry_push"] == pytest.approx(change.max(), rel=0.05)
+        assert found["needed_gain"] == pytest.approx(made.needed_gain().max(), rel=1e-9)
+
+    @pytest.mark.parametrize("known", [True, False])
+    def test_a_motion_that_the_controller_is_not_told_of_is_left_out(self, known):
+        made = perform(RunSpec("moving-sphere", overrides={"constraints.0.motion.known": known, "duration": 1.5}))
+        assert (made.trajectory.phi >= 0.0).any()
+        same = gains(made)["needed_gain"] == pytest.approx(made.needed_gain().max(), rel=1e-9)
+        assert same == known
 
     def test_without_an_active_row_there_is_none(self):
-        assert _gains(-np.ones((3, 1)), np.ones((3, 1)), np.ones((3, 1)), 0.1) == {}
-
-    def test_recording_changes_no_command(self):
-        scenario = Scenario.load("example-2d-fast").with_override("duration", 1.0)
-        recorder = DriftRecorder(SlidingMode())
-        noted, bare = simulate(scenario.setup(), recorder), simulate(scenario.setup(), SlidingMode())
-        assert np.array_equal(noted.qdd_command, bare.qdd_command)
-        samples = len(noted.t)
-        inactive = (noted.phi < 0.0).all(axis=1)
-        assert (~inactive).any()
-        # between samples φ changes as noted, up to what changes inside a period
-        change = np.diff(noted.phi, axis=0)[inactive[:-1]] / 0.005
-        assert np.abs(change - recorder.push(samples)[:-1][inactive[:-1]]).max() < 0.1 * np.abs(change).max()
+        assert gains(perform(RunSpec("example-2d-fov", overrides={"duration": 0.1}))) == {}
 
 
 class TestEvaluation:
     def test_shrinking_region_on_a_field_that_approaches_and_one_that_does_not(self):
-        runs = {"example-2d-fov sliding-mode": summary(), "example-2d-fov halved": summary(q=0.001)}
+        case = partial(shrinking_region.Case, "example-2d-fov")
+        runs = {case("sliding-mode"): summary(), case("halved"): summary(q=0.001)}
         for region, near, far in ((0.5, 1.0, 1.0), (0.01, 0.1, 0.5), (0.001, 0.0, 2.0)):
-            runs[f"example-2d-fov priority {region}"] = summary(q=near)
-            runs[f"example-2d-fov additive {region}"] = summary(q=far)
+            runs[case("priority", region)] = summary(q=near)
+            runs[case("additive", region)] = summary(q=far)
         numbers = STUDIES["shrinking-region"].evaluate(runs).numbers
         assert numbers["example-2d-fov.priority.distance_falls"] == 1.0
         assert numbers["example-2d-fov.additive.distance_falls"] == 0.0
@@ -205,10 +215,10 @@ class TestEvaluation:
             return summary(result={"violation_depth": depth}, **gains)
 
         runs = {
-            "50 5": run(0.1, 1.0, 30),
-            "50 10": run(0.0, 0.2, 20),
-            "50 20": run(0.0, 0.06, 3),
-            "50 40": run(0.0, 0.06, 1),
+            switching_gain.Case(50.0, 5.0): run(0.1, 1.0, 30),
+            switching_gain.Case(50.0, 10.0): run(0.0, 0.2, 20),
+            switching_gain.Case(50.0, 20.0): run(0.0, 0.06, 3),
+            switching_gain.Case(50.0, 40.0): run(0.0, 0.06, 1),
         }
         numbers = STUDIES["switching-gain"].evaluate(runs).numbers
         assert numbers["Kp0=50.smallest_allowed"] == 10.0
@@ -219,7 +229,8 @@ class TestEvaluation:
         assert (numbers["above_bound"], numbers["below_bound"], numbers["below_bound_allowed"]) == (2.0, 2.0, 1.0)
 
     def test_switching_gain_counts_only_what_holds_for_all_larger_ones(self):
-        runs = {"50 10": summary(phi_max=0.0), "50 20": summary("failed"), "50 40": summary(phi_max=0.0)}
+        made = {10.0: summary(phi_max=0.0), 20.0: summary("failed"), 40.0: summary(phi_max=0.0)}
+        runs = {switching_gain.Case(50.0, gain): run for gain, run in made.items()}
         assert STUDIES["switching-gain"].evaluate(runs).numbers["Kp0=50.smallest_allowed"] == 40.0
 
     def test_sampling_time_finds_the_exponent(self):
@@ -228,17 +239,18 @@ class TestEvaluation:
                 Ts=Ts, entry_push=4.0, longest_run=1, result={"phi_band": 15.0 * Ts**2, "phi_band_bound": 10 * Ts}
             )
 
-        runs = {f"example-2d-fov {1e3 * Ts:g}": run(Ts) for Ts in (0.001, 0.01, 0.1)}
+        runs = {sampling_time.Case("example-2d-fov", 1e3 * Ts): run(Ts) for Ts in (0.001, 0.01, 0.1)}
         numbers = STUDIES["sampling-time"].evaluate(runs).numbers
         assert numbers["example-2d-fov.exponent"] == pytest.approx(2.0)
         assert numbers["example-2d-fov.greatest_share_of_expected"] == pytest.approx(1.5 / 14.0)
 
     def test_gradient_error_compares_with_the_same_controllers_exact_run(self):
+        case = partial(gradient_error.Case, "example-2d-fov")
         runs = {
-            "example-2d-fov sliding-mode 0": summary(),
-            "example-2d-fov sliding-mode 0.3": summary(pixel=5.0, result={"violation_depth": 0.01, "violated": "fov"}),
-            "example-2d-fov potential-field 0": summary(pixel=5.0),
-            "example-2d-fov potential-field 0.3": summary(pixel=5.0),
+            case("sliding-mode", 0.0): summary(),
+            case("sliding-mode", 0.3): summary(pixel=5.0, result={"violation_depth": 0.01, "violated": "fov"}),
+            case("potential-field", 0.0): summary(pixel=5.0),
+            case("potential-field", 0.3): summary(pixel=5.0),
         }
         result = STUDIES["gradient-error"].evaluate(runs)
         assert result.numbers["example-2d-fov.sliding-mode.0.3.deviation_px"] == pytest.approx(5.0 * math.sqrt(2.0))
@@ -259,10 +271,10 @@ class TestEvaluation:
 
     def test_robustness_counts(self):
         runs = {
-            "none|sliding-mode": summary(),
-            "lag|0.1|sliding-mode": summary(result={"violation_depth": 0.03}),
-            "lag|0.2|sliding-mode": summary("aborted"),
-            "delay|1|sliding-mode": summary("unfinished"),
+            robustness.Case("none", "", "sliding-mode"): summary(),
+            robustness.Case("lag", "0.1", "sliding-mode"): summary(result={"violation_depth": 0.03}),
+            robustness.Case("lag", "0.2", "sliding-mode"): summary("aborted"),
+            robustness.Case("delay", "1", "sliding-mode"): summary("unfinished"),
         }
         numbers = STUDIES["robustness"].evaluate(runs).numbers
         assert numbers["sliding-mode.runs"] == 3.0
@@ -284,7 +296,9 @@ class TinyStudy(Study):
         self.laws, self.spoiled = laws, spoiled
 
     def runs(self, *, small=False):
-        return [StudyRun(key, "example-2d-fov", law, overrides={"duration": 0.1}) for key, law in self.laws.items()]
+        return {
+            key: RunSpec("example-2d-fov", ControllerSpec(law), {"duration": 0.1}) for key, law in self.laws.items()
+        }
 
     def measure(self, results):
         if self.spoiled == "measure":
@@ -349,7 +363,6 @@ def test_numbers_on_axes_are_plain():
 
 def test_results_are_data():
     assert StudyResult("tiny").points == ()
-    assert StudyRun("key", "example-2d-fov", "tracking").controller == "tracking"
 
 
 class TestUnselectedExperiments:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from vsconstraints.comparisons import Job, Suite
+from vsconstraints.comparisons import RunSpec, Suite
 from vsconstraints.errors import ConfigurationError, InvalidInput
 
 CONTROLLERS = "\n[controllers.sliding-mode]\n"
@@ -63,7 +63,7 @@ def test_overrides_are_in_the_configuration_and_the_fingerprint(tmp_path: Path) 
     entry = '{{ scenario = "example-2d-fov", name = "fov", set = {{ "task.Kp0" = {} }} }}'
     one, other = (load(tmp_path, entry.format(Kp)) for Kp in (5.0, 6.0))
     assert one.resolved()["scenarios"]["fov"]["tables"]["task"]["Kp0"] == 5.0
-    fingerprints = {Job(suite.scenarios[0], suite.controllers[0], 0, 0).fingerprint for suite in (one, other)}
+    fingerprints = {RunSpec(suite.scenarios[0], suite.controllers[0]).fingerprint for suite in (one, other)}
     assert len(fingerprints) == 2
 
 

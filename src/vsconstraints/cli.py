@@ -74,7 +74,7 @@ def compare(
     ] = None,
 ) -> None:
     """Run every scenario with every controller, and write a report."""
-    from .comparisons import Job, Suite
+    from .comparisons import RunSpec, Suite
     from .comparisons import compare as run
     from .comparisons.folder import held
     from .comparisons.metrics import Score
@@ -83,22 +83,22 @@ def compare(
     chosen = Suite.load(suite).select(scenario or (), controller or (), seed, settings or ())
     for remark in chosen.remarks():
         errors.print(f"note: {remark}")
-    total = len(chosen.with_baseline().jobs())
+    total = len(chosen.with_baseline().runs())
     _note_processes(jobs)
     context.with_resource(held(out))
     failed: Counter[str] = Counter()
     with _progress() as progress:
         bar = progress.add_task("comparing", total=total)
 
-        def finished(job: Job, score: Score, stored: bool) -> None:
+        def finished(made: RunSpec, score: Score, stored: bool) -> None:
             progress.advance(bar)
             status, reason = score.result["status"], score.result["reason"]
             if status in ("failed", "aborted"):
-                what = f"{job.scenario.name} · {job.entry.name}"
+                what = f"{made.name} · {made.controller.name}"
                 alike = f"{what}: {status}, {kind(reason)}"
                 failed[alike] += 1
                 if failed[alike] == 1:
-                    progress.console.print(f"{what} · trial {job.trial}: {status}, {reason}")
+                    progress.console.print(f"{what} · trial {made.trial}: {status}, {reason}")
 
         result = run(
             chosen,

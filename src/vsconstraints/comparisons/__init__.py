@@ -1,6 +1,6 @@
 """Comparisons: suites, the runner, scores, and what is stored."""
 
-from .job import Entry, Job
+from ..runs.spec import ControllerSpec, RunSpec
 from .metrics import DEFINITIONS, score
 from .record import RunRecord
 from .runner import Finished, compare
@@ -9,10 +9,10 @@ from .suite import Suite
 
 __all__ = [
     "DEFINITIONS",
-    "Entry",
+    "ControllerSpec",
     "Finished",
-    "Job",
     "RunRecord",
+    "RunSpec",
     "StoredComparison",
     "Suite",
     "compare",

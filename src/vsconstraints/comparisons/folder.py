@@ -76,7 +76,7 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
     code, the machine or a file has changed are not lost: the same is asked of them.
     """
     earlier, now = _settings(_manifest(folder).get("configuration")), _settings(_plain(suite.resolved()))
-    planned = {(scenario, controller, str(trial)) for scenario, controller, trial in (job.key for job in suite.jobs())}
+    planned = {(scenario, controller, str(trial)) for scenario, controller, trial in (run.key for run in suite.runs())}
     for key in _finished(folder):
         scenario, controller, trial = key
         if key not in planned:

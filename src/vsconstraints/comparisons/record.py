@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import one_line
-from ..provenance import Files
+from ..provenance import Files, digests
 from ..rows import Array, BoolArray
-from ..runs.files import replaced
+from ..runs.files import read_arrays, write_arrays
+from ..runs.spec import RunSpec
 from ..simulation import Setup, Trajectory
-
-_TEXT = ("status", "reason")
-_NUMBERS = ("fallbacks", "compiled")
-_OWN = ("length", "switching_gain", "approach_time", "sampling_band", "settled")
 
 
 @dataclass(frozen=True)
@@ -99,38 +96,31 @@ class RunRecord:
 
     def save(self, path: Path) -> None:
         """Write the file whole or not at all; raises OSError, and what an own part's strange arrays may raise."""
-        arrays: dict[str, Any] = {}
-        facts: dict[str, Any] = {
-            "kinds": self.kinds,
-            "units": self.units,
-            "last_goal_time": self.last_goal_time,
-            "Ts": self.Ts,
-            "fingerprint": self.fingerprint,
-            "files": self.files,
-        }
-        for name, value in ((f.name, getattr(self.trajectory, f.name)) for f in fields(Trajectory)):
-            if name in _TEXT or name in _NUMBERS:
-                facts[name] = value
-            else:
-                arrays[name] = np.array(value, dtype=np.str_) if name == "labels" else value
-        arrays.update({name: getattr(self, name) for name in _OWN})
-        with replaced(path) as part, part.open("wb") as file:
-            np.savez_compressed(file, facts=np.array(json.dumps(facts)), **arrays)
+        values = {**_values(self.trajectory), **_values(self)}
+        del values["trajectory"]
+        write_arrays(path, {**values, "labels": np.array(self.trajectory.labels, dtype=np.str_)})
 
     @classmethod
     def load(cls, path: Path) -> RunRecord | None:
         """What the file holds; None if there is none or it is not a whole record of this version."""
-        try:
-            with path.open("rb") as file, np.load(file) as stored:
-                arrays = {name: stored[name] for name in stored.files}
-            facts = json.loads(str(arrays.pop("facts")))
-            own = {name: arrays.pop(name) for name in _OWN}
-            labels = tuple(str(name) for name in arrays.pop("labels"))
-            text = {name: facts.pop(name) for name in (*_TEXT, *_NUMBERS)}
-            trajectory = Trajectory(**arrays, **text, labels=labels)
-            return cls(trajectory, tuple(facts.pop("kinds")), tuple(facts.pop("units")), **own, **facts)
-        except Exception:  # a damaged file can raise anything: of the archive, its compression, NumPy, JSON
-            return None
+        with suppress(Exception):  # a damaged file can raise anything: of the archive, its compression, NumPy, JSON
+            values = read_arrays(path)
+            for name in ("labels", "kinds", "units"):
+                values[name] = tuple(str(text) for text in values[name])
+            return cls(Trajectory(**{f.name: values.pop(f.name) for f in fields(Trajectory)}), **values)
+        return None
+
+
+def _values(data: RunRecord | Trajectory) -> dict[str, Any]:
+    return {f.name: getattr(data, f.name) for f in fields(data)}
+
+
+def stored_run(spec: RunSpec, folder: Path) -> RunRecord | None:
+    """What a comparison's folder holds of this run; None unless all that it was made from is as it is now."""
+    record = RunRecord.load(run_file(folder, *spec.key))
+    if record is None or record.fingerprint != spec.fingerprint:
+        return None
+    return record if digests((*record.files, *spec.files)) == record.files else None
 
 
 def run_file(folder: Path, scenario: str, controller: str, trial: int) -> Path:

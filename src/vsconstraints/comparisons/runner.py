@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -17,20 +17,24 @@ from ..errors import StorageError, described
 from ..kernels import prepare
 from ..provenance import Files, digests, imported, noted
 from ..runs.files import replaced
-from ..runs.pool import Failure, Pool
-from ..runs.resources import process_count, run_limit
+from ..runs.machine import git_commit, machine, package_versions
+from ..runs.pool import Failure, carry_out
+from ..runs.resources import run_limit
 from ..runs.signals import INTERRUPTS, signal_of
-from ..simulation import simulate
+from ..runs.spec import BASELINE, RunSpec
 from .folder import demand_nothing_lost, held
-from .job import Job
-from .machine import git_commit, machine, package_versions
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, Score, score
-from .record import RunRecord, run_file
-from .suite import BASELINE, Suite
+from .record import RunRecord, run_file, stored_run
+from .run import perform
+from .suite import Suite
 from .tables import append_lines, write_table
 
-Report = Callable[[Job, Score, bool], None]
-"""Called for each finished job with its score and whether it was stored before."""
+Report = Callable[[RunSpec, Score, bool], None]
+"""Called for each finished run with its score and whether it was stored before."""
+
+
+Key = tuple[str, str, int]
+"""Scenario, controller and trial."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class Finished:
     folder
         Where it is stored.
     scores
-        One per job, in the jobs' order; fewer if it was interrupted.
+        One per run; fewer if it was interrupted.
     stored_before
         How many were not run again.
     wall_time
@@ -52,7 +56,7 @@ class Finished:
     """
 
     folder: Path
-    scores: dict[tuple[str, str, int], Score]
+    scores: dict[Key, Score]
     stored_before: int
     wall_time: float
     interrupted: int
@@ -72,7 +76,7 @@ def compare(
     limit: float | None = None,
     fresh: bool = False,
     command: Sequence[str] = (),
-    on_finished: Report = lambda job, score, stored: None,
+    on_finished: Report = lambda run, score, stored: None,
 ) -> Finished:
     """Run every scenario with every controller and store results below ``folder``.
 
@@ -96,7 +100,7 @@ def compare(
     command
         What the user typed, for the manifest.
     on_finished
-        Told of every finished job.
+        Told of every finished run.
 
     Raises
     ------
@@ -109,7 +113,7 @@ def compare(
         started = time.perf_counter()
         prepare()
         suite, folder = suite.with_baseline(), folder.absolute()  # a law may change the working directory
-        jobs = suite.jobs()
+        runs = {run.key: run for run in suite.runs()}
         if not fresh:
             demand_nothing_lost(folder, suite)
         tables = folder / "results.csv", folder / "constraints.csv"
@@ -119,30 +123,34 @@ def compare(
             _write_json(folder / "manifest.json", manifest)
             for table in tables if fresh else ():
                 table.unlink(missing_ok=True)
-        scores: dict[tuple[str, str, int], Score] = {}
+        scores: dict[Key, Score] = {}
         stored_before = 0
 
-        def done(job: Job, result: Score, stored: bool) -> None:
+        def done(key: Key, answer: tuple[Score, bool] | Failure) -> None:
             nonlocal stored_before
+            if isinstance(answer, Failure):
+                # what was stored before is not this run; this is not stored: memory, say, may suffice next time
+                run_file(folder, *key).unlink(missing_ok=True)
+                answer = score(RunRecord.failed(answer.reason, ""), None), False
             # what an earlier comparison left stays until there is something to replace it
             first = not scores
-            scores[job.key] = result
+            scores[key], stored = answer
             stored_before += stored
             with suppress(OSError):  # a full disk: the tables are written once more at the end
-                append_lines(tables[0], RESULT_COLUMNS, _result_lines(suite, [job], scores), first)
-                append_lines(tables[1], CONSTRAINT_COLUMNS, _constraint_lines(suite, [job], scores), first)
-            on_finished(job, result, stored)
+                append_lines(tables[0], RESULT_COLUMNS, _result_lines(suite, [key], scores), first)
+                append_lines(tables[1], CONSTRAINT_COLUMNS, _constraint_lines(suite, [key], scores), first)
+            on_finished(runs[key], *answer)
 
         interrupted = 0
         try:
-            _run_all(jobs, folder, process_count(workers), limit, fresh, done)
+            _carry_out(runs, folder, workers, limit, fresh, done)
         except INTERRUPTS as interrupt:
             interrupted = signal_of(interrupt)
-        # in the jobs' order, whatever order they finished in
-        finished = [job for job in jobs if job.key in scores]
+        # in the suite's order, whatever order they finished in
+        finished = [key for key in runs if key in scores]
         wall_time = time.perf_counter() - started
-        compiled = Counter(bool(scores[job.key].result["compiled"]) for job in finished)
-        manifest.update(wall_time_s=wall_time, runs=len(jobs), finished=len(finished), stored_before=stored_before)
+        compiled = Counter(bool(scores[key].result["compiled"]) for key in finished)
+        manifest.update(wall_time_s=wall_time, runs=len(runs), finished=len(finished), stored_before=stored_before)
         manifest.update(compiled={"compiled": compiled[True], "NumPy": compiled[False]})
         with _storing(folder):
             if finished or not tables[0].exists():
@@ -162,90 +170,75 @@ def _storing(folder: Path) -> Iterator[None]:
         ) from error
 
 
-def run_job(job: Job, folder: Path, fresh: bool) -> tuple[Score, bool]:
-    """Run one job, or take it from the folder, and score it against its baseline, which has been run.
+def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSpec | None = None) -> tuple[Score, bool]:
+    """Make a run, or take it from the folder, and score it against its baseline, which has been made.
 
     Whatever goes wrong, while it is simulated, scored or stored, becomes a failed run with its reason.
     """
     with suppress(Exception):  # what cannot be read or scored is damaged, and run again
-        record = None if fresh else job.stored(folder)
+        record = None if fresh else stored_run(spec, folder)
         if record is not None:
-            return _scored(job, record, folder), True
-    path = run_file(folder, *job.key)
+            return _scored(spec, record, folder, baseline), True
+    path = run_file(folder, *spec.key)
     try:
         # nothing older is left for this run, however it ends
         path.unlink(missing_ok=True)
-        record = _simulated(job)
-        result = _scored(job, record, folder)
+        record = _simulated(spec)
+        result = _scored(spec, record, folder, baseline)
         record.save(path)
     except Exception as error:  # this is where one run ends and the others begin
         result = score(RunRecord.failed(f"the run cannot be stored: {described(error)}", ""), None)
     return result, False
 
 
-def _scored(job: Job, record: RunRecord, folder: Path) -> Score:
-    if job.baseline is None or job.entry == job.baseline:
-        return score(record, record if job.entry == job.baseline else None)
+def _scored(spec: RunSpec, record: RunRecord, folder: Path, baseline: RunSpec | None) -> Score:
+    if baseline is None or spec == baseline:
+        return score(record, None if baseline is None else record)
     # one of an earlier comparison tells nothing
-    return score(record, replace(job, entry=job.baseline).stored(folder))
+    return score(record, stored_run(baseline, folder))
 
 
-def _simulated(job: Job) -> RunRecord:
-    """Run one job; whatever goes wrong becomes a failed run with its reason."""
+def _simulated(spec: RunSpec) -> RunRecord:
+    """Make a run; whatever goes wrong becomes a failed one with its reason."""
     files: Files = {}
     # own parts may change the working directory
-    with chdir("."), noted() if job.has_own_parts else nullcontext(files) as read:
+    with chdir("."), noted() if spec.has_own_parts else nullcontext(files) as read:
         try:
-            files = digests(job.files)
-            setup = job.scenario.setup(job.trial, job.seed)
-            trajectory = simulate(setup, job.entry.controller(), by_public_call=True)
-            record = RunRecord.of(setup, trajectory, job.fingerprint)
+            files = digests(spec.files)
+            record = perform(spec, by_public_call=True).record
         except BaseException as error:  # even SystemExit
-            record = RunRecord.failed(described(error), job.fingerprint)
+            record = RunRecord.failed(described(error), spec.fingerprint)
     # of several readings the first: what was there before an edit is never taken for what is there after it
-    return replace(record, files={**read, **files, **(imported() if job.has_own_parts else {})})
+    return replace(record, files={**read, **files, **(imported() if spec.has_own_parts else {})})
 
 
-def _run_all(
-    jobs: Sequence[Job],
+def _carry_out(
+    runs: Mapping[Key, RunSpec],
     folder: Path,
-    workers: int,
+    workers: int | None,
     limit: float | None,
     fresh: bool,
-    done: Callable[[Job, Score, bool], None],
+    done: Callable[[Key, tuple[Score, bool] | Failure], None],
 ) -> None:
     """Baselines first, since the others are scored against them."""
-    by_key = {job.key: job for job in jobs}
-    with Pool(run_job, min(workers, len(jobs))) as pool:
-        for baselines in (True, False):
-            batch = [job for job in jobs if (job.entry.name == BASELINE) is baselines]
-            calls = {job.key: (job, folder, fresh) for job in batch}
-            limits = {job.key: limit or run_limit(job.scenario.tables) for job in batch}
-            for key, answer in pool.run(calls, limits):
-                if isinstance(answer, Failure):
-                    # what was stored before is not this run; this is not stored: memory, say, may suffice next time
-                    run_file(folder, *key).unlink(missing_ok=True)
-                    answer = score(RunRecord.failed(answer.reason, ""), None), False
-                done(by_key[key], *answer)
+    baselines = {key: run for key, run in runs.items() if run.controller.name == BASELINE}
+    by_scene = {(run.name, run.trial): run for run in baselines.values()}
+    calls = {key: (run, folder, fresh, by_scene[run.name, run.trial]) for key, run in runs.items()}
+    limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
+    first, others = ({key: calls[key] for key in runs if (key in baselines) is among} for among in (True, False))
+    carry_out(run_stored, first, others, workers=workers, limits=limits, on_answer=done)
 
 
-def _identity(suite: Suite, job: Job) -> dict[str, Any]:
-    return {
-        "suite": suite.name,
-        "scenario": job.scenario.name,
-        "controller": job.entry.name,
-        "trial": job.trial,
-    }
+def _identity(suite: Suite, key: Key) -> dict[str, Any]:
+    return dict(zip(("suite", "scenario", "controller", "trial"), (suite.name, *key), strict=True))
 
 
-def _result_lines(suite: Suite, jobs: Sequence[Job], scores: dict[tuple[str, str, int], Score]) -> list[dict[str, Any]]:
-    return [{**_identity(suite, job), **scores[job.key].result} for job in jobs]
+def _result_lines(suite: Suite, keys: Sequence[Key], scores: Mapping[Key, Score]) -> list[dict[str, Any]]:
+    return [{**_identity(suite, key), **scores[key].result} for key in keys]
 
 
-def _constraint_lines(
-    suite: Suite, jobs: Sequence[Job], scores: dict[tuple[str, str, int], Score]
-) -> list[dict[str, Any]]:
-    return [{**_identity(suite, job), **row} for job in jobs for row in scores[job.key].constraints]
+def _constraint_lines(suite: Suite, keys: Sequence[Key], scores: Mapping[Key, Score]) -> list[dict[str, Any]]:
+    return [{**_identity(suite, key), **row} for key in keys for row in scores[key].constraints]
 
 
 def _manifest(suite: Suite, command: Sequence[str]) -> dict[str, Any]:

@@ -13,9 +13,9 @@ from typing import Any
 
 from ..controllers import CONTROLLERS, controller_class
 from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
+from ..runs.spec import BASELINE, ControllerSpec, RunSpec
 from ..scenarios import Scenario
 from ..scenarios.section import Section, parse_toml, read_toml
-from .job import BASELINE, Entry, Job
 from .variants import scenarios_of
 
 MOST_RUNS = 100_000
@@ -24,7 +24,7 @@ MOST_RUNS = 100_000
 LONGEST_NAME = 100
 """Bytes that the name of a scenario or controller may have; files are named after both."""
 
-__all__ = ["BASELINE", "DEFAULT", "Entry", "Job", "Suite"]
+__all__ = ["BASELINE", "DEFAULT", "Suite"]
 
 DEFAULT = Path(__file__).parent / "default.toml"
 
@@ -50,7 +50,7 @@ class Suite:
     name: str
     title: str
     scenarios: tuple[Scenario, ...]
-    controllers: tuple[Entry, ...]
+    controllers: tuple[ControllerSpec, ...]
     trials: int = 1
     seed: int = 0
 
@@ -126,7 +126,7 @@ class Suite:
                     raise unknown_name("controller", name, {*entries, *CONTROLLERS, "or name own ones in a suite"})
             suite = replace(
                 suite,
-                controllers=tuple(entries.get(name) or Entry(name, name) for name in _unique(controllers)),
+                controllers=tuple(entries.get(name) or ControllerSpec(name) for name in _unique(controllers)),
             )
         if seed is not None:
             suite = replace(suite, seed=seed)
@@ -198,7 +198,7 @@ class Suite:
                 if names.count(name) > 1:
                     raise ConfigurationError(f"{what} {name!r} appears more than once; give each its own name")
         for entry in self.controllers:
-            entry.controller()
+            entry.make()
         self.remarks()
         if self.trials > 1:
             for scenario in self.scenarios:
@@ -227,19 +227,15 @@ class Suite:
 
     def with_baseline(self) -> Suite:
         """The same suite with tracking alone in it, first."""
-        others = tuple(entry for entry in self.controllers if entry.law != BASELINE)
-        own = [entry for entry in self.controllers if entry.law == BASELINE]
-        if any(entry.name == BASELINE for entry in others):
+        baseline = next((entry for entry in self.controllers if entry.name == BASELINE), ControllerSpec(BASELINE))
+        if baseline.law != BASELINE:
             raise ConfigurationError(f"the name {BASELINE!r} is that of the baseline; give the controller another one")
-        baseline = next((entry for entry in own if entry.name == BASELINE), Entry(BASELINE, BASELINE))
-        rest = tuple(entry for entry in self.controllers if entry is not baseline)
-        return replace(self, controllers=(baseline, *rest))
+        return replace(self, controllers=(baseline, *(entry for entry in self.controllers if entry is not baseline)))
 
-    def jobs(self) -> list[Job]:
+    def runs(self) -> list[RunSpec]:
         """All runs, in the order of the results."""
-        baseline = next((entry for entry in self.controllers if entry.name == BASELINE), None)
         return [
-            Job(scenario, entry, trial, self.seed, baseline)
+            RunSpec(scenario, entry, trial=trial, seed=self.seed)
             for scenario in self.scenarios
             for entry in self.controllers
             for trial in range(self.trials)
@@ -263,11 +259,11 @@ class Suite:
         }
 
 
-def _entry(name: str, table: object, where: str, folder: Path) -> Entry:
+def _entry(name: str, table: object, where: str, folder: Path) -> ControllerSpec:
     section = Section(table, where)
     law = section.take("type", str, name)
     controller_class(law, folder)
-    return Entry(name, law, section.rest(), folder)
+    return ControllerSpec(name, law, section.rest(), folder)
 
 
 def _demand_variety(scenario: Scenario, trials: int, seed: int) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -11,10 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from .. import __version__
 from ..errors import ConfigurationError
-from ..kernels import available
-from .code import code_hash, packages
+from ..runs.spec import RunSpec
 
 
 @dataclass(frozen=True)
@@ -29,11 +25,9 @@ class Unfinished:
 
     folder: Path
 
-    def file(self, *what: object) -> Path:
-        """Where a run is kept; another file if anything that it is made of, the code included, is another."""
-        state = (what, __version__, code_hash(), packages(), available())
-        digest = hashlib.sha256(json.dumps(state, sort_keys=True, default=str).encode())
-        return self.folder / f"{digest.hexdigest()[:32]}.npz"
+    def file(self, spec: RunSpec, what: str = "record") -> Path:
+        """Where something of a run is kept; another file if anything it is made of, the code included, is another."""
+        return self.folder / f"{spec.fingerprint}-{what}.npz"
 
 
 @contextmanager

@@ -9,10 +9,10 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from ..comparisons.machine import git_commit, machine, package_versions
 from ..comparisons.tables import write_table
 from ..reports.markdown import bold, bullets, code, plain, table
 from ..runs.files import replaced
+from ..runs.machine import git_commit, machine, package_versions
 from ..studies import STUDIES, data_file, figure_file
 from .figures.catalogue import FIGURES
 from .reconstructed import reconstructed

@@ -6,17 +6,19 @@ import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, TypeVar
 
+from ..comparisons.run import Run, kept_run
 from ..comparisons.unfinished import Unfinished, unfinished
 from ..errors import ConfigurationError
 from ..kernels import prepare
-from ..runs.pool import Failure, Pool
-from ..runs.resources import process_count, run_limit
+from ..runs.pool import Failure, carry_out
+from ..runs.resources import run_limit, samples
+from ..runs.spec import RunSpec
 from . import claims as _claims  # registers every claim
 from .figures.catalogue import FIGURES, FigureSpec
-from .runs import Run, RunSpec
 from .verdicts import VERDICTS, Finding, all_claims
 
 __all__ = ["Reproduction", "reproduce"]
@@ -28,6 +30,7 @@ Count = Callable[[int, int], None]
 """Told how much of something is done, and how much there is."""
 
 Key = TypeVar("Key", bound=Hashable)
+Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True)
@@ -100,19 +103,13 @@ def reproduce(
         figures.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigurationError(f"the report cannot be written to {folder}: {error}") from error
-    count = process_count(workers)
-    asked = wanted_runs()
     with unfinished(folder) as kept:
         prepare()
-        runs: dict[RunSpec | str, tuple[Any, ...]] = {
-            spec: (spec, kept.file("reproduction", str(spec), spec.tables)) for spec in asked
-        }
-        limits: dict[RunSpec | str, float] = {spec: run_limit(spec.tables) for spec in asked}
-        available = _parallel(perform, runs, count, partial(on_progress, "simulating"), limits)
-        studies = study_results(folder, count, partial(on_progress, "studying"), kept)
-        available.update(studies)
+        runs = made(wanted_runs(), kept, workers, partial(on_progress, "simulating"))
+        studies = study_results(folder, workers, partial(on_progress, "studying"), kept)
+        available: dict[RunSpec | str, Any] = dict(chain(runs.items(), studies.items()))
         findings = {claim.key: claim.check(available) for claim in all_claims()}
-        drawn = _draw(available, figures, count, partial(on_progress, "drawing"))
+        drawn = _draw(available, figures, workers, partial(on_progress, "drawing"))
         problems = {str(spec): found for spec, found in available.items() if isinstance(found, str)}
         problems |= {f"figure {number}": why for number, why in drawn.items() if why}
         result = Reproduction(folder / "report.md", findings, problems, time.perf_counter() - started)
@@ -121,20 +118,25 @@ def reproduce(
 
 
 def wanted_runs() -> list[RunSpec]:
-    """Every simulation that a claim or a figure needs, once; long ones first, so that none is left at the end."""
+    """Every run that a claim or a figure needs, once."""
     assert _claims.__all__
     needs = [need for claim in all_claims() for need in claim.needs]
     needs += [need for figure in FIGURES.values() for need in figure.needs]
-    runs = dict.fromkeys(need for need in needs if isinstance(need, RunSpec))
-    return sorted(runs, key=lambda spec: ("case" in spec.scenario, "bowl" in spec.scenario), reverse=True)
+    return list(dict.fromkeys(need for need in needs if isinstance(need, RunSpec)))
 
 
-def perform(spec: RunSpec, file: Path | None = None) -> Run | str:
-    """The run, or why there is none: the first sentence of what was raised; it is kept in the file."""
-    try:
-        return spec.perform(file)
-    except BaseException as error:  # even SystemExit of an own part: one run must not cost the others
-        return f"{type(error).__name__}: {error}".split(". ")[0]
+def made(
+    specs: Sequence[RunSpec], kept: Unfinished, workers: int | None, on_progress: Count
+) -> dict[RunSpec, Run | str]:
+    """Runs, or why there is none: the first sentence of what was raised."""
+    tables = {spec: spec.tables for spec in specs}
+    # the longest first, so that none is left at the end
+    calls = {
+        spec: (spec, kept.file(spec)) for spec in sorted(specs, key=lambda spec: samples(tables[spec]), reverse=True)
+    }
+    limits = {spec: run_limit(own) for spec, own in tables.items()}
+    found = _counted(kept_run, calls, workers, on_progress, limits)
+    return {spec: one.reason.split(". ")[0] if isinstance(one, Failure) else one for spec, one in found.items()}
 
 
 def _draw_one(figure: FigureSpec, runs: Sequence[Run], path: Path) -> str:
@@ -147,7 +149,9 @@ def _draw_one(figure: FigureSpec, runs: Sequence[Run], path: Path) -> str:
     return ""
 
 
-def _draw(available: Mapping[RunSpec | str, Any], folder: Path, workers: int, on_progress: Count) -> dict[int, str]:
+def _draw(
+    available: Mapping[RunSpec | str, Any], folder: Path, workers: int | None, on_progress: Count
+) -> dict[int, str]:
     """Of each figure why it is not there; an empty text if it is."""
     jobs: dict[int, tuple[Any, ...]] = {}
     drawn: dict[int, str] = {}
@@ -158,11 +162,12 @@ def _draw(available: Mapping[RunSpec | str, Any], folder: Path, workers: int, on
             (folder / figure.file).unlink(missing_ok=True)
         else:
             jobs[number] = (figure, [available[need] for need in figure.needs], folder / figure.file)
-    drawn |= _parallel(_draw_one, jobs, workers, on_progress)
+    found = _counted(_draw_one, jobs, workers, on_progress)
+    drawn |= {number: one.reason if isinstance(one, Failure) else one for number, one in found.items()}
     return {number: drawn[number] for number in FIGURES}
 
 
-def study_results(folder: Path, workers: int, on_progress: Count, kept: Unfinished) -> dict[str, Any]:
+def study_results(folder: Path, workers: int | None, on_progress: Count, kept: Unfinished) -> dict[str, Any]:
     """Results of all studies by name; a text instead of a result where there is none."""
     try:
         from ..studies import run_studies
@@ -174,18 +179,20 @@ def study_results(folder: Path, workers: int, on_progress: Count, kept: Unfinish
         return {"studies": f"{type(error).__name__}: {error}"}
 
 
-def _parallel(
-    function: Callable[..., Any],
+def _counted(
+    function: Callable[..., Answer],
     calls: Mapping[Key, tuple[Any, ...]],
-    workers: int,
+    workers: int | None,
     on_progress: Count,
     limits: Mapping[Key, float] | None = None,
-) -> dict[Key, Any]:
-    """What the function returned for each call; the reason where it returned nothing."""
-    done: dict[Key, Any] = {}
+) -> dict[Key, Answer | Failure]:
+    """Make calls in processes of their own, and tell how many are answered."""
+    answered = count(1)
     on_progress(0, len(calls))
-    with Pool(function, min(workers, max(len(calls), 1))) as pool:
-        for key, answer in pool.run(calls, limits):
-            done[key] = answer.reason if isinstance(answer, Failure) else answer
-            on_progress(len(done), len(calls))
-    return done
+    return carry_out(
+        function,
+        calls,
+        workers=workers,
+        limits=limits,
+        on_answer=lambda key, answer: on_progress(next(answered), len(calls)),
+    )

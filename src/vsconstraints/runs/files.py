@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 
 @contextmanager
@@ -18,3 +22,19 @@ def replaced(path: Path) -> Iterator[Path]:
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+def write_arrays(path: Path, values: Mapping[str, Any], *, compressed: bool = True) -> None:
+    """Write a .npz file of arrays by their names; everything else is in ``facts``, as JSON."""
+    arrays: dict[str, Any] = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    facts = {name: value for name, value in values.items() if name not in arrays}
+    text = json.dumps(facts, default=lambda number: number.item())
+    with replaced(path) as part, part.open("wb") as file:
+        (np.savez_compressed if compressed else np.savez)(file, facts=np.array(text), **arrays)
+
+
+def read_arrays(path: Path) -> dict[str, Any]:
+    """What :func:`write_arrays` wrote; raises anything if there is no such file or it is damaged."""
+    with path.open("rb") as file, np.load(file) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    return {**json.loads(str(arrays.pop("facts"))), **arrays}

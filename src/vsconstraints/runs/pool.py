@@ -9,17 +9,18 @@ import pickle
 import time
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 from ..errors import VsconstraintsError
+from .resources import process_count
 from .signals import signals_held
 from .worker import Failure, serve
 
-__all__ = ["Failure", "Pool"]
+__all__ = ["Failure", "Pool", "carry_out"]
 
 Key = TypeVar("Key", bound=Hashable)
 Answer = TypeVar("Answer")
@@ -64,8 +65,6 @@ class Pool(Generic[Answer]):
         self._failed_starts = 0
 
     def __enter__(self) -> Pool[Answer]:
-        for variable in THREAD_VARIABLES:
-            os.environ.setdefault(variable, "1")
         return self
 
     def __exit__(
@@ -158,6 +157,37 @@ class Pool(Generic[Answer]):
         wait([worker.connection for worker in self._workers], max(0.0, min(LOOK, nearest)))
 
 
+def carry_out(
+    function: Callable[..., Answer],
+    *batches: Mapping[Key, tuple[Any, ...]],
+    workers: int | None = None,
+    limits: Mapping[Key, float] | None = None,
+    on_answer: Callable[[Key, Answer | Failure], None] = lambda key, answer: None,
+) -> dict[Key, Answer | Failure]:
+    """Make calls in processes of their own: see :class:`Pool`.
+
+    Parameters
+    ----------
+    function
+        What is called; a function of a module, so that other processes can import it.
+    batches
+        Its arguments by keys; calls of a batch are begun when all of the one before are answered.
+    workers
+        Number of processes at most; see :func:`vsconstraints.runs.resources.process_count`.
+    limits
+        How long a call may take [s]; as long as it likes if it is not there.
+    on_answer
+        Told of every answer as it comes.
+    """
+    answers: dict[Key, Answer | Failure] = {}
+    with Pool(function, min(process_count(workers), max(map(len, batches), default=1))) as pool:
+        for batch in batches:
+            for key, answer in pool.run(batch, limits):
+                answers[key] = answer
+                on_answer(key, answer)
+    return answers
+
+
 class _Worker:
     """A process as its pool sees it.
 
@@ -180,7 +210,7 @@ class _Worker:
     def start(self, function: Callable[..., object]) -> None:
         # else the first process starts it, and it lets signals through again
         resource_tracker.ensure_running()
-        with signals_held():
+        with signals_held(), _single_threaded():
             self.process.start()
         self._theirs.close()
         self._send(pickle.dumps(function))
@@ -220,6 +250,18 @@ class _Worker:
         self.process.join(patience)
         self.process.kill()
         self.process.join()
+
+
+@contextmanager
+def _single_threaded() -> Iterator[None]:
+    """A process that is started meanwhile finds :data:`THREAD_VARIABLES` set; for this one nothing is changed."""
+    missing = [variable for variable in THREAD_VARIABLES if variable not in os.environ]
+    os.environ.update(dict.fromkeys(missing, "1"))
+    try:
+        yield
+    finally:
+        for variable in missing:
+            del os.environ[variable]
 
 
 def _unpacked(packed: bytes) -> Any:

@@ -7,7 +7,7 @@ from .robustness import Robustness
 from .run import data_file, figure_file, run_studies
 from .sampling_time import SamplingTime
 from .shrinking_region import ShrinkingRegion
-from .study import Study, StudyResult, StudyRun
+from .study import Study, StudyResult
 from .summary import RunSummary
 from .switching_gain import SwitchingGain
 from .unselected_experiments import UnselectedExperiments
@@ -17,7 +17,6 @@ __all__ = [
     "RunSummary",
     "Study",
     "StudyResult",
-    "StudyRun",
     "data_file",
     "figure_file",
     "run_studies",

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..reports.numbers import number, percent
+from ..runs.spec import RunSpec
 from ..scenarios import shipped_scenarios
 from .laws import LAWS
 from .panels import LOOKS, Grid, failed_marks, line_handle, logarithmic, plot, scenario_title, sentence_start
-from .study import Study, StudyResult, StudyRun
+from .study import Study, StudyResult, begun
 from .summary import RunSummary, pixel_distance
 
 ERRORS = {
@@ -33,6 +34,14 @@ ROWS = (
 """Column, label, and where a logarithmic axis becomes linear; None for a linear axis."""
 
 
+class Case(NamedTuple):
+    """A scenario, a controller's name, and c_e."""
+
+    scenario: str
+    controller: str
+    gradient_error: float
+
+
 class GradientErrors(Study):
     """Every controller with the erroneous gradient (49) in its visibility rows.
 
@@ -49,9 +58,9 @@ class GradientErrors(Study):
         "controller's run with exact gradients. A cross marks a run that failed or was aborted."
     )
 
-    def runs(self, *, small: bool = False) -> list[StudyRun]:
+    def runs(self, *, small: bool = False) -> dict[Case, RunSpec]:
         """Every scenario that is shipped, every controller, every error."""
-        runs = []
+        runs = {}
         for scenario, errors in ERRORS.items():
             if scenario not in shipped_scenarios() or (small and scenario != "example-2d-fov"):
                 continue
@@ -60,24 +69,17 @@ class GradientErrors(Study):
                     overrides: dict[str, Any] = {"disturbances": {"gradient_error": error}} if error else {}
                     if small:
                         overrides["duration"] = 6.0
-                    runs.append(
-                        StudyRun(f"{scenario} {law.controller} {error:g}", scenario, *law[1:], law[0], overrides)
-                    )
+                    runs[Case(scenario, law.name, error)] = RunSpec(scenario, law, overrides)
         return runs
 
-    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
         """Deviation, violation, settling by scenario, controller and error."""
         points: list[dict[str, Any]] = []
-        for key, run in results.items():
-            scenario, controller, error = key.split(" ")
-            exact = results.get(f"{scenario} {controller} 0", RunSummary("failed", "not run"))
+        for case, run in results.items():
+            exact = results.get(case._replace(gradient_error=0.0), RunSummary("failed", "not run"))
             points.append(
                 {
-                    "scenario": scenario,
-                    "controller": controller,
-                    "gradient_error": float(error),
-                    "status": run.status,
-                    "reason": run.reason,
+                    **begun(case, run),
                     "deviation_px": pixel_distance(run, exact),
                     "violation": 100.0 * run.value("violation_depth"),
                     "violated": run.result.get("violated", ""),

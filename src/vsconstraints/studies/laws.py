@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
+from ..runs.spec import SLIDING_MODE, ControllerSpec
 from ..scenarios import Scenario
 
 REGION = 0.2
@@ -13,30 +12,19 @@ ALPHA = 20.0
 """Rate α of the hierarchical QP's barrier where a study does not vary it [1/s]."""
 
 
-class Law(NamedTuple):
-    """A controller: its name in figures, its registered name, its options."""
-
-    controller: str
-    law: str
-    options: dict[str, Any]
-
-
-SLIDING_MODE = Law("sliding-mode", "sliding-mode", {})
-
-
-def potential_field(blend: str, region: float = REGION, strength: float = 1.0) -> Law:
+def potential_field(blend: str, region: float = REGION, strength: float = 1.0) -> ControllerSpec:
     """A potential field of a blend, a region and a strength."""
     name = "potential-field" if blend == "additive" else f"potential-field-{blend}"
     options = {"blend": blend, "region": region} | ({"strength": strength} if strength != 1.0 else {})
-    return Law(name, "potential-field", options)
+    return ControllerSpec(name, "potential-field", options)
 
 
-def hierarchical_qp(alpha: float = ALPHA) -> Law:
+def hierarchical_qp(alpha: float = ALPHA) -> ControllerSpec:
     """The hierarchical QP with barrier rows."""
-    return Law("hierarchical-qp", "hierarchical-qp", {"rows": "barrier", "alpha": alpha})
+    return ControllerSpec("hierarchical-qp", options={"rows": "barrier", "alpha": alpha})
 
 
-ACTIVE_QP = Law("hierarchical-qp-active", "hierarchical-qp", {"rows": "active"})
+ACTIVE_QP = ControllerSpec("hierarchical-qp-active", "hierarchical-qp", {"rows": "active"})
 
 LAWS = (SLIDING_MODE, potential_field("additive"), potential_field("priority"), hierarchical_qp(), ACTIVE_QP)
 """Every controller with its usual options."""

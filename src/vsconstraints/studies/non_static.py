@@ -7,15 +7,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..reports.numbers import number
+from ..runs.spec import RunSpec
 from ..scenarios import Scenario
-from .laws import SLIDING_MODE
 from .panels import INK, REFERENCE, Grid, handle, logarithmic
-from .study import Study, StudyResult, StudyRun
+from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
 KEPT = 0.005
@@ -89,6 +89,15 @@ SMALL = {"moving-sphere": ((0.0, 1.0), (0.0125, 1.0))}
 """Scenarios, speeds and gains of the small form; the shipped gain is among the gains of both forms."""
 
 
+class Case(NamedTuple):
+    """A scenario, the obstacle's speed as a factor, u⁺, and whether its motion is known."""
+
+    scenario: str
+    speed: float
+    switching_gain: float
+    known: bool
+
+
 class NonStatic(Study):
     """The sliding-mode law with obstacles that move at different speeds, known and unknown.
 
@@ -102,15 +111,16 @@ class NonStatic(Study):
     title = "Obstacles that move"
     question = "Does the motion of obstacles change nothing but the bound on the switching gain?"
     claims = (11,)
+    drift_noted = True
     figure_caption = (
         "Top: every marker is a run with an obstacle of known velocity; lines: the bound (12), with ∂φ/∂t in L_fφ, "
         "measured in the run with the largest u⁺. Bottom: how deep the obstacle is entered when its velocity is known "
         "and when it is not, with the shipped u⁺; line: K times its speed."
     )
 
-    def runs(self, *, small: bool = False) -> list[StudyRun]:
+    def runs(self, *, small: bool = False) -> dict[Case, RunSpec]:
         """Every speed with every gain, and with the shipped gain and unknown velocity."""
-        runs = []
+        runs = {}
         for scenario, obstacle in OBSTACLES.items():
             if small and scenario not in SMALL:
                 continue
@@ -121,14 +131,12 @@ class NonStatic(Study):
                 for gain, known in cases:
                     table = obstacle.constraint(scenario, speed, gain, known=known)
                     overrides = {"constraints": [table], "duration": obstacle.duration}
-                    key = f"{scenario} {speed:g} {gain:g} {'known' if known else 'unknown'}"
-                    law, options = SLIDING_MODE.law, SLIDING_MODE.options
-                    runs.append(StudyRun(key, scenario, law, options, overrides=overrides, drift_noted=True))
+                    runs[Case(scenario, speed, gain, known)] = RunSpec(scenario, overrides=overrides)
         return runs
 
-    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
         """Depth of every run; for every speed the bound, the smallest gain that is enough, the cost of not knowing."""
-        points = [_point(key, run) for key, run in results.items()]
+        points = [_point(case, run) for case, run in results.items()]
         numbers: dict[str, float] = {}
         sentences = []
         for scenario in dict.fromkeys(point["scenario"] for point in points):
@@ -182,20 +190,15 @@ class NonStatic(Study):
             )
 
 
-def _point(key: str, run: RunSummary) -> dict[str, Any]:
-    scenario, speed, gain, known = key.split(" ")
-    table = OBSTACLES[scenario].constraint(scenario, float(speed), float(gain), known=known == "known")
-    factor = 1e3 if OBSTACLES[scenario].unit == "mm" else 1.0
+def _point(case: Case, run: RunSummary) -> dict[str, Any]:
+    obstacle = OBSTACLES[case.scenario]
+    table = obstacle.constraint(case.scenario, case.speed, case.switching_gain, known=case.known)
+    factor = 1e3 if obstacle.unit == "mm" else 1.0
     depth = max((float(row["violation_depth"]) for row in run.rows.values()), default=math.nan)
     outcome = "kept" if run.value("violation_depth") <= KEPT else "violated"
     return {
-        "scenario": scenario,
-        "speed": float(speed),
-        "switching_gain": float(gain),
-        "known": known == "known",
-        "status": run.status,
-        "reason": run.reason,
-        "outcome": outcome if run.carried_through else "failed",
+        **begun(case, run),
+        "outcome": "failed" if run.ended_early else outcome,
         "depth": factor * depth,
         "depth_expected": factor * table["K"] * float(np.linalg.norm(table["motion"]["velocity"])),
         "phi_max": run.phi_max,

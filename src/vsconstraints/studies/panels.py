@@ -21,7 +21,7 @@ REFERENCE = {"color": INK, "linewidth": 1.1, "linestyle": (0, (4, 2))}
 SHADE = "#F6F0DC"
 """Background of a part of a panel that differs from the rest."""
 
-LOOKS: dict[str, Look] = looks(["tracking", *(law.controller for law in LAWS)])
+LOOKS: dict[str, Look] = looks(["tracking", *(law.name for law in LAWS)])
 
 SCENARIO_TITLES: dict[str, str] = {
     "example-2d-fov": "first example",

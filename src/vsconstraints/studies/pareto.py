@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..reports.numbers import number, percent
-from .laws import ACTIVE_QP, SLIDING_MODE, Law, hierarchical_qp, potential_field, scaled_gains
+from ..runs.spec import SLIDING_MODE, ControllerSpec, RunSpec
+from .laws import ACTIVE_QP, hierarchical_qp, potential_field, scaled_gains
 from .panels import INK, LOOKS, Grid, handle, line_handle, logarithmic, scenario_title, sentence_start
-from .study import Study, StudyResult, StudyRun
+from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
 FACTORS = (0.25, 0.5, 1.0, 1.5, 3.0, 10.0)
@@ -40,6 +42,15 @@ LEAST_UNUSED = 1e-3
 """Allowed space left unused below which points are drawn at the edge [%]."""
 
 
+class Case(NamedTuple):
+    """A scenario, a controller's name, its own parameter, and of a potential field its strength."""
+
+    scenario: str
+    controller: str
+    parameter: float
+    strength: float | None = None
+
+
 class Pareto(Study):
     """Every controller over the range of its own parameter.
 
@@ -61,9 +72,15 @@ class Pareto(Study):
         "samples. Black line: the front of the others."
     )
 
-    def runs(self, *, small: bool = False) -> list[StudyRun]:
+    def runs(self, *, small: bool = False) -> dict[Case, RunSpec]:
         """Every scenario, every controller, every value of its parameter."""
-        runs = []
+        runs: dict[Case, RunSpec] = {}
+
+        def add(
+            law: ControllerSpec, parameter: float, strength: float | None = None, overrides: Mapping[str, Any] = {}
+        ) -> None:
+            runs[Case(scenario, law.name, parameter, strength)] = RunSpec(scenario, law, overrides)
+
         for scenario, (factors, active_factors, regions, alphas) in SCENARIOS.items():
             if small:
                 if scenario != "example-2d-fov":
@@ -71,26 +88,21 @@ class Pareto(Study):
                 factors, active_factors, regions, alphas = (1.0,), (1.0,), (0.2,), (5.0, 20.0)
             strengths = (1.0,) if small else STRENGTHS
             for law, own in ((SLIDING_MODE, factors), (ACTIVE_QP, active_factors)):
-                runs += [_run(scenario, law, factor, scaled_gains(scenario, factor)) for factor in own]
-            for blend in ("additive", "priority"):
-                fields = [(potential_field(blend, region, s), region, s) for s in strengths for region in regions]
-                runs += [_run(scenario, law, region, {}, strength) for law, region, strength in fields]
-            runs += [_run(scenario, hierarchical_qp(alpha), alpha, {}) for alpha in alphas]
+                for factor in own:
+                    add(law, factor, overrides=scaled_gains(scenario, factor))
+            for blend, strength, region in product(("additive", "priority"), strengths, regions):
+                add(potential_field(blend, region, strength), region, strength)
+            for alpha in alphas:
+                add(hierarchical_qp(alpha), alpha)
         return runs
 
-    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
         """Price and use of every run, and whether it is on the front."""
         points: list[dict[str, Any]] = []
-        for key, run in results.items():
-            scenario, controller, parameter, *strength = key.split(" ")
+        for case, run in results.items():
             points.append(
                 {
-                    "scenario": scenario,
-                    "controller": controller,
-                    "parameter": float(parameter),
-                    "strength": float(strength[0]) if strength else math.nan,
-                    "status": run.status,
-                    "reason": run.reason,
+                    **begun(case, run),
                     "unused": unused(run),
                     "not_kept": not_kept(run),
                     "acceleration_variation": run.value("acceleration_variation"),
@@ -113,7 +125,7 @@ class Pareto(Study):
                 numbers[f"{name}.least_unused"] = min((p["unused"] for p in theirs), default=math.nan)
                 numbers[f"{name}.on_front"] = float(sum(point["front"] for point in theirs))
                 numbers[f"{name}.kept"] = float(len(theirs))
-            printed = [p for p in own if p["controller"] == SLIDING_MODE.controller and p["parameter"] == 1.0]
+            printed = [p for p in own if p["controller"] == SLIDING_MODE.name and p["parameter"] == 1.0]
             for point in printed:
                 numbers[f"{scenario}.printed.unused"] = point["unused"]
                 numbers[f"{scenario}.printed.kept"] = float(_clean(point))
@@ -187,13 +199,6 @@ def not_kept(run: RunSummary) -> str:
 
 def _clean(point: Mapping[str, Any]) -> bool:
     return not point["not_kept"] and math.isfinite(point["unused"]) and math.isfinite(point["acceleration_variation"])
-
-
-def _run(
-    scenario: str, law: Law, parameter: float, overrides: dict[str, Any], strength: float | None = None
-) -> StudyRun:
-    key = f"{scenario} {law.controller} {parameter:g}" + ("" if strength is None else f" {strength:g}")
-    return StudyRun(key, scenario, law.law, law.options, law.controller, overrides)
 
 
 def _shown(point: Mapping[str, Any]) -> float:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..reports.figures.sheet import STYLE, WIDTH, Sheet, style
 from ..reports.numbers import DASH, number
+from ..runs.spec import RunSpec
 from ..scenarios import Scenario
 from .laws import LAWS
-from .study import Study, StudyResult, StudyRun
+from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
 SCENARIO = "example-2d-fov"
@@ -42,6 +43,14 @@ LEAST = 0.01
 """Depth of violation, in per cent of L, at which they begin."""
 
 
+class Case(NamedTuple):
+    """A disturbance and its level, ``none`` without; and a controller's name."""
+
+    disturbance: str
+    level: str
+    controller: str
+
+
 class Robustness(Study):
     """Every disturbance at two levels with every controller, on the first example."""
 
@@ -55,38 +64,29 @@ class Robustness(Study):
         "greatest over the controllers."
     )
 
-    def runs(self, *, small: bool = False) -> list[StudyRun]:
+    def runs(self, *, small: bool = False) -> dict[Case, RunSpec]:
         """No disturbance, and every disturbance at two levels, with every controller."""
         some = list(DISTURBANCES.items())[:2] if small else list(DISTURBANCES.items())
-        cases: list[tuple[str, dict[str, Any]]] = [("none", {})]
-        for label, levels in some:
-            cases += [(f"{label}|{_level(level)}", level) for level in (levels[:1] if small else levels)]
+        levels: list[tuple[str, str, dict[str, Any]]] = [("none", "", {})]
+        for disturbance, both in some:
+            levels += [
+                (disturbance, _level(settings), {"disturbances": settings})
+                for settings in (both[:1] if small else both)
+            ]
         base = {**OVERRIDES, **({"duration": 3.0} if small else {})}
-        return [
-            StudyRun(
-                f"{case}|{law.controller}",
-                SCENARIO,
-                law.law,
-                law.options,
-                law.controller,
-                {**base, **({"disturbances": disturbances} if disturbances else {})},
-            )
-            for case, disturbances in cases
+        return {
+            Case(disturbance, level, law.name): RunSpec(SCENARIO, law, {**base, **overrides})
+            for disturbance, level, overrides in levels
             for law in LAWS
-        ]
+        }
 
-    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
         """Status, violation and final error by disturbance, level and controller."""
         points: list[dict[str, Any]] = []
-        for key, run in results.items():
-            *disturbance, controller = key.split("|")
+        for case, run in results.items():
             points.append(
                 {
-                    "disturbance": disturbance[0],
-                    "level": disturbance[1] if len(disturbance) > 1 else "",
-                    "controller": controller,
-                    "status": run.status,
-                    "reason": run.reason,
+                    **begun(case, run),
                     "violation": 100.0 * run.value("violation_depth"),
                     "violation_time_s": run.value("violation_time_s"),
                     "final_translation_error_mm": 1e3 * run.value("final_translation_error_m"),

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from ..comparisons.record import RunRecord
+from ..comparisons.run import perform
 from ..comparisons.tables import write_table
 from ..comparisons.unfinished import Unfinished, unfinished
 from ..errors import ConfigurationError, unknown_name
-from .pool import Progress, run_all
+from ..kernels import prepare
+from ..runs.pool import Failure, carry_out
+from ..runs.resources import run_limit, samples
+from ..runs.spec import BASELINE, ControllerSpec, RunSpec
 from .study import Study, StudyResult
-from .summary import RunSummary
+from .summary import RunSummary, summarise
+
+Progress = Callable[[int, int], None]
+"""Told how many runs are done, and how many there are in all."""
 
 
 def figure_file(folder: Path, name: str) -> Path:
@@ -75,16 +86,74 @@ def run_studies(
         except OSError as error:
             raise ConfigurationError(f"studies cannot be stored in {folder}: {error}") from error
     runs = {name: studies[name].runs(small=small) for name in chosen}
+    noted = {run: False for own in runs.values() for run in own.values()}
+    noted |= {run: True for name, own in runs.items() if studies[name].drift_noted for run in own.values()}
     with nullcontext(kept) if kept else unfinished(folder) as store:
-        summaries = run_all([run for own in runs.values() for run in own], store, workers, on_progress)
-        results = {}
-        for name in chosen:
-            own = {run.key: summaries[run.identity] for run in runs[name]}
-            results[name] = _finish(studies[name], own, folder)
-    return results
+        summaries = _run_all(noted, store, workers, on_progress)
+        return {
+            name: _finish(studies[name], {case: summaries[run] for case, run in own.items()}, folder)
+            for name, own in runs.items()
+        }
 
 
-def _finish(study: Study, summaries: Mapping[str, RunSummary], folder: Path | None) -> StudyResult:
+def _run_all(
+    runs: Mapping[RunSpec, bool], kept: Unfinished, workers: int | None, on_progress: Progress
+) -> dict[RunSpec, RunSummary]:
+    """Summaries of runs; one that raised, whose process died, or that took too long has the status ``failed``.
+
+    Parameters
+    ----------
+    runs
+        Whether each is asked what moved φ.
+    kept
+        Where runs are kept until all are finished.
+    workers, on_progress
+        See :func:`run_studies`.
+    """
+    # tracking on the scenario as it is shipped tells which rows are challenged
+    baselines = {name: RunSpec(name, ControllerSpec(BASELINE)) for name in dict.fromkeys(run.name for run in runs)}
+    tables = {run: run.tables for run in (*baselines.values(), *runs)}
+    longest_first = sorted(runs, key=lambda run: samples(tables[run]), reverse=True)
+    summaries: dict[RunSpec, RunSummary] = {}
+    done, total = 0, len(baselines) + len(runs)
+
+    def answered(run: RunSpec, answer: RunSummary | Failure) -> None:
+        nonlocal done
+        summaries[run] = RunSummary("failed", answer.reason) if isinstance(answer, Failure) else answer
+        done += 1
+        on_progress(done, total)
+
+    prepare()
+    carry_out(
+        summarised,
+        {run: (run, kept, run, False) for run in baselines.values()},
+        {run: (run, kept, baselines[run.name], runs[run]) for run in longest_first},
+        workers=workers,
+        limits={run: run_limit(own) for run, own in tables.items()},
+        on_answer=answered,
+    )
+    return summaries
+
+
+def summarised(run: RunSpec, kept: Unfinished, baseline: RunSpec, drift_noted: bool) -> RunSummary:
+    """Make a run, or take its summary from where it is kept; raises whatever goes wrong."""
+    file = kept.file(run, "drift" if drift_noted else "summary")
+    stored = RunSummary.load(file)
+    if stored is not None:
+        return stored
+    # some studies are about runs that diverge
+    with np.errstate(over="ignore", invalid="ignore"):
+        made = perform(run)
+        with suppress(OSError):  # it is there: it can only not be taken up again
+            if run == baseline:
+                made.record.save(kept.file(run))
+        summary = summarise(made, RunRecord.load(kept.file(baseline)), drift_noted=drift_noted)
+    with suppress(OSError):
+        summary.save(file)
+    return summary
+
+
+def _finish(study: Study, summaries: Mapping[Any, RunSummary], folder: Path | None) -> StudyResult:
     """Evaluate and draw one study; what goes wrong stays in it."""
     try:
         result = study.evaluate(summaries)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..reports.numbers import number
-from .laws import SLIDING_MODE
+from ..runs.spec import RunSpec
 from .panels import INK, REFERENCE, Grid, handle, logarithmic
-from .study import Study, StudyResult, StudyRun
+from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
 BAND_SCENARIOS = {"example-2d-fov": ("#222222", "o"), "example-2d-fast-high-gain": ("#8A8A8A", "s")}
@@ -28,6 +28,13 @@ ROW_COLOURS = ("#0072B2", "#56B4E9", "#009E73", "#D55E00", "#CC79A7", "#E69F00",
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
 
 
+class Case(NamedTuple):
+    """A scenario and its sampling time [ms]."""
+
+    scenario: str
+    Ts_ms: float
+
+
 class SamplingTime(Study):
     """The sliding-mode law with different sampling times, nothing else changed.
 
@@ -39,32 +46,27 @@ class SamplingTime(Study):
     title = "Sampling time against the chattering band"
     question = "Does the chattering band shrink with the sampling time as (43) says?"
     claims = (10, 2)
+    drift_noted = True
     figure_caption = (
         "Left: peak-to-peak φ while sliding, with the bound (43) and what tracking adds in one sample. Middle: "
         "greatest φ of each row of the case study relative to its T_s u⁺. Right: most samples in a row with φ ≥ 0."
     )
 
-    def runs(self, *, small: bool = False) -> list[StudyRun]:
+    def runs(self, *, small: bool = False) -> dict[Case, RunSpec]:
         """Every scenario with every sampling time."""
         times = {"example-2d-fast-high-gain": (2.5, 5.0, 10.0)} if small else SAMPLING_TIMES
-        return [
-            StudyRun(
-                f"{scenario} {time:g}",
-                scenario,
-                *SLIDING_MODE[1:],
-                drift_noted=True,
-                overrides={"sampling_time": time / 1e3, **({"duration": 4.0} if small else {})},
-            )
+        shorter = {"duration": 4.0} if small else {}
+        return {
+            Case(scenario, time): RunSpec(scenario, overrides={"sampling_time": time / 1e3, **shorter})
             for scenario, own in times.items()
             for time in own
-        ]
+        }
 
-    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
         """Bands and bounds of every run, and one line more for each row of the case study that was active."""
         points: list[dict[str, Any]] = []
-        for key, run in results.items():
-            scenario, time = key.split(" ")
-            common = {"scenario": scenario, "Ts_ms": float(time), "status": run.status, "reason": run.reason}
+        for case, run in results.items():
+            common = begun(case, run)
             bound = run.value("phi_band_bound")
             points.append(
                 {
@@ -78,7 +80,7 @@ class SamplingTime(Study):
                     "violation_depth": run.value("violation_depth"),
                 }
             )
-            if scenario == ROW_SCENARIO:
+            if case.scenario == ROW_SCENARIO:
                 points += [
                     {**common, **_row_point(row, run.Ts)} for row in run.rows.values() if row["active_time_s"] > 0
                 ]

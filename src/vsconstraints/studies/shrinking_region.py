@@ -6,10 +6,11 @@ import math
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..reports.numbers import number
-from .laws import SLIDING_MODE, potential_field
+from ..runs.spec import RunSpec
+from .laws import potential_field
 from .panels import (
     LOOKS,
     REFERENCE,
@@ -23,7 +24,7 @@ from .panels import (
     scenario_title,
     sentence_start,
 )
-from .study import Study, StudyResult, StudyRun
+from .study import Study, StudyResult, begun
 from .summary import RunSummary, clearance_distance, joint_distance
 
 BLENDS = ("priority", "additive")
@@ -43,6 +44,14 @@ ROWS = (
 )
 
 
+class Case(NamedTuple):
+    """A scenario with ``sliding-mode``, with half of the sampling time (``halved``), or a blend and its region."""
+
+    scenario: str
+    law: str
+    region: float | None = None
+
+
 class ShrinkingRegion(Study):
     """Potential fields with ever smaller regions beside the sliding-mode law.
 
@@ -60,35 +69,27 @@ class ShrinkingRegion(Study):
         "regions smaller than T_s u⁺, the step of φ in one sample. A cross marks a run that failed."
     )
 
-    def runs(self, *, small: bool = False) -> list[StudyRun]:
+    def runs(self, *, small: bool = False) -> dict[Case, RunSpec]:
         """The sliding-mode law, also at half the sampling time, and both blends with every region."""
-        runs = []
+        runs = {}
         for scenario, regions in REGIONS.items():
             if small and scenario != "example-2d-fov":
                 continue
-            halved = {"sampling_time": HALVED[scenario]}
-            runs.append(StudyRun(f"{scenario} sliding-mode", scenario, *SLIDING_MODE[1:], overrides={}))
-            runs.append(StudyRun(f"{scenario} halved", scenario, *SLIDING_MODE[1:], overrides=halved))
+            runs[Case(scenario, "sliding-mode")] = RunSpec(scenario)
+            runs[Case(scenario, "halved")] = RunSpec(scenario, overrides={"sampling_time": HALVED[scenario]})
             for blend in BLENDS:
                 for region in (0.5, 0.02, 0.0001) if small else regions:
-                    law = potential_field(blend, region)
-                    key = f"{scenario} {blend} {region:g}"
-                    runs.append(StudyRun(key, scenario, law.law, law.options, law.controller, {}))
+                    runs[Case(scenario, blend, region)] = RunSpec(scenario, potential_field(blend, region))
         return runs
 
-    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
         """Distances to the sliding-mode law, by scenario, blend and region."""
         points: list[dict[str, Any]] = []
-        for key, run in results.items():
-            scenario, what, *region = key.split(" ")
-            reference = results.get(f"{scenario} sliding-mode", RunSummary("failed", "not run"))
+        for case, run in results.items():
+            reference = results.get(Case(case.scenario, "sliding-mode"), RunSummary("failed", "not run"))
             points.append(
                 {
-                    "scenario": scenario,
-                    "law": what,
-                    "region": float(region[0]) if region else math.nan,
-                    "status": run.status,
-                    "reason": run.reason,
+                    **begun(case, run),
                     "joint_distance": joint_distance(run, reference),
                     "clearance_distance": clearance_distance(run, reference),
                     "unused": 100.0 * (1.0 - run.value("utilization")),
@@ -111,7 +112,7 @@ class ShrinkingRegion(Study):
         """One column per scenario; rows as in :data:`ROWS`."""
         scenarios = list(dict.fromkeys(point["scenario"] for point in result.points))
         with Grid(path, len(ROWS), len(scenarios), height=1.45, legend=0.18, left=0.95, gap=0.75) as grid:
-            names = [potential_field(blend).controller for blend in BLENDS]
+            names = [potential_field(blend).name for blend in BLENDS]
             reference = handle("sliding-mode", **_reference())
             grid.legend([*(line_handle(name) for name in names), reference], 3)
             for j, scenario in enumerate(scenarios):
@@ -147,7 +148,7 @@ def _panel(ax: Any, points: list[dict[str, Any]], column: str) -> None:
     if math.isfinite(reference):
         ax.axhline(reference, **REFERENCE, zorder=2)
     for blend in BLENDS:
-        look = LOOKS[potential_field(blend).controller]
+        look = LOOKS[potential_field(blend).name]
         own = [point for point in points if point["law"] == blend]
         plot(ax, [point for point in own if point["status"] not in ("failed", "aborted")], "region", column, look)
         if column == ROWS[0][0]:

@@ -2,53 +2,18 @@
 
 from __future__ import annotations
 
-import json
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+from ..runs.spec import RunSpec
 from .summary import RunSummary
 
-
-@dataclass(frozen=True)
-class StudyRun:
-    """One simulation of a study.
-
-    Attributes
-    ----------
-    key
-        Its name, unique within the study.
-    scenario
-        Name of a shipped scenario.
-    law, options
-        Registered name of the controller, and what it is made with.
-    controller
-        What figures call the controller, and by which they choose its colour.
-    overrides
-        Dotted keys of the scenario that are set to other values.
-    drift_noted
-        Whether what moves φ is noted, which takes longer than the run itself.
-    """
-
-    key: str
-    scenario: str
-    law: str
-    options: dict[str, Any] = field(default_factory=dict)
-    controller: str = ""
-    overrides: dict[str, Any] = field(default_factory=dict)
-    drift_noted: bool = False
-
-    def __post_init__(self) -> None:
-        if not self.controller:
-            object.__setattr__(self, "controller", self.law)
-
-    @property
-    def identity(self) -> str:
-        """The same for runs that give the same result, whatever study they belong to."""
-        parts = (self.scenario, self.law, self.options, self.overrides, self.drift_noted)
-        return json.dumps(parts, sort_keys=True)
+Case = Hashable
+"""What tells a run from the others of its study: a NamedTuple of what is varied, None where something is not."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +31,7 @@ class StudyResult:
     points
         The data of the figure: one line of the study's CSV file each, failed runs included.
     failures
-        ``key: reason`` of every run that failed or was aborted, and of an evaluation or drawing that failed.
+        Case and reason of every run that failed or was aborted, and of an evaluation or drawing that failed.
     """
 
     study: str
@@ -90,6 +55,8 @@ class Study(ABC):
         Which of the paper's claims it answers, as the reproduction numbers them.
     figure_caption
         What the figure shows.
+    drift_noted
+        Whether runs are asked what moved φ, which takes about as long as they do.
     """
 
     name: ClassVar[str]
@@ -97,27 +64,39 @@ class Study(ABC):
     question: ClassVar[str]
     claims: ClassVar[tuple[int, ...]]
     figure_caption: ClassVar[str]
+    drift_noted: ClassVar[bool] = False
 
     @abstractmethod
-    def runs(self, *, small: bool = False) -> list[StudyRun]:
-        """Every simulation, in the order of the figure's data; ``small`` asks for a few short ones."""
+    def runs(self, *, small: bool = False) -> Mapping[Any, RunSpec]:
+        """Every run by its case, in the order of the figure's data; ``small`` asks for a few short ones."""
 
     @abstractmethod
-    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
         """The points, numbers and sentences of :class:`StudyResult`; runs that failed are in ``results`` as such."""
 
     @abstractmethod
     def draw(self, result: StudyResult, path: Path) -> None:
         """Draw the figure from the result's points and write it as PNG."""
 
-    def evaluate(self, results: Mapping[str, RunSummary]) -> StudyResult:
+    def evaluate(self, results: Mapping[Any, RunSummary]) -> StudyResult:
         """What the runs say.
 
         Parameters
         ----------
         results
-            By the runs' keys. Runs may be missing; a run that failed or was aborted is listed with its reason.
+            By the runs' cases. Runs may be missing; a run that failed or was aborted is listed with its reason.
         """
         points, numbers, sentences = self.measure(results)
-        failures = [f"{key}: {run.status}, {run.reason}" for key, run in results.items() if not run.carried_through]
+        failures = [f"{_said(case)}: {run.status}, {run.reason}" for case, run in results.items() if run.ended_early]
         return StudyResult(self.name, numbers, tuple(sentences), tuple(points), tuple(failures))
+
+
+def begun(case: Any, run: RunSummary) -> dict[str, Any]:
+    """How a run's line of the figure's data begins: its case, a NamedTuple, and how it ended."""
+    varied = {name: math.nan if value is None else value for name, value in case._asdict().items()}
+    return {**varied, "status": run.status, "reason": run.reason}
+
+
+def _said(case: Case) -> str:
+    parts = case if isinstance(case, tuple) else (case,)
+    return " ".join(f"{part:g}" if isinstance(part, float) else str(part) for part in parts if part is not None)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
+from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,11 @@ import numpy as np
 
 from ..comparisons.metrics import score
 from ..comparisons.record import RunRecord
+from ..comparisons.run import Run
+from ..control_step import ControlStep
+from ..controllers.tracking import RANK_TOLERANCE, track
 from ..rows import Array
-from ..runs.files import replaced
-from .recorder import DriftRecorder
+from ..runs.files import read_arrays, write_arrays
 
 GRID = 0.02
 """Trajectories are kept at these intervals [s]."""
@@ -47,9 +49,6 @@ class RunSummary:
         (T, M, 2) markers from the image's centre [px].
     needed_gain
         Greatest Σ max(L_fφᵢ, 0) over the active rows in any sample: the bound (12) on u⁺.
-    return_gain
-        Greatest L_fφ + φ/T_s over the samples in which a row has just become active: the u⁺ with which φ would be
-        back below zero after one sample.
     entry_push
         Greatest L_fφ + L_gφ q̈ of tracking in the last sample before a row becomes active: what moves φ past zero.
     phi_max
@@ -70,62 +69,50 @@ class RunSummary:
     clearance: Array = field(default_factory=lambda: np.empty((0, 0)))
     pixels: Array = field(default_factory=lambda: np.empty((0, 0, 2)))
     needed_gain: float = np.nan
-    return_gain: float = np.nan
     entry_push: float = np.nan
     phi_max: float = np.nan
     longest_run: int = 0
     qd: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
-    def carried_through(self) -> bool:
-        """Whether the run went on to its end."""
-        return self.status in ("converged", "trapped", "unfinished")
+    def ended_early(self) -> bool:
+        """Whether the run did not go on to its end."""
+        return self.status in ("failed", "aborted")
 
     def save(self, path: Path) -> None:
         """Write the file whole or not at all."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        arrays: dict[str, Any] = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
-        facts = {name: value for name, value in values.items() if name not in arrays}
-        with replaced(path) as part, part.open("wb") as file:
-            np.savez(file, facts=np.array(json.dumps(facts, default=lambda number: number.item())), **arrays)
+        write_arrays(path, {f.name: getattr(self, f.name) for f in fields(self)}, compressed=False)
 
     @classmethod
     def load(cls, path: Path) -> RunSummary | None:
         """What the file holds; None if there is none, or it is damaged."""
-        try:
-            with path.open("rb") as file, np.load(file) as stored:
-                arrays = {name: stored[name] for name in stored.files}
-            return cls(**json.loads(str(arrays.pop("facts"))), **arrays)
-        except Exception:  # a damaged file can raise anything
-            return None
+        with suppress(Exception):  # a damaged file can raise anything
+            return cls(**read_arrays(path))
+        return None
 
     def value(self, column: str) -> float:
         """A number of :attr:`result`; NaN if the run has none."""
         return float(self.result.get(column, np.nan))
 
 
-def summarise(
-    record: RunRecord, baseline: RunRecord | None, recorder: DriftRecorder | None, scales: Array
-) -> RunSummary:
+def summarise(made: Run, baseline: RunRecord | None, *, drift_noted: bool = False) -> RunSummary:
     """The summary of a run.
 
     Parameters
     ----------
-    record
+    made
         The run.
     baseline
         Tracking alone on the same scenario, which tells the challenged rows; None if it failed.
-    recorder
-        What noted the drift of φ during the run; None if nothing did.
-    scales
-        (m,) size of each row's allowed range in units of φ.
+    drift_noted
+        Whether ``needed_gain`` and ``entry_push`` are asked for.
     """
-    run, N = record.trajectory, len(record.trajectory.t)
+    record, run, N = made.record, made.trajectory, len(made.t)
     scored = score(record, baseline)
     if N == 0:
         return RunSummary(run.status, run.reason, scored.result)
     t = np.arange(0.0, run.t[-1] + 1e-9, max(GRID, run.t[-1] / MOST_POINTS))
-    relative = run.clearance / record.length
+    relative, scales = run.clearance / record.length, made.setup.constraints.scale
     return RunSummary(
         run.status,
         run.reason,
@@ -139,7 +126,7 @@ def summarise(
         _on_grid(t, run.t, run.q),
         _on_grid(t, run.t, relative),
         _on_grid(t, run.t, run.features_px.reshape(N, -1)).reshape(len(t), -1, 2),
-        **(_gains(run.phi, recorder.drift(N), recorder.push(N), record.Ts) if recorder else {}),
+        **(gains(made) if drift_noted else {}),
         phi_max=float(run.phi.max(initial=-np.inf)),
         longest_run=max((round(row["longest_positive_run_s"] / record.Ts) for row in scored.constraints), default=0),
         qd=_on_grid(t, run.t, run.qd),
@@ -197,21 +184,23 @@ def _at(t: Array, times: Array, values: Array) -> Array:
     return np.array([np.interp(t, times, column) for column in flat.T]).T.reshape(len(t), *values.shape[1:])
 
 
-def _gains(phi: Array, drift: Array, push: Array, Ts: float) -> dict[str, float]:
-    active = phi >= 0.0
+def gains(made: Run) -> dict[str, float]:
+    """What condition (12) asks for along a motion, as its controller was told it: see :class:`RunSummary`.
+
+    No gradient error and no disturbance of what is sensed is taken into account.
+    """
+    active = made.trajectory.phi >= 0.0
     if not active.any():
         return {}
-    needed = np.where(active, np.maximum(drift, 0.0), 0.0).sum(axis=1)
     entered = np.zeros_like(active)
-    entered[1:] = active[1:] & ~active[:-1]
-    before = np.zeros_like(active)
-    before[:-1] = entered[1:]
-    return {
-        "needed_gain": float(needed.max()),
-        "return_gain": _greatest((drift + phi / Ts)[entered]),
-        "entry_push": _greatest(push[before]),
-    }
-
-
-def _greatest(values: Array) -> float:
-    return float(values.max()) if values.size else float("nan")
+    entered[:-1] = active[1:] & ~active[:-1]
+    step = ControlStep(made.setup.scene, made.setup.constraints, made.setup.task)
+    step.reset()
+    needed, push = 0.0, []
+    for k, t in enumerate(made.t):
+        now = step.evaluate(float(t), made.trajectory.q[k], made.trajectory.qd[k])
+        needed = max(needed, float(np.maximum(now.rows.Lf[active[k]], 0.0).sum()))
+        if entered[k].any():
+            moved = now.rows.Lf + now.rows.Lg @ track(now.task, RANK_TOLERANCE)
+            push.append(float(moved[entered[k]].max()))
+    return {"needed_gain": needed, "entry_push": max(push, default=math.nan)}

@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..reports.numbers import number
-from .laws import SLIDING_MODE
+from ..runs.spec import RunSpec
 from .panels import INK, Grid, handle, logarithmic
-from .study import Study, StudyResult, StudyRun
+from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
 SCENARIO = "example-2d-fov"
@@ -31,6 +31,13 @@ LOOK = {
 }
 
 
+class Case(NamedTuple):
+    """K_p(0) [1/s²], and u⁺."""
+
+    Kp0: float
+    switching_gain: float
+
+
 class SwitchingGain(Study):
     """The first example with ever faster motion, and a grid of switching gains for each speed.
 
@@ -44,31 +51,29 @@ class SwitchingGain(Study):
     title = "Switching gain against the speed of the motion"
     question = "Must the switching gain rise with the speed of the motion, and is condition (12) enough?"
     claims = (2, 10)
+    drift_noted = True
     figure_caption = (
         "Every marker is a run of the first example. Lines: the bound (12), the greatest Σ max(L_fφ, 0) over the "
         "active rows in any run of the same speed that slides, and what is needed to be back below zero after one "
         "sample."
     )
 
-    def runs(self, *, small: bool = False) -> list[StudyRun]:
+    def runs(self, *, small: bool = False) -> dict[Case, RunSpec]:
         """Every speed with every gain."""
         speeds = (50.0,) if small else tuple(DURATIONS)
         gains = (5.0, 10.0, 20.0, 40.0) if small else GAINS
-        return [
-            StudyRun(
-                f"{Kp0:g} {gain:g}",
+        return {
+            Case(Kp0, gain): RunSpec(
                 SCENARIO,
-                *SLIDING_MODE[1:],
-                drift_noted=True,
                 overrides={"task.Kp0": Kp0, "constraints.0.switching_gain": gain, "duration": DURATIONS[Kp0]},
             )
             for Kp0 in speeds
             for gain in gains
-        ]
+        }
 
-    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
         """Outcome of every run; for every speed the smallest gains that are enough, and the bounds."""
-        points = [_point(key, run) for key, run in results.items()]
+        points = [_point(case, run) for case, run in results.items()]
         numbers: dict[str, float] = {}
         sentences = []
         for Kp0 in dict.fromkeys(point["Kp0"] for point in points):
@@ -135,17 +140,13 @@ class SwitchingGain(Study):
             grid.legend([*handles, *(handle(text, INK, linestyle=line) for line, text in lines.values())], 2)
 
 
-def _point(key: str, run: RunSummary) -> dict[str, Any]:
-    Kp0, gain = (float(part) for part in key.split(" "))
+def _point(case: Case, run: RunSummary) -> dict[str, Any]:
     return {
-        "Kp0": Kp0,
-        "switching_gain": gain,
-        "status": run.status,
-        "reason": run.reason,
-        "outcome": _outcome(run, gain),
+        **begun(case, run),
+        "outcome": _outcome(run, case.switching_gain),
         "violation_depth": run.value("violation_depth"),
         "phi_max": run.phi_max,
-        "band_bound": run.Ts * gain,
+        "band_bound": run.Ts * case.switching_gain,
         "longest_run": run.longest_run,
         "bound_12": run.needed_gain,
         "bound_sampled": run.needed_gain + max(run.entry_push, 0.0),
@@ -155,7 +156,7 @@ def _point(key: str, run: RunSummary) -> dict[str, Any]:
 
 def _outcome(run: RunSummary, gain: float) -> str:
     """The first of :data:`OUTCOMES` that is not excluded."""
-    if not run.carried_through:
+    if run.ended_early:
         return "failed"
     if run.value("violation_depth") > 0.0:
         return "violated"

@@ -6,15 +6,15 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..runs.spec import RunSpec
 from ..simulation.disturbances import GRADIENT_SIGNS
 from .experiment_scenes import EXPERIMENTS, Experiment, kept_scenes
-from .laws import SLIDING_MODE
 from .panels import REFERENCE, Grid, handle, logarithmic, scenario_title, sentence_start
-from .study import Study, StudyResult, StudyRun
+from .study import Study, StudyResult
 from .summary import RunSummary, pixel_distance, speed_difference
 
 EXACT = "exact"
@@ -58,6 +58,14 @@ PANELS = (
 """Column, label, ticks, and what the claims ask for."""
 
 
+class Case(NamedTuple):
+    """A scenario, which scene of its geometry, and one of :data:`CASES`."""
+
+    scenario: str
+    scene: str
+    case: str
+
+
 class UnselectedExperiments(Study):
     """Both experiments, without and with the gradient error (49), in scenes selected by geometry alone.
 
@@ -76,9 +84,9 @@ class UnselectedExperiments(Study):
         "19. Dashed: what the claims ask for."
     )
 
-    def runs(self, *, small: bool = False) -> list[StudyRun]:
+    def runs(self, *, small: bool = False) -> dict[Case, RunSpec]:
         """The shipped scene and every kept one, in every case."""
-        runs = []
+        runs = {}
         for experiment in EXPERIMENTS:
             kept = kept_scenes()[experiment.scenario]["scenes"][: 2 if small else None]
             scenes: dict[str, dict[str, Any]] = {SHIPPED: {}} | {str(i): scene for i, scene in enumerate(kept)}
@@ -87,22 +95,21 @@ class UnselectedExperiments(Study):
                     if small and "action" in case:
                         continue
                     overrides = {**entries, **({"disturbances": disturbances} if disturbances else {})}
-                    key = f"{experiment.scenario} {scene} {case}"
-                    runs.append(StudyRun(key, experiment.scenario, *SLIDING_MODE[1:], overrides=overrides))
+                    runs[Case(experiment.scenario, scene, case)] = RunSpec(experiment.scenario, overrides=overrides)
         return runs
 
-    def measure(self, results: Mapping[str, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
         """What every error changes in every scene, and in how many scenes it is little."""
         points: list[dict[str, Any]] = []
         numbers: dict[str, float] = {}
         sentences = []
         for experiment in EXPERIMENTS:
             name = experiment.scenario
-            own = [key.split(" ")[1:] for key in results if key.startswith(f"{name} ")]
+            own = {case: run for case, run in results.items() if case.scenario == name}
             rejected: Counter[str] = Counter()
             judged: list[dict[str, Any]] = []
-            for scene in dict.fromkeys(scene for scene, _ in own):
-                cases = {case: results[f"{name} {scene} {case}"] for other, case in own if other == scene}
+            for scene in dict.fromkeys(case.scene for case in own):
+                cases = {case.case: run for case, run in own.items() if case.scene == scene}
                 reason = why_not(experiment, cases[EXACT]) if EXACT in cases else "no run without an error"
                 rejected[reason] += scene != SHIPPED and bool(reason)
                 lines = [

@@ -6,15 +6,15 @@ import numpy as np
 
 from ...rows import Array, BoolArray
 from ...simulation import intervals
-from ..runs import MERGE, Run, RunSpec
+from ..runs import BASELINE, MERGE, ControllerSpec, Run, RunSpec
 from ..verdicts import Finding, claim, ends_of, finding, plural, rounds_to, shown_intervals, signed
 from .boundary import VANISHED, clear, fully_used, greatest_phi, phi_never_positive, smoothly
 
 CASE = RunSpec("case-study-6r")
-TRACKING = RunSpec("case-study-6r", "tracking", overrides=(("qd0", (0.2, -0.2, 0.2, 0.6, -0.6, 0.6)),))
+TRACKING = RunSpec("case-study-6r", ControllerSpec(BASELINE), {"qd0": [0.2, -0.2, 0.2, 0.6, -0.6, 0.6]})
 """From a start at which the camera turns about another axis than the one that leads to the goal."""
 
-CASE_HALVED = RunSpec("case-study-6r", overrides=(("sampling_time", 0.001),))
+CASE_HALVED = RunSpec("case-study-6r", overrides={"sampling_time": 0.001})
 
 SPHERE, RANGE, SPEED = "sphere[tip]", "range[joint 6]", "speed[joint 2]"
 BORDERS = tuple(f"fov[marker {i}]" for i in (1, 2, 3, 4))

@@ -103,7 +103,7 @@ def very_similar(exact: Run, erroneous: Run, alone: Run, study: StudyResult, *, 
     """Differences between the runs without and with errors in the gradient, here and in unselected scenes."""
     width = float(exact.setup.scene.camera.size[0])
     here, other = (Difference.between(exact, run, of.kind) for run in (erroneous, alone))
-    verdict, scenes = in_unselected(study, of.exact.scenario, "similar", here.similar(width))
+    verdict, scenes = in_unselected(study, of.exact.name, "similar", here.similar(width))
     text = (
         f"{scenes}. Here tracks differ by up to {here.track:.2f} px, with errors max σ = {signed(here.sigma)}, "
         f"{erroneous.trajectory.status}; with ∇σ_e in L_gφ alone by {other.track:.2f} px, max σ = "
@@ -115,7 +115,7 @@ def very_similar(exact: Run, erroneous: Run, alone: Run, study: StudyResult, *, 
 def little_speed_difference(exact: Run, erroneous: Run, study: StudyResult, *, of: Experiment) -> Finding:
     """Differences of joint speeds, here and in unselected scenes."""
     here = Difference.between(exact, erroneous, of.kind)
-    verdict, scenes = in_unselected(study, of.exact.scenario, "little_speed", here.little_speed)
+    verdict, scenes = in_unselected(study, of.exact.name, "little_speed", here.little_speed)
     share = here.speed / here.fastest
     text = (
         f"{scenes}. Here by up to {1e3 * here.speed:.2g} mrad/s, {100.0 * share:.0f} % of the fastest joint's "
@@ -137,7 +137,7 @@ def _satisfactory(pbvs: Run, pbvs_error: Run, ibvs: Run, ibvs_error: Run, study:
         sigma = Difference.between(exact, run, experiment.kind).sigma
         seen = bool(run.setup.scene.camera.sees(run.trajectory.features_px).all())
         good = sigma <= 0.0 and seen and run.trajectory.status == "converged" and run.sampling_time == 0.1
-        verdict, scenes = in_unselected(study, experiment.exact.scenario, "satisfactory", good)
+        verdict, scenes = in_unselected(study, experiment.exact.name, "satisfactory", good)
         verdicts.append(verdict)
         texts.append(
             f"{experiment.name}: {scenes}; here T_s = {run.sampling_time:g} s, {run.trajectory.status}, max σ = "

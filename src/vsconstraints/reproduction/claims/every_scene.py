@@ -29,8 +29,8 @@ SCENES = tuple(
 NOT_DIFFERENTIABLE = "example-2d-heart-concave"
 """Where φ has no derivative on its boundary (5.5), (12) says nothing: 4b is about that."""
 
-IN_MOTION = {"qd0": (0.0, 0.0, -3.0), "constraints.0.switching_gain": 100.0, "sampling_time": 0.001, "duration": 1.0}
-OUTSIDE = RunSpec("example-2d-fov", overrides=tuple(IN_MOTION.items()))
+IN_MOTION = {"qd0": [0.0, 0.0, -3.0], "constraints.0.switching_gain": 100.0, "sampling_time": 0.001, "duration": 1.0}
+OUTSIDE = RunSpec("example-2d-fov", overrides=IN_MOTION)
 """The first example, its camera turning so fast at the start that φ of the second feature is above zero."""
 
 
@@ -41,17 +41,17 @@ def _bound_is_sufficient(study: StudyResult, *runs: Run) -> Finding:
     above, kept, band = (int(number(study, name)) for name in names)
     broken, beyond = [], []
     for spec, run in zip(SCENES, runs, strict=True):
-        if spec.scenario == NOT_DIFFERENTIABLE:
+        if spec.name == NOT_DIFFERENTIABLE:
             continue
         share, labels = run.needed_share().max(), run.trajectory.labels
         if share >= 1.0:
-            broken.append(f"{spec.scenario} ({share:.3g} u⁺)")
+            broken.append(f"{spec.name} ({share:.3g} u⁺)")
             continue
         most = max(excess(run, label) for label in labels)
         above, band = above + 1, band + (most <= 1.0)
         kept += all(clear(run, label) >= 0.0 for label in with_sigma(labels))
         if most > 1.0:
-            beyond.append(f"{spec.scenario} ({most:.3g} T_s u⁺)")
+            beyond.append(f"{spec.name} ({most:.3g} T_s u⁺)")
     if above == 0:
         raise NotMeasured("no run is above the bound")
     text = (
@@ -72,7 +72,7 @@ def _band_is_bounded(study: StudyResult, *runs: Run) -> Finding:
         raise NotMeasured("the study sampling-time has no band")
     power = {name: number(study, name, "exponent") for name in found}
     scenes = {
-        spec.scenario: max(
+        spec.name: max(
             (float(np.ptp(run.while_sliding(label))) / run.bound(label), label, run.positive_samples(label))
             for label in run.ever_active()
         )
@@ -128,7 +128,7 @@ def _aborted_without_rank(*runs: Run) -> Finding:
             continue
         named = any(label in end.reason for label in end.labels if run.phi(label)[lost] >= 0.0)
         right.append(lost == len(run.t) - 1 and end.status == "aborted" and named)
-        texts.append(f"{spec.scenario}, T_s = {run.sampling_time:g} s: rank lost at {run.t[lost]:.2f} s, {end.status}")
+        texts.append(f"{spec.name}, T_s = {run.sampling_time:g} s: rank lost at {run.t[lost]:.2f} s, {end.status}")
     if not texts:
         raise NotMeasured("no run loses the rank of its active rows")
     return finding("; ".join(texts), all(right))

@@ -26,20 +26,20 @@ class Experiment(NamedTuple):
     @property
     def erroneous(self) -> RunSpec:
         """With the error (49) of the gradient."""
-        return RunSpec(f"{self.exact.scenario}-gradient-error")
+        return RunSpec(f"{self.exact.name}-gradient-error")
 
     @property
     def alone(self) -> RunSpec:
         """With ∇σ_e in L_gφ alone."""
-        return RunSpec(self.erroneous.scenario, overrides=(("disturbances.gradient_error_in_phi", False),))
+        return RunSpec(self.erroneous.name, overrides={"disturbances.gradient_error_in_phi": False})
 
 
 FIRST, SECOND = Experiment("experiment 1", PBVS, "fov"), Experiment("experiment 2", IBVS, "occlusion")
 
-TEN_TIMES = (("task.Kp0", 6.0), ("duration", 60.0))
+TEN_TIMES = {"task.Kp0": 6.0, "duration": 60.0}
 FASTER_OF = tuple((experiment, Ts) for experiment in (FIRST, SECOND) for Ts in (0.1, 0.01))
 FASTER = tuple(
-    RunSpec(experiment.exact.scenario, overrides=(*TEN_TIMES, ("sampling_time", Ts)), may_end_early=True)
+    RunSpec(experiment.exact.name, overrides={**TEN_TIMES, "sampling_time": Ts}, may_end_early=True)
     for experiment, Ts in FASTER_OF
 )
 

@@ -12,8 +12,8 @@ from .boundary import VANISHED, clear, fulfilled, fully_used, greatest_sigma, ph
 FOV = RunSpec("example-2d-fov")
 FAST = RunSpec("example-2d-fast")
 HIGH_GAIN = RunSpec("example-2d-fast-high-gain")
-HIGH_GAIN_FASTER_SAMPLING = RunSpec("example-2d-fast-high-gain", overrides=(("sampling_time", 0.001),))
-HALVED = RunSpec("example-2d-fov", overrides=(("sampling_time", 0.0025),))
+HIGH_GAIN_FASTER_SAMPLING = RunSpec("example-2d-fast-high-gain", overrides={"sampling_time": 0.001})
+HALVED = RunSpec("example-2d-fov", overrides={"sampling_time": 0.0025})
 
 FIRST, SECOND = "fov[marker 1]", "fov[marker 2]"
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runs import Run, RunSpec
+from ..runs import ControllerSpec, Run, RunSpec
 from ..verdicts import Finding, NotMeasured, claim, finding, signed
 from .case_study import CASE
 from .first_example import FOV, SECOND
 
 PARAMETERS = (0.1, 0.2, 0.4)
-APPROACHES = tuple(RunSpec("example-2d-fov", overrides=(("constraints.0.K", K),)) for K in PARAMETERS)
-BLIND = tuple(RunSpec(spec.scenario, "vsconstraints.reproduction.without_drift:WithoutDrift") for spec in (FOV, CASE))
+APPROACHES = tuple(RunSpec("example-2d-fov", overrides={"constraints.0.K": K}) for K in PARAMETERS)
+WITHOUT_DRIFT = ControllerSpec("vsconstraints.reproduction.without_drift:WithoutDrift")
+BLIND = tuple(RunSpec(spec.name, WITHOUT_DRIFT) for spec in (FOV, CASE))
 
 
 @claim("7b", *APPROACHES)
@@ -40,10 +41,10 @@ def _second_derivatives_not_needed(*runs: Run) -> Finding:
     texts, same = [], []
     for spec, law, blind in zip(BLIND, runs[:2], runs[2:], strict=True):
         if len(law.t) != len(blind.t):
-            texts.append(f"{spec.scenario}: one run ends earlier")
+            texts.append(f"{spec.name}: one run ends earlier")
             same.append(False)
             continue
         difference = np.abs(law.trajectory.qdd_command - blind.trajectory.qdd_command).max()
         same.append(difference == 0.0 and bool((law.trajectory.q == blind.trajectory.q).all()))
-        texts.append(f"{spec.scenario}: q̈_c differs by {signed(difference)} rad/s² in {len(law.t)} samples")
+        texts.append(f"{spec.name}: q̈_c differs by {signed(difference)} rad/s² in {len(law.t)} samples")
     return finding("; ".join(texts), all(same))

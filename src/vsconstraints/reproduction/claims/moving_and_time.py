@@ -30,7 +30,7 @@ def _moving_objects(*runs: Run) -> Finding:
             run.ever_active(),
             run.trajectory.status,
         )
-        texts.append(f"{spec.scenario}: {status}, max σ = {signed(sigma)}, {', '.join(acting) or 'no row'} active")
+        texts.append(f"{spec.name}: {status}, max σ = {signed(sigma)}, {', '.join(acting) or 'no row'} active")
         good.append(status == "converged" and sigma <= 0.0 and bool(acting))
     return finding("; ".join(texts), all(good), any(good))
 
@@ -40,7 +40,7 @@ def _only_the_bound_changes(*runs: Run) -> Finding:
     """Rows along the same motion with and without knowledge of the obstacle's."""
     texts, same, equal = [], [], []
     for spec, run in zip((OCCLUDER, SPHERE), runs, strict=True):
-        untold = RunSpec(spec.scenario, overrides=((KNOWN, False),)).load().setup()
+        untold = RunSpec(spec.name, overrides={KNOWN: False}).load().setup()
         needed, Lg, phi = np.zeros(2), 0.0, 0.0
         for k in np.flatnonzero((run.trajectory.phi >= 0.0).any(axis=1)):
             t, q, qd = float(run.t[k]), run.trajectory.q[k], run.trajectory.qd[k]
@@ -53,7 +53,7 @@ def _only_the_bound_changes(*runs: Run) -> Finding:
             phi = max(phi, (np.abs(told.phi - blind.phi) * active).max())
         with_it, without = needed
         texts.append(
-            f"{spec.scenario}: L_gφ differs by {Lg:.2g}; (12) asks for u⁺ > {with_it:.3g}, without ∂φ/∂t for "
+            f"{spec.name}: L_gφ differs by {Lg:.2g}; (12) asks for u⁺ > {with_it:.3g}, without ∂φ/∂t for "
             f"{without:.3g}; φ of active rows differs by up to {phi:.3g}, as σ̇ contains ∂σ/∂t"
         )
         same.append(Lg < ROUNDING and abs(with_it - without) > ROUNDING)

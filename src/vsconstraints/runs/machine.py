@@ -1,10 +1,12 @@
-"""What a comparison ran on: read when it runs, kept in the manifest."""
+"""What results depend on besides what is run: the machine, the packages, and this package's own source."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 import subprocess
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -34,6 +36,18 @@ def machine() -> dict[str, str | int]:
     }
 
 
+@cache
+def code_hash() -> str:
+    """Hash of the package's own source, so that results of other code are never taken for this one's."""
+    digest = hashlib.sha256()
+    package = Path(__file__).parent.parent
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.relative_to(package).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+@cache
 def package_versions() -> dict[str, str]:
     """Versions of the packages that results can depend on, as installed."""
     versions = {}

@@ -1,0 +1,182 @@
+"""A run that has been made, with its rows looked up by their labels."""
+
+from __future__ import annotations
+
+from contextlib import chdir, suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..constraints import Constraint
+from ..rows import Array
+from ..runs.spec import RunSpec
+from ..simulation import Setup, Trajectory, intervals, simulate
+from .metrics import Score, score
+from .record import RunRecord
+
+MERGE = 0.6
+"""Times at which a row acts that are closer than this are one interval [s]: in a sliding mode φ crosses zero again
+and again."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A simulation and the setup it was made with.
+
+    Attributes
+    ----------
+    setup, record
+        What was run, and what it left.
+    """
+
+    setup: Setup
+    record: RunRecord
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """What the simulation left."""
+        return self.record.trajectory
+
+    @property
+    def sampling_time(self) -> float:
+        """Sampling time [s]."""
+        return self.record.Ts
+
+    @property
+    def t(self) -> Array:
+        """(N,) time [s]."""
+        return self.trajectory.t
+
+    @cached_property
+    def score(self) -> Score:
+        """Its scores without a baseline: no row counts as challenged."""
+        return score(self.record, None)
+
+    def against(self, baseline: Run) -> dict[str, Any]:
+        """Its line of results.csv when ``baseline`` is the run of tracking alone."""
+        return score(self.record, baseline.record).result
+
+    def index(self, label: str) -> int:
+        """Where a row is; raises ValueError that names the label if there is none."""
+        return self.trajectory.labels.index(label)
+
+    def labels(self, name: str) -> list[str]:
+        """Labels of the rows of a kind (``"fov"``) or of an entry whose sides are rows (``"range[joint 6]"``)."""
+        return [label for label in self.trajectory.labels if label.startswith(name)]
+
+    def phi(self, label: str) -> Array:
+        """(N,) φ of a row."""
+        return self.trajectory.phi[:, self.index(label)]
+
+    def sigma(self, label: str) -> Array:
+        """(N,) σ of a row; φ for rows that have none of their own."""
+        return self.trajectory.sigma[:, self.index(label)]
+
+    def row(self, label: str) -> dict[str, Any]:
+        """The row's line of constraints.csv."""
+        line: dict[str, Any] = self.score.constraints[self.index(label)]
+        return line
+
+    def bound(self, label: str) -> float:
+        """T_s u⁺ of a row: eq. (43)."""
+        return self.sampling_time * float(self.record.switching_gain[self.index(label)])
+
+    def length(self, label: str) -> float:
+        """Characteristic length of a row in its unit."""
+        return float(self.record.length[self.index(label)])
+
+    def unit(self, label: str) -> str:
+        """Natural unit of a row's clearance."""
+        return self.record.units[self.index(label)]
+
+    def constraint(self, label: str) -> Constraint:
+        """The constraint that a row belongs to; raises KeyError if there is none."""
+        for constraint in self.setup.constraints.constraints:
+            if label in constraint.labels(self.setup.scene):
+                return constraint
+        raise KeyError(label)
+
+    def positive_samples(self, label: str) -> int:
+        """In how many samples in a row φ is at or above zero."""
+        return round(float(self.row(label)["longest_positive_run_s"]) / self.sampling_time)
+
+    def active_intervals(self, *labels: str, gap: float = MERGE) -> list[tuple[float, float]]:
+        """When φ of any of these rows is at or above zero [s]."""
+        at = [self.index(label) for label in labels]
+        return intervals(self.t, np.asarray((self.trajectory.phi[:, at] >= 0.0).any(axis=1)), gap)
+
+    def ever_active(self, kind: str = "") -> list[str]:
+        """Labels of the rows of a kind whose φ is ever at or above zero."""
+        return [label for label in self.labels(kind) if (self.phi(label) >= 0.0).any()]
+
+    def while_sliding(self, label: str, gap: float = 0.1) -> Array:
+        """φ of a row from the first to the last sample of each time it acts, without the time between."""
+        inside = np.zeros(len(self.t), dtype=np.bool_)
+        for first, last in self.active_intervals(label, gap=gap):
+            inside |= (self.t >= first) & (self.t <= last)
+        return self.phi(label)[inside]
+
+    @property
+    def settling_time(self) -> float:
+        """From the last change of the goal until the error stays within tolerance [s]; NaN if it does not."""
+        return float(self.score.result["settling_time_s"])
+
+    def approach_speed(self, label: str) -> Array:
+        """(N,) how fast a row's clearance shrinks [its unit per second], over five samples."""
+        clearance = self.trajectory.clearance[:, self.index(label)]
+        rate: Array = -np.convolve(np.gradient(clearance, self.sampling_time), np.ones(5) / 5.0, mode="same")
+        return rate
+
+    @cached_property
+    def drift(self) -> Array:
+        """(N, m) max(L_fφ, 0) of the rows with φ ≥ 0, zero of others: what eq. (12) adds up along this motion."""
+        scene, constraints = self.setup.scene, self.setup.constraints
+        drift = np.zeros_like(self.trajectory.phi)
+        for k in np.flatnonzero((self.trajectory.phi >= 0.0).any(axis=1)):
+            state = scene.evaluate(float(self.t[k]), self.trajectory.q[k], self.trajectory.qd[k])
+            rows, _ = constraints.rows(state)
+            drift[k] = np.where(rows.phi >= 0.0, np.maximum(rows.Lf, 0.0), 0.0)
+        return drift
+
+    def needed_gain(self) -> Array:
+        """(N,) Σ max(L_fφ, 0) over the rows with φ ≥ 0: the right-hand side of eq. (12) along this motion."""
+        needed: Array = self.drift.sum(axis=1)
+        return needed
+
+    def needed_share(self) -> Array:
+        """(N,) Σ max(L_fφ, 0) / u⁺ over the rows with φ ≥ 0: eq. (12) for rows of several kinds asks for less than 1.
+
+        (12) is about one u⁺ for all rows; a row divided by its own has the gain 1.
+        """
+        share: Array = (self.drift / self.record.switching_gain).sum(axis=1)
+        return share
+
+
+def perform(spec: RunSpec, *, by_public_call: bool = False) -> Run:
+    """Make a run; raises what the scenario, the controller or the simulation raise.
+
+    Parameters
+    ----------
+    spec
+        What is run.
+    by_public_call
+        See :func:`vsconstraints.simulation.simulate`.
+    """
+    with chdir("."):  # own parts may change the working directory
+        setup = spec.load().setup(spec.trial, spec.seed)
+        trajectory = simulate(setup, spec.controller.make(), by_public_call=by_public_call)
+        return Run(setup, RunRecord.of(setup, trajectory, spec.fingerprint))
+
+
+def kept_run(spec: RunSpec, file: Path) -> Run:
+    """Make a run and keep it in a file, or take it from there; raises as :func:`perform`."""
+    record = RunRecord.load(file)
+    if record is not None:
+        return Run(spec.load().setup(spec.trial, spec.seed), record)
+    run = perform(spec)
+    with suppress(OSError):  # the run is there: it can only not be taken up again
+        run.record.save(file)
+    return run
