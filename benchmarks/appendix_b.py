@@ -50,7 +50,7 @@ class AppendixB:
         self.speed_joint, self.speed = joint_speed["joints"][0] - 1, joint_speed["upper"][0]
         self.centre, self.radius = np.array(sphere["centre"]), sphere["radius"]
         task = tables["task"]
-        self.Kp0, self.slope = task["Kp0"], task["Kp_slope0"]
+        self.Kp0, self.slope = task["Kp0"], task["Kp_slope"]
         self.goals = [(goal.get("from_time", 0.0), kinematics(np.array(goal["camera_at_q"]))) for goal in task["goals"]]
         self.goal = -1
         self.s_prev: Array = np.zeros(6)

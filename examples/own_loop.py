@@ -12,13 +12,13 @@ from vsconstraints.scene import Scene
 from vsconstraints.tracking import TrackingGains, VisualTask
 
 Ts = 0.002
-robot, camera = ur5(), Camera(focal=(600.0, 600.0), size=(640.0, 480.0))
+robot, camera = ur5(), Camera(focal_px=(600.0, 600.0), size_px=(640.0, 480.0))
 markers = np.array([[0.35, -0.05, 0.0], [0.45, -0.05, 0.0], [0.45, 0.05, 0.0], [0.35, 0.05, 0.0]])
 constraints = [
     FieldOfView(camera, margin=0.05, K=0.15, switching_gain=5.0),
     JointSpeed(robot, switching_gain=3.0),
     ForbiddenSphere(
-        centre=(0.1, 0.1, 0.2), radius=0.1, K=0.15, switching_gain=0.5, robot_points=[RobotPoint("forearm_link")]
+        centre=(0.1, 0.1, 0.2), radius=0.1, K=0.15, switching_gain=0.5, points=[RobotPoint("forearm_link")]
     ),
 ]
 scene = Scene(robot, camera, markers, robot_points(constraints))
@@ -26,7 +26,7 @@ q, qd = np.array([-0.24, -1.8, 2.0, -1.77, -1.57, -0.24]), np.zeros(6)
 desired = scene.camera_pose(q + np.array([0.1, 0.05, -0.05, 0.0, 0.05, 0.6]))
 pixels = scene.project(desired)
 task = VisualTask(
-    CameraPose(), [Goal(0.0, pixels, camera.normalised(pixels), desired)], TrackingGains(Kp0=10.0, slope=5.0)
+    CameraPose(), [Goal(0.0, pixels, camera.normalised(pixels), desired)], TrackingGains(Kp0=10.0, Kp_slope=5.0)
 )
 to_command = ControlStep(scene, ConstraintSet(constraints, scene), task).bind(SlidingMode())
 

@@ -17,7 +17,7 @@ from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
 from vsconstraints.controllers import Tracking
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scenarios.section import read_toml
+from vsconstraints.scenarios.toml import read_toml
 from vsconstraints.simulation import simulate
 
 ROOT = Path(__file__).parent.parent

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from vsconstraints.scenarios import Scenario, shipped_scenarios
-from vsconstraints.scenarios.section import read_toml
+from vsconstraints.scenarios.toml import read_toml
 
 DATA = Path(__file__).parent / "data"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,7 @@ from vsconstraints.geometry import Pose
 from vsconstraints.motion import Motion, TargetMotion
 from vsconstraints.robots import READY_MADE
 from vsconstraints.rows import Array
-from vsconstraints.scenarios import CONSTRAINTS
-from vsconstraints.scenarios.section import Section
+from vsconstraints.scenarios.constraint_types import make_constraint
 from vsconstraints.scene import Scene, State
 
 
@@ -269,10 +269,7 @@ def constraint_tables(type_name: str, robot: Robot) -> list[dict[str, Any]]:
 
 def build_constraint(type_name: str, table: dict[str, Any], robot: Robot) -> Constraint:
     """The constraint that a scenario file's table describes."""
-    section = Section(table, f"example of {type_name}")
-    constraint = CONSTRAINTS[type_name](section, robot, camera())
-    section.finish()
-    return constraint
+    return make_constraint({**table, "type": type_name}, f"example of {type_name}", robot, camera(), Path())
 
 
 # --- numerical derivatives ---

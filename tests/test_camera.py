@@ -61,21 +61,21 @@ def test_the_image_ends_at_its_border() -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"focal": (0.0, 1.0)}, "focal must be positive"),
-        ({"focal": (1.0, -1.0)}, "focal must be positive"),
-        ({"focal": (1.0,)}, "focal must be 2 numbers"),
-        ({"focal": 500.0}, "focal must be 2 numbers"),
-        ({"focal": (np.nan, 1.0)}, "focal must be finite"),
-        ({"size": (512, 0)}, "size must be positive"),
-        ({"size": (512, 512, 3)}, "size must be 2 numbers"),
-        ({"size": ("a", "b")}, "size must be 2 numbers"),
-        ({"principal_point": (np.inf, 0.0)}, "principal_point must be finite"),
-        ({"principal_point": (1.0, 2.0, 3.0)}, "principal_point must be 2 numbers"),
+        ({"focal_px": (0.0, 1.0)}, "focal_px must be positive"),
+        ({"focal_px": (1.0, -1.0)}, "focal_px must be positive"),
+        ({"focal_px": (1.0,)}, "focal_px must be 2 numbers"),
+        ({"focal_px": 500.0}, "focal_px must be 2 numbers"),
+        ({"focal_px": (np.nan, 1.0)}, "focal_px must be finite"),
+        ({"size_px": (512, 0)}, "size_px must be positive"),
+        ({"size_px": (512, 512, 3)}, "size_px must be 2 numbers"),
+        ({"size_px": ("a", "b")}, "size_px must be 2 numbers"),
+        ({"principal_point_px": (np.inf, 0.0)}, "principal_point_px must be finite"),
+        ({"principal_point_px": (1.0, 2.0, 3.0)}, "principal_point_px must be 2 numbers"),
     ],
 )
 def test_a_camera_that_is_none_is_refused(arguments: dict[str, object], words: str) -> None:
     with pytest.raises(InvalidInput, match=words):
-        Camera(**{"focal": (500.0, 500.0), "size": (640, 480), **arguments})
+        Camera(**{"focal_px": (500.0, 500.0), "size_px": (640, 480), **arguments})
 
 
 def test_markers_are_seen_where_the_intrinsic_matrix_puts_them() -> None:

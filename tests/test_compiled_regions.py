@@ -140,7 +140,7 @@ def test_points_on_the_base_stay_where_they_are(name: str) -> None:
     arm = robot(name)
     base = arm.model.frames[1].name if arm.model.frames[1].parentJoint == 0 else "universe"
     points = [RobotPoint(base, (0.1, 0.2, 0.3), "foot"), RobotPoint(name="nose")]
-    region = ForbiddenBox(centre=[0.0, 0.1, 0.2], size=[0.4, 0.5, 0.3], robot_points=points, **GAINS).moving(SWING)
+    region = ForbiddenBox(centre=[0.0, 0.1, 0.2], size=[0.4, 0.5, 0.3], points=points, **GAINS).moving(SWING)
     scene, q, qd = random_scene(arm, np.random.default_rng(3), [region])
     pixels = scene.glance(q)[0]
     task = VisualTask(ImagePoints(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0))

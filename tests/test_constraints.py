@@ -74,7 +74,7 @@ def test_labels_are_those_that_reports_and_files_use() -> None:
         Occlusion(Circle(40.0), name="cup", markers=[3, 2], **GAINS),
         JointRange(arm, joints=[6], **GAINS),
         JointSpeed(arm, joints=[2, 5], switching_gain=1.0),
-        ForbiddenSphere(centre=[0.5, 0.2, 0.4], radius=0.05, robot_points=points, **GAINS),
+        ForbiddenSphere(centre=[0.5, 0.2, 0.4], radius=0.05, points=points, **GAINS),
         ForbiddenSphere(centre=[0.5, 0.2, 0.4], radius=0.05, name="post", **GAINS),
     ]
     scene, state = one_scene(*constraints)
@@ -132,7 +132,7 @@ def test_rows_with_the_same_label_are_refused() -> None:
 
 
 def test_a_scene_without_the_constraints_points_is_refused() -> None:
-    sphere = ForbiddenSphere(centre=[0, 0, 0], radius=0.1, robot_points=[RobotPoint("link 2")], **GAINS)
+    sphere = ForbiddenSphere(centre=[0, 0, 0], radius=0.1, points=[RobotPoint("link 2")], **GAINS)
     scene, _ = one_scene()
     with pytest.raises(ConfigurationError, match="robot_points"):
         ConstraintSet([sphere], scene)
@@ -581,7 +581,7 @@ def test_a_sphere_is_finite_at_its_centre_and_leads_out() -> None:
         ({"centre": [0.0, np.inf, 0.0]}, "centre of a sphere"),
         ({"margin": -0.01}, "margin of a sphere"),
         ({"margin": np.nan}, "margin of a sphere"),
-        ({"robot_points": []}, "at least one robot point"),
+        ({"points": []}, "at least one robot point"),
         ({"K": 0.0}, "K of sphere"),
     ],
 )
@@ -686,7 +686,7 @@ class Energy(SpeedConstraint):
 OWN = {
     "image": lambda: Wall(K=0.3, switching_gain=1.0, length=80.0, markers=[3, 1]),
     "image with curvature": lambda: WallWithCurvature(K=0.3, switching_gain=1.0, length=80.0),
-    "point": lambda: Floor(K=0.2, switching_gain=1.0, length=0.1, robot_points=[RobotPoint("link 3"), RobotPoint()]),
+    "point": lambda: Floor(K=0.2, switching_gain=1.0, length=0.1, points=[RobotPoint("link 3"), RobotPoint()]),
     "point with curvature": lambda: FloorWithCurvature(K=0.2, switching_gain=1.0, length=0.1, name="hill"),
     "joint": lambda: Elbow(K=0.1, switching_gain=1.0),
     "joint with curvature": lambda: ElbowWithCurvature(K=0.1, switching_gain=1.0),
@@ -774,8 +774,8 @@ def test_an_own_constraint_with_rows_of_the_wrong_shape_is_named() -> None:
 
 def test_an_own_point_constraint_keeps_to_its_points() -> None:
     """Each constraint sees its own slice of the scene's points."""
-    floor = Floor(length=0.1, robot_points=[RobotPoint("link 2"), RobotPoint("link 4")], **GAINS)
-    sphere = ForbiddenSphere(centre=[0.1, 0.2, 0.3], radius=0.1, robot_points=[RobotPoint("link 6")], **GAINS)
+    floor = Floor(length=0.1, points=[RobotPoint("link 2"), RobotPoint("link 4")], **GAINS)
+    sphere = ForbiddenSphere(centre=[0.1, 0.2, 0.3], radius=0.1, points=[RobotPoint("link 6")], **GAINS)
     scene, state = one_scene(sphere, floor)
     assert scene.points == robot_points([sphere, floor])
     _, sigma = ConstraintSet([sphere, floor], scene).rows(state)

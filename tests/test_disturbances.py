@@ -339,7 +339,7 @@ def test_the_baseline_of_a_disturbed_scenario_is_disturbed_too() -> None:
         ({"pixel_noise": -1.0}, "pixel_noise must be zero or more"),
         ({"pixel_noise": float("nan")}, "pixel_noise must be finite"),
         ({"depth_factor": 0.0}, "depth_factor must be positive"),
-        ({"focal_factor": [1.0]}, "focal_factor must be two numbers"),
+        ({"focal_factor": [1.0]}, "focal_factor must be 2 numbers"),
         ({"focal_factor": [1.0, -1.0]}, "focal_factor must be positive"),
         ({"image_period": 0.003}, "image_period must be a multiple of the sampling time, 0.002 s, not 0.003"),
         ({"delay": 1.5}, "delay must be an integer"),

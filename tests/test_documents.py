@@ -18,7 +18,7 @@ from vsconstraints.comparisons import Suite, compare
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scenarios.section import read_toml
+from vsconstraints.scenarios.toml import read_toml
 from vsconstraints.simulation import Trajectory, simulate
 
 NOT_RUN: dict[tuple[str, str], str] = {

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-import ast
 import inspect
 import re
 import tomllib
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
+import types
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, get_args, get_origin
 
+import msgspec
 import numpy as np
 import pytest
 
-from documents import DOCS, ROOT, blocks, reader_folder, run
+from documents import DOCS, blocks, reader_folder, run
+from vsconstraints import Camera, Robot
+from vsconstraints.constraints import Curve
 from vsconstraints.constraints.curves import SHAPES
-from vsconstraints.scenarios import CONSTRAINTS, Scenario, section, shipped_scenarios
-from vsconstraints.scenarios.constraint_types import SOLIDS
+from vsconstraints.features import FEATURES
+from vsconstraints.geometry import Pose
+from vsconstraints.kinematics import RobotPoint
+from vsconstraints.motion import Motion
+from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, build, constraint_types
+from vsconstraints.scenarios.reading import parameters, placed
+from vsconstraints.simulation import Setup, Tolerances
+from vsconstraints.simulation.disturbances import Disturbances
+from vsconstraints.tracking import TrackingGains, VisualTask
 
 PAGE = DOCS / "scenarios.md"
 SHARED = ("`constraints`", "Forbidden regions", "Distances between bodies")
@@ -25,65 +34,54 @@ SHARED = ("`constraints`", "Forbidden regions", "Distances between bodies")
 KEY = re.compile(r"^\| ((?:`\w+`(?:, )?)+) \| ([^|`]+) \| ([^|]+) \|", flags=re.M)
 """A line of the reference: keys, type, default."""
 
-SHAPE_PARAMETERS = {key for shape in SHAPES.values() for key in inspect.signature(shape).parameters}
-SHARED_TABLES = ("motion", "curve", "points", "obstacle", "bodies")
-"""Tables inside a constraint, whatever its type."""
+TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
+    "": (build.File,),
+    "robot": (Robot.from_urdf, Robot.from_dh),
+    "camera": (Camera,),
+    "camera.mount": (placed,),
+    "camera.fixed": (placed,),
+    "target.square": (build.Square,),
+    "target.motion": (Motion, build.Turn),
+    "task": (*FEATURES.values(), TrackingGains, VisualTask),
+    "task.goals": (build.GoalTable,),
+    "task.goals.camera_pose": (Pose.from_xyz_rpy,),
+    "tolerances": (Tolerances,),
+    "disturbances": (Disturbances,),
+    "constraints.motion": (Motion,),
+    "constraints.curve": (Curve,),
+    "constraints.points": (RobotPoint,),
+    "constraints.obstacle": (placed, *constraint_types.SOLIDS.values()),
+    "constraints.bodies": (placed, *constraint_types.SOLIDS.values(), constraint_types.attached),
+}
+"""What is made of each table."""
 
-METHODS = ("take", "number", "array", "section", "sections", "choice")
-"""How a key is asked for."""
+GIVEN = {("robot", "package_dirs"), ("task", "gains"), ("disturbances", "seed"), ("constraints.curve", "shape")}
+"""Arguments that files do not give."""
 
-Known = dict[tuple[str, str], tuple[str, Any]]
-"""How the loader reads a key of a table, and its default."""
+Known = dict[tuple[str, str], inspect.Parameter]
 
 
-@pytest.fixture(scope="module")
-def known(tmp_path_factory: pytest.TempPathFactory) -> Known:
-    """Every key that is asked for while the shipped scenarios and the page's examples are loaded."""
+def _known() -> Known:
+    """Every key of every table, as the argument that it is."""
     found: Known = {}
-    types: dict[str, str] = {}
-    depth = 0
-
-    def recorder(name: str, original: Any) -> Any:
-        def method(self: section.Section, key: str, *arguments: Any, **named: Any) -> Any:
-            nonlocal depth
-            depth += 1
-            try:
-                value = original(self, key, *arguments, **named)
-            finally:
-                depth -= 1
-            if depth == 0:
-                bound = inspect.signature(original).bind(self, key, *arguments, **named)
-                bound.apply_defaults()
-                kind = str(bound.arguments.get("kind", name)) if name == "take" else name
-                if key == "type":
-                    types[self.where] = value
-                found[_table(self.where, types), key] = kind, bound.arguments.get("default", [])
-            return value
-
-        return method
-
-    with pytest.MonkeyPatch.context() as patch:
-        for name in METHODS:
-            patch.setattr(section.Section, name, recorder(name, getattr(section.Section, name)))
-        for name in shipped_scenarios():
-            Scenario.load(name).setup()
-        folder = reader_folder(tmp_path_factory.mktemp("reader"))
-        patch.chdir(folder)
-        names: dict[str, Any] = {}
-        for block in blocks(PAGE):
-            if block.language != "sh":
-                run(block, folder, names)
-    # a curve's own parameters are those of its shape, which the page lists with the shapes
-    return {at: how for at, how in found.items() if at not in {("constraints.curve", key) for key in SHAPE_PARAMETERS}}
+    for table, makes in TABLES_OF.items():
+        for make in makes:
+            for key, parameter in parameters(make).items():
+                if (table, key) not in GIVEN:
+                    found.setdefault((table, key), parameter)
+    for name, make in CONSTRAINTS.items():
+        found |= {(name, key): parameter for key, parameter in constraint_types.keys(make).items()}
+    return found
 
 
-def _table(where: str, types: dict[str, str]) -> str:
-    """Name in the reference of the table at ``name.task.goals[0]``: without the scenario's name and numbers."""
-    path = re.sub(r"\[\d+\]", "", where.partition(".")[2])
-    if not path.startswith("constraints"):
-        return path
-    inside = [name for name in SHARED_TABLES if path == f"constraints.{name}"]
-    return path if inside else types.get(where, "constraints")
+KNOWN = _known()
+FURTHER = {
+    **{("", key): "table" for key in ("extends",)},
+    **{("target", key): "" for key in ("markers", "square", "motion")},
+    **{("constraints", key): "" for key in ("type", "motion", "K", "switching_gain")},
+    **{(f"constraints.{table}", "shape"): "" for table in ("curve", "obstacle", "bodies")},
+}
+"""Keys that choose what is made of their table, or that all constraints have."""
 
 
 def by_title() -> dict[str, dict[str, tuple[str, str]]]:
@@ -118,19 +116,18 @@ def _keys_of(table: str) -> dict[str, tuple[str, str]]:
     return {**common, **TABLES.get(table, {})}
 
 
-def test_every_key_is_in_the_reference(known: Known) -> None:
-    missing = sorted(f"{table or 'the file'}: {key}" for table, key in known if key not in _keys_of(table))
+def test_every_key_is_in_the_reference() -> None:
+    missing = sorted(f"{table or 'the file'}: {key}" for table, key in (*KNOWN, *FURTHER) if key not in _keys_of(table))
     assert not missing, f"docs/scenarios.md does not tell of {missing}"
 
 
-def test_every_key_in_the_reference_is_known(known: Known) -> None:
+def test_every_key_in_the_reference_is_known() -> None:
     read: dict[str, set[str]] = {}
-    for table, key in known:
+    for table, key in (*KNOWN, *FURTHER):
         read.setdefault(table, set()).add(key)
         if table in ("constraints", *CONSTRAINTS):
             read.setdefault("any constraint", set()).add(key)
-    read[""].add("extends")
-    read["constraints.curve"].update(SHAPE_PARAMETERS)
+    read["constraints.curve"].update(key for shape in SHAPES.values() for key in parameters(shape))
     unknown = []
     for title, keys in by_title().items():
         # what a heading says of several tables, or for several types, is known if one of them has it
@@ -139,39 +136,41 @@ def test_every_key_in_the_reference_is_known(known: Known) -> None:
     assert not unknown, f"docs/scenarios.md tells of {unknown}, which the loader does not know"
 
 
-KINDS = {
-    "number": "number",
-    "array": "number",
-    "section": "table",
-    "sections": "list of tables",
-    "choice": "string",
-    "<class 'str'>": "string",
-    "<class 'int'>": "integer",
-    "<class 'bool'>": "boolean",
-    "<class 'dict'>": "table",
-    "<class 'list'>": "list",
-}
+WORDS = {float: "number", int: "integer", str: "string", bool: "boolean", dict: "table", Mapping: "table"}
 
 
-def test_types_and_defaults_are_those_of_the_loader(known: Known) -> None:
-    for (table, key), (read_as, default) in known.items():
+def _word(kind: Any) -> str:
+    """A word that the reference uses for an annotation."""
+    inner = [one for one in get_args(kind) if not isinstance(one, msgspec.Meta)]
+    if kind is constraint_types.Positive:
+        return "number"
+    if get_origin(kind) is types.UnionType or hasattr(kind, "__metadata__"):
+        return _word(inner[0])
+    if get_origin(kind) is Literal:
+        return "string"
+    if get_origin(kind) in (Sequence, tuple, list):
+        return _word(inner[0]) if inner[0] in (*WORDS, constraint_types.Positive) else "list"
+    return WORDS.get(get_origin(kind) or kind, "")
+
+
+def test_types_and_defaults_are_those_of_the_arguments() -> None:
+    for (table, key), parameter in KNOWN.items():
         kind, written = _keys_of(table)[key]
-        where = f"{table or 'the file'}, {key}"
-        wanted = KINDS.get(read_as)
-        assert wanted is None or wanted in kind, f"{where} is a {wanted}, not {kind}"
-        if default is section.REQUIRED:
-            assert written == "required" or "required" in _meaning(table, key), where
+        where, default = f"{table or 'the file'}, {key}", parameter.default
+        word = _word(parameter.annotation)
+        assert word in kind.replace("pairs", "list"), f"{where} is a {word}, not {kind}"
+        if default is parameter.empty:
+            assert written == "required" or "required" in _meaning(key), where
         elif default is None:
-            assert written == "–", where
-        elif written.startswith("*"):
-            assert isinstance(default, np.ndarray | list), f"{where} has no computed default"
-        else:
+            assert written == "–" or written.startswith("*") or "required" in written, where
+        elif isinstance(default, int | float | str | tuple) and written != "required":
             value = tomllib.loads(f"value = {written.strip('`')}")["value"]
-            assert np.array_equal(value, default), f"{where} has the default {default}, not {value}"
+            same = np.array_equal(value, default) or default == (RobotPoint(),)
+            assert same, f"{where} has the default {default}, not {value}"
 
 
-def _meaning(table: str, key: str) -> str:
-    """The line of a key, in any table of the heading."""
+def _meaning(key: str) -> str:
+    """The lines of a key, in any table of the page."""
     text = PAGE.read_text(encoding="utf-8")
     return " ".join(re.findall(rf"^\|.*`{key}`.*$", text, flags=re.M))
 
@@ -185,20 +184,26 @@ def test_shapes_and_their_defaults_are_in_the_reference() -> None:
         for key, option in inspect.signature(shape).parameters.items()
     ]
     assert sorted(lines) == sorted(code)
-    assert all(f'`"{name}"`' in text for name in SOLIDS)
+    assert all(f'`"{name}"`' in text for name in constraint_types.SOLIDS)
 
 
-def _asked_for() -> Iterator[tuple[str, str]]:
-    """Every key that the loader's source asks a section for, wherever it does."""
-    for path in sorted((ROOT / "src/vsconstraints/scenarios").glob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.args:
-                first, asks = node.args[0], node.func.attr in METHODS
-                if asks and isinstance(first, ast.Constant) and isinstance(first.value, str):
-                    yield Path(path).name, first.value
-
-
-def test_the_examples_reach_every_branch_of_the_loader(known: Known) -> None:
-    reached = {key for _, key in known}
-    left = sorted(f"{file}: {key}" for file, key in _asked_for() if key not in reached)
+def test_the_examples_use_every_key(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = reader_folder(tmp_path)
+    monkeypatch.chdir(folder)
+    names: dict[str, Any] = {}
+    used = "".join(path.read_text(encoding="utf-8") for path in SHIPPED.glob("*.toml"))
+    for block in blocks(PAGE):
+        if block.language != "sh":
+            run(block, folder, names)
+            used += block.code
+    left = sorted({key for _, key in (*KNOWN, *FURTHER) if not re.search(rf"\b{key}\b(\]| *=)", used)})
     assert not left, f"no example on docs/scenarios.md uses {left}"
+
+
+def test_what_a_run_is_told_has_the_same_words_in_files_and_in_python() -> None:
+    """What is not made from the arm, the scene and the task is handed on as it is."""
+    ours, theirs = parameters(build.File), parameters(Setup)
+    made = {"robot", "camera", "target", "constraints"} | {"title", "description", "start_deviation"}
+    assert set(ours) - made == set(theirs) - {"scene", "constraints"}
+    for key in ("on_rank_loss", "on_hidden_markers", "actuation"):
+        assert (ours[key].annotation, ours[key].default) == (theirs[key].annotation, theirs[key].default)

@@ -39,7 +39,7 @@ TABLES: dict[str, Any] = {
             [0.3894, 0.404, -0.013],
         ]
     },
-    "task": {"feature": "camera-pose", "Kp0": 20.0, "Kp_slope0": 0.0, "goals": [{"camera_at_q": GOAL}]},
+    "task": {"feature": "camera-pose", "Kp0": 20.0, "Kp_slope": 0.0, "goals": [{"camera_at_q": GOAL}]},
 }
 
 
@@ -416,8 +416,8 @@ def test_a_start_inside_all_constraints_says_nothing() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"Ts": 0.0}, "Ts must be a positive number of seconds"),
-        ({"Ts": np.nan}, "Ts must be a positive number of seconds"),
+        ({"sampling_time": 0.0}, "sampling_time must be a positive number of seconds"),
+        ({"sampling_time": np.nan}, "sampling_time must be a positive number of seconds"),
         ({"duration": np.inf}, "duration must be a positive number of seconds"),
         ({"duration": -1.0}, "duration must be a positive number of seconds"),
         ({"duration": 0.001}, "shorter than one sample"),
@@ -430,7 +430,7 @@ def test_setups_that_are_none_are_refused(changes: dict[str, Any], words: str) -
         replace(setup(), **changes)
 
 
-@pytest.mark.parametrize("name", ["translation", "rotation", "feature", "dwell", "rest"])
+@pytest.mark.parametrize("name", ["translation_m", "rotation_rad", "feature_px", "dwell_s", "rest_s"])
 def test_tolerances_must_be_positive(name: str) -> None:
     for value in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(InvalidInput, match=f"tolerance {name} must be positive"):

@@ -75,8 +75,8 @@ def test_other_damping_and_constant_gain() -> None:
         ({"Kp0": -1.0}, "Kp0 must be positive"),
         ({"Kp0": np.nan}, "Kp0 must be positive"),
         ({"Kp0": np.inf}, "Kp0 must be positive"),
-        ({"slope": -1.0}, "slope must be zero or more"),
-        ({"slope": np.nan}, "slope must be zero or more"),
+        ({"Kp_slope": -1.0}, "Kp_slope must be zero or more"),
+        ({"Kp_slope": np.nan}, "Kp_slope must be zero or more"),
         ({"damping": -0.1}, "damping must be zero or more"),
     ],
 )

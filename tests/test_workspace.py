@@ -147,9 +147,7 @@ def region_direction(region: ForbiddenRegion, local: list[float]) -> list[float]
 def test_margin_clearance_and_labels_of_regions() -> None:
     arm = robot("viper-s650")
     points = [RobotPoint(name="nose"), RobotPoint("link 3", name="elbow")]
-    table = ForbiddenHalfSpace(
-        point=[0, 0, 0.1], normal=[0, 0, 3.0], margin=0.02, robot_points=points, name="table", **GAINS
-    )
+    table = ForbiddenHalfSpace(point=[0, 0, 0.1], normal=[0, 0, 3.0], margin=0.02, points=points, name="table", **GAINS)
     scene, q, qd = random_scene(arm, np.random.default_rng(4), [table])
     constraints = ConstraintSet([table], scene)
     assert constraints.labels == ("half-space[table, nose]", "half-space[table, elbow]")
@@ -240,7 +238,7 @@ def test_finer_spacing_needs_less_enlargement() -> None:
 @pytest.mark.parametrize("name", ["viper-s650", "kuka-kr6", "planar-3r", "mixed-arm", "ur5"])
 def test_points_along_the_lines_between_joints_cover_capsules(name: str) -> None:
     arm, rng, radius = robot(name), np.random.default_rng(6), 0.07
-    found = link_points(arm, spacing=0.08, radius=radius)
+    found = link_points(arm, spacing=0.08, link_radius=radius)
     for _ in range(3):
         q = random_configuration(arm, rng)
         placed = arm.kinematics(q, q, found.points).points
@@ -263,18 +261,22 @@ def test_points_along_the_lines_between_joints_cover_capsules(name: str) -> None
 
 def test_a_link_chosen_alone_has_points_at_both_of_its_ends() -> None:
     arm = robot("kuka-kr6")
-    alone = link_points(arm, radius=0.05, links=["link 2"])
-    behind_another = [p for p in link_points(arm, radius=0.05).points if p.link == "link 2"]
+    alone = link_points(arm, link_radius=0.05, links=["link 2"])
+    behind_another = [p for p in link_points(arm, link_radius=0.05).points if p.link == "link 2"]
     assert len(alone.points) == len(behind_another) + 1
     # the first joint's end slides away from the second link's start
     sliding = Robot.from_dh([[0, 0, 0.3, 0], [0, 0, 0, 0], [0, 0, 0.3, 0]], prismatic=[2], name="sliding")
-    assert [p.link for p in link_points(sliding, spacing=0.3, radius=0.05).points] == ["link 1", "link 3", "link 3"]
+    assert [p.link for p in link_points(sliding, spacing=0.3, link_radius=0.05).points] == [
+        "link 1",
+        "link 3",
+        "link 3",
+    ]
 
 
 def test_no_two_points_coincide_and_every_point_moves() -> None:
     for name in ("viper-s650", "kuka-kr6", "planar-3r", "ur5"):
         arm = robot(name)
-        points = link_points(arm, radius=0.05).points
+        points = link_points(arm, link_radius=0.05).points
         now = arm.kinematics(q := np.full(arm.n, 0.3), q, points)
         gaps = np.linalg.norm(now.points[:, None] - now.points, axis=2) + np.eye(len(points))
         assert gaps.min() > 1e-3
@@ -558,13 +560,18 @@ BAD: list[tuple[str, str, dict[str, Any], list[str]]] = [
     ("ur5", "manipulability", {"minimum": 0.0}, ["minimum"]),
     ("ur5", "manipulability", {"minimum": 0.1, "part": "elbow"}, ["'elbow'", "position", "orientation"]),
     ("ur5", "collision", {"obstacle": {"shape": "cone"}}, ["'cone'", "capsule", "half-space"]),
-    ("ur5", "collision", {"obstacle": {"shape": "sphere", "radius": 0.0}}, ["radius must be positive"]),
+    (
+        "ur5",
+        "collision",
+        {"obstacle": {"shape": "sphere", "radius": 0.0}},
+        ["radius must be a positive number"],
+    ),
     ("ur5", "collision", {"obstacle": {"shape": "mesh", "file": "no.stl"}}, ["no mesh file", "no.stl"]),
     ("ur5", "collision", {"obstacle": {"shape": "half-space"}, "links": ["elbow"]}, ["'elbow'", "forearm_link"]),
     ("ur5", "collision", {"obstacle": {"shape": "half-space"}, "margin": -0.1}, ["margin of collision"]),
     ("kuka-kr6", "collision", {"obstacle": {"shape": "half-space"}}, ["KUKA", "no collision geometry", "radius"]),
     ("ur5", "self-collision", {"pairs": [["elbow", "base_link"]]}, ["'elbow'", "forearm_link"]),
-    ("ur5", "self-collision", {"pairs": ["base_link"]}, ["pairs of names"]),
+    ("ur5", "self-collision", {"pairs": ["base_link"]}, ["pairs must be a list of lists of strings"]),
     ("ur5", "self-collision", {"pairs": [["ee_link", "wrist_3_link"]]}, ["no joint moves ee_link and wrist_3_link"]),
     ("ur5", "self-collision", {"srdf": "no.srdf"}, ["no.srdf"]),
     (

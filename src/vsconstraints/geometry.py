@@ -7,12 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 
 from .errors import InvalidInput, shown
 from .rows import Array
+
+Numbers = Sequence[float] | Array
+Vector2 = Annotated[Sequence[float], msgspec.Meta(min_length=2, max_length=2)]
+Vector3 = Annotated[Sequence[float], msgspec.Meta(min_length=3, max_length=3)]
+"""Any, two, and three numbers: arguments that files may give, too."""
 
 
 def vector(value: object, length: int, what: str) -> Array:
@@ -41,7 +48,7 @@ class Pose:
         return cls(np.eye(3), np.zeros(3))
 
     @classmethod
-    def from_xyz_rpy(cls, xyz: Sequence[float], rpy: Sequence[float]) -> Pose:
+    def from_xyz_rpy(cls, xyz: Vector3, rpy: Vector3) -> Pose:
         """From a translation [m] and roll, pitch, yaw [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), as in URDF."""
         roll, pitch, yaw = vector(rpy, 3, "rpy")
         return cls(np.asarray(pin.rpy.rpyToMatrix(roll, pitch, yaw)), vector(xyz, 3, "xyz"))

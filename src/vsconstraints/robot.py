@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Annotated
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from .errors import ConfigurationError, InvalidInput, shown, unknown_name
-from .geometry import Pose, skew, vector
+from .geometry import Numbers, Pose, skew, vector
 from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint
+from .renamed import renamed
 from .rows import Array
 from .urdf import UrdfSource, collision_geometry, read_urdf
+
+DhRow = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
+"""θ offset [rad], d [m], a [m], α [rad] of a link."""
 
 
 class Robot:
@@ -79,14 +85,15 @@ class Robot:
         return ("tip", *(frame.name for frame in self.model.frames if frame.name not in ("tip", "universe")))
 
     @classmethod
+    @renamed(table="dh")
     def from_dh(
         cls,
-        table: ArrayLike,
+        dh: Sequence[DhRow],
         *,
         prismatic: Sequence[int] = (),
-        q_min: ArrayLike | None = None,
-        q_max: ArrayLike | None = None,
-        qd_max: ArrayLike | None = None,
+        q_min: Numbers | None = None,
+        q_max: Numbers | None = None,
+        qd_max: Numbers | None = None,
         name: str = "robot",
     ) -> Robot:
         """From standard Denavit–Hartenberg parameters, as in Tables 1–3.
@@ -96,7 +103,7 @@ class Robot:
 
         Parameters
         ----------
-        table
+        dh
             (n, 4) rows of θ offset [rad], d [m], a [m], α [rad].
         prismatic
             Numbers of the prismatic joints, counted from 1.
@@ -111,7 +118,7 @@ class Robot:
             if the table or a limit has a wrong shape or is not a number.
         """
         try:
-            rows = np.array(table, dtype=np.float64)
+            rows = np.array(dh, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise InvalidInput(f"the DH table must be rows of four numbers (θ offset, d, a, α): {error}") from error
         if rows.ndim != 2 or rows.shape[1] != 4 or len(rows) == 0:
@@ -143,9 +150,10 @@ class Robot:
         )
 
     @classmethod
+    @renamed(path="urdf")
     def from_urdf(
         cls,
-        path: str | Path,
+        urdf: str | Path,
         tip: str | None = None,
         *,
         locked: Mapping[str, float] | None = None,
@@ -156,7 +164,7 @@ class Robot:
 
         Parameters
         ----------
-        path
+        urdf
             The URDF file. Its meshes are read by :meth:`collision_geometry` only.
         tip
             Name of the link at the tip; the last link of the file if not given. Joints that do not move it (a
@@ -173,7 +181,7 @@ class Robot:
         ConfigurationError
             if the file is missing or not a URDF, or a link or joint is unknown or of a kind an arm does not have.
         """
-        arm = read_urdf(path, tip, locked or {}, package_dirs)
+        arm = read_urdf(urdf, tip, locked or {}, package_dirs)
         return cls(arm.model, arm.tip_frame, name or arm.model.name, arm.q_min, arm.q_max, arm.qd_max, arm.source)
 
     def collision_geometry(self) -> pin.GeometryModel:
@@ -187,7 +195,7 @@ class Robot:
         if self.source is None:
             raise ConfigurationError(
                 f"{self.name} is not from a URDF file, so its links have no collision geometry; "
-                "give radius, the links' radius around the lines between the joints"
+                "give link_radius, the links' radius around the lines between the joints"
             )
         return collision_geometry(self.source)
 

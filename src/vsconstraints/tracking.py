@@ -11,6 +11,7 @@ import numpy as np
 from .errors import ConfigurationError, InvalidInput, shown, unknown_name
 from .features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
 from .references import Reference
+from .renamed import renamed
 from .rows import Array, Task
 from .scene import State
 
@@ -18,29 +19,30 @@ DERIVATIVES = ("exact", "differences")
 Derivative = Literal["exact", "differences"]
 
 
+@renamed(slope="Kp_slope")
 @dataclass(frozen=True, slots=True)
 class TrackingGains:
     """K_T,p and K_T,v of eq. (42), falling exponentially with the error.
 
-    K_p(‖e‖) = K_p(0) exp(−slope/K_p(0) ‖e‖₂), which has the value K_p(0) and the slope −``slope`` at zero error and
-    vanishes at infinity; K_v = ``damping`` √K_p.
+    K_p(‖e‖) = K_p(0) exp(−Kp_slope/K_p(0) ‖e‖₂), which has the value K_p(0) and the slope −``Kp_slope`` at zero error
+    and vanishes at infinity; K_v = ``damping`` √K_p.
 
     Attributes
     ----------
     Kp0
         Gain at zero error [1/s²].
-    slope
+    Kp_slope
         How fast it falls with the error's norm [1/s² per unit of the error].
     damping
         K_v / √K_p: 2 is critically damped, 3 is the paper's.
     """
 
     Kp0: float
-    slope: float = 0.0
+    Kp_slope: float = 0.0
     damping: float = 3.0
 
     def __post_init__(self) -> None:
-        for name, least in (("Kp0", 1e-300), ("slope", 0.0), ("damping", 0.0)):
+        for name, least in (("Kp0", 1e-300), ("Kp_slope", 0.0), ("damping", 0.0)):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= least):
                 raise InvalidInput(
@@ -49,7 +51,7 @@ class TrackingGains:
 
     def at(self, error: Array) -> tuple[float, float]:
         """K_p and K_v for this error (k,)."""
-        Kp = self.Kp0 * float(np.exp(-self.slope / self.Kp0 * np.sqrt(error @ error)))
+        Kp = self.Kp0 * float(np.exp(-self.Kp_slope / self.Kp0 * np.sqrt(error @ error)))
         return Kp, self.damping * float(np.sqrt(Kp))
 
 

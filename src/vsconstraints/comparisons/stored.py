@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ..errors import ConfigurationError, shown
 from ..scenarios import SHIPPED, Scenario
-from ..scenarios.section import Section
+from ..scenarios.reading import Table, checked, demand_table, made, parameters
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from .record import RunRecord, run_file
 from .tables import read_table
+
+Part = TypeVar("Part")
 
 
 @dataclass(frozen=True)
@@ -90,25 +93,48 @@ def _manifest(path: Path) -> dict[str, Any]:
         manifest = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise ConfigurationError(f"{path} cannot be read: {error}") from error
-    top = Section(manifest, str(path))
-    configuration = top.section("configuration")
-    for key, least in (("trials", 1), ("seed", 0)):
-        if configuration.take(key, int, least) < least:
-            raise ConfigurationError(f"{configuration.where}: {key} must be {least} or more")
-    for key in ("suite", "title"):
-        configuration.take(key, str, "")
-    scenarios, controllers = configuration.section("scenarios"), configuration.section("controllers")
-    for name in scenarios.names:
-        scenario = scenarios.section(name)
-        scenario.take("folder", str)
-        tables = scenario.section("tables")
-        for part in tables.take("constraints", list, []):
-            Section(part, f"{tables.where}.constraints")
-    for name in controllers.names:
-        controllers.section(name)
-    for name in ("machine", "packages"):
-        top.section(name, {})
-    top.strings("command", [])
-    for name in ("wall_time_s", "stored_before"):
-        top.number(name, None)
+    read = _part(_Manifest, manifest, str(path))
+    where = f"{path}.configuration"
+    configuration = _part(_Configuration, read.configuration, where)
+    for key, value, least in (("trials", configuration.trials, 1), ("seed", configuration.seed, 0)):
+        if value < least:
+            raise ConfigurationError(f"{where}: {key} must be {least} or more")
+    for name, scenario in configuration.scenarios.items():
+        tables = _part(_StoredScenario, scenario, f"{where}.scenarios.{name}").tables
+        checked(tables.get("constraints", []), Sequence[Table], f"{where}.scenarios.{name}.tables", "constraints")
+    for name, controller in configuration.controllers.items():
+        demand_table(controller, f"{where}.controllers.{name}")
     return dict(manifest)
+
+
+def _part(kind: type[Part], value: object, where: str) -> Part:
+    """What reports need of a table that says more."""
+    table = demand_table(value, where)
+    part: Part = made(kind, {name: table[name] for name in parameters(kind) if name in table}, where)
+    return part
+
+
+@dataclass(frozen=True)
+class _Manifest:
+    configuration: Table
+    machine: Table = field(default_factory=dict)
+    packages: Table = field(default_factory=dict)
+    command: Sequence[str] = ()
+    wall_time_s: float | None = None
+    stored_before: float | None = None
+
+
+@dataclass(frozen=True)
+class _Configuration:
+    scenarios: Table
+    controllers: Table
+    suite: str = ""
+    title: str = ""
+    trials: int = 1
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class _StoredScenario:
+    folder: str
+    tables: Table

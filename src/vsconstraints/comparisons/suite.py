@@ -15,7 +15,8 @@ from ..controllers import CONTROLLERS, controller_class
 from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
 from ..runs.spec import BASELINE, ControllerSpec, RunSpec
 from ..scenarios import Scenario
-from ..scenarios.section import Section, parse_toml, read_toml
+from ..scenarios.reading import Table, checked, demand_table, made
+from ..scenarios.toml import parse_toml, read_toml
 from .variants import scenarios_of
 
 MOST_RUNS = 100_000
@@ -79,20 +80,17 @@ class Suite:
             if the file cannot be read, has an unknown key, or something in it cannot be built or started.
         """
         source = path or DEFAULT
-        top = Section(read_toml(source), source.name)
-        title = top.take("title", str, source.stem)
+        file: _File = made(_File, read_toml(source), source.name)
         scenarios = tuple(
             scenario
-            for i, entry in enumerate(top.take("scenarios", list))
-            for scenario in scenarios_of(entry, f"{top.where}.scenarios[{i}]", source.parent)
+            for i, entry in enumerate(file.scenarios)
+            for scenario in scenarios_of(entry, f"{source.name}.scenarios[{i}]", source.parent)
         )
-        tables = top.take("controllers", dict)
         entries = tuple(
-            _entry(name, table, f"{top.where}.controllers.{name}", source.parent) for name, table in tables.items()
+            _entry(name, table, f"{source.name}.controllers.{name}", source.parent)
+            for name, table in file.controllers.items()
         )
-        trials, seed = top.take("trials", int, 1), top.take("seed", int, 0)
-        top.finish()
-        return cls(source.stem, title, scenarios, entries, trials, seed).checked()
+        return cls(source.stem, file.title or source.stem, scenarios, entries, file.trials, file.seed).checked()
 
     def select(
         self,
@@ -259,11 +257,22 @@ class Suite:
         }
 
 
+@dataclass(frozen=True)
+class _File:
+    """Keys of a suite's file."""
+
+    scenarios: Sequence[Any]
+    controllers: Table
+    title: str = ""
+    trials: int = 1
+    seed: int = 0
+
+
 def _entry(name: str, table: object, where: str, folder: Path) -> ControllerSpec:
-    section = Section(table, where)
-    law = section.take("type", str, name)
+    options = demand_table(table, where)
+    law = checked(options.pop("type", name), str, where, "type")
     controller_class(law, folder)
-    return ControllerSpec(name, law, section.rest(), folder)
+    return ControllerSpec(name, law, options, folder)
 
 
 def _demand_variety(scenario: Scenario, trials: int, seed: int) -> None:

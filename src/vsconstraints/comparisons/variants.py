@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from math import prod
 from pathlib import Path
-from typing import Any
 
 from ..errors import ConfigurationError, shown
 from ..scenarios import Scenario
-from ..scenarios.section import Section
+from ..scenarios.reading import Table, made
 
 MOST_VARIANTS = 10_000
 """Variants that one entry of a suite may stand for."""
@@ -39,41 +38,32 @@ def scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:
         raise ConfigurationError(
             f"{where} must be a name, a path, or a table with the key 'scenario', not {shown(value)}"
         )
-    section = Section(value, where)
-    base = Scenario.load(section.take("scenario", str), folder)
-    name = section.take("name", str)
-    title = section.take("title", str, name)
-    changes: dict[str, Any] = section.take("set", dict, {})
-    each: dict[str, Any] = section.take("each", dict, {})
-    section.finish()
-    for key, candidates in each.items():
+    variants: _Variants = made(_Variants, value, where)
+    base = Scenario.load(variants.scenario, folder)
+    for key, candidates in variants.each.items():
         if not isinstance(candidates, list) or not candidates:
             raise ConfigurationError(f"{where}.each: {key} must be a list of values, not {shown(candidates)}")
-    count = prod(map(len, each.values()))
+    count = prod(map(len, variants.each.values()))
     if count > MOST_VARIANTS:
         raise ConfigurationError(f"{where}.each makes {count:.3g} variants; an entry may make {MOST_VARIANTS}")
-    return [
-        _variant(
-            base,
-            folder,
-            (name, *map(str, values)),
-            (title, *map(str, values)),
-            changes,
-            dict(zip(each, values, strict=True)),
-        )
-        for values in product(*each.values())
-    ]
+    found = []
+    for values in product(*variants.each.values()):
+        texts = [str(value) for value in values]
+        variant = replace(base, name="-".join([variants.name, *texts]))
+        title = ", ".join([variants.title or variants.name, *texts])
+        changes = {"title": title, **variants.set, **dict(zip(variants.each, values, strict=True))}
+        for key, changed in changes.items():
+            variant = variant.with_override(key, changed, folder)
+        found.append(variant)
+    return found
 
 
-def _variant(
-    base: Scenario,
-    folder: Path,
-    name: tuple[str, ...],
-    title: tuple[str, ...],
-    changes: dict[str, Any],
-    chosen: dict[str, Any],
-) -> Scenario:
-    variant = replace(base, name="-".join(name))
-    for key, value in {"title": ", ".join(title), **changes, **chosen}.items():
-        variant = variant.with_override(key, value, folder)
-    return variant
+@dataclass(frozen=True)
+class _Variants:
+    """Keys of an entry that stands for variants of a scenario."""
+
+    scenario: str
+    name: str
+    title: str = ""
+    set: Table = field(default_factory=dict)
+    each: Table = field(default_factory=dict)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ConfigurationError
-from ..geometry import Pose, vector
+from ..geometry import Pose, Vector3, vector
+from ..renamed import renamed
 from ..robot import Robot
 from .base import demand_positive
 from .link_points import FIXED, segments
@@ -52,11 +52,12 @@ def attached_body(robot: Robot, link: str, solid: coal.CollisionGeometry, pose: 
     return Body(name or link, int(frame.parentJoint), ((placement, convex(solid, name or link)),))
 
 
-def link_bodies(robot: Robot, radius: float | None = None) -> tuple[Body, ...]:
+@renamed(radius="link_radius")
+def link_bodies(robot: Robot, link_radius: float | None = None) -> tuple[Body, ...]:
     """One body for each link, from base to tip.
 
-    Without ``radius`` from the URDF's collision geometry, made convex (see :func:`convex`). With it capsules of that
-    radius [m] around the straight lines between the joints' origins.
+    Without ``link_radius`` from the URDF's collision geometry, made convex (see :func:`convex`). With it capsules of
+    that radius [m] around the straight lines between the joints' origins.
 
     Raises
     ------
@@ -64,20 +65,20 @@ def link_bodies(robot: Robot, radius: float | None = None) -> tuple[Body, ...]:
         if there is no collision geometry and no radius, or a mesh cannot be read.
     """
     parts: dict[str, tuple[int, list[tuple[pin.SE3, coal.CollisionGeometry]]]] = {}
-    if radius is None:
+    if link_radius is None:
         for found in robot.collision_geometry().geometryObjects:
             link = robot.model.frames[found.parentFrame].name
             solid = convex(found.geometry, found.name)
             parts.setdefault(link, (int(found.parentJoint), []))[1].append((pin.SE3(found.placement), solid))
     else:
-        demand_positive(radius, "radius of the links")
+        demand_positive(link_radius, "radius of the links")
         for segment in segments(robot):
             if segment.length > FIXED:
                 turn = pin.Quaternion.FromTwoVectors(
                     np.array([0.0, 0.0, 1.0]), (segment.end - segment.start) / segment.length
                 ).matrix()
                 placement = pin.SE3(turn, 0.5 * (segment.start + segment.end))
-                parts[segment.link] = (segment.joint, [(placement, coal.Capsule(radius, segment.length))])
+                parts[segment.link] = (segment.joint, [(placement, coal.Capsule(link_radius, segment.length))])
     return tuple(Body(link, joint, tuple(solids)) for link, (joint, solids) in parts.items())
 
 
@@ -107,10 +108,9 @@ def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometr
         raise ConfigurationError(f"{name} has no convex hull: are its corners in one plane?") from None
 
 
-def mesh(path: str | Path, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> coal.CollisionGeometry:
+def mesh(file: str | Path, scale: Vector3 = (1.0, 1.0, 1.0)) -> coal.CollisionGeometry:
     """The convex hull of a mesh file [m after scaling]; raises ConfigurationError that names a file it cannot read."""
-    file = Path(path)
-    if not file.is_file():
+    if not Path(file).is_file():
         raise ConfigurationError(f"no mesh file at {str(file)!r}")
     try:
         read = coal.MeshLoader().load(str(file), vector(scale, 3, "scale of a mesh"))

@@ -158,7 +158,9 @@ class BodyDistance(Constraint):
 
 
 class Collision(BodyDistance):
-    """Bodies of the robot keep clear of an obstacle; see :class:`BodyDistance` for value and gradient.
+    """Bodies of the robot keep clear of an obstacle; bodies are those of the URDF, capsules, or given ones.
+
+    See :class:`BodyDistance` for value and gradient.
 
     Parameters
     ----------
@@ -211,7 +213,9 @@ class Collision(BodyDistance):
 
 
 class SelfCollision(BodyDistance):
-    """Bodies of the robot keep clear of each other; see :class:`BodyDistance` for value and gradient.
+    """Bodies of the robot keep clear of each other; bodies are those of the URDF, capsules, or given ones.
+
+    See :class:`BodyDistance` for value and gradient.
 
     Parameters
     ----------

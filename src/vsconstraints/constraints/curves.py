@@ -6,14 +6,14 @@ image whose v points down, positive is clockwise.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from ..errors import InvalidInput, unknown_name
 from ..formulas import curves as formulas
-from ..geometry import vector
+from ..geometry import Vector2, vector
+from ..renamed import renamed
 from ..rows import Array
 from . import by_formula
 from .by_formula import Formula, Frame
@@ -112,6 +112,7 @@ def shape(name: str, **parameters: float) -> Shape:
     return SHAPES[name](**parameters)
 
 
+@renamed(centre="centre_px")
 class Curve:
     """A shape put somewhere in the image.
 
@@ -119,7 +120,7 @@ class Curve:
     ----------
     shape
         What.
-    centre
+    centre_px
         (2,) where its origin is, from the image's centre [px].
     rotation
         By how much it is turned about its origin, u towards v [rad].
@@ -127,8 +128,8 @@ class Curve:
 
     coordinates = 2
 
-    def __init__(self, shape: Shape, centre: Sequence[float] = (0.0, 0.0), rotation: float = 0.0) -> None:
-        self.shape, self.centre = shape, vector(centre, 2, f"centre of {shape.name}")
+    def __init__(self, shape: Shape, centre_px: Vector2 = (0.0, 0.0), rotation: float = 0.0) -> None:
+        self.shape, self.centre = shape, vector(centre_px, 2, f"centre of {shape.name}")
         if not np.isfinite(rotation):
             raise InvalidInput(f"rotation of {shape.name} must be finite")
         self.rotation = float(rotation)

@@ -15,7 +15,9 @@ from .image_constraint import ImageConstraint
 
 
 class FieldOfView(ImageConstraint):
-    """Keeps markers inside a hyperellipse |u/a|ⁿ + |v/b|ⁿ = 1 in the image (eqs. 20 to 24).
+    """Markers stay inside a hyperellipse in the image.
+
+    Keeps markers inside a hyperellipse |u/a|ⁿ + |v/b|ⁿ = 1 in the image (eqs. 20 to 24).
 
     Parameters
     ----------

@@ -6,13 +6,17 @@ from collections.abc import Sequence
 
 from ..errors import ConfigurationError
 from ..formulas import regions as formulas
-from ..geometry import Pose, vector
+from ..geometry import Pose, Vector3, vector
 from ..kinematics import RobotPoint
+from ..renamed import renamed
 from .forbidden_region import ForbiddenRegion
 
 
+@renamed(robot_points="points")
 class ForbiddenBox(ForbiddenRegion):
-    """Margin − d(p) ≤ 0 for a box, also a turned one.
+    """Robot points stay out of a box, also a turned one.
+
+    Margin − d(p) ≤ 0 for a box, also a turned one.
 
     Inside, where several faces are equally near, the way out is along the first of the box's axes; at the centre
     towards + of the shortest one.
@@ -29,7 +33,7 @@ class ForbiddenBox(ForbiddenRegion):
         Approach time constant [s] and u⁺ [m/s].
     margin
         Safety margin [m].
-    robot_points
+    points
         Points that must stay out; the tip if not given.
     name
         Name of the obstacle, for labels when there are several.
@@ -42,13 +46,13 @@ class ForbiddenBox(ForbiddenRegion):
     def __init__(
         self,
         *,
-        centre: Sequence[float],
-        size: Sequence[float],
+        centre: Vector3,
+        size: Vector3,
         K: float,
         switching_gain: float,
-        rpy: Sequence[float] = (0.0, 0.0, 0.0),
+        rpy: Vector3 = (0.0, 0.0, 0.0),
         margin: float = 0.0,
-        robot_points: Sequence[RobotPoint] = (RobotPoint(),),
+        points: Sequence[RobotPoint] = (RobotPoint(),),
         name: str = "",
     ) -> None:
         self.size = vector(size, 3, "size of a box")
@@ -62,6 +66,6 @@ class ForbiddenBox(ForbiddenRegion):
             K=K,
             switching_gain=switching_gain,
             margin=margin,
-            robot_points=robot_points,
+            points=points,
             name=name,
         )

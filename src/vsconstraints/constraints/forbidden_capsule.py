@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..formulas import regions as formulas
-from ..geometry import vector
+from ..geometry import Vector3, vector
 from ..kinematics import RobotPoint
+from ..renamed import renamed
 from .base import demand_positive
 from .forbidden_region import ForbiddenRegion, axis_pose
 
 
+@renamed(robot_points="points")
 class ForbiddenCapsule(ForbiddenRegion):
-    """Radius + margin − ‖p − nearest point of a segment‖ ≤ 0: a pipe with round ends.
+    """Robot points stay out of a cylinder with round ends.
+
+    Radius + margin − ‖p − nearest point of a segment‖ ≤ 0: a pipe with round ends.
 
     On the segment, where every direction across it leads out, the gradient is that of leaving along a fixed one.
 
@@ -26,7 +30,7 @@ class ForbiddenCapsule(ForbiddenRegion):
         Approach time constant [s] and u⁺ [m/s].
     margin
         Safety margin [m].
-    robot_points
+    points
         Points that must stay out; the tip if not given.
     name
         Name of the obstacle, for labels when there are several.
@@ -39,13 +43,13 @@ class ForbiddenCapsule(ForbiddenRegion):
     def __init__(
         self,
         *,
-        start: Sequence[float],
-        end: Sequence[float],
+        start: Vector3,
+        end: Vector3,
         radius: float,
         K: float,
         switching_gain: float,
         margin: float = 0.0,
-        robot_points: Sequence[RobotPoint] = (RobotPoint(),),
+        points: Sequence[RobotPoint] = (RobotPoint(),),
         name: str = "",
     ) -> None:
         demand_positive(radius, "radius of a capsule")
@@ -59,6 +63,6 @@ class ForbiddenCapsule(ForbiddenRegion):
             K=K,
             switching_gain=switching_gain,
             margin=margin,
-            robot_points=robot_points,
+            points=points,
             name=name,
         )

@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..formulas import regions as formulas
-from ..geometry import vector
+from ..geometry import Vector3, vector
 from ..kinematics import RobotPoint
+from ..renamed import renamed
 from .base import demand_positive
 from .forbidden_region import ForbiddenRegion, axis_pose
 
 
+@renamed(robot_points="points")
 class ForbiddenCylinder(ForbiddenRegion):
-    """Margin − d(p) ≤ 0 for a cylinder with flat ends.
+    """Robot points stay out of a cylinder with flat ends.
+
+    Margin − d(p) ≤ 0 for a cylinder with flat ends.
 
     Inside, where side and end are equally near, the way out is through the side; on the axis it is a fixed direction
     across it; in the middle of a flat cylinder, through the end.
@@ -27,7 +31,7 @@ class ForbiddenCylinder(ForbiddenRegion):
         Approach time constant [s] and u⁺ [m/s].
     margin
         Safety margin [m].
-    robot_points
+    points
         Points that must stay out; the tip if not given.
     name
         Name of the obstacle, for labels when there are several.
@@ -40,13 +44,13 @@ class ForbiddenCylinder(ForbiddenRegion):
     def __init__(
         self,
         *,
-        start: Sequence[float],
-        end: Sequence[float],
+        start: Vector3,
+        end: Vector3,
         radius: float,
         K: float,
         switching_gain: float,
         margin: float = 0.0,
-        robot_points: Sequence[RobotPoint] = (RobotPoint(),),
+        points: Sequence[RobotPoint] = (RobotPoint(),),
         name: str = "",
     ) -> None:
         demand_positive(radius, "radius of a cylinder")
@@ -60,6 +64,6 @@ class ForbiddenCylinder(ForbiddenRegion):
             K=K,
             switching_gain=switching_gain,
             margin=margin,
-            robot_points=robot_points,
+            points=points,
             name=name,
         )

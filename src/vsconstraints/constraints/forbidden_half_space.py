@@ -9,13 +9,17 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..formulas import regions as formulas
 from ..formulas.regions import SMALL
-from ..geometry import Pose, vector
+from ..geometry import Pose, Vector3, vector
 from ..kinematics import RobotPoint
+from ..renamed import renamed
 from .forbidden_region import ForbiddenRegion, frame_along
 
 
+@renamed(robot_points="points")
 class ForbiddenHalfSpace(ForbiddenRegion):
-    """Margin − n·(p − a) ≤ 0: points stay on the side of a plane that its normal n points to.
+    """Robot points stay on one side of a plane: above a table, before a wall.
+
+    Margin − n·(p − a) ≤ 0: points stay on the side of a plane that its normal n points to.
 
     Parameters
     ----------
@@ -29,7 +33,7 @@ class ForbiddenHalfSpace(ForbiddenRegion):
         Safety margin [m].
     length
         Characteristic length [m]: a half-space has no size of its own.
-    robot_points
+    points
         Points that must stay out; the tip if not given.
     name
         Name of the obstacle, for labels when there are several.
@@ -42,13 +46,13 @@ class ForbiddenHalfSpace(ForbiddenRegion):
     def __init__(
         self,
         *,
-        point: Sequence[float],
-        normal: Sequence[float],
+        point: Vector3,
+        normal: Vector3,
         K: float,
         switching_gain: float,
         margin: float = 0.0,
         length: float = 0.1,
-        robot_points: Sequence[RobotPoint] = (RobotPoint(),),
+        points: Sequence[RobotPoint] = (RobotPoint(),),
         name: str = "",
     ) -> None:
         n = vector(normal, 3, "normal of a half-space")
@@ -62,6 +66,6 @@ class ForbiddenHalfSpace(ForbiddenRegion):
             K=K,
             switching_gain=switching_gain,
             margin=margin,
-            robot_points=robot_points,
+            points=points,
             name=name,
         )

@@ -10,10 +10,12 @@ from ..errors import ConfigurationError
 from ..formulas.regions import SMALL
 from ..geometry import Pose
 from ..kinematics import RobotPoint
+from ..renamed import renamed
 from ..rows import Array
 from .point_constraint import PointConstraint
 
 
+@renamed(robot_points="points")
 class ForbiddenRegion(PointConstraint):
     """Margin − d(p) ≤ 0 for any robot points (section 4.3.6), d the Euclidean signed distance to a region.
 
@@ -34,7 +36,7 @@ class ForbiddenRegion(PointConstraint):
         Approach time constant [s] and u⁺ [m/s].
     margin
         Safety margin [m].
-    robot_points
+    points
         Points that must stay out.
     name
         Name of the obstacle, for labels when there are several.
@@ -48,10 +50,10 @@ class ForbiddenRegion(PointConstraint):
         K: float,
         switching_gain: float,
         margin: float,
-        robot_points: Sequence[RobotPoint],
+        points: Sequence[RobotPoint],
         name: str,
     ) -> None:
-        super().__init__(K=K, switching_gain=switching_gain, length=length, robot_points=robot_points, name=name)
+        super().__init__(K=K, switching_gain=switching_gain, length=length, points=points, name=name)
         if not (np.isfinite(margin) and margin >= 0.0):
             raise ConfigurationError(f"margin of a {self.kind} must be zero or more metres, not {margin}")
         self.pose, self.margin = pose, float(margin)

@@ -7,15 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..formulas import regions as formulas
-from ..geometry import Pose, vector
+from ..geometry import Pose, Vector3, vector
 from ..kinematics import RobotPoint
+from ..renamed import renamed
 from ..rows import Array
 from .base import demand_positive
 from .forbidden_region import ForbiddenRegion
 
 
+@renamed(robot_points="points")
 class ForbiddenSphere(ForbiddenRegion):
-    """r − ‖p − c‖ + margin ≤ 0 (eqs. 47 and 48) for any robot points.
+    """Robot points stay out of a sphere.
+
+    r − ‖p − c‖ + margin ≤ 0 (eqs. 47 and 48) for any robot points.
 
     At the very centre, where every direction leads out, the gradient is that of leaving along +z.
 
@@ -29,7 +33,7 @@ class ForbiddenSphere(ForbiddenRegion):
         Approach time constant [s] and u⁺ [m/s].
     margin
         Safety margin [m].
-    robot_points
+    points
         Points that must stay out; the tip if not given.
     name
         Name of the obstacle, for labels when there are several.
@@ -42,12 +46,12 @@ class ForbiddenSphere(ForbiddenRegion):
     def __init__(
         self,
         *,
-        centre: Sequence[float],
+        centre: Vector3,
         radius: float,
         K: float,
         switching_gain: float,
         margin: float = 0.0,
-        robot_points: Sequence[RobotPoint] = (RobotPoint(),),
+        points: Sequence[RobotPoint] = (RobotPoint(),),
         name: str = "",
     ) -> None:
         demand_positive(radius, "radius of a sphere")
@@ -59,7 +63,7 @@ class ForbiddenSphere(ForbiddenRegion):
             K=K,
             switching_gain=switching_gain,
             margin=margin,
-            robot_points=robot_points,
+            points=points,
             name=name,
         )
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import ConfigurationError, shown
+from ..geometry import Numbers
 from ..robot import Robot
 from ..rows import Array
 from ..scene import Scene
@@ -16,7 +17,9 @@ from .joint_constraint import JointConstraint
 
 
 class JointRange(JointConstraint):
-    """±q̃_i − 1 + margin ≤ 0 with q̃_i = (q_i − mid) / half the range (eqs. 25 to 27), one row for each side.
+    """Joints stay in their ranges, the robot's or given ones.
+
+    ±q̃_i − 1 + margin ≤ 0 with q̃_i = (q_i − mid) / half the range (eqs. 25 to 27), one row for each side.
 
     The paper writes one row with |q̃_i|, which has a kink at the middle; two linear rows have none, and are the same
     where it matters. Their gradient is the true derivative of σ, ±2/Δq_max.
@@ -44,8 +47,8 @@ class JointRange(JointConstraint):
         K: float,
         switching_gain: float,
         joints: Sequence[int] | None = None,
-        lower: ArrayLike | None = None,
-        upper: ArrayLike | None = None,
+        lower: Numbers | None = None,
+        upper: Numbers | None = None,
         margin: float = 0.0,
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)

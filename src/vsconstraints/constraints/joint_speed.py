@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..errors import ConfigurationError
+from ..geometry import Numbers
 from ..robot import Robot
 from ..rows import Array
 from ..scene import Scene
@@ -16,7 +16,9 @@ from .joint_range import joint_units, limit_array, select_limits, signed_selecto
 
 
 class JointSpeed(SpeedConstraint):
-    """q̇_i/q̇_max,i − 1 + margin ≤ 0 and q̇_i/q̇_min,i − 1 + margin ≤ 0 (eqs. 28 and 29, split as footnote 4 says).
+    """Joints stay below their speeds, the robot's or given ones.
+
+    q̇_i/q̇_max,i − 1 + margin ≤ 0 and q̇_i/q̇_min,i − 1 + margin ≤ 0 (eqs. 28 and 29, split as footnote 4 says).
 
     Parameters
     ----------
@@ -40,8 +42,8 @@ class JointSpeed(SpeedConstraint):
         *,
         switching_gain: float,
         joints: Sequence[int] | None = None,
-        lower: ArrayLike | None = None,
-        upper: ArrayLike | None = None,
+        lower: Numbers | None = None,
+        upper: Numbers | None = None,
         margin: float = 0.0,
     ) -> None:
         super().__init__(switching_gain=switching_gain)

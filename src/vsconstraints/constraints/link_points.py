@@ -12,6 +12,7 @@ import pinocchio as pin
 from ..decomposition import svd
 from ..errors import ConfigurationError, unknown_name
 from ..kinematics import RobotPoint
+from ..renamed import renamed
 from ..robot import Robot
 from ..rows import Array
 from .base import demand_positive
@@ -43,15 +44,16 @@ class LinkPoints:
     enlargement: float
 
 
+@renamed(radius="link_radius")
 def link_points(
-    robot: Robot, *, spacing: float = 0.1, radius: float | None = None, links: Sequence[str] | None = None
+    robot: Robot, *, spacing: float = 0.1, link_radius: float | None = None, links: Sequence[str] | None = None
 ) -> LinkPoints:
     """Characteristic points along a robot's links, and by how much obstacles must be enlarged for them.
 
-    Without ``radius`` the links are those of the URDF's collision geometry: each is cut across its longest direction
-    into slices as thick as the spacing, with a point in the middle of each. With it they are capsules of that radius
-    around the straight lines between the joints' origins (and the tip's), with points along these lines; what slides
-    out of a prismatic joint is not covered.
+    Without ``link_radius`` the links are those of the URDF's collision geometry: each is cut across its longest
+    direction into slices as thick as the spacing, with a point in the middle of each. With it they are capsules of that
+    radius around the straight lines between the joints' origins (and the tip's), with points along these lines; what
+    slides out of a prismatic joint is not covered.
 
     Links that no joint moves are left out, and so are points that no joint moves (on the first axis), for which no
     command could do anything.
@@ -62,7 +64,7 @@ def link_points(
         The arm.
     spacing
         Greatest distance between points along a link [m].
-    radius
+    link_radius
         Of the links [m], for arms without collision geometry.
     links
         Names of the links concerned; all if not given.
@@ -74,9 +76,11 @@ def link_points(
         would have more than :data:`MOST` points.
     """
     demand_positive(spacing, "spacing of points along the links")
-    if radius is not None:
-        demand_positive(radius, "radius of the links")
-    found = _along_geometry(robot, spacing) if radius is None else _along_segments(robot, spacing, radius, links)
+    if link_radius is None:
+        found = _along_geometry(robot, spacing)
+    else:
+        demand_positive(link_radius, "radius of the links")
+        found = _along_segments(robot, spacing, link_radius, links)
     if links is not None:
         for link in links:
             if link not in found:

@@ -23,7 +23,9 @@ ROWS_OF = {"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3,
 
 
 class Manipulability(Constraint):
-    """(w_min − w) / w_scale ≤ 0 with w the product of the singular values of the tip's Jacobian.
+    """The arm stays away from singular configurations.
+
+    (w_min − w) / w_scale ≤ 0 with w the product of the singular values of the tip's Jacobian.
 
     w = √det(J Jᵀ) (Yoshikawa's measure), or √det(Jᵀ J) for arms with fewer joints than directions. Unlike the
     smallest singular value, which has a kink wherever two of them cross, it is smooth wherever it is not zero, and it

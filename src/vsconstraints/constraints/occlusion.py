@@ -12,7 +12,9 @@ from .image_constraint import ImageConstraint
 
 
 class Occlusion(ImageConstraint):
-    """Keeps markers outside an implicit curve: σ is the curve's value, positive inside.
+    """Markers stay outside an implicit curve in the image.
+
+    Keeps markers outside an implicit curve: σ is the curve's value, positive inside.
 
     Parameters
     ----------

@@ -8,11 +8,13 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..kinematics import RobotPoint
+from ..renamed import renamed
 from ..rows import Array
 from ..scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, demand_positive
 
 
+@renamed(robot_points="points")
 class PointConstraint(PositionConstraint):
     """A constraint on the position y = p (3,) of robot points, in the base frame [m].
 
@@ -20,7 +22,7 @@ class PointConstraint(PositionConstraint):
 
     Parameters
     ----------
-    robot_points
+    points
         The points concerned; their names are used in labels.
     length
         Characteristic length [m].
@@ -38,16 +40,16 @@ class PointConstraint(PositionConstraint):
         K: float,
         switching_gain: float,
         length: float,
-        robot_points: Sequence[RobotPoint] = (RobotPoint(),),
+        points: Sequence[RobotPoint] = (RobotPoint(),),
         name: str = "",
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
         demand_positive(length, f"length of {self.kind}")
-        if not robot_points:
+        if not points:
             raise ConfigurationError(f"{self.kind} needs at least one robot point")
         self.length, self.name = float(length), name
         self.scale = self.length
-        self._points = tuple(robot_points)
+        self._points = tuple(points)
 
     @property
     def points(self) -> tuple[RobotPoint, ...]:

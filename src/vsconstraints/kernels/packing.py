@@ -139,7 +139,7 @@ class Packed:
             at = self._floats([goal.from_time], pose.R, pose.t, goal.normalised, L)
             head[layout.AT_GOALS] = head[layout.AT_GOALS] or at
         gains = task.gains
-        head[layout.AT_GAINS] = self._floats([gains.Kp0, gains.slope, gains.damping])
+        head[layout.AT_GAINS] = self._floats([gains.Kp0, gains.Kp_slope, gains.damping])
         head[layout.AT_PRISMATIC] = self._ints(prismatic)
         head[layout.AT_BODIES] = self._ints(bodies)
 

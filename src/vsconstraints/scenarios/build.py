@@ -2,37 +2,61 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Annotated, Any, Literal
 
+import msgspec
 import numpy as np
 
 from ..camera import Camera
-from ..constraints import (
-    ConstraintSet,
-    robot_points,
-)
+from ..constraints import ConstraintSet, robot_points
 from ..constraints.base import demand_positive
-from ..errors import ConfigurationError, SceneError
-from ..features import FEATURES, Feature, Goal, ImagePoints, InteractionMatrix
-from ..geometry import Pose
-from ..motion import TargetMotion
+from ..errors import ConfigurationError, SceneError, shown
+from ..features import FEATURES, Goal
+from ..geometry import Pose, Vector2, Vector3
+from ..motion import Motion, TargetMotion
 from ..references import MinimumJerk
 from ..robot import Robot
 from ..robots import ready_made
 from ..rows import Array
 from ..scene import MINIMUM_DEPTH, Scene
 from ..simulation import Setup, Tolerances
+from ..simulation.disturbances import Disturbances
 from ..simulation.plant import Actuation
 from ..simulation.sensing import believed_camera
-from ..tracking import DERIVATIVES, Derivative, TrackingGains, VisualTask
+from ..tracking import TrackingGains, VisualTask
 from .constraint_types import make_constraint
-from .motion_tables import read_disturbances, read_target_motion
-from .section import Section
+from .reading import Table, checked, chosen, demand_table, made, split
+from .toml import in_todays_words
+
+
+@dataclass(frozen=True)
+class File:
+    """Keys of a scenario's file, with their types and defaults; docs/scenarios.md says what they mean."""
+
+    robot: str | Table
+    camera: Table
+    target: Table
+    task: Table
+    q0: Sequence[float]
+    sampling_time: float
+    duration: float
+    title: str = ""
+    description: str = ""
+    qd0: Sequence[float] | None = None
+    start_deviation: float = 0.0
+    constraints: Sequence[Any] = ()
+    disturbances: Table = field(default_factory=dict)
+    tolerances: Tolerances = field(default_factory=Tolerances)
+    on_rank_loss: Literal["abort", "continue"] = "abort"
+    on_hidden_markers: Literal["refuse", "continue"] = "refuse"
+    actuation: Actuation = "acceleration"
 
 
 def build(
-    tables: dict[str, Any],
+    tables: Table,
     where: str,
     folder: Path,
     deviation: np.random.Generator | None = None,
@@ -58,174 +82,168 @@ def build(
     ConfigurationError, InvalidInput
         for unknown keys and unusable values; the message names them.
     """
-    top = Section(tables, where)
-    top.take("title", str, "")
-    top.take("description", str, "")
-    robot = _robot(top, folder)
-    camera = _camera(top.section("camera"))
-    markers, motion = _target(top.section("target"))
-    q0 = robot.configuration(top.array("q0"), "q0")
-    qd0 = robot.configuration(top.array("qd0", [0.0] * robot.n), "qd0")
-    spread = float(top.number("start_deviation", 0.0))
+    file: File = made(File, in_todays_words(tables, where), where)
+    robot = _robot(file.robot, f"{where}.robot", folder)
+    camera = _camera(file.camera, f"{where}.camera")
+    markers, motion = _target(file.target, f"{where}.target")
+    q0 = robot.configuration(file.q0, "q0")
+    qd0 = robot.configuration([0.0] * robot.n if file.qd0 is None else file.qd0, "qd0")
     if deviation is not None:
-        q0 = q0 + spread * deviation.uniform(-1.0, 1.0, robot.n)
-    constraints = [make_constraint(section, robot, camera, folder) for section in top.sections("constraints")]
+        q0 = q0 + file.start_deviation * deviation.uniform(-1.0, 1.0, robot.n)
+    constraints = [
+        make_constraint(table, f"{where}.constraints[{i}]", robot, camera, folder)
+        for i, table in enumerate(file.constraints)
+    ]
     scene = Scene(robot, camera, markers, robot_points(constraints), motion)
-    disturbances = read_disturbances(top.section("disturbances", {}), seed)
-    task = _task(top.section("task"), scene, believed_camera(camera, disturbances))
-    setup = Setup(
+    disturbances = _disturbances(file.disturbances, f"{where}.disturbances", seed)
+    return Setup(
         scene,
         ConstraintSet(constraints, scene),
-        task,
+        _task(file.task, f"{where}.task", scene, believed_camera(camera, disturbances)),
         q0,
         qd0,
-        Ts=float(top.number("sampling_time")),
-        duration=float(top.number("duration")),
-        abort_on_rank_loss=top.choice("on_rank_loss", ("abort", "continue"), "abort") == "abort",
-        tolerances=_tolerances(top.section("tolerances", {})),
-        disturbances=disturbances,
-        refuse_hidden_markers=top.choice("on_hidden_markers", ("refuse", "continue"), "refuse") == "refuse",
-        actuation=cast("Actuation", top.choice("actuation", get_args(Actuation), "acceleration")),
+        file.sampling_time,
+        file.duration,
+        file.on_rank_loss,
+        file.tolerances,
+        disturbances,
+        file.actuation,
+        file.on_hidden_markers,
     )
-    top.finish()
-    return setup
 
 
-def _robot(top: Section, folder: Path) -> Robot:
-    value = top.take("robot", (str, dict))
+def _robot(value: str | Table, where: str, folder: Path) -> Robot:
     if isinstance(value, str):
         return ready_made(value)
-    section = Section(value, f"{top.where}.robot")
-    name = section.take("name", str, None)
-    if "urdf" in section:
-        robot = Robot.from_urdf(
-            folder / section.take("urdf", str),
-            section.take("tip", str, None),
-            locked=section.take("locked", dict, None),
-            name=name,
-        )
-    else:
-        table = section.array("dh", shape=(None, 4))
-        n = len(table)
-        robot = Robot.from_dh(
-            table,
-            prismatic=section.take("prismatic", list, []),
-            q_min=section.array("q_min", None, (n,)),
-            q_max=section.array("q_max", None, (n,)),
-            qd_max=section.array("qd_max", None, (n,)),
-            name=name or "robot",
-        )
-    section.finish()
-    return robot
+    if "urdf" in value:
+        robot: Robot = made(Robot.from_urdf, value, where, {"folder": folder, "package_dirs": None})
+        return robot
+    return made(Robot.from_dh, value, where)
 
 
-def _camera(section: Section) -> Camera:
-    if "mount" in section and "fixed" in section:
+def _camera(table: Table, where: str) -> Camera:
+    if "mount" in table and "fixed" in table:
         raise ConfigurationError(
-            f"{section.where}: a camera is mounted on the robot or fixed in space: give mount or fixed, not both"
+            f"{where}: a camera is mounted on the robot or fixed in space: give mount or fixed, not both"
         )
-    camera = Camera(
-        tuple(section.array("focal_px", shape=(2,))),
-        tuple(section.array("size_px", shape=(2,))),
-        section.array("principal_point_px", None, (2,)),
-        _pose(section.section("mount", {})),
-        _pose(section.section("fixed")) if "fixed" in section else None,
+    return made(Camera, table, where)
+
+
+def _target(table: Table, where: str) -> tuple[Array, TargetMotion | None]:
+    of_markers, of_motion = split(table, where, _square_target if "square" in table else _markers, _moving)
+    markers = made(_square_target if "square" in table else _markers, of_markers, where)
+    if "motion" not in of_motion:
+        return markers, None
+    at = f"{where}.motion"
+    of_translation, of_turn = split(of_motion["motion"], at, Motion, Turn)
+    turn: Turn = made(Turn, of_turn, at)
+    centre = markers.mean(axis=0) if turn.centre is None else np.array(turn.centre)
+    return markers, TargetMotion(made(Motion, of_translation, at), np.array(turn.angular_velocity), centre)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """How a target turns while it moves; about the markers' mean if nothing else is said."""
+
+    angular_velocity: Vector3 = (0.0, 0.0, 0.0)
+    centre: Vector3 | None = None
+
+
+def _moving(motion: Table) -> None:
+    """The further key of a target."""
+
+
+def _markers(markers: Annotated[Sequence[Vector3], msgspec.Meta(min_length=1)]) -> Array:
+    return np.array(markers)
+
+
+@dataclass(frozen=True)
+class Square:
+    """Four markers at the corners of a square."""
+
+    side: float
+    xyz: Vector3
+    rpy: Vector3 = (0.0, 0.0, 0.0)
+
+
+def _square_target(square: Square) -> Array:
+    demand_positive(square.side, "side of a square target")
+    corners = 0.5 * square.side * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    return Pose.from_xyz_rpy(square.xyz, square.rpy).act(corners)
+
+
+def _task(table: Table, where: str, scene: Scene, camera: Camera) -> VisualTask:
+    values = dict(table)
+    feature = chosen(values, "feature", FEATURES, where)
+    of_feature, of_gains, of_task = split(values, where, feature, TrackingGains, VisualTask, given=["feature", "gains"])
+    goals = [
+        _goal(goal, f"{where}.goals[{i}]", scene, camera)
+        for i, goal in enumerate(checked(of_task.pop("goals", []), list[Any], where, "goals"))
+    ]
+    gains = made(TrackingGains, of_gains, where)
+    return made(
+        VisualTask, of_task, where, {"feature": made(feature, of_feature, where), "goals": goals, "gains": gains}
     )
-    section.finish()
-    return camera
 
 
-def _pose(section: Section) -> Pose:
-    pose = Pose.from_xyz_rpy(section.array("xyz", np.zeros(3), (3,)), section.array("rpy", np.zeros(3), (3,)))
-    section.finish()
-    return pose
+@dataclass(frozen=True)
+class GoalTable:
+    """Keys of a goal; one of the three ways to say where it is."""
+
+    from_time: float = 0.0
+    reach_in: float | None = None
+    camera_at_q: Sequence[float] | None = None
+    camera_pose: Table | None = None
+    markers_px: Sequence[Vector2] | None = None
+    depth_m: Sequence[float] | None = None
 
 
-def _target(section: Section) -> tuple[Array, TargetMotion | None]:
-    markers = _markers(section)
-    motion = read_target_motion(section.section("motion"), markers) if "motion" in section else None
-    section.finish()
-    return markers, motion
-
-
-def _markers(section: Section) -> Array:
-    if "square" in section:
-        square = section.section("square")
-        side = square.number("side")
-        demand_positive(side, f"{square.where}: side")
-        half = 0.5 * side
-        if "xyz" not in square:
-            raise ConfigurationError(f"{square.where}: the key 'xyz' is missing")
-        pose = _pose(square)
-        corners = half * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
-        markers = pose.act(corners)
-    else:
-        markers = section.array("markers", shape=(None, 3))
-    return np.asarray(markers)
-
-
-def _feature(section: Section) -> Feature:
-    kind = FEATURES[section.choice("feature", FEATURES)]
-    if issubclass(kind, ImagePoints):
-        which = section.choice("interaction_matrix", get_args(InteractionMatrix), "current")
-        return kind(cast("InteractionMatrix", which))
-    return kind()
-
-
-def _task(section: Section, scene: Scene, camera: Camera) -> VisualTask:
-    feature = _feature(section)
-    gains = TrackingGains(
-        float(section.number("Kp0")),
-        float(section.number("Kp_slope0", 0.0)),
-        float(section.number("Kv_over_sqrt_Kp", 3.0)),
-    )
-    drift = cast("Derivative", section.choice("drift", DERIVATIVES, "exact"))
-    velocity = cast("Derivative", section.choice("velocity", DERIVATIVES, "exact"))
-    reference = cast("Derivative", section.choice("reference", DERIVATIVES, "exact"))
-    goals = [_goal(goal, scene, camera) for goal in section.sections("goals")]
-    section.finish()
-    return VisualTask(feature, goals, gains, drift, velocity, reference)
-
-
-def _goal(section: Section, scene: Scene, believed: Camera) -> Goal:
+def _goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal:
     """A goal as the control knows it: shown to the real camera, turned into coordinates by the believed one."""
-    time = float(section.number("from_time", 0.0))
-    reach_in = section.number("reach_in", None)
-    reference = None if reach_in is None else MinimumJerk(float(reach_in))
-    kinds = [key for key in ("camera_at_q", "camera_pose", "markers_px") if key in section]
+    goal: GoalTable = made(GoalTable, table, where)
+    kinds = [key for key in ("camera_at_q", "camera_pose", "markers_px") if getattr(goal, key) is not None]
     if len(kinds) != 1:
         raise ConfigurationError(
-            f"{section.where} needs one of camera_at_q, camera_pose and markers_px; it has {kinds or 'none'}"
+            f"{where} needs one of camera_at_q, camera_pose and markers_px; it has {kinds or 'none'}"
         )
-    if kinds == ["markers_px"]:
-        m = len(scene.markers)
-        pixels, depth = section.array("markers_px", shape=(m, 2)), section.array("depth_m", None, (m,))
-        section.finish()
-        if depth is not None and (depth < MINIMUM_DEPTH).any():
-            raise ConfigurationError(f"{section.where}: depth_m must be at least {MINIMUM_DEPTH} m, not {depth}")
-        return Goal(time, pixels, believed.normalised(pixels), depth=depth, reference=reference)
-    if kinds == ["camera_at_q"]:
-        camera = scene.camera_pose(section.array("camera_at_q", shape=(scene.robot.n,)))
+    reference = None if goal.reach_in is None else MinimumJerk(goal.reach_in)
+    if goal.markers_px is not None:
+        return _image_goal(goal, goal.markers_px, where, len(scene.markers), believed, reference)
+    if goal.depth_m is not None:
+        raise ConfigurationError(f"{where}: depth_m goes with markers_px, not with {kinds[0]}")
+    if goal.camera_pose is not None:
+        camera = made(Pose.from_xyz_rpy, goal.camera_pose, f"{where}.camera_pose")
     else:
-        pose = section.section("camera_pose")
-        camera = Pose.from_xyz_rpy(pose.array("xyz", shape=(3,)), pose.array("rpy", shape=(3,)))
-        pose.finish()
-    section.finish()
+        camera = scene.camera_pose(scene.robot.configuration(goal.camera_at_q, f"{where}: camera_at_q"))
     try:
         pixels, depth = scene.project(camera), scene.depth(camera)
     except SceneError as error:
-        raise ConfigurationError(f"{section.where}: at the goal, {error}") from error
-    return Goal(time, pixels, believed.normalised(pixels), camera, depth, reference)
+        raise ConfigurationError(f"{where}: at the goal, {error}") from error
+    return Goal(goal.from_time, pixels, believed.normalised(pixels), camera, depth, reference)
 
 
-def _tolerances(section: Section) -> Tolerances:
-    defaults = Tolerances()
-    tolerances = Tolerances(
-        translation=float(section.number("translation_m", defaults.translation)),
-        rotation=float(section.number("rotation_rad", defaults.rotation)),
-        feature=float(section.number("feature_px", defaults.feature)),
-        dwell=float(section.number("dwell_s", defaults.dwell)),
-        rest=float(section.number("rest_s", defaults.rest)),
-    )
-    section.finish()
-    return tolerances
+def _image_goal(
+    goal: GoalTable,
+    markers_px: Sequence[Vector2],
+    where: str,
+    m: int,
+    believed: Camera,
+    reference: MinimumJerk | None,
+) -> Goal:
+    depth = None if goal.depth_m is None else np.array(goal.depth_m)
+    if len(markers_px) != m:
+        raise ConfigurationError(f"{where}: markers_px must be {m} × 2 numbers, not {shown(markers_px)}")
+    if depth is not None and len(depth) != m:
+        raise ConfigurationError(f"{where}: depth_m must be {m} numbers, not {shown(goal.depth_m)}")
+    if depth is not None and (depth < MINIMUM_DEPTH).any():
+        raise ConfigurationError(f"{where}: depth_m must be at least {MINIMUM_DEPTH} m, not {depth}")
+    pixels = np.array(markers_px)
+    return Goal(goal.from_time, pixels, believed.normalised(pixels), depth=depth, reference=reference)
+
+
+def _disturbances(table: Table, where: str, seed: tuple[int, ...]) -> Disturbances:
+    """What a ``disturbances`` table describes; numbers per joint may be given as one."""
+    values = demand_table(table, where)
+    if isinstance(values.get("acceleration"), int | float):
+        values["acceleration"] = [values["acceleration"]]
+    return made(Disturbances, values, where, {"seed": seed})

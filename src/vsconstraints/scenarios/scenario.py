@@ -16,7 +16,7 @@ from ..plugins import module_files
 from ..simulation import Setup
 from ..urdf import mesh_files
 from .build import build
-from .section import override, read_toml
+from .toml import in_todays_words, override, read_toml
 
 SHIPPED = Path(__file__).parent
 """Folder of the scenarios that come with the package."""
@@ -146,7 +146,7 @@ def _file(name: str, base: Path | None) -> Path:
 
 def _tables(path: Path) -> dict[str, Any]:
     """What a file says, over what the one that it extends says, and so on."""
-    files, parts = [path], [read_toml(path)]
+    files, parts = [path], [_read(path)]
     while "extends" in parts[-1]:
         name = parts[-1].pop("extends")
         if not isinstance(name, str):
@@ -155,7 +155,7 @@ def _tables(path: Path) -> dict[str, Any]:
             )
         file = _file(name, files[-1].parent)
         files.append(file)
-        parts.append(read_toml(file))
+        parts.append(_read(file))
         if any(file.samefile(other) for other in files[:-1]):
             raise ConfigurationError(f"scenarios extend each other in a circle: {' extends '.join(map(str, files))}")
         if len(files) > MOST_EXTENDED:
@@ -166,6 +166,10 @@ def _tables(path: Path) -> dict[str, Any]:
     while parts:
         tables = _merged(tables, parts.pop())
     return tables
+
+
+def _read(path: Path) -> dict[str, Any]:
+    return in_todays_words(read_toml(path), str(path))
 
 
 def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:

@@ -135,7 +135,7 @@ class _Run:
         claimed = command.status == "rank-loss"
         lost = claimed and loses_rank(given)
         self.unfounded += claimed and not lost
-        if command.status == "failed" or (lost and self.setup.abort_on_rank_loss):
+        if command.status == "failed" or (lost and self.setup.on_rank_loss == "abort"):
             self._end("failed" if command.status == "failed" else "aborted", k, command.reason)
         else:
             self.plant.step()

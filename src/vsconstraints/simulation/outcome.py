@@ -49,7 +49,7 @@ def judge(
     tolerances = setup.tolerances
     reached = setup.reached(camera_error, feature_error)
     last = goal == len(setup.task.goals) - 1
-    dwelling = t >= t[-1] - tolerances.dwell
+    dwelling = t >= t[-1] - tolerances.dwell_s
     if last[dwelling].all() and reached[dwelling].all():
         return "converged", ""
     distance_now, angle_now = camera_error[-1]
@@ -58,11 +58,11 @@ def judge(
         if np.isfinite(distance_now)
         else f"ends {_amount(feature_error[-1])} px from the goal"
     )
-    rest = max(tolerances.rest, REST[0], REST[1] * setup.Ts)
+    rest = max(tolerances.rest_s, REST[0], REST[1] * setup.Ts)
     # half a period for the rounding of times
     since = int(np.argmax(t >= t[-1] - rest - 0.5 * setup.Ts))
     moved, turned = distances(camera_R[since:], camera_t[since:], Pose(camera_R[-1], camera_t[-1])).max(axis=0)
-    if t[-1] >= rest - 0.5 * setup.Ts and moved < tolerances.translation and turned < tolerances.rotation:
+    if t[-1] >= rest - 0.5 * setup.Ts and moved < tolerances.translation_m and turned < tolerances.rotation_rad:
         return "trapped", f"at rest, {final}"
     return "unfinished", f"still moving, {final}"
 

@@ -33,7 +33,7 @@ def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
         return camera
     focal = np.multiply(camera.focal, disturbances.focal_factor)
     corner = camera.offset + 0.5 * np.asarray(camera.size) + disturbances.principal_point_error
-    return replace(camera, focal=tuple(focal), principal_point=tuple(corner))
+    return replace(camera, focal_px=tuple(focal), principal_point_px=tuple(corner))
 
 
 class Sensor:

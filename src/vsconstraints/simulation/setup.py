@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from ..constraints import ConstraintSet, ImageConstraint
 from ..control_step import has_unknown_motion
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
 from ..features import CameraPose
+from ..renamed import renamed
 from ..rows import Array, BoolArray
 from ..scene import Scene
 from ..tracking import VisualTask
@@ -23,35 +25,41 @@ MOST_MEMORY = 2e9
 """What a run may take of memory, in which it is kept whole [bytes]."""
 
 
+@renamed(translation="translation_m", rotation="rotation_rad", feature="feature_px", dwell="dwell_s", rest="rest_s")
 @dataclass(frozen=True)
 class Tolerances:
     """When a motion counts as settled or at rest.
 
     Attributes
     ----------
-    translation, rotation
+    translation_m, rotation_rad
         Error of the camera's pose below which a goal counts as reached [m], [rad]; where the goal is a pose.
-    feature
+    feature_px
         Greatest error of a marker in the image likewise [px]; where the goal is an image only, or the task is one.
-    dwell
+    dwell_s
         How long it must stay there until the end [s].
-    rest
-        How long the camera must have moved by less than ``translation`` and ``rotation`` to count as at rest [s]; less
-        than 1 s, or ten sampling periods, counts as that.
+    rest_s
+        How long the camera must have moved by less than ``translation_m`` and ``rotation_rad`` to count as at rest [s];
+        less than 1 s, or ten sampling periods, counts as that.
     """
 
-    translation: float = 0.005
-    rotation: float = 0.005
-    feature: float = 2.0
-    dwell: float = 0.2
-    rest: float = 2.0
+    translation_m: float = 0.005
+    rotation_rad: float = 0.005
+    feature_px: float = 2.0
+    dwell_s: float = 0.2
+    rest_s: float = 2.0
 
     def __post_init__(self) -> None:
-        for name in ("translation", "rotation", "feature", "dwell", "rest"):
+        for name in ("translation_m", "rotation_rad", "feature_px", "dwell_s", "rest_s"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InvalidInput(f"tolerance {name} must be positive, not {getattr(self, name)}")
 
 
+@renamed(
+    Ts="sampling_time",
+    abort_on_rank_loss=("on_rank_loss", {True: "abort", False: "continue"}),
+    refuse_hidden_markers=("on_hidden_markers", {True: "refuse", False: "continue"}),
+)
 @dataclass(frozen=True)
 class Setup:
     """A complete simulation, except for the controller.
@@ -62,20 +70,20 @@ class Setup:
         What is seen, what must hold, and what is wanted.
     q0, qd0
         (n,) where the robot starts, and how fast.
-    Ts
-        Sampling time [s].
+    sampling_time
+        T_s [s].
     duration
         [s].
-    abort_on_rank_loss
-        Whether to stop where the active rows lose full row rank (section 5.2).
+    on_rank_loss
+        Whether to ``abort`` or ``continue`` where the active rows lose full row rank (section 5.2).
     tolerances
         When a motion counts as settled or at rest.
     disturbances
         What goes otherwise than the control assumes.
     actuation
         What the robot's own controller takes.
-    refuse_hidden_markers
-        Whether a run that starts with a marker hidden by the robot's own links is refused.
+    on_hidden_markers
+        Whether to ``refuse`` or ``continue`` a run that starts with a marker hidden by the robot's own links.
     """
 
     scene: Scene
@@ -83,16 +91,16 @@ class Setup:
     task: VisualTask
     q0: Array
     qd0: Array
-    Ts: float
+    sampling_time: float
     duration: float
-    abort_on_rank_loss: bool = True
+    on_rank_loss: Literal["abort", "continue"] = "abort"
     tolerances: Tolerances = field(default_factory=Tolerances)
     disturbances: Disturbances = field(default_factory=Disturbances)
     actuation: Actuation = "acceleration"
-    refuse_hidden_markers: bool = True
+    on_hidden_markers: Literal["refuse", "continue"] = "refuse"
 
     def __post_init__(self) -> None:
-        for name in ("Ts", "duration"):
+        for name in ("sampling_time", "duration"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InvalidInput(f"{name} must be a positive number of seconds, not {getattr(self, name)}")
         for name in ("q0", "qd0"):
@@ -108,6 +116,11 @@ class Setup:
             raise ConfigurationError(f"the duration {self.duration} s is shorter than one sample, {self.Ts} s")
         for part in (self.plant, self.sensor, self.gradient_error):
             part()
+
+    @property
+    def Ts(self) -> float:  # noqa: N802 - a symbol of the formulas
+        """T_s, as formulas call the sampling time [s]."""
+        return self.sampling_time
 
     def plant(self) -> Plant:
         """The robot, at its start."""
@@ -148,8 +161,8 @@ class Setup:
         """
         tolerances = self.tolerances
         if isinstance(self.task.feature, CameraPose):
-            return np.asarray((camera_error <= (tolerances.translation, tolerances.rotation)).all(axis=1))
-        return np.asarray(feature_error <= tolerances.feature)
+            return np.asarray((camera_error <= (tolerances.translation_m, tolerances.rotation_rad)).all(axis=1))
+        return np.asarray(feature_error <= tolerances.feature_px)
 
     def check_start(self) -> list[str]:
         """Raise if the robot cannot start; return what a reader of the results should know.
@@ -203,7 +216,7 @@ class Setup:
         except ConfigurationError as error:
             return [f"lines of sight are not checked: {error}"]
         hidden = [f"marker {number} by {link}" for number, link in lines.hidden(self.q0, 0.0)]
-        if hidden and self.refuse_hidden_markers:
+        if hidden and self.on_hidden_markers == "refuse":
             raise ConfigurationError(
                 f"at the start the robot itself hides markers from the camera: {', '.join(hidden)}; "
                 'on_hidden_markers = "continue" runs it all the same'

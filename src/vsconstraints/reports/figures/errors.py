@@ -51,20 +51,20 @@ def _quantities(view: View) -> list[_Quantity]:
     pose = [
         _Quantity(
             "position error [mm]",
-            1e3 * tolerances.translation if tolerances else 1.0,
+            1e3 * tolerances.translation_m if tolerances else 1.0,
             tolerances is not None and not image,
             lambda run: 1e3 * run.trajectory.camera_error[:, 0],
         ),
         _Quantity(
             "orientation error [mrad]",
-            1e3 * tolerances.rotation if tolerances else 1.0,
+            1e3 * tolerances.rotation_rad if tolerances else 1.0,
             tolerances is not None and not image,
             lambda run: 1e3 * run.trajectory.camera_error[:, 1],
         ),
     ]
     if not image:
         return pose
-    feature = tolerances.feature if tolerances else 1.0
+    feature = tolerances.feature_px if tolerances else 1.0
     return [_Quantity("image error [px]", feature, True, lambda run: run.trajectory.feature_error_px), *pose]
 
 

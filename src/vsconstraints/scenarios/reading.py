@@ -1,0 +1,213 @@
+"""From a table of a file to what is made of it: the signature of what is made declares keys, types and defaults.
+
+A parameter is a key of the same name; its annotation says what the key's value must be, and its default makes the key
+optional. What a table stands in for (a pose, a motion, another dataclass) is made from that table in the same way.
+"""
+
+from __future__ import annotations
+
+import inspect
+import types
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+
+import msgspec
+import numpy as np
+
+from ..errors import ConfigurationError, shown, unknown_name
+from ..geometry import Pose, Vector3
+from ..motion import Motion
+
+Table = dict[str, Any]
+"""A table of a file, by its keys."""
+
+Given = Mapping[str, Any]
+"""Arguments that are known besides those of a table: the robot, the camera, the folder of files."""
+
+NOTHING: Given = types.MappingProxyType({})
+UNIONS = (Union, types.UnionType)
+
+Made = TypeVar("Made")
+
+
+def made(make: Callable[..., Made], table: object, where: str, given: Given = NOTHING) -> Made:
+    """What ``make`` makes with the values of a table, each checked against its parameter's annotation.
+
+    Parameters
+    ----------
+    make
+        A class or function; its parameters are the table's keys.
+    table
+        What the file says; its values may be NumPy's, too.
+    where
+        File and table, for messages.
+    given
+        Arguments that files do not give.
+
+    Raises
+    ------
+    ConfigurationError
+        for keys that are unknown (it names those there are) or missing, and for values that do not fit.
+    """
+    keys, values = parameters(make), demand_table(table, where)
+    known = [name for name in keys if name not in given]
+    arguments = {name: value for name, value in values.items() if name not in known}
+    if not takes_any(make):
+        demand_known(values, known, where)
+    for name, parameter in keys.items():
+        if name in given:
+            arguments[name] = given[name]
+        elif name in values:
+            arguments[name] = checked(values[name], parameter.annotation, where, name, given)
+        elif parameter.default is inspect.Parameter.empty:
+            raise ConfigurationError(f"{where}: the key {name!r} is missing")
+    return make(**arguments)
+
+
+def split(table: object, where: str, *makes: Callable[..., Any], given: Iterable[str] = ()) -> list[Table]:
+    """One table as several, one for each of what is made of it; a key that none of them has is refused."""
+    values = demand_table(table, where)
+    known = [[name for name in parameters(make) if name not in given] for make in makes]
+    demand_known(values, [name for names in known for name in names], where)
+    return [{name: values[name] for name in names if name in values} for names in known]
+
+
+def parameters(make: Callable[..., Any]) -> dict[str, inspect.Parameter]:
+    """The parameters of a class or function by their names, their annotations evaluated where that is possible."""
+    try:
+        signature = inspect.signature(make, eval_str=True)
+    except NameError:  # somebody's own annotations may name what is there for type checkers only
+        signature = inspect.signature(make)
+    return {
+        name: parameter.replace(annotation=Any) if isinstance(parameter.annotation, str) else parameter
+        for name, parameter in signature.parameters.items()
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+    }
+
+
+def takes_any(make: Callable[..., Any]) -> bool:
+    """Whether a class or function takes keywords that its signature does not name."""
+    return any(one.kind is one.VAR_KEYWORD for one in inspect.signature(make).parameters.values())
+
+
+def demand_table(value: object, where: str) -> Table:
+    """A copy of a table; raises ConfigurationError if it is none."""
+    if not isinstance(value, Mapping):
+        raise ConfigurationError(f"{where} must be a table, not {shown(value)}")
+    return dict(value)
+
+
+def demand_known(table: Table, known: Iterable[str], where: str) -> None:
+    """Raise ConfigurationError that names the known keys if a table has another one."""
+    names = list(known)
+    for key in table:
+        if key not in names:
+            raise unknown_name(f"key in {where}", key, names)
+
+
+def chosen(table: Table, key: str, candidates: Mapping[str, Any], where: str, others: Sequence[str] = ()) -> Any:
+    """Take a key out of a table whose value names one of some candidates, and return that one."""
+    if key not in table:
+        raise ConfigurationError(f"{where}: the key {key!r} is missing")
+    name = checked(table.pop(key), str, where, key)
+    if name not in candidates:
+        raise unknown_name(f"{key} in {where}", name, [*candidates, *others])
+    return candidates[name]
+
+
+def checked(value: object, kind: Any, where: str, key: str, given: Given = NOTHING) -> Any:
+    """The value of a key as what its annotation ``kind`` says; raises ConfigurationError that names key and value.
+
+    What neither a file can hold nor a table describes is left to whoever takes the value.
+    """
+    every = get_args(kind) if get_origin(kind) in UNIONS else (kind,)
+    options = [one for one in every if get_origin(one) is not np.ndarray]
+    for option in options:
+        several = get_origin(option) is Sequence
+        part = get_args(option)[0] if several else option
+        if part in (Pose, Motion) or is_dataclass(part):
+            if not several:
+                return _part(part, value, f"{where}.{key}", given)
+            tables = checked(value, list[Any], where, key)
+            return [_part(part, table, f"{where}.{key}[{i}]", given) for i, table in enumerate(tables)]
+        if get_origin(option) is Literal and isinstance(value, str) and value not in get_args(option):
+            raise unknown_name(f"{key} in {where}", value, get_args(option))
+    if Path in options:
+        return given["folder"] / checked(value, str, where, key)
+    if not all(map(_of_files, options)):
+        return value
+    try:
+        raw = any(Any in get_args(option) for option in options)  # checked further where it is read
+        return msgspec.convert(value if raw else _finite(value), Union[tuple(options)])  # noqa: UP007
+    except FloatingPointError as error:
+        raise ConfigurationError(f"{where}: {key} must be finite, and less than 1e308") from error
+    except msgspec.ValidationError as error:
+        raise ConfigurationError(f"{where}: {key} must be {_words(kind)}, not {shown(value)}") from error
+
+
+def _part(part: Any, table: object, where: str, given: Given) -> Any:
+    return made(
+        placed if part is Pose else part, table, where, {"folder": given["folder"]} if "folder" in given else NOTHING
+    )
+
+
+def placed(xyz: Vector3 = (0.0, 0.0, 0.0), rpy: Vector3 = (0.0, 0.0, 0.0)) -> Pose:
+    """A pose; it says nothing where it changes nothing."""
+    return Pose.from_xyz_rpy(xyz, rpy)
+
+
+def _of_files(kind: Any) -> bool:
+    """Whether a type is one of the values that files hold."""
+    origin = get_origin(kind)
+    if origin in (Annotated, tuple, list, dict, Sequence, Mapping):
+        return all(
+            _of_files(one) for one in get_args(kind) if one is not Ellipsis and not isinstance(one, msgspec.Meta)
+        )
+    return origin is Literal or kind in (float, int, str, bool, dict, list, Any, types.NoneType)
+
+
+def _finite(value: Any) -> Any:
+    """A value with Python's own numbers for NumPy's; raises FloatingPointError if one of them is not finite."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, float | int) and not -1e308 <= value <= 1e308:
+        raise FloatingPointError
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return {key: _finite(one) for key, one in value.items()} if isinstance(value, dict) else value
+
+
+_NAMES = {
+    int: ("an integer", "integers"),
+    float: ("an integer or a number", "numbers"),
+    str: ("a string", "strings"),
+    bool: ("true or false", "true or false"),
+    list: ("a list", "lists"),
+    dict: ("a table", "tables"),
+    Mapping: ("a table", "tables"),
+    Literal: ("a string", "strings"),
+}
+"""What one value, and several, of a type are called in messages."""
+
+
+def _words(kind: Any, several: bool = False) -> str:
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin in UNIONS:
+        names = [_words(one) for one in inner if one is not types.NoneType and get_origin(one) is not np.ndarray]
+        return " or ".join(names)
+    if origin is Annotated and inner[0] is float:
+        return "positive numbers" if several else "a positive number"
+    if origin is Annotated:
+        count, items = inner[1].min_length, _words(get_args(inner[0])[0], several=True)
+        if inner[1].max_length is None:
+            return f"one or more {items}"
+        return f"rows of {count} {items}" if several else f"{count} {items}"
+    if origin in (dict, Mapping) and inner[1] is not Any:
+        return f"a table of {_words(inner[1], several=True)}"
+    if origin is tuple and Ellipsis not in inner:
+        return f"{len(inner)} {_words(inner[0], several=True)}"
+    if origin in (tuple, list, Sequence) and inner[0] is not Any:
+        return f"{'lists' if several else 'a list'} of {_words(inner[0], several=True)}"
+    return _NAMES[list if origin in (tuple, list, Sequence) else origin or kind][several]

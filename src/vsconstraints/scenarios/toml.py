@@ -1,0 +1,102 @@
+"""TOML files: read, checked for what TOML leaves to its readers, and changed key by key."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+import warnings
+from pathlib import Path
+from typing import Any
+
+from ..errors import ConfigurationError, unknown_name
+
+OPTIONAL = ("disturbances", "tolerances", "motion", "mount", "fixed")
+"""Tables that need not be in a file, and are made when a key in them is overridden."""
+
+DEEPEST = 30
+"""Levels of tables and lists in each other that a file may have."""
+
+OLD_WORDS = {"Kp_slope0": "Kp_slope", "Kv_over_sqrt_Kp": "damping"}
+"""Keys that are still read, and what they are called now."""
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file; raises ConfigurationError that names the file if it cannot be read."""
+    try:
+        str(path.absolute()).encode()  # results name it, in UTF-8
+        # a byte order mark is what some editors begin files with
+        text = path.read_bytes().decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"cannot read {os.fspath(path)}: {error}") from error
+    return parse_toml(text, os.fspath(path))
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """The tables of a TOML text; raises ConfigurationError that names ``where``.
+
+    What TOML leaves to its readers is refused, too: integers of more than 64 bits, and more than :data:`DEEPEST`
+    levels.
+    """
+    too_deep = f"{where}: tables and lists lie in each other more than {DEEPEST} levels deep"
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{where} is not TOML: {error}") from error
+    except RecursionError as error:
+        raise ConfigurationError(too_deep) from error
+    except ValueError as error:  # digits without end
+        raise ConfigurationError(f"{where}: {error}") from error
+    level: list[Any] = [tables]
+    for _ in range(DEEPEST + 1):
+        level = [inner for one in level for inner in (one.values() if isinstance(one, dict) else one)]
+        for value in level:
+            if isinstance(value, int) and not -(2**63) <= value < 2**63:
+                raise ConfigurationError(f"{where}: integers have at most 64 bits, not {value.bit_length()}")
+        level = [value for value in level if isinstance(value, (dict, list))]
+    if level:
+        raise ConfigurationError(too_deep)
+    return tables
+
+
+def in_todays_words(tables: dict[str, Any], where: str) -> dict[str, Any]:
+    """A scenario's tables with today's words for the old ones of its task, each with a note for whoever wrote them."""
+    task = tables.get("task")
+    if not isinstance(task, dict) or not OLD_WORDS.keys() & task.keys():
+        return tables
+    return {**tables, "task": {todays_word(key, f"{where}.task"): value for key, value in task.items()}}
+
+
+def todays_word(key: str, where: str) -> str:
+    """What a key of a task is called now."""
+    if key in OLD_WORDS:
+        warnings.warn(f"{where}: the key {key} is now called {OLD_WORDS[key]}", FutureWarning, stacklevel=2)
+    return OLD_WORDS.get(key, key)
+
+
+def override(table: dict[str, Any], key: str, value: object, where: str) -> None:
+    """Set a dotted key such as ``task.Kp0`` or ``constraints.0.K`` in nested tables, in place.
+
+    A table on the way must exist, or be one of :data:`OPTIONAL`; whether the last key is known is decided by whoever
+    reads the table.
+    """
+    at: Any = table
+    *way, last = key.split(".")
+    for name in way:
+        at = _child(at, name, where)
+    if isinstance(at, list):
+        _child(at, last, where)
+        at[int(last)] = value
+    elif isinstance(at, dict):
+        at[todays_word(last, f"{where}.task") if way == ["task"] else last] = value
+    else:
+        raise ConfigurationError(f"{where}: {key!r} does not lead to a table")
+
+
+def _child(at: Any, name: str, where: str) -> Any:
+    if isinstance(at, list):
+        if not (name.isascii() and name.isdecimal()) or int(name) >= len(at):
+            raise unknown_name(f"entry of a list in {where}", name, [str(i) for i in range(len(at))])
+        return at[int(name)]
+    if not isinstance(at, dict) or (name not in at and name not in OPTIONAL):
+        raise unknown_name(f"table in {where}", name, at if isinstance(at, dict) else [])
+    return at.setdefault(name, {})
