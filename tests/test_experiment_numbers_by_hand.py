@@ -211,8 +211,8 @@ def imaged(
 
 
 def study(scenario: str, what: str, plus: float = 190.0, minus: float = 195.0, alone: float = 50.0) -> StudyResult:
-    numbers = {f"{scenario}.{case}.{what}": x for case, x in zip(CASES, (plus, minus, alone), strict=True)}
-    numbers |= {f"{scenario}.{case}.{name}": 200.0 for case in CASES for name in ("scenes", "applied")}
+    numbers = {(scenario, case, what): x for case, x in zip(CASES, (plus, minus, alone), strict=True)}
+    numbers |= {(scenario, case, name): 200.0 for case in CASES for name in ("scenes", "applied")}
     return StudyResult("made up", numbers, (), (), ())
 
 
@@ -253,7 +253,7 @@ def test_very_similar(far: tuple[float, float], expected: str) -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_scenes_must_be_enough_in_every_case(case: str) -> None:
     few = study("s", "x")
-    few = StudyResult("made up", few.numbers | {f"s.{case}.scenes": 99.0}, (), (), ())
+    few = StudyResult("made up", few.numbers | {("s", case, "scenes"): 99.0}, (), (), ())
     with pytest.raises(NotMeasured, match="has 99 scenes of s, fewer than 100"):
         in_unselected(few, "s", "x", here=True)
 

@@ -17,7 +17,7 @@ from vsconstraints.studies import StudyResult
 
 
 def study(**numbers: float) -> StudyResult:
-    return StudyResult("made up", {name.replace("__", "."): value for name, value in numbers.items()}, (), (), ())
+    return StudyResult("made up", {tuple(name.split("__")): value for name, value in numbers.items()}, (), (), ())
 
 
 # --- claim 5: a phase of 4 s and one of 6 s ---
@@ -178,9 +178,9 @@ def test_5j() -> None:
 
 
 def numbers(what: str, plus: float, minus: float, alone: float, scenes: float = 200.0, applied: float = 200.0) -> Any:
-    found = {f"s.{case}.{what}": value for case, value in zip(CASES, (plus, minus, alone), strict=True)}
-    found |= {f"s.{case}.scenes": scenes for case in CASES}
-    return StudyResult("made up", found | {f"s.{case}.applied": applied for case in CASES}, (), (), ())
+    found = {("s", case, what): value for case, value in zip(CASES, (plus, minus, alone), strict=True)}
+    found |= {("s", case, "scenes"): scenes for case in CASES}
+    return StudyResult("made up", found | {("s", case, "applied"): applied for case in CASES}, (), (), ())
 
 
 @pytest.mark.parametrize(
@@ -273,15 +273,15 @@ def experiment(kind: str, far: float = 1.0, sigma: float = 0.0, Ts: float = 0.1,
 def test_6i(changed: Any, expected: str) -> None:
     pairs = [(experiment(kind, far=0.0), experiment(kind)) for kind in ("fov", "occlusion")]
     found = {
-        f"{scenario}.{case}.{what}": 100.0
+        (scenario, case, what): 100.0
         for scenario in ("experiment-1-pbvs", "experiment-2-ibvs")
         for case in CASES
         for what in ("satisfactory", "scenes", "applied")
     }
     everywhere = StudyResult("made up", found, (), (), ())
-    nowhere = StudyResult("made up", found | {n: 0.0 for n in found if n.endswith("satisfactory")}, (), (), ())
+    nowhere = StudyResult("made up", found | {n: 0.0 for n in found if n[2] == "satisfactory"}, (), (), ())
     here = StudyResult(
-        "made up", found | {n: 0.0 for n in found if n.startswith("experiment-2") and "satis" in n}, (), (), ()
+        "made up", found | {n: 0.0 for n in found if n[0] == "experiment-2-ibvs" and n[2] == "satisfactory"}, (), (), ()
     )
     for place, kind in enumerate(("fov", "occlusion")):
         runs = [

@@ -32,6 +32,7 @@ from vsconstraints.rows import Array
 from vsconstraints.scenarios import shipped_scenarios
 from vsconstraints.simulation import simulate
 from vsconstraints.studies import StudyResult
+from vsconstraints.studies.points import Numbers, under
 
 WORST_FIRST = ("not measured", "does not hold", "holds partly", "holds")
 
@@ -61,21 +62,20 @@ def check(key: str, change: Callable[[Run], Run] = lambda run: run) -> Finding:
     return one.check(runs | {need: study(need) for need in one.needs if isinstance(need, str)})
 
 
-def study(name: str, **changed: float) -> StudyResult:
-    """A study that found what the claims say, but for some numbers, by name with dots as double underscores."""
-    numbers = FOUND[name] | {key.replace("__", "."): value for key, value in changed.items()}
-    return StudyResult(name, numbers, (), (), ())
+def study(name: str, changed: Numbers | None = None) -> StudyResult:
+    """A study that found what the claims say, but for some numbers."""
+    return StudyResult(name, FOUND[name] | (changed or {}), (), (), ())
 
 
 BOTH = ("example-2d-fov", "case-study-6r")
 EXPERIMENTS = ("experiment-1-pbvs", "experiment-2-ibvs")
 WHAT = ("scenes", "similar", "satisfactory", "little_speed", "applied")
-FOUND: dict[str, dict[str, float]] = {
+FOUND: dict[str, Numbers] = {
     "unselected-experiments": {
-        f"{s}.{case}.{what}": 100.0 for s in EXPERIMENTS for case in ("plus", "minus", "plus-action") for what in WHAT
+        (s, case, what): 100.0 for s in EXPERIMENTS for case in ("plus", "minus", "plus-action") for what in WHAT
     },
-    "switching-gain": {"above_bound": 5.0, "above_bound_allowed": 5.0, "above_bound_in_band": 5.0},
-    "sampling-time": {f"{s}.{name}": v for s in BOTH for name, v in (("greatest_excess", 0.9), ("exponent", 1.0))},
+    "switching-gain": {(name,): 5.0 for name in ("above_bound", "above_bound_allowed", "above_bound_in_band")},
+    "sampling-time": {(s, name): v for s in BOTH for name, v in (("greatest_excess", 0.9), ("exponent", 1.0))},
 }
 """What studies would have to find for the claims to hold that rest on runs as well."""
 
@@ -342,46 +342,48 @@ def test_verdicts_on_two_runs_can_fail() -> None:
 # --- claims that rest on studies, on made-up numbers ---
 
 
-def numbers_of(key: str) -> dict[str, float]:
+def numbers_of(key: str) -> Numbers:
     """What a study would have to find for the claim to hold."""
-    shrinking = {"sampling_distance": 0.001, "priority.distance_falls": 1.0}
-    shrinking |= {"priority.distance_largest_region": 0.2, "priority.distance_smallest_region": 0.0}
-    shrinking |= {"priority.region_largest": 0.5, "priority.region_smallest": 1e-4}
-    fields = {"sliding-mode": 0.1, "potential-field": 1.0, "potential-field-priority": 0.2}
-    pareto = {f"{s}.{law}.least_unused": v for s in BOTH for law, v in fields.items()}
-    pareto |= {f"{s}.{name}": v for s in BOTH for name, v in (("printed.kept", 1.0), ("printed.unused", 0.1))}
-    pareto |= {f"{s}.sliding-mode.kept": 3.0 for s in BOTH}
-    speeds = {20.0: (5.0, 10.0), 50.0: (20.0, 40.0)}
+    pareto: Numbers = {}
+    shrinking: Numbers = {}
+    exact: Numbers = {}
+    for s in BOTH:
+        fields = {"sliding-mode": 0.1, "potential-field": 1.0, "potential-field-priority": 0.2}
+        pareto |= {(s, law, "least_unused"): left for law, left in fields.items()}
+        pareto |= {(s, "printed", "kept"): 1.0, (s, "printed", "unused"): 0.1, (s, "sliding-mode", "kept"): 3.0}
+        shrinking |= under({"sampling_distance": 0.001}, s)
+        paths = {"distance_falls": 1.0, "distance_largest_region": 0.2, "distance_smallest_region": 0.0}
+        shrinking |= under(paths | {"region_largest": 0.5, "region_smallest": 1e-4}, s, "priority")
+        exact |= under({"violation": 0.0, "converged": 1.0}, s, "sliding-mode", 0.3)
     return {
         "7a": pareto,
         "7c": pareto,
-        "8a": {f"{s}.{name}": v for s in BOTH for name, v in shrinking.items()},
-        "9b": {f"{s}.sliding-mode.0.3.{n}": v for s in BOTH for n, v in (("violation", 0.0), ("converged", 1.0))},
-        "10a": {
-            f"Kp0={Kp0:g}.{name}": v
-            for Kp0, pair in speeds.items()
-            for name, v in zip(("bound_12", "smallest_in_band"), pair, strict=True)
-        },
-        "10d": {"example-2d-fov.band.1ms": 0.01, "example-2d-fov.band.10ms": 0.1},
+        "8a": shrinking,
+        "9b": exact,
+        "10a": under({"bound_12": 5.0, "smallest_in_band": 10.0}, 20.0)
+        | under({"bound_12": 20.0, "smallest_in_band": 40.0}, 50.0),
+        "10d": {("example-2d-fov", "band", 1.0): 0.01, ("example-2d-fov", "band", 10.0): 0.1},
     }[key]
 
 
-SPOILED_NUMBERS = [
-    ("7a", "case-study-6r.printed.kept", 0.0, "holds partly"),
-    ("7a", "case-study-6r.printed.unused", 1.1, "holds partly"),
-    ("7a", "example-2d-fov.potential-field-priority.least_unused", 0.05, "holds partly"),
-    ("7c", "case-study-6r.potential-field.least_unused", 0.05, "holds partly"),
-    ("7c", "case-study-6r.sliding-mode.least_unused", 1.1, "holds partly"),
-    ("8a", "case-study-6r.priority.distance_smallest_region", 0.1, "holds partly"),
-    ("9b", "case-study-6r.sliding-mode.0.3.violation", 0.5, "holds partly"),
-    ("9b", "case-study-6r.sliding-mode.0.3.violation", 1.5, "does not hold"),
-    ("10a", "Kp0=50.bound_12", 4.0, "holds partly"),
-    ("10d", "example-2d-fov.band.1ms", 0.03, "does not hold"),
+SPOILED_NUMBERS: list[tuple[str, tuple[str | float, ...], float, str]] = [
+    ("7a", ("case-study-6r", "printed", "kept"), 0.0, "holds partly"),
+    ("7a", ("case-study-6r", "printed", "unused"), 1.1, "holds partly"),
+    ("7a", ("example-2d-fov", "potential-field-priority", "least_unused"), 0.05, "holds partly"),
+    ("7c", ("case-study-6r", "potential-field", "least_unused"), 0.05, "holds partly"),
+    ("7c", ("case-study-6r", "sliding-mode", "least_unused"), 1.1, "holds partly"),
+    ("8a", ("case-study-6r", "priority", "distance_smallest_region"), 0.1, "holds partly"),
+    ("9b", ("case-study-6r", "sliding-mode", 0.3, "violation"), 0.5, "holds partly"),
+    ("9b", ("case-study-6r", "sliding-mode", 0.3, "violation"), 1.5, "does not hold"),
+    ("10a", (50.0, "bound_12"), 4.0, "holds partly"),
+    ("10d", ("example-2d-fov", "band", 1.0), 0.03, "does not hold"),
 ]
 
 
 @pytest.mark.parametrize(("key", "changed", "value", "verdict"), SPOILED_NUMBERS)
-def test_verdicts_on_studies_follow_their_numbers(key: str, changed: str, value: float, verdict: str) -> None:
+def test_verdicts_on_studies_follow_their_numbers(
+    key: str, changed: tuple[str | float, ...], value: float, verdict: str
+) -> None:
     one, numbers = CLAIMS[key], numbers_of(key)
     (name,) = one.needs
     assert isinstance(name, str)
@@ -444,24 +446,24 @@ def test_an_error_that_was_not_applied_is_no_evidence(key: str) -> None:
     assert "applied" in found.text
 
 
-UNSELECTED_CASES = [
+UNSELECTED_CASES: list[tuple[Numbers, str]] = [
     ({}, "holds"),
-    ({"plus__similar": 95.0}, "holds"),
-    ({"minus__similar": 94.0}, "holds partly"),
-    ({"minus__similar": 49.0}, "holds partly"),  # with the other reading of (49) everywhere
-    ({"minus__similar": 49.0, "plus-action__similar": 50.0}, "holds partly"),
-    ({"minus__similar": 49.0, "plus-action__similar": 49.0}, "does not hold"),
-    ({"plus__scenes": 99.0}, "not measured"),
-    ({"minus__applied": 94.0}, "not measured"),
+    ({("plus", "similar"): 95.0}, "holds"),
+    ({("minus", "similar"): 94.0}, "holds partly"),
+    ({("minus", "similar"): 49.0}, "holds partly"),  # with the other reading of (49) everywhere
+    ({("minus", "similar"): 49.0, ("plus-action", "similar"): 50.0}, "holds partly"),
+    ({("minus", "similar"): 49.0, ("plus-action", "similar"): 49.0}, "does not hold"),
+    ({("plus", "scenes"): 99.0}, "not measured"),
+    ({("minus", "applied"): 94.0}, "not measured"),
 ]
 
 
 @pytest.mark.parametrize(("changed", "verdict"), UNSELECTED_CASES)
-def test_unselected_scenes_decide_what_a_scene_searched_for_cannot(changed: dict[str, float], verdict: str) -> None:
-    numbers = {f"experiment-1-pbvs__{key}": value for key, value in changed.items()}
+def test_unselected_scenes_decide_what_a_scene_searched_for_cannot(changed: Numbers, verdict: str) -> None:
+    numbers: Numbers = {("experiment-1-pbvs", *key): value for key, value in changed.items()}
     one = CLAIMS["6d"]
     runs = {need: run(need) for need in one.needs if isinstance(need, RunSpec)}
-    found = one.check(runs | {"unselected-experiments": study("unselected-experiments", **numbers)})
+    found = one.check(runs | {"unselected-experiments": study("unselected-experiments", numbers)})
     assert found.verdict == verdict, found.text
 
 

@@ -17,7 +17,7 @@ NAMES = [spec.name for spec in every_scene.SCENES]
 
 
 def study(**numbers: float) -> StudyResult:
-    return StudyResult("made up", {name.replace("__", "."): value for name, value in numbers.items()})
+    return StudyResult("made up", {tuple(name.split("__")): value for name, value in numbers.items()})
 
 
 def scenes(first: list[Told], others: Told) -> list[Told]:

@@ -9,25 +9,26 @@ import pytest
 from told import NO, PARTLY, YES
 from vsconstraints.reproduction.verdicts import CLAIMS, Finding
 from vsconstraints.studies import StudyResult
+from vsconstraints.studies.points import Numbers
 
 ONE, OTHER = "example-2d-fov", "case-study-6r"
 
 
-def verdict(key: str, numbers: dict[str, float]) -> str:
+def verdict(key: str, numbers: Numbers) -> str:
     (name,) = CLAIMS[key].needs
     return CLAIMS[key].check({name: StudyResult("made up", numbers, (), (), ())}).verdict
 
 
-def pareto(**changed: float) -> dict[str, float]:
+def pareto(**changed: float) -> Numbers:
     """In each scenario: 1 % left by the sliding mode and by both fields."""
     found = {}
     for scenario, short in ((ONE, "one"), (OTHER, "other")):
-        found[f"{scenario}.printed.kept"] = changed.get(f"{short}_printed", 1.0)
-        found[f"{scenario}.printed.unused"] = changed.get(f"{short}_left", 1.0)
-        found[f"{scenario}.sliding-mode.kept"] = 3.0
-        found[f"{scenario}.sliding-mode.least_unused"] = changed.get(f"{short}_left", 1.0)
-        found[f"{scenario}.potential-field.least_unused"] = changed.get(f"{short}_field", 1.0)
-        found[f"{scenario}.potential-field-priority.least_unused"] = changed.get(f"{short}_priority", 1.0)
+        found[(scenario, "printed", "kept")] = changed.get(f"{short}_printed", 1.0)
+        found[(scenario, "printed", "unused")] = changed.get(f"{short}_left", 1.0)
+        found[(scenario, "sliding-mode", "kept")] = 3.0
+        found[(scenario, "sliding-mode", "least_unused")] = changed.get(f"{short}_left", 1.0)
+        found[(scenario, "potential-field", "least_unused")] = changed.get(f"{short}_field", 1.0)
+        found[(scenario, "potential-field-priority", "least_unused")] = changed.get(f"{short}_priority", 1.0)
     return found
 
 
@@ -55,15 +56,15 @@ def test_7a_compares_only_what_keeps_its_boundaries() -> None:
     assert verdict("7c", pareto(one_printed=0.0, other_printed=0.0)) == YES
 
 
-def shrinking(floor: float = 0.1, far: float = 1.0, near: float = 0.2, falls: float = 1.0) -> dict[str, float]:
+def shrinking(floor: float = 0.1, far: float = 1.0, near: float = 0.2, falls: float = 1.0) -> Numbers:
     found = {}
     for scenario in (ONE, OTHER):
         own = (floor, far, near, falls) if scenario == OTHER else (0.1, 1.0, 0.1, 1.0)
-        found[f"{scenario}.sampling_distance"] = own[0]
-        found[f"{scenario}.priority.distance_largest_region"] = own[1]
-        found[f"{scenario}.priority.distance_smallest_region"] = own[2]
-        found[f"{scenario}.priority.distance_falls"] = own[3]
-        found[f"{scenario}.priority.region_largest"], found[f"{scenario}.priority.region_smallest"] = 0.5, 1e-3
+        found[(scenario, "sampling_distance")] = own[0]
+        found[(scenario, "priority", "distance_largest_region")] = own[1]
+        found[(scenario, "priority", "distance_smallest_region")] = own[2]
+        found[(scenario, "priority", "distance_falls")] = own[3]
+        found[(scenario, "priority", "region_largest")], found[(scenario, "priority", "region_smallest")] = 0.5, 1e-3
     return found
 
 
@@ -86,9 +87,9 @@ def test_8a(changed: dict[str, float], expected: str) -> None:
     [(0.0, 1.0, YES), (1e-6, 1.0, PARTLY), (1.0, 1.0, PARTLY), (1.01, 1.0, NO), (0.0, 0.0, NO)],
 )
 def test_9b(depth: float, converged: float, expected: str) -> None:
-    at = "sliding-mode.0.3."
-    found = {f"{ONE}.{at}violation": 0.0, f"{ONE}.{at}converged": 1.0}
-    found |= {f"{OTHER}.{at}violation": depth, f"{OTHER}.{at}converged": converged}
+    at = ("sliding-mode", 0.3)
+    found = {(ONE, *at, "violation"): 0.0, (ONE, *at, "converged"): 1.0}
+    found |= {(OTHER, *at, "violation"): depth, (OTHER, *at, "converged"): converged}
     assert verdict("9b", found) == expected
 
 
@@ -108,28 +109,28 @@ def test_9b(depth: float, converged: float, expected: str) -> None:
 )
 def test_10a(bounds: tuple[float, ...], gains: tuple[float, ...], expected: str) -> None:
     # by number, not by letter: 9 comes before 20 and 100
-    found = {f"Kp0={Kp0}.bound_12": float(v) for Kp0, v in zip((9, 20, 100), bounds, strict=True)}
-    found |= {f"Kp0={Kp0}.smallest_in_band": float(v) for Kp0, v in zip((9, 20, 100), gains, strict=True)}
+    found = {(Kp0, "bound_12"): float(v) for Kp0, v in zip((9, 20, 100), bounds, strict=True)}
+    found |= {(Kp0, "smallest_in_band"): float(v) for Kp0, v in zip((9, 20, 100), gains, strict=True)}
     assert verdict("10a", found) == expected
 
 
 def test_10a_needs_two_speeds() -> None:
-    found = {"Kp0=9.bound_12": 1.0, "Kp0=9.smallest_in_band": 1.0}
+    found = {(9, "bound_12"): 1.0, (9, "smallest_in_band"): 1.0}
     assert verdict("10a", found) == "not measured"
-    assert verdict("10a", found | {"Kp0=20.bound_12": 2.0, "Kp0=20.smallest_in_band": 2.0}) == YES
+    assert verdict("10a", found | {(20, "bound_12"): 2.0, (20, "smallest_in_band"): 2.0}) == YES
 
 
 @pytest.mark.parametrize(("band", "expected"), [(0.02, YES), (0.0201, NO)])
 def test_10d(band: float, expected: str) -> None:
-    bands = {f"{ONE}.band.10ms": 9.0, f"{ONE}.band.2ms": band, f"{OTHER}.band.1ms": 9.0}
+    bands = {(ONE, "band", 10): 9.0, (ONE, "band", 2): band, (OTHER, "band", 1): 9.0}
     assert verdict("10d", bands) == expected
-    assert verdict("10d", {f"{OTHER}.band.1ms": 0.0}) == "not measured"
+    assert verdict("10d", {(OTHER, "band", 1): 0.0}) == "not measured"
 
 
 # --- what they say ---
 
 
-def found(key: str, numbers: dict[str, float], *failures: str) -> Finding:
+def found(key: str, numbers: Numbers, *failures: str) -> Finding:
     (name,) = CLAIMS[key].needs
     return CLAIMS[key].check({name: StudyResult("made up", numbers, (), (), failures)})
 
@@ -178,7 +179,7 @@ def test_of_two_scenarios_each_has_fields_of_its_own(key: str) -> None:
 
 def test_a_number_that_is_not_there_is_not_measured() -> None:
     numbers = pareto()
-    del numbers[f"{OTHER}.sliding-mode.kept"]
+    del numbers[(OTHER, "sliding-mode", "kept")]
     assert found("7c", numbers).text == f"the study made up has no {OTHER}.sliding-mode.kept"
     of = found("7c", numbers, "one: lost", "two: lost")
     assert of == Finding("not measured", f"the study made up has no {OTHER}.sliding-mode.kept: one: lost")
@@ -201,12 +202,12 @@ def test_8a_says() -> None:
     assert verdict("8a", shrinking(floor=0.125, near=0.25, falls=0.5)) == PARTLY
 
 
-def off(*lines: tuple[str, float, float]) -> dict[str, float]:
+def off(*lines: tuple[str, float, float]) -> Numbers:
     """Scenario, violation and whether it converges."""
-    at = "sliding-mode.0.3."
-    numbers = {f"{name}.{at}violation": depth for name, depth, _ in lines}
-    numbers |= {f"{name}.{at}converged": converged for name, _, converged in lines}
-    return numbers | {f"{name}.{at}deviation_px": 3.0 for name, _, _ in lines[:1]}
+    at = ("sliding-mode", 0.3)
+    numbers = {(name, *at, "violation"): depth for name, depth, _ in lines}
+    numbers |= {(name, *at, "converged"): converged for name, _, converged in lines}
+    return numbers | {(name, *at, "deviation_px"): 3.0 for name, _, _ in lines[:1]}
 
 
 def test_9b_says() -> None:
@@ -224,8 +225,8 @@ def test_9b_says() -> None:
 
 
 def test_10a_says() -> None:
-    numbers = {"Kp0=20.bound_12": 2.0, "Kp0=20.smallest_in_band": 8.0, "Kp0=100.bound_12": 3.0}
-    of = found("10a", numbers | {"Kp0=9.bound_12": 1.0, "Kp0=9.smallest_in_band": 8.0})
+    numbers = {(20, "bound_12"): 2.0, (20, "smallest_in_band"): 8.0, (100, "bound_12"): 3.0}
+    of = found("10a", numbers | {(9, "bound_12"): 1.0, (9, "smallest_in_band"): 8.0})
     assert of.values == {"9": 8.0, "20": 8.0, "100": inf}
     assert of.text == (
         "K_T,p(0) = 9: (12) asks for 1, 8 is enough; K_T,p(0) = 20: (12) asks for 2, 8 is enough; K_T,p(0) = 100: (12) "
@@ -233,10 +234,10 @@ def test_10a_says() -> None:
     )
     assert of.verdict == YES
     # it must be greater in the end than at first, wherever it rises
-    assert verdict("10a", numbers | {"Kp0=9.bound_12": 1.0, "Kp0=9.smallest_in_band": 4.0}) == YES
+    assert verdict("10a", numbers | {(9, "bound_12"): 1.0, (9, "smallest_in_band"): 4.0}) == YES
 
 
 def test_10d_says() -> None:
-    of = found("10d", {f"{ONE}.band.10ms": 0.5, f"{ONE}.band.2.5ms": 0.02, f"{OTHER}.band.1ms": 9.0})
+    of = found("10d", {(ONE, "band", 10): 0.5, (ONE, "band", 2.5): 0.02, (OTHER, "band", 1): 9.0})
     assert of == Finding(YES, "band of φ: 0.500 at 10 ms, 0.020 at 2.5 ms", {"10": 0.5, "2.5": 0.02})
     assert found("10d", {}).text == "the study sampling-time has no band of the first example"

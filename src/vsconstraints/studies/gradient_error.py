@@ -12,8 +12,9 @@ from ..runs.spec import RunSpec
 from ..scenarios import shipped_scenarios
 from .laws import LAWS
 from .panels import LOOKS, Grid, failed_marks, line_handle, logarithmic, plot, scenario_title, sentence_start
+from .points import Measured, Numbers, Points, ended_early, greatest, grouped, under
 from .study import Study, StudyResult, begun
-from .summary import RunSummary, pixel_distance
+from .summary import NOT_RUN, RunSummary, pixel_distance
 
 ERRORS = {
     "example-2d-fov": (0.0, 0.1, 0.3, 0.6, 1.0),
@@ -72,11 +73,11 @@ class GradientErrors(Study):
                     runs[Case(scenario, law.name, error)] = RunSpec(scenario, law, overrides)
         return runs
 
-    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> Measured:
         """Deviation, violation, settling by scenario, controller and error."""
-        points: list[dict[str, Any]] = []
+        points: Points = []
         for case, run in results.items():
-            exact = results.get(case._replace(gradient_error=0.0), RunSummary("failed", "not run"))
+            exact = results.get(case._replace(gradient_error=0.0), NOT_RUN)
             points.append(
                 {
                     **begun(case, run),
@@ -89,11 +90,10 @@ class GradientErrors(Study):
                     "longest_run": float(run.longest_run),
                 }
             )
-        numbers: dict[str, float] = {}
+        numbers: Numbers = {}
         for point in points:
-            name = f"{point['scenario']}.{point['controller']}.{point['gradient_error']:g}"
-            numbers.update({f"{name}.{column}": float(point[column]) for column, _, _ in ROWS})
-            numbers[f"{name}.converged"] = float(point["status"] == "converged")
+            found = {column: point[column] for column, _, _ in ROWS} | {"converged": point["status"] == "converged"}
+            numbers |= under(found, point["scenario"], point["controller"], point["gradient_error"])
         return points, numbers, _sentences(points)
 
     def draw(self, result: StudyResult, path: Path) -> None:
@@ -140,20 +140,19 @@ def _limits(ax: Any, column: str) -> None:
         ax.set_ylim(low - 0.1 * (high - low) - 0.1, high + 0.1 * (high - low) + 0.1)
 
 
-def _sentences(points: list[dict[str, Any]]) -> list[str]:
+def _sentences(points: Points) -> list[str]:
     sentences = []
-    for scenario in dict.fromkeys(point["scenario"] for point in points):
-        own = [point for point in points if point["scenario"] == scenario]
+    for scenario, own in grouped(points, "scenario").items():
         parts = [f"{p['controller']} {_outcome(p)}" for p in own if math.isclose(p["gradient_error"], PAPER)]
         sentences.append(f"{sentence_start(scenario)}, c_e = {PAPER:g}: {'; '.join(parts)}.")
-        worst = max(point["gradient_error"] for point in own)
+        worst = greatest(own, "gradient_error")
         kept = [p["controller"] for p in own if p["gradient_error"] == worst and p["status"] == "converged"]
-        sentences.append(f"With c_e = {worst:g} the goal is reached by {', '.join(kept) if kept else 'no controller'}.")
+        sentences.append(f"With c_e = {worst:g} the goal is reached by {', '.join(kept) or 'no controller'}.")
     return sentences
 
 
 def _outcome(point: Mapping[str, Any]) -> str:
-    if point["status"] in ("failed", "aborted"):
+    if ended_early(point):
         return f"{point['status']} ({point['reason']})"
     depth = percent(point["violation"] / 100.0)
     violation = f"violates {point['violated']} by {depth} % of L" if point["violation"] > 0.0 else "violates nothing"

@@ -15,6 +15,7 @@ from ..reports.numbers import number
 from ..runs.spec import RunSpec
 from ..scenarios import Scenario
 from .panels import INK, REFERENCE, Grid, handle, logarithmic
+from .points import Measured, Numbers, Points, grouped, smallest_enough, under
 from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
@@ -134,24 +135,25 @@ class NonStatic(Study):
                     runs[Case(scenario, speed, gain, known)] = RunSpec(scenario, overrides=overrides)
         return runs
 
-    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> Measured:
         """Depth of every run; for every speed the bound, the smallest gain that is enough, the cost of not knowing."""
         points = [_point(case, run) for case, run in results.items()]
-        numbers: dict[str, float] = {}
+        numbers: Numbers = {}
         sentences = []
-        for scenario in dict.fromkeys(point["scenario"] for point in points):
+        above: Points = []
+        for scenario, at_all in grouped(points, "scenario").items():
             unit, parts, costs = OBSTACLES[scenario].unit, [], []
-            for speed in dict.fromkeys(point["speed"] for point in points if point["scenario"] == scenario):
-                own = [point for point in points if point["scenario"] == scenario and point["speed"] == speed]
+            for speed, own in grouped(at_all, "speed").items():
                 found = _findings(own)
-                numbers.update({f"{scenario}.speed={speed:g}.{name}": value for name, value in found.items()})
+                numbers |= under(found, scenario, speed)
+                above += [p for p in own if p["known"] and p["switching_gain"] > found["bound_12"]]
+                shown = {name: number(value) for name, value in found.items()}
                 times = f"at {speed:g} times its speed" if speed else "if it stands still"
-                parts.append(f"{number(found['smallest_kept'])} {times} (bound {number(found['bound_12'])})")
+                parts.append(f"{shown['smallest_kept']} {times} (bound {shown['bound_12']})")
                 if speed > 0.0:
                     costs.append(
-                        f"{number(found['depth_unknown'])} {unit} {times}, where K times the speed is "
-                        f"{number(found['depth_expected'])} {unit} and {number(found['depth_known'])} {unit} are "
-                        "entered if it is known"
+                        f"{shown['depth_unknown']} {unit} {times}, where K times the speed is "
+                        f"{shown['depth_expected']} {unit} and {shown['depth_known']} {unit} are entered if it is known"
                     )
             sentences.append(
                 f"{OBSTACLES[scenario].title.capitalize()}: the smallest u⁺ tried from which on the boundary is kept "
@@ -159,15 +161,10 @@ class NonStatic(Study):
             )
             if costs:
                 sentences.append(f"Taken for static, it is entered by {'; '.join(costs)}.")
-        known = [point for point in points if point["known"] and point["outcome"] != "failed"]
-        above = [point for point in known if point["switching_gain"] > _bound(points, point)]
-        numbers["above_bound"] = float(len(above))
-        numbers["above_bound_kept"] = float(sum(point["outcome"] == "kept" for point in above))
-        sentences.append(
-            f"Of {len(above)} runs with u⁺ above the bound (12) of their speed, "
-            f"{numbers['above_bound_kept']:.0f} keep the boundary."
-        )
-        return points, numbers, sentences
+        above = [point for point in above if point["outcome"] != "failed"]
+        kept = sum(point["outcome"] == "kept" for point in above)
+        sentences.append(f"Of {len(above)} runs with u⁺ above the bound (12) of their speed, {kept} keep the boundary.")
+        return points, numbers | under({"above_bound": len(above), "above_bound_kept": kept}), sentences
 
     def draw(self, result: StudyResult, path: Path) -> None:
         """One column per obstacle; gains above, depths below."""
@@ -207,32 +204,22 @@ def _point(case: Case, run: RunSummary) -> dict[str, Any]:
     }
 
 
-def _bound(points: Sequence[Mapping[str, Any]], point: Mapping[str, Any]) -> float:
-    """The bound (12) for the speed of a point: measured in the known run with the largest gain."""
-    own = [p for p in points if p["known"] and (p["scenario"], p["speed"]) == (point["scenario"], point["speed"])]
-    return float(max(own, key=lambda p: p["switching_gain"])["bound_12"])
-
-
-def _findings(points: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """What the runs of one obstacle at one speed say."""
-    known = sorted((p for p in points if p["known"]), key=lambda p: p["switching_gain"])
-    smallest = math.nan
-    for point in reversed(known):
-        if point["outcome"] != "kept":
-            break
-        smallest = point["switching_gain"]
-    unknown = next((p for p in points if not p["known"]), None)
-    same = [p for p in known if unknown is not None and p["switching_gain"] == unknown["switching_gain"]]
+def _findings(points: Points) -> dict[str, float]:
+    """What the runs of one obstacle at one speed say; the bound (12) is that of the known run with the largest gain."""
+    known = [point for point in points if point["known"]]
+    unknown = next((point for point in points if not point["known"]), None)
+    same = [point for point in known if unknown is not None and point["switching_gain"] == unknown["switching_gain"]]
+    largest = max(known, key=lambda point: float(point["switching_gain"]))
     return {
-        "bound_12": _bound(points, known[0]),
-        "smallest_kept": smallest,
+        "bound_12": largest["bound_12"],
+        "smallest_kept": smallest_enough(known, "switching_gain", lambda point: point["outcome"] == "kept"),
         "depth_known": same[0]["depth"] if same else math.nan,
         "depth_unknown": math.nan if unknown is None else unknown["depth"],
-        "depth_expected": known[0]["depth_expected"],
+        "depth_expected": largest["depth_expected"],
     }
 
 
-def _gains(ax: Any, points: list[dict[str, Any]], scenario: str, numbers: Mapping[str, float]) -> None:
+def _gains(ax: Any, points: list[dict[str, Any]], scenario: str, numbers: Numbers) -> None:
     for name, (colour, marker, _) in LOOK.items():
         own = [point for point in points if point["known"] and point["outcome"] == name]
         ax.plot(
@@ -247,7 +234,7 @@ def _gains(ax: Any, points: list[dict[str, Any]], scenario: str, numbers: Mappin
             zorder=3,
         )
     speeds = sorted({point["speed"] for point in points})
-    bounds = [numbers.get(f"{scenario}.speed={speed:g}.bound_12", math.nan) for speed in speeds]
+    bounds = [numbers.get((scenario, speed, "bound_12"), math.nan) for speed in speeds]
     ax.plot(speeds, bounds, color=INK, linewidth=1.8, zorder=4)
     logarithmic(ax.yaxis, sorted({point["switching_gain"] for point in points}))
     ax.set_title(OBSTACLES[scenario].title)

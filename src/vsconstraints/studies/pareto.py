@@ -12,6 +12,7 @@ from ..reports.numbers import number, percent
 from ..runs.spec import SLIDING_MODE, ControllerSpec, RunSpec
 from .laws import ACTIVE_QP, hierarchical_qp, potential_field, scaled_gains
 from .panels import INK, LOOKS, Grid, handle, line_handle, logarithmic, scenario_title, sentence_start
+from .points import Measured, Numbers, Points, grouped, under
 from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
@@ -96,40 +97,43 @@ class Pareto(Study):
                 add(hierarchical_qp(alpha), alpha)
         return runs
 
-    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> Measured:
         """Price and use of every run, and whether it is on the front."""
-        points: list[dict[str, Any]] = []
-        for case, run in results.items():
-            points.append(
-                {
-                    **begun(case, run),
-                    "unused": unused(run),
-                    "not_kept": not_kept(run),
-                    "acceleration_variation": run.value("acceleration_variation"),
-                    "violation": 100.0 * run.value("violation_depth"),
-                    "violated": run.result.get("violated", ""),
-                    "switching_rate": run.value("switching_rate_hz"),
-                    "settling_time_s": run.value("settling_time_s"),
-                }
-            )
-        numbers: dict[str, float] = {}
+        points = [
+            begun(case, run)
+            | {
+                "unused": unused(run),
+                "not_kept": not_kept(run),
+                "acceleration_variation": run.value("acceleration_variation"),
+                "violation": 100.0 * run.value("violation_depth"),
+                "violated": run.result.get("violated", ""),
+                "switching_rate": run.value("switching_rate_hz"),
+                "settling_time_s": run.value("settling_time_s"),
+            }
+            for case, run in results.items()
+        ]
+        numbers: Numbers = {}
         sentences = []
-        for scenario in dict.fromkeys(point["scenario"] for point in points):
-            own = [point for point in points if point["scenario"] == scenario]
-            best = front(own)
+        for scenario, own in grouped(points, "scenario").items():
+            best, parts = front(own), []
             for point in own:
                 point["front"] = point in best
-            for controller in dict.fromkeys(point["controller"] for point in own):
-                theirs = [p for p in own if p["controller"] == controller and _clean(p)]
-                name = f"{scenario}.{controller}"
-                numbers[f"{name}.least_unused"] = min((p["unused"] for p in theirs), default=math.nan)
-                numbers[f"{name}.on_front"] = float(sum(point["front"] for point in theirs))
-                numbers[f"{name}.kept"] = float(len(theirs))
-            printed = [p for p in own if p["controller"] == SLIDING_MODE.name and p["parameter"] == 1.0]
-            for point in printed:
-                numbers[f"{scenario}.printed.unused"] = point["unused"]
-                numbers[f"{scenario}.printed.kept"] = float(_clean(point))
-            sentences.append(_sentence(scenario, own, best))
+            for controller, theirs in grouped(own, "controller").items():
+                clean = [point for point in theirs if _clean(point)]
+                least = min((point["unused"] for point in clean), default=math.nan)
+                found = {"least_unused": least, "on_front": sum(point["front"] for point in clean), "kept": len(clean)}
+                numbers |= under(found, scenario, controller)
+                parts.append(f"{controller} {_least(clean, theirs)}")
+                if controller == SLIDING_MODE.name:
+                    for point in theirs:
+                        if point["parameter"] == 1.0:
+                            printed = {"unused": point["unused"], "kept": _clean(point)}
+                            numbers |= under(printed, scenario, "printed")
+            on_front = ", ".join(grouped(best, "controller")) or "nobody"
+            sentences.append(
+                f"{sentence_start(scenario)}, least of the allowed space left unused among the runs that reach the "
+                f"goal and keep their boundaries: {'; '.join(parts)}. On the front: {on_front}."
+            )
         return points, numbers, sentences
 
     def draw(self, result: StudyResult, path: Path) -> None:
@@ -240,35 +244,18 @@ def _front_line(ax: Any, points: Sequence[Mapping[str, Any]]) -> None:
     )
 
 
-def _sentence(scenario: str, points: Sequence[dict[str, Any]], best: Sequence[dict[str, Any]]) -> str:
-    parts = []
-    for controller in dict.fromkeys(point["controller"] for point in points):
-        clean = [p for p in points if p["controller"] == controller and _clean(p)]
-        every = sum(p["controller"] == controller for p in points)
-        if not clean:
-            parts.append(f"{controller} none in {every} runs{_nearest(points, controller)}")
-            continue
-        least = min(clean, key=lambda point: point["unused"])
-        parts.append(
-            f"{controller} {percent(least['unused'] / 100.0)} % at an acceleration variation of "
-            f"{number(least['acceleration_variation'])} rad/s³{_options(least)} ({len(clean)} of {every} runs)"
+def _least(clean: Points, every: Points) -> str:
+    """What the run that leaves least unused does; what is wrong with the shallowest violation if none counts."""
+    if clean:
+        least = min(clean, key=lambda point: float(point["unused"]))
+        region = f", region {least['parameter']:g}, strength {least['strength']:g}"
+        return (
+            f"{percent(least['unused'] / 100.0)} % at an acceleration variation of "
+            f"{number(least['acceleration_variation'])} rad/s³{'' if math.isnan(least['strength']) else region} "
+            f"({len(clean)} of {len(every)} runs)"
         )
-    on_front = ", ".join(dict.fromkeys(point["controller"] for point in best)) or "nobody"
-    return (
-        f"{sentence_start(scenario)}, least of the allowed space left unused among the runs that "
-        f"reach the goal and keep their boundaries: {'; '.join(parts)}. On the front: {on_front}."
+    arrived = [point for point in every if point["status"] == "converged"]
+    best = min(arrived, key=lambda point: float(point["violation"]), default=None)
+    return f"none in {len(every)} runs" + (
+        f" (at best {best['not_kept']})" if best else ", which do not reach the goal"
     )
-
-
-def _options(point: Mapping[str, Any]) -> str:
-    """With which region and strength, of a potential field."""
-    return "" if math.isnan(point["strength"]) else f", region {point['parameter']:g}, strength {point['strength']:g}"
-
-
-def _nearest(points: Sequence[Mapping[str, Any]], controller: str) -> str:
-    """What is wrong with the run that has the shallowest violation."""
-    own = [p for p in points if p["controller"] == controller and p["status"] == "converged"]
-    if not own:
-        return ", which do not reach the goal"
-    best = min(own, key=lambda point: float(point["violation"]))
-    return f" (at best {best['not_kept']})"

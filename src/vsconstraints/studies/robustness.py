@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +13,7 @@ from ..reports.numbers import DASH, number
 from ..runs.spec import RunSpec
 from ..scenarios import Scenario
 from .laws import LAWS
+from .points import Measured, Numbers, ended_early, greatest, grouped, under
 from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
@@ -80,39 +80,34 @@ class Robustness(Study):
             for law in LAWS
         }
 
-    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> Measured:
         """Status, violation and final error by disturbance, level and controller."""
-        points: list[dict[str, Any]] = []
-        for case, run in results.items():
-            points.append(
-                {
-                    **begun(case, run),
-                    "violation": 100.0 * run.value("violation_depth"),
-                    "violation_time_s": run.value("violation_time_s"),
-                    "final_translation_error_mm": 1e3 * run.value("final_translation_error_m"),
-                    "final_rotation_error_mrad": 1e3 * run.value("final_rotation_error_rad"),
-                    "acceleration_variation": run.value("acceleration_variation"),
-                }
-            )
-        numbers: dict[str, float] = {}
-        parts = []
-        for controller in dict.fromkeys(point["controller"] for point in points):
-            own = [point for point in points if point["controller"] == controller and point["disturbance"] != "none"]
-            kept = [p for p in own if p["status"] not in ("failed", "aborted") and p["violation"] == 0.0]
-            converged = [p for p in own if p["status"] == "converged"]
-            deepest = max((p["violation"] for p in own if math.isfinite(p["violation"])), default=math.nan)
-            numbers[f"{controller}.runs"] = float(len(own))
-            numbers[f"{controller}.without_violation"] = float(len(kept))
-            numbers[f"{controller}.converged"] = float(len(converged))
-            numbers[f"{controller}.deepest_violation"] = deepest
-            parts.append(
-                f"{controller} violates nothing in {len(kept)} of {len(own)} disturbed runs, reaches the goal in "
-                f"{len(converged)}, and its deepest violation is {number(deepest)} % of L"
-            )
+        points = [
+            begun(case, run)
+            | {
+                "violation": 100.0 * run.value("violation_depth"),
+                "violation_time_s": run.value("violation_time_s"),
+                "final_translation_error_mm": 1e3 * run.value("final_translation_error_m"),
+                "final_rotation_error_mrad": 1e3 * run.value("final_rotation_error_rad"),
+                "acceleration_variation": run.value("acceleration_variation"),
+            }
+            for case, run in results.items()
+        ]
         margin = float(Scenario.load(SCENARIO).tables["constraints"][0]["margin"])
-        numbers["margin"] = 100.0 * margin / (1.0 - margin)
-        parts.append(f"The boundary lies {number(numbers['margin'])} % of L inside the image")
-        return points, numbers, [f"{part}." for part in parts]
+        numbers: Numbers = {("margin",): 100.0 * margin / (1.0 - margin)}
+        sentences = []
+        for controller in grouped(points, "controller"):
+            own = [point for point in points if point["controller"] == controller and point["disturbance"] != "none"]
+            kept = sum(not ended_early(point) and point["violation"] == 0.0 for point in own)
+            converged, deepest = sum(point["status"] == "converged" for point in own), greatest(own, "violation")
+            found = {"runs": len(own), "without_violation": kept, "converged": converged, "deepest_violation": deepest}
+            numbers |= under(found, controller)
+            sentences.append(
+                f"{controller} violates nothing in {kept} of {len(own)} disturbed runs, reaches the goal in "
+                f"{converged}, and its deepest violation is {number(deepest)} % of L."
+            )
+        sentences.append(f"The boundary lies {number(numbers['margin',])} % of L inside the image.")
+        return points, numbers, sentences
 
     def draw(self, result: StudyResult, path: Path) -> None:
         """A table of cells: one row per disturbance and level, one column per controller, the final errors beside."""

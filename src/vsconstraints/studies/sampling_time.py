@@ -12,6 +12,7 @@ import numpy as np
 from ..reports.numbers import number
 from ..runs.spec import RunSpec
 from .panels import INK, REFERENCE, Grid, handle, logarithmic
+from .points import Measured, Numbers, Points, greatest, grouped, under
 from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
@@ -62,12 +63,11 @@ class SamplingTime(Study):
             for time in own
         }
 
-    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> Measured:
         """Bands and bounds of every run, and one line more for each row of the case study that was active."""
-        points: list[dict[str, Any]] = []
+        points: Points = []
         for case, run in results.items():
-            common = begun(case, run)
-            bound = run.value("phi_band_bound")
+            common, bound = begun(case, run), run.value("phi_band_bound")
             points.append(
                 {
                     **common,
@@ -81,11 +81,42 @@ class SamplingTime(Study):
                 }
             )
             if case.scenario == ROW_SCENARIO:
-                points += [
-                    {**common, **_row_point(row, run.Ts)} for row in run.rows.values() if row["active_time_s"] > 0
-                ]
-        numbers = _numbers(points)
-        return points, numbers, _sentences(numbers)
+                points += [common | _row_point(row, run.Ts) for row in run.rows.values() if row["active_time_s"] > 0]
+        numbers: Numbers = {}
+        sentences = []
+        banded = grouped([p for p in points if not p["row"] and math.isfinite(p["band"])], "scenario")
+        for scenario in BAND_SCENARIOS:
+            if scenario not in banded:
+                continue
+            found = _band(banded[scenario])
+            numbers |= under(found, scenario)
+            numbers |= {(scenario, "band", p["Ts_ms"]): p["band"] for p in banded[scenario]}
+            if "exponent" in found:
+                sentences.append(
+                    f"In {scenario} the band grows with the power {found['exponent']:.2f} of the sampling time. It is "
+                    f"{found['least_excess']:.2f} to {found['greatest_excess']:.2f} times the bound (43), and at most "
+                    f"{found['greatest_share_of_expected']:.2f} times that with what tracking adds in one sample; the "
+                    f"longest run of φ ≥ 0 is {found['longest_run']:g} samples."
+                )
+        slow, fast = (
+            numbers.get((scenario, "band", Ts)) for scenario, Ts in zip(BAND_SCENARIOS, (5.0, 1.0), strict=True)
+        )
+        if slow is not None and fast is not None:
+            sentences.append(
+                f"The fast motion with five times the switching gain has the band {number(fast)} at 1 ms; the slow one "
+                f"has {number(slow)} at 5 ms: to keep the band, the sampling time must fall as the gain rises."
+            )
+        rows = [point for point in points if point["row"]]
+        if rows:
+            worst, overshoot = max(rows, key=lambda point: point["longest_run"]), greatest(rows, "relative_overshoot")
+            samples, time = worst["longest_run"], worst["longest_run"] * worst["Ts_ms"]
+            found = {"longest_run": samples, "longest_run_ms": time, "greatest_overshoot": overshoot}
+            numbers |= under(found, ROW_SCENARIO)
+            sentences.append(
+                f"In the case study the greatest φ is {overshoot:.2f} times its T_s u⁺; one row stays at φ ≥ 0 for "
+                f"{samples:g} samples ({number(time)} ms) in a row."
+            )
+        return points, numbers, sentences
 
     def draw(self, result: StudyResult, path: Path) -> None:
         """Band, overshoot by row, samples in a row."""
@@ -146,54 +177,14 @@ def _row_point(row: Mapping[str, Any], Ts: float) -> dict[str, Any]:
     }
 
 
-def _numbers(points: list[dict[str, Any]]) -> dict[str, float]:
-    numbers: dict[str, float] = {}
-    for scenario in BAND_SCENARIOS:
-        own = [p for p in points if p["scenario"] == scenario and not p["row"] and math.isfinite(p["band"])]
-        if not own:
-            continue
-        Ts, band, bound, whole = (
-            np.array([p[column] for p in own]) for column in ("Ts_ms", "band", "bound_43", "band_expected")
-        )
-        numbers[f"{scenario}.least_excess"] = float((band / bound).min())
-        numbers[f"{scenario}.greatest_excess"] = float((band / bound).max())
-        numbers[f"{scenario}.greatest_share_of_expected"] = float((band / whole).max())
-        numbers[f"{scenario}.longest_run"] = max(p["longest_run"] for p in own)
-        if len(own) > 1:
-            numbers[f"{scenario}.exponent"] = float(np.polyfit(np.log(Ts), np.log(band), 1)[0])
-        numbers.update({f"{scenario}.band.{time:g}ms": float(value) for time, value in zip(Ts, band, strict=True)})
-    rows = [point for point in points if point["row"]]
-    if rows:
-        worst = max(rows, key=lambda point: point["longest_run"])
-        numbers[f"{ROW_SCENARIO}.longest_run"] = worst["longest_run"]
-        numbers[f"{ROW_SCENARIO}.longest_run_ms"] = worst["longest_run"] * worst["Ts_ms"]
-        numbers[f"{ROW_SCENARIO}.greatest_overshoot"] = max(point["relative_overshoot"] for point in rows)
-    return numbers
-
-
-def _sentences(numbers: Mapping[str, float]) -> list[str]:
-    sentences = []
-    for scenario in BAND_SCENARIOS:
-        if f"{scenario}.exponent" not in numbers:
-            continue
-        of = {name.removeprefix(f"{scenario}."): value for name, value in numbers.items() if name.startswith(scenario)}
-        sentences.append(
-            f"In {scenario} the band grows with the power {of['exponent']:.2f} of the sampling time. It is "
-            f"{of['least_excess']:.2f} to {of['greatest_excess']:.2f} times the bound (43), and at most "
-            f"{of['greatest_share_of_expected']:.2f} times that with what tracking adds in one sample; the longest "
-            f"run of φ ≥ 0 is {of['longest_run']:g} samples."
-        )
-    slow, fast = numbers.get("example-2d-fov.band.5ms"), numbers.get("example-2d-fast-high-gain.band.1ms")
-    if slow is not None and fast is not None:
-        sentences.append(
-            f"The fast motion with five times the switching gain has the band {number(fast)} at 1 ms; the slow one has "
-            f"{number(slow)} at 5 ms: to keep the band, the sampling time must fall as the gain rises."
-        )
-    if f"{ROW_SCENARIO}.longest_run" in numbers:
-        overshoot = numbers[f"{ROW_SCENARIO}.greatest_overshoot"]
-        sentences.append(
-            f"In the case study the greatest φ is {overshoot:.2f} times its T_s u⁺; "
-            f"one row stays at φ ≥ 0 for {numbers[f'{ROW_SCENARIO}.longest_run']:g} samples "
-            f"({number(numbers[f'{ROW_SCENARIO}.longest_run_ms'])} ms) in a row."
-        )
-    return sentences
+def _band(points: Points) -> dict[str, float]:
+    """The bands of a scenario beside what is expected of them, and how they grow with the sampling time."""
+    columns = ("Ts_ms", "band", "bound_43", "band_expected")
+    Ts, band, bound, whole = (np.array([point[column] for point in points]) for column in columns)
+    found = {
+        "least_excess": (band / bound).min(),
+        "greatest_excess": (band / bound).max(),
+        "greatest_share_of_expected": (band / whole).max(),
+        "longest_run": greatest(points, "longest_run"),
+    }
+    return found | ({"exponent": np.polyfit(np.log(Ts), np.log(band), 1)[0]} if len(points) > 1 else {})

@@ -24,8 +24,9 @@ from .panels import (
     scenario_title,
     sentence_start,
 )
+from .points import Measured, Numbers, Points, ended_early, grouped, under
 from .study import Study, StudyResult, begun
-from .summary import RunSummary, clearance_distance, joint_distance
+from .summary import NOT_RUN, RunSummary, clearance_distance, joint_distance
 
 BLENDS = ("priority", "additive")
 REGIONS = {
@@ -82,11 +83,11 @@ class ShrinkingRegion(Study):
                     runs[Case(scenario, blend, region)] = RunSpec(scenario, potential_field(blend, region))
         return runs
 
-    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> Measured:
         """Distances to the sliding-mode law, by scenario, blend and region."""
-        points: list[dict[str, Any]] = []
+        points: Points = []
         for case, run in results.items():
-            reference = results.get(Case(case.scenario, "sliding-mode"), RunSummary("failed", "not run"))
+            reference = results.get(Case(case.scenario, "sliding-mode"), NOT_RUN)
             points.append(
                 {
                     **begun(case, run),
@@ -99,13 +100,19 @@ class ShrinkingRegion(Study):
                     "violation_depth": run.value("violation_depth"),
                 }
             )
-        numbers: dict[str, float] = {}
-        sentences: list[str] = []
-        for scenario in dict.fromkeys(point["scenario"] for point in points):
-            own = [point for point in points if point["scenario"] == scenario]
-            found = _numbers(own)
-            numbers.update({f"{scenario}.{name}": value for name, value in found.items()})
-            sentences += _sentences(scenario, found)
+        numbers: Numbers = {}
+        sentences = []
+        for scenario, own in grouped(points, "scenario").items():
+            of = {point["law"]: point for point in own}
+            floor = of["halved"]["joint_distance"] if "halved" in of else math.nan
+            unused = of["sliding-mode"]["unused"] if "sliding-mode" in of else math.nan
+            numbers |= under({"sampling_distance": floor, "sliding_unused": unused}, scenario)
+            for blend in BLENDS:
+                found = _shrunk([point for point in own if point["law"] == blend], floor)
+                numbers |= under(found, scenario, blend)
+                if "region_largest" in found:
+                    sentences.append(f"{sentence_start(scenario)}, {blend} blend: {_said(found, unused)}.")
+            sentences.append(f"Half the sampling time moves the sliding-mode law itself by {number(floor)} rad there.")
         return points, numbers, sentences
 
     def draw(self, result: StudyResult, path: Path) -> None:
@@ -160,53 +167,37 @@ def _panel(ax: Any, points: list[dict[str, Any]], column: str) -> None:
         ax.set_ylim(-0.1, 2.0 * ax.get_ylim()[1])
 
 
-def _numbers(points: list[dict[str, Any]]) -> dict[str, float]:
-    """What the sentences and verdicts of one scenario need."""
-    numbers: dict[str, float] = {}
-    of = {point["law"]: point for point in points}
-    numbers["sampling_distance"] = of["halved"]["joint_distance"] if "halved" in of else math.nan
-    numbers["sliding_unused"] = of["sliding-mode"]["unused"] if "sliding-mode" in of else math.nan
-    for blend in BLENDS:
-        every = sorted((p for p in points if p["law"] == blend), key=lambda point: -point["region"])
-        own = [point for point in every if point["status"] not in ("failed", "aborted")]
-        numbers[f"{blend}.runs"], numbers[f"{blend}.failed"] = float(len(every)), float(len(every) - len(own))
-        if not own:
-            continue
-        distances = [point["joint_distance"] for point in own]
-        for place, point in (("largest", own[0]), ("smallest", own[-1])):
-            numbers[f"{blend}.region_{place}"] = point["region"]
-            numbers[f"{blend}.distance_{place}_region"] = point["joint_distance"]
-            numbers[f"{blend}.unused_{place}_region"] = point["unused"]
-        # a rise below what sampling alone changes is none
-        falls = all(b <= max(a, numbers["sampling_distance"]) for a, b in pairwise(distances))
-        numbers[f"{blend}.distance_falls"] = float(falls and len(own) == len(every))
-        deepest = max(own, key=lambda point: point["violation_depth"])
-        numbers[f"{blend}.violation_depth"] = deepest["violation_depth"]
-        numbers[f"{blend}.violation_region"] = deepest["region"]
-    return numbers
+def _shrunk(points: Points, floor: float) -> dict[str, float]:
+    """What the runs of one blend say, from the largest to the smallest region."""
+    own = sorted((p for p in points if not ended_early(p)), key=lambda point: -point["region"])
+    found: dict[str, float] = {"runs": len(points), "failed": len(points) - len(own)}
+    if not own:
+        return found
+    for place, point in (("largest", own[0]), ("smallest", own[-1])):
+        found[f"region_{place}"] = point["region"]
+        found[f"distance_{place}_region"] = point["joint_distance"]
+        found[f"unused_{place}_region"] = point["unused"]
+    # a rise below what sampling alone changes is none
+    falls = all(b["joint_distance"] <= max(a["joint_distance"], floor) for a, b in pairwise(own))
+    deepest = max(own, key=lambda point: point["violation_depth"])
+    return found | {
+        "distance_falls": falls and len(own) == len(points),
+        "violation_depth": deepest["violation_depth"],
+        "violation_region": deepest["region"],
+    }
 
 
-def _sentences(scenario: str, numbers: Mapping[str, float]) -> list[str]:
-    sentences = []
-    for blend in BLENDS:
-        if f"{blend}.region_largest" not in numbers:
-            continue
-        of = {name.removeprefix(f"{blend}."): value for name, value in numbers.items() if name.startswith(blend)}
-        violation = (
-            f"its deepest violation is {number(100.0 * of['violation_depth'])} % of L, with the region "
-            f"{of['violation_region']:g}"
-            if of["violation_depth"] > 0.0
-            else "it violates nothing"
-        )
-        failed = f"; {of['failed']:.0f} of its {of['runs']:.0f} runs failed" if of["failed"] else ""
-        sentences.append(
-            f"{sentence_start(scenario)}, {blend} blend: {number(of['distance_largest_region'])} rad (RMS) from the "
-            f"sliding-mode law with the region {of['region_largest']:g}, {number(of['distance_smallest_region'])} rad "
-            f"with {of['region_smallest']:g}. It leaves {number(of['unused_largest_region'])} % and "
-            f"{number(of['unused_smallest_region'])} % of the allowed space unused (sliding mode: "
-            f"{number(numbers['sliding_unused'])} %); {violation}{failed}."
-        )
-    sentences.append(
-        f"Half the sampling time moves the sliding-mode law itself by {number(numbers['sampling_distance'])} rad there."
+def _said(of: Mapping[str, float], sliding_unused: float) -> str:
+    violation = (
+        f"its deepest violation is {number(100.0 * of['violation_depth'])} % of L, with the region "
+        f"{of['violation_region']:g}"
+        if of["violation_depth"] > 0.0
+        else "it violates nothing"
     )
-    return sentences
+    failed = f"; {of['failed']:.0f} of its {of['runs']:.0f} runs failed" if of["failed"] else ""
+    return (
+        f"{number(of['distance_largest_region'])} rad (RMS) from the sliding-mode law with the region "
+        f"{of['region_largest']:g}, {number(of['distance_smallest_region'])} rad with {of['region_smallest']:g}. It "
+        f"leaves {number(of['unused_largest_region'])} % and {number(of['unused_smallest_region'])} % of the allowed "
+        f"space unused (sliding mode: {number(sliding_unused)} %); {violation}{failed}"
+    )

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from ..runs.spec import RunSpec
+from .points import Measured, Numbers
 from .summary import RunSummary
 
 Case = Hashable
@@ -35,7 +36,7 @@ class StudyResult:
     """
 
     study: str
-    numbers: dict[str, float] = field(default_factory=dict)
+    numbers: Numbers = field(default_factory=dict)
     sentences: tuple[str, ...] = ()
     points: tuple[dict[str, Any], ...] = ()
     failures: tuple[str, ...] = ()
@@ -71,7 +72,7 @@ class Study(ABC):
         """Every run by its case, in the order of the figure's data; ``small`` asks for a few short ones."""
 
     @abstractmethod
-    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Any, RunSummary]) -> Measured:
         """The points, numbers and sentences of :class:`StudyResult`; runs that failed are in ``results`` as such."""
 
     @abstractmethod

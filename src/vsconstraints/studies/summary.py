@@ -95,6 +95,10 @@ class RunSummary:
         return float(self.result.get(column, np.nan))
 
 
+NOT_RUN = RunSummary("failed", "not run")
+"""In place of a run that is missing."""
+
+
 def summarise(made: Run, baseline: RunRecord | None, *, drift_noted: bool = False) -> RunSummary:
     """The summary of a run.
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..reports.numbers import number
 from ..runs.spec import RunSpec
 from .panels import INK, Grid, handle, logarithmic
+from .points import Measured, Numbers, Points, greatest, grouped, smallest_enough, under
 from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
@@ -21,7 +21,10 @@ DURATIONS = {20.0: 10.0, 30.0: 6.5, 40.0: 5.0, 50.0: 4.5, 80.0: 3.0, 120.0: 2.5}
 GAINS = tuple(round(2.5 * 2.0 ** (k / 2.0), 3) for k in range(14))
 """u⁺ on a grid of ratio √2."""
 
-OUTCOMES = ("violated", "beyond band", "band, not sliding", "sliding")
+OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")
+ENOUGH = {"allowed": "beyond band", "in_band": "band, not sliding", "sliding": "sliding"}
+"""What can be asked of a gain, and the outcome that is enough for it."""
+
 LOOK = {
     "violated": ("#B2182B", "X", "σ > 0: violated"),
     "beyond band": ("#EF8A62", "s", "σ ≤ 0, but φ > Tₛ u⁺"),
@@ -71,36 +74,39 @@ class SwitchingGain(Study):
             for gain in gains
         }
 
-    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> Measured:
         """Outcome of every run; for every speed the smallest gains that are enough, and the bounds."""
         points = [_point(case, run) for case, run in results.items()]
-        numbers: dict[str, float] = {}
+        numbers: Numbers = {}
         sentences = []
-        for Kp0 in dict.fromkeys(point["Kp0"] for point in points):
-            own = sorted((p for p in points if p["Kp0"] == Kp0), key=lambda point: point["switching_gain"])
-            found = {
-                "bound_12": _bound(own, "bound_12"),
-                "bound_sampled": _bound(own, "bound_sampled"),
-                "smallest_allowed": _smallest(own, "violated"),
-                "smallest_in_band": _smallest(own, "beyond band"),
-                "smallest_sliding": _smallest(own, "band, not sliding"),
+        for Kp0, own in grouped(points, "Kp0").items():
+            found = {column: _bound(own, column) for column in ("bound_12", "bound_sampled")}
+            found |= {
+                f"smallest_{what}": smallest_enough(own, "switching_gain", partial(_reaches, outcome=outcome))
+                for what, outcome in ENOUGH.items()
             }
-            numbers.update({f"Kp0={Kp0:g}.{name}": value for name, value in found.items()})
+            numbers |= under(found, Kp0)
+            shown = {name: number(value) for name, value in found.items()}
             sentences.append(
-                f"With K_p(0) = {Kp0:g} the bound (12) is {number(found['bound_12'])} /s. Of the gains tried, "
-                f"σ ≤ 0 holds from {number(found['smallest_allowed'])} /s on, φ stays within T_s u⁺ from "
-                f"{number(found['smallest_in_band'])} /s on, and φ is back below zero after one sample from "
-                f"{number(found['smallest_sliding'])} /s on (expected: {number(found['bound_sampled'])} /s)."
+                f"With K_p(0) = {Kp0:g} the bound (12) is {shown['bound_12']} /s. Of the gains tried, σ ≤ 0 holds from "
+                f"{shown['smallest_allowed']} /s on, φ stays within T_s u⁺ from {shown['smallest_in_band']} /s on, and "
+                f"φ is back below zero after one sample from {shown['smallest_sliding']} /s on (expected: "
+                f"{shown['bound_sampled']} /s)."
             )
-        numbers.update(_over_speeds(points))
+        # along its own motion; without an active row there is nothing to exceed
+        below = [point for point in points if point["switching_gain"] <= point["bound_12"]]
+        above = [point for point in points if not point["switching_gain"] <= point["bound_12"]]
+        count: dict[str, float] = {"above_bound": len(above), "below_bound": len(below)}
+        for side, some in (("above", above), ("below", below)):
+            for what, outcome in ENOUGH.items():
+                count[f"{side}_bound_{what}"] = sum(_reaches(point, outcome) for point in some)
         sentences.append(
-            f"Above the bound (12) along their own motion, {numbers['above_bound_allowed']:.0f} of "
-            f"{numbers['above_bound']:.0f} runs keep "
-            f"σ ≤ 0, {numbers['above_bound_in_band']:.0f} keep φ within T_s u⁺, and "
-            f"{numbers['above_bound_sliding']:.0f} are back below zero after one sample; below it "
-            f"{numbers['below_bound_allowed']:.0f} of {numbers['below_bound']:.0f} still keep σ ≤ 0."
+            f"Above the bound (12) along their own motion, {count['above_bound_allowed']} of {count['above_bound']} "
+            f"runs keep σ ≤ 0, {count['above_bound_in_band']} keep φ within T_s u⁺, and {count['above_bound_sliding']} "
+            f"are back below zero after one sample; below it {count['below_bound_allowed']} of {count['below_bound']} "
+            "still keep σ ≤ 0."
         )
-        return points, numbers, sentences
+        return points, numbers | under(count), sentences
 
     def draw(self, result: StudyResult, path: Path) -> None:
         """Switching gain against speed; one marker per run, coloured by its outcome."""
@@ -165,37 +171,12 @@ def _outcome(run: RunSummary, gain: float) -> str:
     return "sliding" if run.longest_run <= 1 else "band, not sliding"
 
 
-def _smallest(points: Sequence[Mapping[str, Any]], worst_excluded: str) -> float:
-    """Smallest gain from which on every run's outcome is better than this one; NaN if there is none."""
-    least = OUTCOMES.index(worst_excluded)
-    enough = math.nan
-    for point in reversed(points):
-        if point["outcome"] == "failed" or OUTCOMES.index(point["outcome"]) <= least:
-            break
-        enough = point["switching_gain"]
-    return enough
+def _reaches(point: Mapping[str, Any], outcome: str) -> bool:
+    """Whether a run's outcome is this one or better."""
+    return OUTCOMES.index(point["outcome"]) >= OUTCOMES.index(outcome)
 
 
-def _bound(points: Sequence[Mapping[str, Any]], column: str) -> float:
+def _bound(points: Points, column: str) -> float:
     """Greatest value along the runs that slide, or along the one with the largest gain if none does."""
-    sliding = [point for point in points if point["outcome"] == "sliding"] or points[-1:]
-    return max((point[column] for point in sliding if math.isfinite(point[column])), default=math.nan)
-
-
-def _over_speeds(points: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """How many runs keep what, on either side of the bound (12) of their own motion; whether bounds rise with speed."""
-    ordered = sorted(points, key=lambda point: point["switching_gain"])
-    speeds = {point["Kp0"] for point in points}
-    bounds = {Kp0: _bound([point for point in ordered if point["Kp0"] == Kp0], "bound_12") for Kp0 in speeds}
-    # along its own motion; without an active row there is nothing to exceed
-    above = [point for point in points if not point["switching_gain"] <= point["bound_12"]]
-    below = [point for point in points if point["switching_gain"] <= point["bound_12"]]
-    return {
-        "above_bound": float(len(above)),
-        "above_bound_sliding": float(sum(p["outcome"] == "sliding" for p in above)),
-        "above_bound_allowed": float(sum(p["outcome"] not in ("failed", "violated") for p in above)),
-        "above_bound_in_band": float(sum(p["outcome"] in OUTCOMES[2:] for p in above)),
-        "below_bound": float(len(below)),
-        "below_bound_allowed": float(sum(p["outcome"] not in ("failed", "violated") for p in below)),
-        "bound_rises": float(all(bounds[a] < bounds[b] for a, b in pairwise(sorted(bounds)))),
-    }
+    sliding = [point for point in points if point["outcome"] == "sliding"]
+    return greatest(sliding or [max(points, key=lambda point: point["switching_gain"])], column)

@@ -10,12 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..reports.numbers import median
 from ..runs.spec import RunSpec
 from ..simulation.disturbances import GRADIENT_SIGNS
 from .experiment_scenes import EXPERIMENTS, Experiment, kept_scenes
 from .panels import REFERENCE, Grid, handle, logarithmic, scenario_title, sentence_start
+from .points import Measured, Numbers, Points, grouped, under
 from .study import Study, StudyResult
-from .summary import RunSummary, pixel_distance, speed_difference
+from .summary import NOT_RUN, RunSummary, pixel_distance, speed_difference
 
 EXACT = "exact"
 SHIPPED = "shipped"
@@ -98,29 +100,30 @@ class UnselectedExperiments(Study):
                     runs[Case(experiment.scenario, scene, case)] = RunSpec(experiment.scenario, overrides=overrides)
         return runs
 
-    def measure(self, results: Mapping[Case, RunSummary]) -> tuple[list[dict[str, Any]], dict[str, float], list[str]]:
+    def measure(self, results: Mapping[Case, RunSummary]) -> Measured:
         """What every error changes in every scene, and in how many scenes it is little."""
-        points: list[dict[str, Any]] = []
-        numbers: dict[str, float] = {}
+        points: Points = []
+        numbers: Numbers = {}
         sentences = []
         for experiment in EXPERIMENTS:
-            name = experiment.scenario
-            own = {case: run for case, run in results.items() if case.scenario == name}
+            name, judged = experiment.scenario, Points()
             rejected: Counter[str] = Counter()
-            judged: list[dict[str, Any]] = []
-            for scene in dict.fromkeys(case.scene for case in own):
-                cases = {case.case: run for case, run in own.items() if case.scene == scene}
-                reason = why_not(experiment, cases[EXACT]) if EXACT in cases else "no run without an error"
+            for scene in dict.fromkeys(case.scene for case in results if case.scenario == name):
+                cases = {case.case: run for case, run in results.items() if case[:2] == (name, scene)}
+                exact = cases.get(EXACT, NOT_RUN)
+                reason = why_not(experiment, exact) if EXACT in cases else "no run without an error"
                 rejected[reason] += scene != SHIPPED and bool(reason)
                 lines = [
                     {"scenario": name, "scene": scene, "case": case, "rejected": reason}
-                    | compared(experiment, run, cases.get(EXACT, RunSummary("failed", "not run")))
+                    | compared(experiment, run, exact)
                     for case, run in cases.items()
                 ]
                 points += lines
                 judged += [line for line in lines if not reason and line["case"] != EXACT]
-            numbers |= {f"{name}.{key}": value for key, value in counted(judged).items()}
-            sentences += _sentences(experiment, judged, +rejected)
+            counts = counted(judged)
+            for case, found in counts.items():
+                numbers |= under(found, name, case)
+            sentences += _sentences(experiment, counts, +rejected)
         return points, numbers, sentences
 
     def draw(self, result: StudyResult, path: Path) -> None:
@@ -188,18 +191,16 @@ def compared(experiment: Experiment, run: RunSummary, exact: RunSummary) -> dict
     }
 
 
-def counted(points: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+def counted(points: Points) -> dict[str, dict[str, float]]:
     """By case, in how many unselected scenes what holds, and in how many there is an effect at all."""
-    numbers = {}
-    for case in dict.fromkeys(point["case"] for point in points):
-        own = [point for point in points if point["case"] == case and point["scene"] != SHIPPED]
-        numbers[f"{case}.scenes"] = float(len(own))
-        for what in ("similar", "satisfactory", "little_speed", "applied"):
-            numbers[f"{case}.{what}"] = float(sum(bool(point[what]) for point in own))
-        for what in ("track_px", "speed_share"):
-            values = [point[what] for point in own if math.isfinite(point[what])]
-            numbers[f"{case}.median_{what}"] = float(np.median(values)) if values else math.nan
-    return numbers
+    found = {}
+    for case, every in grouped(points, "case").items():
+        own = [point for point in every if point["scene"] != SHIPPED]
+        what = ("similar", "satisfactory", "little_speed", "applied")
+        found[case] = {"scenes": float(len(own))} | {name: float(sum(bool(p[name]) for p in own)) for name in what}
+        for column in ("track_px", "speed_share"):
+            found[case][f"median_{column}"] = median([point[column] for point in own])
+    return found
 
 
 def _distribution(ax: Any, points: Sequence[Mapping[str, Any]], column: str, case: str) -> None:
@@ -215,25 +216,23 @@ def _distribution(ax: Any, points: Sequence[Mapping[str, Any]], column: str, cas
             ax.plot([point[column]], [2.0], "^", color=colour, markerfacecolor=filled, markersize=6.0, zorder=4)
 
 
-def _sentences(experiment: Experiment, judged: Sequence[Mapping[str, Any]], rejected: Mapping[str, int]) -> list[str]:
-    title, numbers = sentence_start(experiment.scenario), counted(judged)
-    geometry = kept_scenes()[experiment.scenario]["rejected"]
-    drawn = sum(geometry.values())
+def _sentences(
+    experiment: Experiment, counts: Mapping[str, Mapping[str, float]], rejected: Mapping[str, int]
+) -> list[str]:
+    title, geometry = sentence_start(experiment.scenario), kept_scenes()[experiment.scenario]["rejected"]
     sentences = [
-        f"{title}: rejected by geometry, {drawn} draws ("
+        f"{title}: rejected by geometry, {sum(geometry.values())} draws ("
         + "; ".join(f"{reason}: {count}" for reason, count in geometry.items())
         + "); by the run without an error, "
         + (", ".join(f"{count} ({reason})" for reason, count in rejected.items()) or "none")
         + "."
     ]
     for case, (_, _, shown) in LOOKS.items():
-        if f"{case}.scenes" not in numbers:
-            continue
-        of = {key.removeprefix(f"{case}."): value for key, value in numbers.items() if key.startswith(f"{case}.")}
-        sentences.append(
-            f"{title}, error of 30 %, {shown}: of {of['scenes']:.0f} scenes very similar in {of['similar']:.0f}, "
-            f"satisfactory in {of['satisfactory']:.0f}, little difference of joint speeds in {of['little_speed']:.0f}; "
-            f"medians: tracks {of['median_track_px']:.2g} px, joint speeds {of['median_speed_share']:.2g} % of the "
-            "greatest."
-        )
+        if of := counts.get(case):
+            sentences.append(
+                f"{title}, error of 30 %, {shown}: of {of['scenes']:.0f} scenes very similar in {of['similar']:.0f}, "
+                f"satisfactory in {of['satisfactory']:.0f}, little difference of joint speeds in "
+                f"{of['little_speed']:.0f}; medians: tracks {of['median_track_px']:.2g} px, joint speeds "
+                f"{of['median_speed_share']:.2g} % of the greatest."
+            )
     return sentences

@@ -67,7 +67,7 @@ def _bound_is_sufficient(study: StudyResult, *runs: Run) -> Finding:
 @claim("10c", "sampling-time", *SCENES)
 def _band_is_bounded(study: StudyResult, *runs: Run) -> Finding:
     """Peak-to-peak φ while a row acts in units of T_s u⁺."""
-    found = dict(ending(study, ".greatest_excess"))
+    found = {str(name): value for name, value in ending(study, "greatest_excess")}
     if not found:
         raise NotMeasured("the study sampling-time has no band")
     power = {name: number(study, name, "exponent") for name in found}

@@ -18,26 +18,23 @@ FULLY_USED = 1.0
 """Unused space up to which it counts as fully used [%]."""
 
 
-def number(study: StudyResult, *key: str) -> float:
+def number(study: StudyResult, *key: str | float) -> float:
     """A finite number of a study; raises NotMeasured where there is none."""
-    name = ".".join(key)
-    value = study.numbers.get(name, nan)
+    value = study.numbers.get(key, nan)
     if not isfinite(value):
         why = f": {study.failures[0]}" if study.failures else ""
-        raise NotMeasured(f"the study {study.study} has no {name}{why}")
+        raise NotMeasured(f"the study {study.study} has no {'.'.join(map(str, key))}{why}")
     return value
 
 
-def ending(study: StudyResult, suffix: str) -> Iterator[tuple[str, float]]:
-    """Names without the suffix, and values, of a study's numbers that end so."""
-    for name, value in study.numbers.items():
-        if name.endswith(suffix):
-            yield name.removesuffix(suffix), value
+def ending(study: StudyResult, *last: str | float) -> Iterator[tuple[str | float, float]]:
+    """What the numbers of a study are of, whose keys are it and this, and the numbers."""
+    return ((first, value) for (first, *others), value in study.numbers.items() if tuple(others) == last)
 
 
 def least_unused(pareto: StudyResult, scenario: str, *laws: str) -> dict[str, float]:
     """By law, the least of the allowed space that a run left unused [%]; NaN for a law none of whose runs counts."""
-    return {law: pareto.numbers.get(f"{scenario}.{law}.least_unused", nan) for law in laws}
+    return {law: pareto.numbers.get((scenario, law, "least_unused"), nan) for law in laws}
 
 
 def shown(left: Mapping[str, float]) -> str:
@@ -104,12 +101,12 @@ def _potential_field_becomes_the_law(study: StudyResult) -> Finding:
 
 @claim("9b", "gradient-error")
 def _first_derivatives_may_be_off(study: StudyResult) -> Finding:
-    at = (SLIDING, "0.3")
+    at = (SLIDING, 0.3)
     texts, depth, converged = [], {}, []
-    for scenario, _ in ending(study, f".{SLIDING}.0.3.converged"):
-        depth[scenario] = outside = number(study, scenario, *at, "violation")
+    for scenario, _ in ending(study, *at, "converged"):
+        depth[str(scenario)] = outside = number(study, scenario, *at, "violation")
         converged.append(number(study, scenario, *at, "converged") == 1.0)
-        deviation = study.numbers.get(".".join((scenario, *at, "deviation_px")), nan)
+        deviation = study.numbers.get((scenario, *at, "deviation_px"), nan)
         texts.append(
             f"{scenario}: {'converges' if converged[-1] else 'does not converge'}, violates "
             f"{f'{outside:.2g} % of L' if outside > 0.0 else 'nothing'}, tracks deviate by {deviation:.2g} px"
@@ -123,11 +120,11 @@ def _first_derivatives_may_be_off(study: StudyResult) -> Finding:
 @claim("10a", "switching-gain")
 def _gain_must_rise_with_speed(study: StudyResult) -> Finding:
     """Smallest sufficient gain and bound (12) for every speed of motion."""
-    speeds = sorted(float(name.removeprefix("Kp0=")) for name, _ in ending(study, ".bound_12"))
+    speeds = sorted(float(Kp0) for Kp0, _ in ending(study, "bound_12"))
     if len(speeds) < 2:
         raise NotMeasured("the study switching-gain has fewer than two speeds")
-    bounds = [number(study, f"Kp0={Kp0:g}", "bound_12") for Kp0 in speeds]
-    enough = [study.numbers.get(f"Kp0={Kp0:g}.smallest_in_band", nan) for Kp0 in speeds]
+    bounds = [number(study, Kp0, "bound_12") for Kp0 in speeds]
+    enough = [study.numbers.get((Kp0, "smallest_in_band"), nan) for Kp0 in speeds]
     # a speed at which no gain tried was enough needs more than all of them
     gains = [gain if isfinite(gain) else inf for gain in enough]
     text = "; ".join(
@@ -143,12 +140,8 @@ def _gain_must_rise_with_speed(study: StudyResult) -> Finding:
 @claim("10d", "sampling-time")
 def _chattering_becomes_negligible(study: StudyResult) -> Finding:
     """Band of the first example at every sampling time, the shortest last."""
-    prefix = f"{SCENARIOS[0]}.band."
-    bands = {
-        float(name.removeprefix(prefix).removesuffix("ms")): band
-        for name, band in study.numbers.items()
-        if name.startswith(prefix)
-    }
+    of = (SCENARIOS[0], "band")
+    bands = {float(key[2]): band for key, band in study.numbers.items() if key[:2] == of}
     if not bands:
         raise NotMeasured("the study sampling-time has no band of the first example")
     text = ", ".join(f"{bands[time]:.3f} at {time:g} ms" for time in sorted(bands, reverse=True))
