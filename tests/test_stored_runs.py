@@ -159,6 +159,16 @@ def _forget_imports() -> None:
         del sys.modules[name]
 
 
+def test_a_law_imports_what_lies_beside_it_even_in_a_run_and_the_path_stays_as_it_is(tmp_path: Path, out: Path) -> None:
+    (tmp_path / "helpers").mkdir()
+    (tmp_path / "helpers" / "late.py").write_text("LATE = 1\n")
+    (tmp_path / "law.py").write_text(law(solve="from helpers.late import LATE"))
+    before = list(sys.path)
+    (job,) = jobs(tmp_path)
+    assert run_stored(job, out)[0].result["status"] == "unfinished"
+    assert sys.path == before
+
+
 def test_what_a_run_writes_is_not_what_it_is_made_from(tmp_path: Path, out: Path) -> None:
     log = "Path(__file__).with_name('log').open('a').close(); Path(__file__).with_name('log').read_text()"
     answer = "name = __file__ + '.answer'; os.system(f'echo > {name}'); Path(name).read_text(); os.remove(name)"

@@ -6,8 +6,8 @@ import importlib
 import importlib.util
 import re
 import sys
-from collections.abc import Callable, Iterable
-from contextlib import chdir
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import chdir, contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import TypeVar, cast
@@ -49,6 +49,17 @@ def imported_class(name: str, base: Callable[..., Base], folder: Path | None = N
     return found
 
 
+@contextmanager
+def beside(*folders: Path | None) -> Iterator[None]:
+    """Modules in these folders can be imported meanwhile, where no other of their names is found first."""
+    before = list(sys.path)
+    sys.path += [path for path in (str(folder.resolve()) for folder in folders if folder) if path not in before]
+    try:
+        yield
+    finally:
+        sys.path[:] = before
+
+
 def plugin_file(name: str, folder: Path | None) -> Path | None:
     """The file in ``folder`` that ``module:Class`` means; None if it means an installed module."""
     file = None if folder is None else folder / f"{_parts(name)[0].replace('.', '/')}.py"
@@ -83,12 +94,10 @@ def _module_from(file: Path) -> ModuleType:
         if spec is None or spec.loader is None:
             raise ImportError(f"{path} is not a Python file")
         module = importlib.util.module_from_spec(spec)
-        # modules beside it can be imported by it
-        if str(path.parent) not in sys.path:
-            sys.path.append(str(path.parent))
         sys.modules[unique] = module
         try:
-            spec.loader.exec_module(module)
+            with beside(path.parent):
+                spec.loader.exec_module(module)
         except BaseException:
             del sys.modules[unique]
             raise

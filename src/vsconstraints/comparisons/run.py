@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..constraints import Constraint
+from ..plugins import beside
 from ..rows import Array
 from ..runs.spec import RunSpec
 from ..simulation import Setup, Trajectory, intervals, simulate
@@ -165,8 +166,10 @@ def perform(spec: RunSpec, *, by_public_call: bool = False) -> Run:
     by_public_call
         See :func:`vsconstraints.simulation.simulate`.
     """
-    with chdir("."):  # own parts may change the working directory
-        setup = spec.load().setup(spec.trial, spec.seed)
+    scenario = spec.load()
+    # own parts may change the working directory, and import what lies beside them whenever they like
+    with chdir("."), beside(scenario.folder, spec.controller.folder):
+        setup = scenario.setup(spec.trial, spec.seed)
         trajectory = simulate(setup, spec.controller.make(), by_public_call=by_public_call)
         return Run(setup, RunRecord.of(setup, trajectory, spec.fingerprint))
 

@@ -36,6 +36,8 @@ Report = Callable[[RunSpec, Score, bool], None]
 Key = tuple[str, str, int]
 """Scenario, controller and trial."""
 
+TABLES = {"results.csv": RESULT_COLUMNS, "constraints.csv": CONSTRAINT_COLUMNS}
+
 
 @dataclass(frozen=True)
 class Finished:
@@ -116,13 +118,12 @@ def compare(
         runs = {run.key: run for run in suite.runs()}
         if not fresh:
             demand_nothing_lost(folder, suite)
-        tables = folder / "results.csv", folder / "constraints.csv"
         manifest = _manifest(suite, command)
         with _storing(folder):
             (folder / "trajectories").mkdir(exist_ok=True)
             _write_json(folder / "manifest.json", manifest)
-            for table in tables if fresh else ():
-                table.unlink(missing_ok=True)
+            for name in TABLES if fresh else ():
+                (folder / name).unlink(missing_ok=True)
         scores: dict[Key, Score] = {}
         stored_before = 0
 
@@ -137,8 +138,8 @@ def compare(
             scores[key], stored = answer
             stored_before += stored
             with suppress(OSError):  # a full disk: the tables are written once more at the end
-                append_lines(tables[0], RESULT_COLUMNS, _result_lines(suite, [key], scores), first)
-                append_lines(tables[1], CONSTRAINT_COLUMNS, _constraint_lines(suite, [key], scores), first)
+                for (name, columns), lines in zip(TABLES.items(), _lines(suite, [key], scores), strict=True):
+                    append_lines(folder / name, columns, lines, first)
             on_finished(runs[key], *answer)
 
         interrupted = 0
@@ -153,9 +154,9 @@ def compare(
         manifest.update(wall_time_s=wall_time, runs=len(runs), finished=len(finished), stored_before=stored_before)
         manifest.update(compiled={"compiled": compiled[True], "NumPy": compiled[False]})
         with _storing(folder):
-            if finished or not tables[0].exists():
-                write_table(tables[0], RESULT_COLUMNS, _result_lines(suite, finished, scores))
-                write_table(tables[1], CONSTRAINT_COLUMNS, _constraint_lines(suite, finished, scores))
+            for (name, columns), lines in zip(TABLES.items(), _lines(suite, finished, scores), strict=True):
+                if finished or not (folder / name).exists():
+                    write_table(folder / name, columns, lines)
             _write_json(folder / "manifest.json", manifest)
         return Finished(folder, scores, stored_before, wall_time, interrupted)
 
@@ -229,16 +230,14 @@ def _carry_out(
     carry_out(run_stored, first, others, workers=workers, limits=limits, on_answer=done)
 
 
-def _identity(suite: Suite, key: Key) -> dict[str, Any]:
-    return dict(zip(("suite", "scenario", "controller", "trial"), (suite.name, *key), strict=True))
-
-
-def _result_lines(suite: Suite, keys: Sequence[Key], scores: Mapping[Key, Score]) -> list[dict[str, Any]]:
-    return [{**_identity(suite, key), **scores[key].result} for key in keys]
-
-
-def _constraint_lines(suite: Suite, keys: Sequence[Key], scores: Mapping[Key, Score]) -> list[dict[str, Any]]:
-    return [{**_identity(suite, key), **row} for key in keys for row in scores[key].constraints]
+def _lines(suite: Suite, keys: Sequence[Key], scores: Mapping[Key, Score]) -> list[list[dict[str, Any]]]:
+    """Lines of the :data:`TABLES`."""
+    names = ("suite", "scenario", "controller", "trial")
+    runs = [(dict(zip(names, (suite.name, *key), strict=True)), scores[key]) for key in keys]
+    return [
+        [{**own, **score.result} for own, score in runs],
+        [{**own, **row} for own, score in runs for row in score.constraints],
+    ]
 
 
 def _manifest(suite: Suite, command: Sequence[str]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
-from ..plugins import imported_class
+from ..plugins import beside, imported_class
 from .base import Controller
 from .hierarchical_qp import HierarchicalQP
 from .potential_field import PotentialField
@@ -66,7 +66,7 @@ def make_controller(name: str, options: Mapping[str, Any] | None = None, folder:
         if key not in known:
             raise unknown_name(f"option of {name}", key, known)
     try:
-        with chdir("."):  # an own law may change the working directory
+        with chdir("."), beside(folder):  # an own law may change the working directory
             return law(**options)
     except VsconstraintsError:
         raise

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import chain, count
+from itertools import chain
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from ..comparisons.run import Run, kept_run
 from ..comparisons.unfinished import Unfinished, unfinished
 from ..errors import ConfigurationError
 from ..kernels import prepare
 from ..runs.pool import Failure, carry_out
-from ..runs.resources import run_limit, samples
-from ..runs.spec import RunSpec
+from ..runs.spec import RunSpec, longest_first
 from . import claims as _claims  # registers every claim
 from .figures.catalogue import FIGURES, FigureSpec
 from .verdicts import VERDICTS, Finding, all_claims
@@ -28,9 +27,6 @@ Progress = Callable[[str, int, int], None]
 
 Count = Callable[[int, int], None]
 """Told how much of something is done, and how much there is."""
-
-Key = TypeVar("Key", bound=Hashable)
-Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True)
@@ -129,13 +125,9 @@ def made(
     specs: Sequence[RunSpec], kept: Unfinished, workers: int | None, on_progress: Count
 ) -> dict[RunSpec, Run | str]:
     """Runs, or why there is none: the first sentence of what was raised."""
-    tables = {spec: spec.tables for spec in specs}
-    # the longest first, so that none is left at the end
-    calls = {
-        spec: (spec, kept.file(spec)) for spec in sorted(specs, key=lambda spec: samples(tables[spec]), reverse=True)
-    }
-    limits = {spec: run_limit(own) for spec, own in tables.items()}
-    found = _counted(kept_run, calls, workers, on_progress, limits)
+    limits = longest_first(specs)
+    calls = {spec: (spec, kept.file(spec)) for spec in limits}
+    found = carry_out(kept_run, calls, workers=workers, limits=limits, on_progress=on_progress)
     return {spec: one.reason.split(". ")[0] if isinstance(one, Failure) else one for spec, one in found.items()}
 
 
@@ -162,7 +154,7 @@ def _draw(
             (folder / figure.file).unlink(missing_ok=True)
         else:
             jobs[number] = (figure, [available[need] for need in figure.needs], folder / figure.file)
-    found = _counted(_draw_one, jobs, workers, on_progress)
+    found = carry_out(_draw_one, jobs, workers=workers, on_progress=on_progress)
     drawn |= {number: one.reason if isinstance(one, Failure) else one for number, one in found.items()}
     return {number: drawn[number] for number in FIGURES}
 
@@ -177,22 +169,3 @@ def study_results(folder: Path, workers: int | None, on_progress: Count, kept: U
         return dict(run_studies(None, folder, workers, on_progress, kept=kept))
     except Exception as error:  # claims and figures of the paper do not depend on it
         return {"studies": f"{type(error).__name__}: {error}"}
-
-
-def _counted(
-    function: Callable[..., Answer],
-    calls: Mapping[Key, tuple[Any, ...]],
-    workers: int | None,
-    on_progress: Count,
-    limits: Mapping[Key, float] | None = None,
-) -> dict[Key, Answer | Failure]:
-    """Make calls in processes of their own, and tell how many are answered."""
-    answered = count(1)
-    on_progress(0, len(calls))
-    return carry_out(
-        function,
-        calls,
-        workers=workers,
-        limits=limits,
-        on_answer=lambda key, answer: on_progress(next(answered), len(calls)),
-    )

@@ -163,6 +163,7 @@ def carry_out(
     workers: int | None = None,
     limits: Mapping[Key, float] | None = None,
     on_answer: Callable[[Key, Answer | Failure], None] = lambda key, answer: None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[Key, Answer | Failure]:
     """Make calls in processes of their own: see :class:`Pool`.
 
@@ -178,13 +179,19 @@ def carry_out(
         How long a call may take [s]; as long as it likes if it is not there.
     on_answer
         Told of every answer as it comes.
+    on_progress
+        Told how many calls are answered, and how many there are.
     """
     answers: dict[Key, Answer | Failure] = {}
+    done, total = 0, sum(map(len, batches))
+    on_progress(done, total)
     with Pool(function, min(process_count(workers), max(map(len, batches), default=1))) as pool:
         for batch in batches:
             for key, answer in pool.run(batch, limits):
                 answers[key] = answer
                 on_answer(key, answer)
+                done += 1
+                on_progress(done, total)
     return answers
 
 

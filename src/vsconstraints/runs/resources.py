@@ -48,12 +48,7 @@ def available_memory() -> float:
 
 def run_limit(tables: Mapping[str, Any]) -> float:
     """How long the run of a scenario may take [s], from its ``duration`` and ``sampling_time``."""
-    return LEAST_LIMIT + LIMIT_PER_SAMPLE * samples(tables)
-
-
-def samples(tables: Mapping[str, Any]) -> float:
-    """About how many samples a run of a scenario has; 0 where its tables do not say: that is an error elsewhere."""
     try:
-        return float(tables["duration"]) / float(tables["sampling_time"])
-    except (KeyError, TypeError, ValueError, ZeroDivisionError):
-        return 0.0
+        return LEAST_LIMIT + LIMIT_PER_SAMPLE * float(tables["duration"]) / float(tables["sampling_time"])
+    except (KeyError, TypeError, ValueError, ZeroDivisionError):  # it is said where the scenario is built
+        return LEAST_LIMIT

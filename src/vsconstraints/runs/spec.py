@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from ..kernels import available
 from ..plugins import module_files
 from ..scenarios import Scenario
 from .machine import code_hash, package_versions
+from .resources import run_limit
 
 
 @dataclass(frozen=True)
@@ -145,3 +146,9 @@ class RunSpec:
             available(),
         )
         return hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+
+def longest_first(runs: Iterable[RunSpec]) -> dict[RunSpec, float]:
+    """Different runs, so that no long one is left at the end, and how long each may take [s]."""
+    limits = {run: run_limit(run.tables) for run in dict.fromkeys(runs)}
+    return dict(sorted(limits.items(), key=lambda item: item[1], reverse=True))

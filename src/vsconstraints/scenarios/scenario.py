@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConfigurationError, described, shown, unknown_name
-from ..plugins import module_files
+from ..plugins import beside, module_files
 from ..simulation import Setup
 from ..urdf import mesh_files
 from .build import build
@@ -121,7 +121,7 @@ class Scenario:
         """
         deviation = np.random.default_rng([seed, trial]) if trial > 0 else None
         try:
-            with np.errstate(over="raise", divide="raise", invalid="raise"):
+            with beside(self.folder), np.errstate(over="raise", divide="raise", invalid="raise"):
                 return build(self.tables, self.name, self.folder, deviation, (seed, trial))
         except ArithmeticError as error:
             raise ConfigurationError(f"{self.name}: its numbers cannot be computed with: {described(error)}") from error

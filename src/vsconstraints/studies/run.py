@@ -16,8 +16,7 @@ from ..comparisons.unfinished import Unfinished, unfinished
 from ..errors import ConfigurationError, unknown_name
 from ..kernels import prepare
 from ..runs.pool import Failure, carry_out
-from ..runs.resources import run_limit, samples
-from ..runs.spec import BASELINE, ControllerSpec, RunSpec
+from ..runs.spec import BASELINE, ControllerSpec, RunSpec, longest_first
 from .study import Study, StudyResult
 from .summary import RunSummary, summarise
 
@@ -112,27 +111,17 @@ def _run_all(
     """
     # tracking on the scenario as it is shipped tells which rows are challenged
     baselines = {name: RunSpec(name, ControllerSpec(BASELINE)) for name in dict.fromkeys(run.name for run in runs)}
-    tables = {run: run.tables for run in (*baselines.values(), *runs)}
-    longest_first = sorted(runs, key=lambda run: samples(tables[run]), reverse=True)
-    summaries: dict[RunSpec, RunSummary] = {}
-    done, total = 0, len(baselines) + len(runs)
-
-    def answered(run: RunSpec, answer: RunSummary | Failure) -> None:
-        nonlocal done
-        summaries[run] = RunSummary("failed", answer.reason) if isinstance(answer, Failure) else answer
-        done += 1
-        on_progress(done, total)
-
+    limits = longest_first(runs)
     prepare()
-    carry_out(
+    answers = carry_out(
         summarised,
         {run: (run, kept, run, False) for run in baselines.values()},
-        {run: (run, kept, baselines[run.name], runs[run]) for run in longest_first},
+        {run: (run, kept, baselines[run.name], runs[run]) for run in limits},
         workers=workers,
-        limits={run: run_limit(own) for run, own in tables.items()},
-        on_answer=answered,
+        limits={**longest_first(baselines.values()), **limits},
+        on_progress=on_progress,
     )
-    return summaries
+    return {run: RunSummary("failed", one.reason) if isinstance(one, Failure) else one for run, one in answers.items()}
 
 
 def summarised(run: RunSpec, kept: Unfinished, baseline: RunSpec, drift_noted: bool) -> RunSummary:
