@@ -11,7 +11,9 @@ import numpy as np
 from .constraints import Constraint, ConstraintSet, RowBlock
 from .errors import InvalidInput, SceneError
 from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
+from .geometry import Pose
 from .kernels import load
+from .measurement import Measurement
 from .rows import Array, BoolArray, Command
 from .scene import Scene, State
 from .tracking import VisualTask
@@ -22,8 +24,8 @@ if TYPE_CHECKING:
 
 FLOAT = np.dtype(np.float64)
 
-StateToCommand = Callable[[float, Array, Array], tuple[Evaluation, Command]]
-"""From time [s], q and q̇ (n,) to what they come to."""
+StateToCommand = Callable[..., tuple[Evaluation, Command]]
+"""From time [s], q and q̇ (n,), and ``pixels``, ``depth``, ``taken`` and ``camera`` if measured, to a command."""
 
 
 class ControlStep:
@@ -41,7 +43,7 @@ class ControlStep:
     ----------
     scene, constraints, task
         What is evaluated.
-    told
+    known
         Whether motions that controllers are not told of (section 5.4) count as known. If not, such an object is where
         it is, but its velocity is taken for zero.
 
@@ -51,28 +53,30 @@ class ControlStep:
         Why the NumPy form runs for all; empty if the compiled one does.
     """
 
-    def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask, *, told: bool = False) -> None:
+    def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask, *, known: bool = False) -> None:
         self.scene, self.constraints, self.visual_task = scene, constraints, task
         self.not_compiled = ""
-        self._believes = not told and has_unknown_motion(scene, constraints)
+        self._believes = not known and has_unknown_motion(scene, constraints)
+        self._correction = np.zeros((len(scene.markers), 2))
         self._packed: Packed | None = None
         self._controller: Controller | None = None
         self._options: dict[str, Any] | None = None
-        packing, step = load("packing"), load("step")
-        if packing is None or step is None:
+        packing, self._kernels = load("packing"), load("step")
+        if packing is None or self._kernels is None:
             self.not_compiled = "there is no compiler"
             return
-        self._evaluate, self._look = step.evaluate_step, getattr(load("look"), "look", None)
         try:
-            packed = packing.Packed(scene, constraints, task, told)
+            self._packed = packing.Packed(scene, constraints, task, known)
         except packing.NotCompiled as reason:
             self.not_compiled = str(reason)
-            return
-        after = [load(name) for name in packed.after]
-        if None in after:
-            self.not_compiled = "there is no compiler"
-            return
-        self._packed, self._after = packed, tuple(module.add_rows for module in after)
+
+    @property
+    def in_numpy(self) -> tuple[Constraint, ...]:
+        """Constraints whose rows are computed in NumPy, beside the compiled ones."""
+        packed = self._packed
+        return (
+            self.constraints.constraints if packed is None else tuple(constraint for constraint, _, _ in packed.others)
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         """All but the function of the last controller, which is made again when it is needed."""
@@ -81,47 +85,69 @@ class ControlStep:
     def reset(self) -> None:
         """Forget the last sample."""
         self.visual_task.reset()
+        self._correction[:] = 0.0
         if self._packed is not None:
             self._packed.reset()
 
-    def evaluate(self, t: float, q: Array, qd: Array) -> Evaluation:
+    def evaluate(
+        self,
+        t: float,
+        q: Array,
+        qd: Array,
+        *,
+        pixels: Array | None = None,
+        depth: Array | None = None,
+        taken: float | None = None,
+        camera: Pose | None = None,
+    ) -> Evaluation:
         """Rows and task at time ``t`` [s], ``q`` and ``qd`` (n,).
+
+        The model predicts the image, or takes what a camera has measured: see
+        :class:`vsconstraints.measurement.Measurement` for ``pixels``, ``depth``, ``taken`` and ``camera``.
 
         Raises
         ------
         SceneError
             if a marker is not in front of the camera.
         InvalidInput
-            if t is not finite, or q or qd are not (n,) finite numbers.
+            if t is not finite, q or qd are not (n,) finite numbers, or what is measured does not fit the scene.
         """
+        measured = None
+        if any(value is not None for value in (pixels, depth, taken, camera)):
+            measured = Measurement(pixels, depth, taken, camera).checked(len(self.scene.markers), t)
+        return self._evaluated(t, q, qd, measured)
+
+    def _evaluated(self, t: float, q: Array, qd: Array, measured: Measurement | None) -> Evaluation:
         packed = self._packed
         if packed is None:
-            return self.define(self._state(t, q, qd))
-        out = np.empty(packed.size)
-        before = packed.memory.copy() if packed.others else packed.memory
+            return self.define(self._state(t, q, qd, measured))
+        before = [array.copy() for array in packed.memory] if packed.others else []
+        if measured is not None:
+            packed.measure(measured)
         try:
-            refused = self._evaluate(*packed.arguments, out, t, q, qd)
+            refused = self._kernels.evaluate_step(packed.address, t, q, qd)
         except TypeError:
             t, q, qd = self._checked(t, q, qd)
-            refused = self._evaluate(*packed.arguments, out, t, q, qd)
+            refused = self._kernels.evaluate_step(packed.address, t, q, qd)
         if refused:
             # what cannot be evaluated is told by the definition
-            return self.define(self._state(t, q, qd))
-        for add_rows in self._after:
-            add_rows(*packed.arguments, out, t, q, qd)
+            return self.define(self._state(t, q, qd, measured))
         if packed.others:
             try:
-                state = self._state(t, q, qd)
+                state = self._state(t, q, qd, measured)
                 for constraint, rows, points in packed.others:
-                    self._insert(out, rows, constraint, constraint.rows(state, points))
+                    self._insert(rows, constraint, constraint.rows(state, points))
             except BaseException:
                 # a sample without rows is not remembered
-                packed.memory[:] = before
+                for array, kept in zip(packed.memory, before, strict=True):
+                    array[...] = kept
                 raise
-        return CompiledEvaluation(packed, self.constraints, out)
+        return CompiledEvaluation(packed, self.constraints, packed.out.copy())
 
-    def _state(self, t: float, q: Array, qd: Array) -> State:
+    def _state(self, t: float, q: Array, qd: Array, measured: Measurement | None = None) -> State:
         state = self.scene.evaluate(*self._checked(t, q, qd))
+        if measured is not None:
+            return measured.believed(self.scene, state, self._correction)
         return self.scene.believed(state) if self._believes else state
 
     def _checked(self, t: float, q: Array, qd: Array) -> tuple[float, Array, Array]:
@@ -130,8 +156,12 @@ class ControlStep:
             raise InvalidInput(f"the time must be a finite number of seconds, not {t}")
         return float(t), robot.configuration(q), robot.configuration(qd, "qd")
 
-    def command(self, controller: Controller, t: float, q: Array, qd: Array) -> tuple[Evaluation, Command]:
+    def command(
+        self, controller: Controller, t: float, q: Array, qd: Array, **measured: Any
+    ) -> tuple[Evaluation, Command]:
         """From state to command: what :meth:`evaluate` and then ``controller.command`` give.
+
+        ``measured`` are ``pixels``, ``depth``, ``taken`` and ``camera`` of :meth:`evaluate`.
 
         Raises
         ------
@@ -148,7 +178,7 @@ class ControlStep:
             changed = True
         if changed or controller is not self._controller:
             self.bind(controller)
-        return self._to_command(t, q, qd)
+        return self._to_command(t, q, qd, **measured)
 
     def bind(self, controller: Controller) -> StateToCommand:
         """Make a function for loops that does as :meth:`command`, for this controller with the options that it has now.
@@ -157,35 +187,45 @@ class ControlStep:
         copied.
         """
 
-        def in_two(t: float, q: Array, qd: Array) -> tuple[Evaluation, Command]:
-            evaluation = self.evaluate(t, q, qd)
+        def in_two(t: float, q: Array, qd: Array, **measured: Any) -> tuple[Evaluation, Command]:
+            evaluation = self.evaluate(t, q, qd, **measured)
             return evaluation, controller.command(evaluation.rows, evaluation.task)
 
-        self._controller, self._options, self._to_command = controller, None, in_two
+        self._controller, self._options = controller, None
+        self._to_command: StateToCommand = in_two
         step, law = self.bound(), None
         if step is not None:
-            now, acted, qdd = step.now, np.empty(step.packed.m, dtype=np.bool_), np.empty(step.packed.n)
-            law = controller._bind(now.rows, now.task, acted, qdd)
+            size = step.packed.size
+            law = controller._bind(step.now.rows, step.now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
         if step is None or law is None:
             return in_two
-        evaluate, solve, command, out, packed = step.evaluate, law.solve, law.command, step.out, step.packed
-        constraints = self.constraints
+        evaluate, measure, solve, command, packed = step.evaluate, step.measure, law.solve, law.command, step.packed
+        constraints, out, unknown = self.constraints, step.out, np.full(step.packed.size.M, np.nan)
 
-        def in_one(t: float, q: Array, qd: Array) -> tuple[Evaluation, Command]:
+        def in_one(
+            t: float,
+            q: Array,
+            qd: Array,
+            pixels: Array | None = None,
+            depth: Array | None = None,
+            taken: float | None = None,
+            camera: Pose | None = None,
+        ) -> tuple[Evaluation, Command]:
             try:
-                # the compiled function takes type and dimension for granted, looks at the rest by itself, and would
+                # the compiled functions take type and dimension for granted, look at the rest by themselves, and would
                 # make a number of a string
-                if (
-                    q.dtype is not FLOAT
-                    or qd.dtype is not FLOAT
-                    or q.ndim != 1
-                    or qd.ndim != 1
-                    or evaluate(t + 0.0, q, qd)
-                ):
-                    return in_two(t, q, qd)
+                plain = q.dtype is FLOAT and qd.dtype is FLOAT and q.ndim == 1 and qd.ndim == 1 and camera is None
+                if pixels is not None and plain:
+                    Z, at = unknown if depth is None else depth, t if taken is None else taken
+                    plain = pixels.dtype is FLOAT and Z.dtype is FLOAT and pixels.ndim == 2 and Z.ndim == 1
+                    plain = plain and not measure(pixels, Z, at + 0.0, t + 0.0)
+                elif depth is not None or taken is not None:
+                    plain = False
+                if not plain or evaluate(t + 0.0, q, qd):
+                    return in_two(t, q, qd, pixels=pixels, depth=depth, taken=taken, camera=camera)
             except (AttributeError, TypeError):
                 # not arrays
-                return in_two(t, q, qd)
+                return in_two(t, q, qd, pixels=pixels, depth=depth, taken=taken, camera=camera)
             asks = solve()
             evaluation = CompiledEvaluation(packed, constraints, out.copy())
             return evaluation, controller.command(evaluation.rows, evaluation.task) if asks else command()
@@ -197,25 +237,22 @@ class ControlStep:
     def bound(self) -> Bound | None:
         """The compiled step on arrays that stay where they are; None where anything runs in NumPy."""
         packed = self._packed
-        if packed is None or packed.others:
-            return None
-        return Bound(packed, self.constraints, (self._evaluate, *self._after))
+        return None if packed is None or packed.others else Bound(packed, self.constraints, self._kernels)
 
-    def _insert(self, out: Array, rows: slice, constraint: Constraint, block: RowBlock) -> None:
+    def _insert(self, rows: slice, constraint: Constraint, block: RowBlock) -> None:
         """Write the rows of a constraint in NumPy between the compiled ones."""
-        packed = self._packed
-        assert packed is not None
-        n, r = packed.n, rows.stop - rows.start
+        assert self._packed is not None
+        now, n, r = self._packed.step.rows, self._packed.size.n, rows.stop - rows.start
         shapes = [part.shape for part in (block.sigma, block.phi, block.Lg, block.Lf)]
         if shapes != [(r,), (r,), (r, n), (r,)]:
             raise InvalidInput(
                 f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {constraint.kind} has {r} labels for {n} joints, but the "
                 f"shapes {shapes}"
             )
-        out[packed.phi][rows], out[packed.sigma][rows], out[packed.Lf][rows] = block.phi, block.sigma, block.Lf
-        out[packed.Lg].reshape(packed.m, n)[rows] = block.Lg
+        now.phi[rows], now.sigma[rows], now.Lf[rows], now.Lg[rows] = block.phi, block.sigma, block.Lf, block.Lg
+        now.sigma_dot[rows] = (block.phi - block.sigma) / constraint.K
 
-    def look(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
+    def views(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
         """What can be seen at many instants, without its motion.
 
         Parameters
@@ -232,9 +269,9 @@ class ControlStep:
         scene, N = self.scene, len(t)
         pixels, points = np.zeros((N, len(scene.markers), 2)), np.zeros((N, len(scene.points), 3))
         seen = np.ones(N, dtype=np.bool_)
-        if self._packed is not None and self._look is not None:
-            packed, t, q = self._packed, np.ascontiguousarray(t), np.ascontiguousarray(q)
-            self._look(t, q, packed.I, packed.F, *packed.moving, pixels, points, seen)
+        if self._packed is not None:
+            t, q = np.ascontiguousarray(t), np.ascontiguousarray(q)
+            self._kernels.views(self._packed.address, t, q, pixels, points, seen)
             return pixels, points, seen
         for k in range(N):
             try:

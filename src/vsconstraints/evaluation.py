@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
-
-import numpy as np
 
 from .kernels.entry import entry
 from .rows import Array, Rows, Task
@@ -75,14 +73,18 @@ class CompiledEvaluation:
     def __init__(self, packed: Packed, constraints: ConstraintSet, out: Array) -> None:
         self._packed, self._constraints, self._out = packed, constraints, out
 
+    def _part(self, name: str) -> Array:
+        where, shape = self._packed.parts[name]
+        return self._out[where].reshape(shape)
+
     @property
     def rows(self) -> Rows:
         """See :class:`Evaluation`."""
-        out, packed, constraints = self._out, self._packed, self._constraints
+        constraints = self._constraints
         rows: Any = RowsDraft(
-            out[packed.phi],
-            out[packed.Lg].reshape(packed.m, packed.n),
-            out[packed.Lf],
+            self._part("phi"),
+            self._part("Lg"),
+            self._part("Lf"),
             constraints.switching_gain,
             constraints.labels,
             constraints.scale,
@@ -94,38 +96,37 @@ class CompiledEvaluation:
     @property
     def task(self) -> Task:
         """See :class:`Evaluation`."""
-        out, packed = self._out, self._packed
-        return Task(out[packed.J].reshape(packed.k, packed.n), out[packed.b])
+        return Task(self._part("J"), self._part("b"))
 
     @property
     def error(self) -> Array:
         """See :class:`Evaluation`."""
-        return self._out[self._packed.error]
+        return self._part("error")
 
     @property
     def sigma(self) -> Array:
         """See :class:`Evaluation`."""
-        return self._out[self._packed.sigma]
+        return self._part("sigma")
 
     @property
     def pixels(self) -> Array:
         """See :class:`Evaluation`."""
-        return self._out[self._packed.pixels].reshape(-1, 2)
+        return self._part("pixels")
 
     @property
     def points(self) -> Array:
         """See :class:`Evaluation`."""
-        return self._out[self._packed.robot_points].reshape(-1, 3)
+        return self._part("points")
 
     @property
     def camera_R(self) -> Array:  # noqa: N802 - the pose's R
         """See :class:`Evaluation`."""
-        return self._out[self._packed.camera_R].reshape(3, 3)
+        return self._part("camera_R")
 
     @property
     def camera_t(self) -> Array:
         """See :class:`Evaluation`."""
-        return self._out[self._packed.camera_t]
+        return self._part("camera_t")
 
 
 class RowsDraft:
@@ -148,30 +149,20 @@ class Bound:
     evaluate
         Takes time [s], q and q̇, which must be arrays of ``float64`` with one dimension, and returns 0 if ``out`` now
         holds the step; if not, the definition says what is wrong.
+    measure
+        Takes pixels (M, 2), depths (M,), the time of their image and now, for the next step; returns 0 if they fit.
     out
         Everything that a step came to, as one array.
     now
         The same, by its parts.
+    packed
+        The step, and where compiled code finds it.
     """
 
-    __slots__ = ("evaluate", "now", "out", "packed")
+    __slots__ = ("evaluate", "measure", "now", "out", "packed")
 
-    def __init__(self, packed: Packed, constraints: ConstraintSet, kernels: Sequence[Any]) -> None:
-        self.packed = packed
-        self.out = np.zeros(packed.size)
+    def __init__(self, packed: Packed, constraints: ConstraintSet, kernels: Any) -> None:
+        self.packed, self.out = packed, packed.out
         self.now = CompiledEvaluation(packed, constraints, self.out)
-        evaluate, *after = (partial(entry(kernel), *packed.arguments, self.out) for kernel in kernels)
-        self.evaluate: Callable[[float, Array, Array], int] = _in_turn(evaluate, after) if after else evaluate
-
-
-def _in_turn(
-    evaluate: Callable[[float, Array, Array], int], after: Sequence[Callable[[float, Array, Array], None]]
-) -> Callable[[float, Array, Array], int]:
-    def all_of_them(t: float, q: Array, qd: Array) -> int:
-        code = evaluate(t, q, qd)
-        if not code:
-            for add_rows in after:
-                add_rows(t, q, qd)
-        return code
-
-    return all_of_them
+        self.evaluate: Callable[[float, Array, Array], int] = partial(entry(kernels.evaluate_step), packed.address)
+        self.measure: Callable[[Array, Array, float, float], int] = partial(entry(kernels.measure), packed.address)

@@ -14,7 +14,10 @@ from typing import ClassVar, Literal, get_args
 import numpy as np
 
 from .errors import ConfigurationError, unknown_name
-from .geometry import Pose, rotation_vector, rotation_vector_rate, skew
+from .formulas.features import pose_error, pose_rates
+from .formulas.rotation import rotation_vector_rate
+from .formulas.vectors import turned
+from .geometry import Pose
 from .references import Reference
 from .rows import Array
 from .scene import State, interaction_matrix
@@ -119,20 +122,14 @@ class CameraPose(Feature):
         """Error (6,), Jacobian (6, n) and drift of the camera's pose relative to the desired one."""
         if goal.camera is None:
             raise ValueError("a camera-pose task needs a goal with a camera pose")
-        relative = goal.camera.inverse @ state.camera
-        w = rotation_vector(relative.R, None if previous is None else previous[3:])
-        v, omega = state.camera_twist[:3], state.camera_twist[3:]
-        L, L_dot = rotation_vector_rate(w, omega)
-        R, drift = relative.R, state.camera_drift
-        J = np.concatenate((R @ state.camera_J[:3], L @ state.camera_J[3:]))
-        velocity = np.concatenate((R @ v, L @ omega))
-        return FeatureMotion(
-            np.concatenate((relative.t, w)),
-            J,
-            velocity,
-            np.concatenate((R @ (drift[:3] + skew(omega) @ v), L @ drift[3:] + L_dot @ omega)),
-            velocity - J @ state.robot.qd,
-        )
+        near, wanted, camera = np.zeros(3) if previous is None else previous[3:], goal.camera, state.camera
+        E, e, w = pose_error(wanted.R, wanted.t, camera.R, camera.t, near, previous is not None)
+        v, omega, drift = state.camera_twist[:3], state.camera_twist[3:], state.camera_drift
+        w_dot, L, L_dot = rotation_vector_rate(w, omega)
+        rate, bend, w_ddot = pose_rates(E, L, L_dot, v, omega, drift[:3], drift[3:])
+        J: Array = np.concatenate((turned(E, state.camera_J[:3]), turned(L, state.camera_J[3:])))
+        velocity = np.array((*rate, *w_dot))
+        return FeatureMotion(np.array((*e, *w)), J, velocity, np.array((*bend, *w_ddot)), velocity - J @ state.robot.qd)
 
 
 class ImagePoints(Feature):

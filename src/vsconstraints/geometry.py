@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from .errors import InvalidInput, shown
+from .formulas import rotation
 from .rows import Array
 
 Numbers = Sequence[float] | Array
@@ -100,60 +101,11 @@ def skew(w: Array) -> Array:
 
 
 def rotation_vector(R: Array, near: Array | None = None) -> Array:
-    """θu (3,) with exp([θu]×) = R.
-
-    The same rotation is θu, (θ − 2π)u, (θ + 2π)u, …: with ``near`` the one closest to that vector is returned, so
-    that a sequence of calls stays continuous in time, also through θ = π. Without it θ ≤ π, and at θ = π, where the
-    sign of the axis is ambiguous, the axis is the one whose largest component is positive.
-    """
-    w = np.asarray(pin.log3(R))
-    theta = float(np.linalg.norm(w))
-    if near is None:
-        # log3 is accurate to about the square root of the rounding error at θ = π
-        if theta > np.pi - 1e-6 and w[np.argmax(np.abs(w))] < 0.0:
-            return w * (1.0 - 2.0 * np.pi / theta)
-        return w
-    if theta < 1e-12:
-        # no rotation, or whole turns about the axis of ``near``
-        length = float(np.linalg.norm(near))
-        return near * (2.0 * np.pi * np.round(length / (2.0 * np.pi)) / length) if length > np.pi else w
-    axis = w / theta
-    turns = np.round((near @ axis - theta) / (2.0 * np.pi))
-    closest: Array = w + 2.0 * np.pi * turns * axis
-    return closest
-
-
-def _cotangent_coefficient(theta: float) -> tuple[float, float]:
-    """c(θ) = (1 − (θ/2) cot(θ/2)) / θ² and c'(θ) / θ; the series below θ = 0.1 is exact to rounding (1e-13)."""
-    if theta < 0.1:
-        s = theta * theta
-        c = 1.0 / 12.0 + s * (1.0 / 720.0 + s * (1.0 / 30240.0 + s / 1209600.0))
-        return c, 1.0 / 360.0 + s * (1.0 / 7560.0 + s * (1.0 / 201600.0 + s / 5987520.0))
-    half = 0.5 * theta
-    cot = np.cos(half) / np.sin(half)
-    c = (1.0 - half * cot) / theta**2
-    # d/dθ of (θ/2) cot(θ/2) is ½ cot(θ/2) − (θ/4)(1 + cot²(θ/2))
-    slope = (-0.5 * cot + 0.5 * half * (1.0 + cot * cot)) / theta**2 - 2.0 * c / theta
-    return float(c), float(slope / theta)
+    """θu (3,) with exp([θu]×) = R, the one closest to ``near`` (3,): see :func:`.formulas.rotation.rotation_vector`."""
+    return np.array(rotation.rotation_vector(R.tolist(), (0.0, 0.0, 0.0) if near is None else near, near is not None))
 
 
 def rotation_vector_rate(w: Array, omega: Array) -> tuple[Array, Array]:
-    """L_θu and L̇_θu: how a rotation vector w = θu of R moves when Ṙ = R [ω]×.
-
-    ẇ = L_θu ω with L_θu = I + ½ [w]× + c(θ) [w]×², c(θ) = (1 − sinc θ / sinc²(θ/2)) / θ² (eq. 44 and its reference);
-    the sign of the middle term is that of ω expressed in the current, rotating frame.
-
-    Returns
-    -------
-    tuple
-        L (3, 3) and its time derivative (3, 3) along ω [rad/s].
-    """
-    theta = float(np.sqrt(w @ w))
-    c, c_slope = _cotangent_coefficient(theta)
-    W = skew(w)
-    L = np.eye(3) + 0.5 * W + c * (W @ W)
-    w_dot = L @ omega
-    W_dot = skew(w_dot)
-    WW_dot = W_dot @ W
-    L_dot = 0.5 * W_dot + c_slope * float(w @ w_dot) * (W @ W) + c * (WW_dot + WW_dot.T)
-    return L, L_dot
+    """L_θu and L̇_θu (3, 3): see :func:`.formulas.rotation.rotation_vector_rate`."""
+    _, L, L_dot = rotation.rotation_vector_rate(w.tolist(), omega.tolist())
+    return np.array(L), np.array(L_dot)

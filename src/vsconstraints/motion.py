@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from .errors import InvalidInput
-from .geometry import Pose, skew, vector
+from .formulas.motion import displacement, target_pose
+from .geometry import Pose, vector
 from .rows import Array
 
 TURN = 2.0 * np.pi
@@ -59,16 +59,14 @@ class Motion:
 
     def displacement(self, t: Array | float) -> Array:
         """(..., k) d at times (...)."""
-        at = np.asarray(t, dtype=np.float64)[..., None]
-        swing = np.sin(self.rate * at + self.phase) - np.sin(self.phase)
-        moved: Array = self.velocity * at + self.amplitude * swing
-        return moved
+        return self._at(np.asarray(t, dtype=np.float64)[..., None])[0]
 
     def rates(self, t: float) -> tuple[Array, Array]:
         """Velocity and acceleration (k,) at time t [s]."""
-        angle = self.rate * t + self.phase
-        velocity: Array = self.velocity + self.amplitude * (self.rate * np.cos(angle))
-        return velocity, self.amplitude * (-(self.rate**2) * np.sin(angle))
+        return self._at(t)[1:]
+
+    def _at(self, t: Array | float) -> tuple[Array, Array, Array]:
+        return displacement(t, self.velocity, self.amplitude, self.rate, self.phase)
 
 
 @dataclass(frozen=True)
@@ -104,15 +102,6 @@ class TargetMotion:
 
     def pose(self, t: float) -> Pose:
         """Pose of the target's frame in the base frame."""
-        R = np.asarray(pin.exp3(self.angular_velocity * t))
-        return Pose(R, self.centre - R @ self.centre + self.translation.displacement(t))
-
-    def twist(self, t: float) -> tuple[Array, Array]:
-        """The target's twist (v, ω) and its time derivative, (6,) each, in the target's own axes."""
-        R, omega = np.asarray(pin.exp3(self.angular_velocity * t)), self.angular_velocity
-        velocity, acceleration = self.translation.rates(t)
-        linear = R.T @ (velocity - skew(omega) @ (R @ self.centre))
-        return (
-            np.concatenate((linear, omega)),
-            np.concatenate((R.T @ (acceleration - skew(omega) @ velocity), np.zeros(3))),
-        )
+        moved = self.translation.displacement(t)
+        R, position = target_pose(t, self.angular_velocity, self.centre, moved)
+        return Pose(np.array(R), np.array(position))

@@ -14,7 +14,11 @@ import numpy as np
 
 from .camera import Camera
 from .errors import InvalidInput, SceneError
-from .geometry import Pose, skew
+from .formulas.features import image_row
+from .formulas.image import image_motion
+from .formulas.motion import carried, relative_twist
+from .formulas.vectors import cross, minus
+from .geometry import Pose
 from .kinematics import Kinematics, RobotPoint
 from .motion import TargetMotion
 from .robot import Robot
@@ -27,16 +31,8 @@ MINIMUM_DEPTH = 1e-3
 def interaction_matrix(xy: Array, Z: Array) -> Array:
     """(m, 2, 6) L_sx of eq. (24) for normalised image points ``xy`` (m, 2) at depths ``Z`` (m,) [m]."""
     x, y = xy[:, 0], xy[:, 1]
-    L = np.zeros((len(xy), 2, 6))
-    L[:, 0, 0] = L[:, 1, 1] = -1.0 / Z
-    L[:, :, 2] = xy / Z[:, None]
-    L[:, 0, 3] = x * y
-    L[:, 0, 4] = -1.0 - x * x
-    L[:, 0, 5] = y
-    L[:, 1, 3] = 1.0 + y * y
-    L[:, 1, 4] = -x * y
-    L[:, 1, 5] = -x
-    return L
+    rows = [[np.broadcast_to(entry, Z.shape) for entry in image_row(c, x, y, Z)] for c in (0, 1)]
+    return np.moveaxis(np.array(rows), 2, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +171,7 @@ class Scene:
         """
         robot = self._evaluate_robot(q, qd)
         camera = self._camera(robot.tip, t)
-        J, twist, drift = self._relative_motion(robot, t)
+        J, twist, drift = self._relative_motion(robot, self.motion, t)
         return _state(t, robot, camera, J, twist, drift, self._in_camera(camera), self.camera)
 
     def believed(
@@ -197,7 +193,7 @@ class Scene:
         """
         twist, drift = state.camera_twist, state.camera_drift
         if self.motion is not None and not self.motion.known:
-            twist, drift = state.camera_J @ state.robot.qd, self._mount_twist @ state.robot.drift
+            _, twist, drift = self._relative_motion(state.robot, None, state.t)
         believed_camera = camera or state.camera
         eye, pixels, Z = seen or (self.camera, state.pixels.position, state.depth)
         P = np.concatenate((eye.normalised(pixels) * Z[:, None], Z[:, None]), axis=1)
@@ -209,25 +205,29 @@ class Scene:
         robot = self._evaluate_robot(q, np.zeros(self.robot.n))
         return self.project(self._camera(robot.tip, t)), robot.points
 
-    def _relative_motion(self, robot: Kinematics, t: float) -> tuple[Array, Array, Array]:
-        """Jacobian, twist and drift of the camera relative to the target, in the camera frame."""
-        if self.camera.fixed is not None:
-            # the tip's twist seen from the camera, reversed; Ad varies with q, but ad(ξ) ξ = 0
-            V = -(self.camera.fixed.inverse @ robot.tip).twist_matrix
-            J = V @ robot.J
-            return J, J @ robot.qd, V @ robot.drift
-        J, drift = self._mount_twist @ robot.J, self._mount_twist @ robot.drift
-        twist = J @ robot.qd
-        if self.motion is None:
-            return J, twist, drift
-        target = self.motion.pose(t)
-        V = ((robot.tip @ self._mount_inverse).inverse @ target).twist_matrix
-        own, own_rate = self.motion.twist(t)
-        theirs = V @ own
-        v, omega = skew(twist[:3]), skew(twist[3:])
-        # d/dt (Ad ξ_o) = Ad ξ̇_o − ad(ξ_c) Ad ξ_o
-        turning = np.concatenate((omega @ theirs[:3] + v @ theirs[3:], omega @ theirs[3:]))
-        return J, twist - theirs, drift + turning - V @ own_rate
+    def _relative_motion(self, robot: Kinematics, motion: TargetMotion | None, t: float) -> tuple[Array, Array, Array]:
+        """Jacobian (6, n), twist (6,) and drift (6,) of the camera relative to the target, in the camera frame."""
+        tip, fixed = robot.tip, self.camera.fixed
+        # the camera's axes in the base frame, and its origin from the tip's
+        if fixed is None:
+            V, R, r = self._mount_twist, tip.R @ self._mount_inverse.R, tip.R @ self._mount_inverse.t
+        else:
+            # as if the tip carried it: its motion is that of the target, reversed
+            V, R, r = -(fixed.inverse @ tip).twist_matrix, fixed.R, fixed.t - tip.t
+        twist, drift = robot.J @ robot.qd, robot.drift
+        v, omega = tip.R @ twist[:3], tip.R @ twist[3:]
+        # the acceleration of the origin, of the derivative of a twist in moving axes
+        linear = tip.R @ (drift[:3] + np.array(cross(twist[3:], twist[:3])))
+        velocity, acceleration = carried(r, v, omega, linear, tip.R @ drift[3:])
+        still = np.zeros(3)
+        turning, away = still, still
+        if motion is not None:
+            rate, bend = motion.translation.rates(t)
+            velocity, acceleration = minus(velocity, rate), minus(acceleration, bend)
+            turning, away = motion.angular_velocity, tip.t + r - motion.centre - motion.translation.displacement(t)
+        parts = relative_twist(velocity, acceleration, omega, tip.R @ drift[3:], turning, away)
+        moving = (1.0 if fixed is None else -1.0) * (np.array(parts) @ R)
+        return V @ robot.J, moving[:2].ravel(), moving[2:].ravel()
 
     def _in_camera(self, camera: Pose) -> Array:
         P: Array = (self.markers - camera.t) @ camera.R
@@ -243,15 +243,9 @@ def _state(
 ) -> State:
     """The state in which a camera with that relative motion has the markers at P (m, 3) in its frame."""
     Z = P[:, 2]
-    xy = P[:, :2] / P[:, 2:]
-    L = interaction_matrix(xy, Z)
-    J_xy, xy_dot = L @ J, L @ twist
-    # a fixed point seen from a moving frame: Ṗ = −v − ω × P and P̈ = −v̇ − ω̇ × P − ω × Ṗ
-    turn = skew(twist[3:])
-    P_dot = P @ turn - twist[:3]
-    P_ddot = P @ skew(drift[3:]) - drift[:3] + P_dot @ turn
-    # twice the derivative of x Z = X
-    xy_ddot = (P_ddot[:, :2] - xy * P_ddot[:, 2:] - 2.0 * xy_dot * P_dot[:, 2:]) / P[:, 2:]
+    x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P.T, twist[:3], twist[3:], drift[:3], drift[3:])
+    xy, xy_dot, xy_ddot = (np.stack(pair, axis=1) for pair in ((x, y), (x_dot, y_dot), (x_ddot, y_ddot)))
+    J_xy = interaction_matrix(xy, Z) @ J
     F = np.asarray(eye.focal)
     return State(
         t,

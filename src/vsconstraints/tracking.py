@@ -10,6 +10,7 @@ import numpy as np
 
 from .errors import ConfigurationError, InvalidInput, shown, unknown_name
 from .features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
+from .formulas.tracking import demanded, gains
 from .references import Reference
 from .renamed import renamed
 from .rows import Array, Task
@@ -51,8 +52,7 @@ class TrackingGains:
 
     def at(self, error: Array) -> tuple[float, float]:
         """K_p and K_v for this error (k,)."""
-        Kp = self.Kp0 * float(np.exp(-self.Kp_slope / self.Kp0 * np.sqrt(error @ error)))
-        return Kp, self.damping * float(np.sqrt(Kp))
+        return gains(float(error @ error), self.Kp0, self.Kp_slope, self.damping)
 
 
 @dataclass(slots=True)
@@ -152,12 +152,12 @@ class VisualTask:
         if following is None:
             self.memory = TrackingMemory(goal, state.t, motion)
             Kp, Kv = self.gains.at(motion.error)
-            return Task(motion.J, -Kp * motion.error - Kv * velocity - drift), motion.error
+            return Task(motion.J, demanded(motion.error, velocity, drift, Kp, Kv)), motion.error
         s_ref, rate, acceleration = self._reference(following, memory, state.t, motion.error, last is None)
         self.memory = replace(self.memory, goal=goal, time=state.t, last=motion)
         error = motion.error - s_ref
         Kp, Kv = self.gains.at(error)
-        return Task(motion.J, acceleration - Kp * error - Kv * (velocity - rate) - drift), error
+        return Task(motion.J, acceleration + demanded(error, velocity - rate, drift, Kp, Kv)), error
 
     def _reference(
         self, following: Reference, memory: TrackingMemory, t: float, s: Array, first: bool

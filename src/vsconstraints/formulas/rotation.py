@@ -101,8 +101,8 @@ def with_half_cross(L: Matrix, x: Any) -> Matrix:
 def rotation_vector_rate(w: Any, omega: Any) -> tuple[Vector, Matrix, Matrix]:
     """How a rotation vector w = θu of R moves when Ṙ = R [ω]×: ẇ = L ω, L and its derivative along ω.
 
-    L = I + ½[w]× + c(θ)[w]×², c(θ) = (1 − sinc θ / sinc²(θ/2)) / θ² (eq. 44 and its reference), [w]×² = w wᵀ − θ² I; the
-    sign of the middle term is that of ω expressed in the current, rotating frame.
+    L = I + ½[w]× + c(θ)[w]×², c(θ) = (1 − sinc θ / sinc²(θ/2)) / θ² (eq. 44 and its reference), [w]×² = w wᵀ − θ² I;
+    the sign of the middle term is that of ω expressed in the current, rotating frame.
     """
     theta = length(w)
     theta2 = theta * theta

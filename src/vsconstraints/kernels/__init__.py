@@ -25,7 +25,7 @@ from typing import Any
 VARIABLE = "VSCONSTRAINTS_COMPILE"
 """Environment variable; 0 turns compilation off, and with ``alone`` no second process helps with the first one."""
 
-MODULES = ("task_priority", "hierarchical_qp", "packing", "step", "look", "polylines", "hold")
+MODULES = ("task_priority", "hierarchical_qp", "packing", "step", "polylines", "hold")
 """Modules whose functions are called from Python, of which any simulation may need each.
 
 Those for rows of some constraints only (``Packed.after``) are compiled where a scene has such constraints; of several

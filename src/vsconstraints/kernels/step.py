@@ -1,182 +1,241 @@
-"""One control step up to the controller: kinematics, what the camera sees, rows and task, in one compiled function.
-
-What does not change from step to step is packed into two arrays, integers and floats, by
-:mod:`vsconstraints.kernels.packing`, which also makes the arrays that are scratch; what comes out is written to one
-array.
-"""
+"""One control step up to the controller: kinematics, what the camera sees, rows and task, in one compiled function."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from ..rows import Array, IntArray
-from ..scene import MINIMUM_DEPTH
-from .compiler import IN_PLACE, compiled
-from .constraint_rows import write_rows
-from .image import marker_motion
-from .kinematics import (
-    AXIS,
-    ORIGIN,
-    carried,
-    chain,
-    matrix_at,
-    point_jacobian,
+from ..formulas.image import image_motion
+from ..formulas.motion import carried, displacement, relative_twist, target_pose
+from ..formulas.vectors import (
+    Vector,
+    along_with,
+    matrix,
+    minus,
+    plus,
     product,
+    times,
+    transposed_product,
     turned,
     turned_back,
+    vector,
 )
-from .layout import (
-    AT_BODIES,
-    AT_CAMERA,
-    AT_CHAIN,
-    AT_MARKERS,
-    AT_POINTS,
-    AT_PRISMATIC,
-    AT_TARGET,
-    FIXED_CAMERA,
-    JOINTS,
-    MARKERS,
-    MOVING_TARGET,
-    POINTS,
-    ROWS,
-    SIZE,
-    TOLD_OF_TARGET,
-)
-from .target import relative_motion, target_pose
-from .visual_task import write_task
-
-ARGUMENTS = (
-    "(int64[::1], float64[::1], float64[::1], float64[:, :, ::1], float64[:, :, ::1], float64[:, :, ::1], "
-    "float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], float64[:, ::1], "
-    "float64[::1], float64, float64[::1], float64[::1])"
-)
-"""Of the step, and of what adds rows to it afterwards."""
+from ..rows import Array, BoolArray
+from ..scene import MINIMUM_DEPTH
+from .compiler import IN_PLACE, compiled, in_place
+from .kinematics import move, place, point_jacobian, put, put_matrix
+from .parts import call
+from .thawed import thaw
+from .visual_task import JUST_NOW, write_task
 
 
-@compiled(f"int64{ARGUMENTS}", IN_PLACE)
-def evaluate_step(
-    I: IntArray,  # noqa: E741 - integers and floats
-    F: Array,
-    memory: Array,
-    R: Array,
-    motion: Array,
-    matrices: Array,
-    vectors: Array,
-    jacobians: Array,
-    seen: Array,
-    points: Array,
-    rates: Array,
-    out: Array,
-    t: float,
-    q: Array,
-    qd: Array,
-) -> int:
-    """Write everything a controller needs to ``out``; see :class:`vsconstraints.kernels.packing.Packed` for all arrays.
+@in_place
+def displaced(motion: Any, t: float) -> tuple[Vector, Vector, Vector]:
+    """Displacement, velocity and acceleration of a MOTION."""
+    x = displacement(t, motion.velocity[0], motion.amplitude[0], motion.rate, motion.phase)
+    y = displacement(t, motion.velocity[1], motion.amplitude[1], motion.rate, motion.phase)
+    z = displacement(t, motion.velocity[2], motion.amplitude[2], motion.rate, motion.phase)
+    return (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
 
-    Returns 0, or 1 if q or q̇ has another size, a number is not finite, or a marker is not in front of the camera:
-    then nothing in ``out`` counts, and ``memory`` is as it was.
-    """
-    n, M, P, m, k = I[JOINTS], I[MARKERS], I[POINTS], I[ROWS], I[SIZE]
+
+@in_place
+def carry(address: int, number: int, r: Vector) -> tuple[Vector, Vector, Vector]:
+    """Position, velocity and acceleration of the point at r from a body's origin."""
+    body = thaw(address).bodies[number]
+    velocity, acceleration = carried(
+        r,
+        vector(body.velocity),
+        vector(body.angular_velocity),
+        vector(body.acceleration),
+        vector(body.angular_acceleration),
+    )
+    return plus(vector(body.origin), r), velocity, acceleration
+
+
+@in_place
+def place_camera(address: int, t: float) -> None:
+    """Write where the camera and the target are in the base frame, and the one relative to the other."""
+    step = thaw(address)
+    tip, camera, target = step.bodies[len(step.joints)], step.camera[0], step.target[0]
+    tip_R, tip_origin, R, origin = matrix(tip.R), vector(tip.origin), matrix(camera.R), vector(camera.t)
+    target_R, target_t = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0)
+    if camera.fixed:
+        target_R = product(tip_R, matrix(camera.tip_R))
+        target_t = plus(tip_origin, turned(tip_R, vector(camera.tip_t)))
+    else:
+        R, origin = product(tip_R, R), plus(tip_origin, turned(tip_R, origin))
+        if target.moves:
+            moved, _, _ = displaced(target.motion, t)
+            target_R, target_t = target_pose(t, vector(target.angular_velocity), vector(target.centre), moved)
+    put_matrix(R, step.eye[0].R)
+    put(origin, step.eye[0].origin)
+    put_matrix(target_R, step.target_R)
+    put(target_t, step.target_t)
+    if not step.measurement[0].pose_given:
+        put_matrix(transposed_product(target_R, R), step.camera_R)
+        put(turned_back(target_R, minus(origin, target_t)), step.camera_t)
+
+
+@in_place
+def move_camera(address: int, t: float) -> None:
+    """Write the camera's twist and its Jacobian relative to the target, once its place is known."""
+    step = thaw(address)
+    n = len(step.joints)
+    tip, camera, target, eye = step.bodies[n], step.camera[0], step.target[0], step.eye[0]
+    R, origin = matrix(eye.R), vector(eye.origin)
+    r = turned(matrix(tip.R), vector(camera.t))
+    if camera.fixed:
+        # as if the tip carried it: its motion is that of the target, reversed
+        r = minus(vector(camera.t), vector(tip.origin))
+    _, velocity, acceleration = carry(address, n, r)
+    away, omega = origin, (0.0, 0.0, 0.0)
+    if target.moves:
+        known = 1.0 * target.known
+        moved, rate, bend = displaced(target.motion, t)
+        away, omega = minus(minus(origin, vector(target.centre)), moved), times(known, vector(target.angular_velocity))
+        velocity, acceleration = along_with(velocity, -known, rate), along_with(acceleration, -known, bend)
+    v, w, v_dot, w_dot = relative_twist(
+        velocity, acceleration, vector(tip.angular_velocity), vector(tip.angular_acceleration), omega, away
+    )
+    sign = -1.0 if camera.fixed else 1.0
+    put(times(sign, turned_back(R, v)), eye.velocity)
+    put(times(sign, turned_back(R, w)), eye.angular_velocity)
+    put(times(sign, turned_back(R, v_dot)), eye.acceleration)
+    put(times(sign, turned_back(R, w_dot)), eye.angular_acceleration)
+    point_jacobian(address, n, origin, step.J_point)
+    for j in range(n):
+        about = 0.0 if step.joints[j].prismatic else sign
+        put(times(sign, turned_back(R, vector(step.J_point[:, j]))), step.camera_J[:3, j])
+        put(times(about, turned_back(R, vector(step.bodies[j + 1].axis))), step.camera_J[3:, j])
+
+
+@in_place
+def in_camera(address: int, i: int) -> Vector:
+    """A marker in the camera frame, where the model has it."""
+    step = thaw(address)
+    there = turned(matrix(step.target_R), vector(step.markers[i]))
+    away = minus(vector(step.target_t), vector(step.eye[0].origin))
+    return turned_back(matrix(step.eye[0].R), plus(there, away))
+
+
+@in_place
+def see(address: int, i: int, t: float) -> bool:
+    """Write where a marker is in the image and how it moves; False if it is not in front of the camera."""
+    step = thaw(address)
+    eye, camera, marker = step.eye[0], step.camera[0], step.seen[i]
+    P = in_camera(address, i)
+    v, omega = vector(eye.velocity), vector(eye.angular_velocity)
+    v_dot, omega_dot = vector(eye.acceleration), vector(eye.angular_acceleration)
+    if not P[2] >= MINIMUM_DEPTH:
+        return False
+    if step.measurement[0].given:
+        # what a detector says; what it says nothing of is as far from where the model has it as it was last seen
+        x, y, said = P[0] / P[2], P[1] / P[2], step.measured[i]
+        Z = said[2] if said[2] >= MINIMUM_DEPTH else P[2]
+        if said[0] == said[0] and said[1] == said[1]:
+            u, w = (said[0] - camera.offset[0]) / camera.focal[0], (said[1] - camera.offset[1]) / camera.focal[1]
+            # what was seen some time ago has moved on since
+            age, moved = t - step.measurement[0].time, image_motion((u * Z, w * Z, Z), v, omega, v_dot, omega_dot)
+            step.correction[i, 0], step.correction[i, 1] = u + age * moved[2] - x, w + age * moved[3] - y
+        x, y = x + step.correction[i, 0], y + step.correction[i, 1]
+        P = (x * Z, y * Z, Z)
+    x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P, v, omega, v_dot, omega_dot)
+    marker.xy[0], marker.xy[1], marker.velocity[0], marker.velocity[1] = x, y, x_dot, y_dot
+    marker.drift[0], marker.drift[1], marker.depth = x_ddot, y_ddot, P[2]
+    step.pixels[i, 0] = camera.focal[0] * x + camera.offset[0]
+    step.pixels[i, 1] = camera.focal[1] * y + camera.offset[1]
+    return True
+
+
+@in_place
+def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
+    """As :func:`evaluate_step`; False if it cannot be done."""
+    step = thaw(address)
+    n = len(step.joints)
     if q.size != n or qd.size != n or not abs(t) < np.inf:
-        return 1
+        return False
     # who calls the entry point without a look at the types may bring others
     if n > 1 and (q.strides[0] != q.itemsize or qd.strides[0] != qd.itemsize):
-        return 1
+        return False
     for i in range(n):
         if not (np.isfinite(q[i]) and np.isfinite(qd[i])):
-            return 1
-    prismatic = I[I[AT_PRISMATIC] : I[AT_PRISMATIC] + n]
-    Jc, J_base = jacobians[:6], jacobians[6:]
-    chain(q, qd, F, I[AT_CHAIN], prismatic, R, motion, matrices, vectors)
-    tip_R, tip = R[n], motion[n]
+            return False
+        step.q[i], step.qd[i] = q[i], qd[i]
+    step.time[0] = t
+    move(address, q, qd)
+    place_camera(address, t)
+    move_camera(address, t)
+    for i in range(len(step.seen)):
+        if not see(address, i, t):
+            return False
+    for i in range(len(step.places)):
+        point, spot = step.robot_points[i], step.places[i]
+        r = turned(matrix(step.bodies[point.body].R), vector(point.offset))
+        position, velocity, drift = carry(address, point.body, r)
+        put(position, spot.position)
+        put(velocity, spot.velocity)
+        put(drift, spot.drift)
+        put(position, step.points[i])
+    for i in range(len(step.parts)):
+        call(step.parts[i].address, (address, i))
+    write_task(address, t)
+    return True
 
-    # --- the camera: its pose in the base frame ---
-    at = I[AT_CAMERA]
-    placed, camera_R, origin, target_R, moved = matrices[4], matrices[5], matrices[6], matrices[7], matrices[8]
-    r, s, target_t, X = vectors[0], vectors[1], vectors[2], vectors[3]
-    matrix_at(F, at, placed)
-    placed_t = F[at + 9 : at + 12]
-    if I[FIXED_CAMERA]:
-        # as if the tip carried it: its motion is that of the target, reversed
-        matrix_at(F, at, camera_R)
-        for i in range(3):
-            r[i] = placed_t[i] - tip[ORIGIN, i]
-    else:
-        product(tip_R, placed, camera_R)
-        turned(tip_R, placed_t, r)
-    carried(r, tip, s, origin)
-    eye = origin[0]
 
-    # --- the frame that the markers are given in, and how the camera moves relative to it ---
-    omega = vectors[4]
-    for i in range(3):
-        target_t[i] = omega[i] = 0.0
-        for j in range(3):
-            moved[i, j], target_R[i, j] = 0.0, 1.0 if i == j else 0.0
-    if I[MOVING_TARGET]:
-        target_pose(F, I[AT_TARGET], t, moved, target_R, target_t, omega)
-        told = 1.0 if I[TOLD_OF_TARGET] else 0.0
-        for i in range(3):
-            omega[i] = told * F[I[AT_TARGET] + 8 + i]
-            r[i] = eye[i] - F[I[AT_TARGET] + 11 + i] - moved[0, i]
-            moved[1, i] *= told
-            moved[2, i] *= told
-    twist = vectors[5:9]
-    relative_motion(tip, origin, moved, omega, r, s, vectors[9:13], twist, camera_R)
-    sign = -1.0 if I[FIXED_CAMERA] else 1.0
-    for i in range(4):
-        for j in range(3):
-            twist[i, j] *= sign
-    point_jacobian(n, eye, motion, prismatic, J_base)
-    for j in range(n):
-        joint = motion[j + 1]
-        for i in range(3):
-            along = about = 0.0
-            for c in range(3):
-                along += camera_R[c, i] * J_base[c, j]
-                about += camera_R[c, i] * joint[AXIS, c]
-            Jc[i, j], Jc[3 + i, j] = sign * along, 0.0 if prismatic[j] else sign * about
-    if I[FIXED_CAMERA]:
-        matrix_at(F, at + 12, placed)
-        product(tip_R, placed, target_R)
-        turned(tip_R, F[at + 21 : at + 24], target_t)
-        for i in range(3):
-            target_t[i] += tip[ORIGIN, i]
+@compiled("int64(int64, float64, float64[::1], float64[::1])", IN_PLACE)
+def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
+    """Compute everything that a controller needs at time t [s], q and q̇ (n,), on the arrays of a :class:`.Step`.
 
-    # --- the image ---
-    o_J = 3 * m + m * n
-    o_pixels = o_J + k * n + 2 * k
-    o_points = o_pixels + 2 * M
-    o_camera = o_points + 3 * P
+    Returns 0, or 1 if q or q̇ has another size, a number is not finite, or a marker is not in front of the camera: then
+    nothing in the outputs counts, and what the task remembers is as it was. What was measured is used up.
+    """
+    done = evaluate(address, t, q, qd)
+    measurement = thaw(address).measurement[0]
+    measurement.given = measurement.pose_given = 0
+    return 0 if done else 1
+
+
+@compiled("int64(int64, float64[:, ::1], float64[::1], float64, float64)", IN_PLACE)
+def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -> int:
+    """Let the next step take these pixels (M, 2) and depths (M,), NaN where there are none, of an image of that time.
+
+    Returns 0, or 1 if the sizes are others, a number is infinite, a depth not positive or the time not before t [s].
+    """
+    step = thaw(address)
+    M = len(step.seen)
+    if pixels.shape[0] != M or pixels.shape[1] != 2 or depth.size != M or not -np.inf < taken <= t + JUST_NOW:
+        return 1
+    # who calls the entry point without a look at the types may bring others
+    if M > 0 and (pixels.strides[1] != 8 or pixels.strides[0] != 16 or depth.strides[0] != 8):
+        return 1
     for i in range(M):
-        here = I[AT_MARKERS] + 3 * i
-        turned(target_R, F[here : here + 3], r)
-        for j in range(3):
-            r[j] += target_t[j] - eye[j]
-        turned_back(camera_R, r, X)
-        if not X[2] >= MINIMUM_DEPTH:
+        if abs(pixels[i, 0]) == np.inf or abs(pixels[i, 1]) == np.inf or depth[i] <= 0.0 or depth[i] == np.inf:
             return 1
-        marker_motion(X, twist, vectors[9:12], seen[i])
-        for j in range(2):
-            out[o_pixels + 2 * i + j] = F[at + 24 + j] * seen[i, j] + F[at + 26 + j]
-
-    # --- robot points ---
-    for i in range(P):
-        here, body = I[AT_POINTS] + 3 * i, I[I[AT_BODIES] + i]
-        turned(R[body], F[here : here + 3], r)
-        carried(r, motion[body], s, points[i])
-        for j in range(3):
-            out[o_points + 3 * i + j] = points[i, 0, j]
-
-    write_rows(t, q, qd, I, F, seen, points, jacobians, motion, prismatic, matrices[9:], vectors[9:], m, out)
-    # --- the camera relative to the target, for the task and for whoever logs it ---
-    for i in range(3):
-        r[i] = eye[i] - target_t[i]
-        for j in range(3):
-            total = 0.0
-            for c in range(3):
-                total += target_R[c, i] * camera_R[c, j]
-            out[o_camera + 3 * i + j] = total
-    turned_back(target_R, r, out[o_camera + 9 :])
-    write_task(t, qd, I, F, memory, out[o_camera:], twist, seen, Jc, matrices, vectors[9:], rates, k, out[o_J:o_pixels])
+        step.measured[i, 0], step.measured[i, 1], step.measured[i, 2] = pixels[i, 0], pixels[i, 1], depth[i]
+    step.measurement[0].given, step.measurement[0].time = 1, taken
     return 0
+
+
+@compiled("void(int64, float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, :, ::1], boolean[::1])", IN_PLACE)
+def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: BoolArray) -> None:
+    """Write pixels (N, M, 2) and robot points (N, P, 3) at times t (N,) and coordinates q (N, n), without their motion.
+
+    ``seen`` (N,) says whether all markers are in front of the camera; where they are not, the pixels do not count.
+    """
+    step = thaw(address)
+    camera = step.camera[0]
+    for k in range(len(t)):
+        place(address, q[k])
+        place_camera(address, t[k])
+        seen[k] = True
+        for i in range(len(step.markers)):
+            P = in_camera(address, i)
+            if not P[2] >= MINIMUM_DEPTH:
+                seen[k] = False
+            pixels[k, i, 0] = camera.focal[0] * P[0] / P[2] + camera.offset[0]
+            pixels[k, i, 1] = camera.focal[1] * P[1] / P[2] + camera.offset[1]
+        for i in range(len(step.robot_points)):
+            point = step.robot_points[i]
+            body = step.bodies[point.body]
+            put(plus(vector(body.origin), turned(matrix(body.R), vector(point.offset))), points[k, i])

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..rows import Array, BoolArray, IntArray
 
-Records = NDArray[np.void]
+Records = Any
+"""Arrays of records, whose fields compiled code takes as attributes."""
 
 POSE = [("R", "f8", (3, 3)), ("t", "f8", (3,))]
 
@@ -104,8 +104,8 @@ CAMERA_MOTION = np.dtype(
 )
 """The camera: orientation and origin in the base frame; v, ω, v̇ and ω̇ (q̈ = 0) relative to the target, in its axes."""
 
-MEASUREMENT = np.dtype([("given", "i8"), ("time", "f8"), ("pose_given", "i8"), *POSE])
-"""What a camera has measured: whether pixels are given, and when they were; whether the camera's pose is, and which."""
+MEASUREMENT = np.dtype([("given", "i8"), ("time", "f8"), ("pose_given", "i8")])
+"""What a camera has measured: whether pixels are given, and when they were taken; whether its pose is."""
 
 SAMPLE = np.dtype([("time", "f8"), ("goal", "i8")])
 """The last sample that the task remembers; goal −1 if there is none."""
@@ -162,8 +162,8 @@ class Step(NamedTuple):
         (n + 1,) BODY, (1,) CAMERA_MOTION, the target's pose in the base frame, (6, n) ∂(v, ω)/∂q̇ of the camera's twist
         relative to it, (M,) MARKER, (P,) PLACE.
     measurement, measured, correction
-        What a detector says, if anything: (1,) MEASUREMENT, (M, 3) pixels and Z, NaN where it says nothing; (M, 2) by how
-        much a marker was last seen beside where the model has it, in normalised coordinates.
+        What a detector says, if anything: (1,) MEASUREMENT, (M, 3) pixels and Z, NaN where it says nothing; (M, 2) by
+        how much a marker was last seen beside where the model has it, in normalised coordinates.
     J_point, partial, drift
         Scratch: (3, n) the Jacobian of a point; (k,) ∂s/∂t, and s̈ when q̈ = 0.
     rows, task, pixels, points, camera_R, camera_t
@@ -247,9 +247,16 @@ class Size:
         out = zeros(where["camera_t"].stop)
         view = {name: out[where[name]].reshape(shape) for name, shape in self.outputs.items()}
         rows = RowArrays(
-            *(view[name] for name in ("phi", "Lg", "Lf", "sigma", "sigma_dot")), zeros(m), zeros(m), zeros(m)
+            phi=view["phi"],
+            Lg=view["Lg"],
+            Lf=view["Lf"],
+            sigma=view["sigma"],
+            sigma_dot=view["sigma_dot"],
+            K=zeros(m),
+            switching_gain=zeros(m),
+            scale=zeros(m),
         )
-        task = TaskArrays(*(view[name] for name in ("J", "b", "error", "error_rate")))
+        task = TaskArrays(J=view["J"], b=view["b"], error=view["error"], error_rate=view["error_rate"])
         step = Step(
             joints=zeros(n, JOINT),
             camera=zeros(1, CAMERA),

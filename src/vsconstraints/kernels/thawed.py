@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from ..rows import Array
+import numpy as np
+from numpy.typing import NDArray
+
 from .compiler import IN_PLACE, compiled, numba
 from .parts import BYTES, store, thaw_as
 from .structures import Size, Step
@@ -14,7 +16,7 @@ thaw = thaw_as(STEP)
 
 
 @compiled(numba.types.int64(STEP, numba.types.uint8[::1]), IN_PLACE)
-def write_addresses(step: Step, buffer: Array) -> int:
+def write_addresses(step: Step, buffer: NDArray[np.uint8]) -> int:
     """Write where the arrays of a step are to a buffer of :data:`.BYTES`; its address is then that of the step."""
     size: int = store(step, buffer)
     return size

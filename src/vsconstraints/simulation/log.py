@@ -95,8 +95,8 @@ class Log:
     def begin_steps(self, bound: Bound) -> Array:
         """(STEPS, ·) where the compiled steps of a run go, sample k to row k % STEPS."""
         self._bound = bound
-        self._steps = np.empty((STEPS, bound.packed.size))
-        self._error = np.empty((len(self.t), bound.packed.k))
+        self._steps = np.empty((STEPS, len(bound.out)))
+        self._error = np.empty((len(self.t), bound.packed.size.k))
         return self._steps
 
     def keep_steps(self, end: int) -> None:
@@ -107,18 +107,19 @@ class Log:
         assert self._error is not None
         packed = self._bound.packed
         steps = self._steps[begin % STEPS : begin % STEPS + end - begin]
-        for part, where in (
-            (self.phi, packed.phi),
-            (self.sigma, packed.sigma),
-            (self._error, packed.error),
-            (self.pixels, packed.pixels),
-            (self.points, packed.robot_points),
-            (self.camera_R, packed.camera_R),
-            (self.camera_t, packed.camera_t),
+        for part, name in (
+            (self.phi, "phi"),
+            (self.sigma, "sigma"),
+            (self._error, "error"),
+            (self.pixels, "pixels"),
+            (self.points, "points"),
+            (self.camera_R, "camera_R"),
+            (self.camera_t, "camera_t"),
         ):
-            part[begin:end] = steps[:, where].reshape(end - begin, *part.shape[1:])
+            part[begin:end] = steps[:, packed.parts[name][0]].reshape(end - begin, *part.shape[1:])
         change = self.tracked[begin:end] - self.states[begin:end, -2]
-        Lg = steps[:, packed.Lg].reshape(end - begin, packed.m, packed.n)
+        where, shape = packed.parts["Lg"]
+        Lg = steps[:, where].reshape(end - begin, *shape)
         self.slowed[begin:end] = (Lg @ change[:, :, None])[:, :, 0]
 
     def finish(self, ended: str, reason: str) -> Trajectory:
@@ -206,7 +207,7 @@ def _between(setup: Setup, control: ControlStep, plant: Plant, states: Array, cl
     for share in BETWEEN if len(periods) else ():
         q, qd = plant.inside(states[periods].transpose(0, 2, 1), share * setup.Ts)
         t = (periods + share) * setup.Ts
-        pixels, points, seen = control.look(t, q)
+        pixels, points, seen = control.views(t, q)
         if not seen.any():
             continue
         at = periods[seen]

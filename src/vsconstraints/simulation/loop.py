@@ -153,7 +153,7 @@ class _Run:
         # what is kept is what is true; where no motion is unknown, that is what controllers are told
         true = bound
         if self.sensor.disturbed:
-            true = ControlStep(setup.scene, setup.constraints, setup.task, told=True).bound()
+            true = ControlStep(setup.scene, setup.constraints, setup.task, known=True).bound()
         if bound is None or true is None:
             return None
         q, qd, acted, qdd = x[0], x[1], np.empty(len(log.labels), dtype=np.bool_), x[-2]
