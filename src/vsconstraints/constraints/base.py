@@ -23,6 +23,7 @@ from ..rows import Array
 from ..scene import PointMotion, Scene, State
 from . import by_formula
 from .by_formula import Formula, Frame
+from .form import Form
 
 FOLLOWING = ("sigma", "gradient", "curvature", "rows", "relative", "chain_rule")
 """Methods that follow from a formula; a class that gives one of them may compute anything."""
@@ -115,6 +116,27 @@ class Constraint(ABC):
     def characteristic_length(self, scene: Scene) -> Array:
         """(r,) length L by which usage is 1 − clearance/L: half an allowed range, or an obstacle's radius."""
 
+    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+        """What the compiled step needs to make the rows itself; None if they are made in NumPy.
+
+        Parameters
+        ----------
+        scene
+            In which the constraint is.
+        points
+            Where this constraint's robot points stand among the scene's.
+        """
+        return None
+
+    def says(self, word: str, methods: Sequence[str]) -> bool:
+        """Whether an attribute speaks for all of these methods: no class that gives one derives from who says it."""
+        for c in type(self).__mro__:
+            if word in vars(c):
+                return True
+            if any(method in vars(c) for method in methods):
+                break
+        return False
+
     def sampling_band(self, scene: Scene, Ts: float) -> Array:
         """(r,) how far outside sampling with ``Ts`` [s] alone puts each row, in its natural unit.
 
@@ -167,11 +189,12 @@ class PositionConstraint(Constraint):
         if self.formula is None and type(self).sigma is PositionConstraint.sigma:
             raise ConfigurationError(f"{self.kind} needs a formula, or sigma and gradient")
 
-    def follows_formula(self, methods: Sequence[str] = FOLLOWING) -> bool:
-        """Whether the formula says all: no class outside this package gives one of these methods itself."""
-        package = __name__.rpartition(".")[0]
-        others = [vars(c) for c in type(self).__mro__ if c.__module__.rpartition(".")[0] != package]
-        return self.formula is not None and not any(method in given for given in others for method in methods)
+    def formula_form(self, rows: str, which: Sequence[int]) -> Form | None:
+        """The compiled form of rows of that kind for these markers or points, if the formula says all."""
+        if self.formula is None or not self.says("formula", FOLLOWING):
+            return None
+        formulas = self.formula, self.curvature_formula
+        return Form(rows, formulas, self.parameters, which, self.frame, self.margin, self.motion)
 
     def moving(self, motion: Motion) -> Self:
         """The same constraint, with what it forbids displaced by d(t): σ(y − d(t)).
@@ -216,7 +239,7 @@ class PositionConstraint(Constraint):
 
         Only L_fφ depends on it, which the sliding-mode law does not use.
         """
-        if self.follows_formula(("gradient",)):
+        if self.formula is not None and self.says("formula", ("gradient",)):
             return by_formula.curvature(self, y, velocity)
         return by_formula.curvature_by_differences(self.gradient, y, velocity)
 

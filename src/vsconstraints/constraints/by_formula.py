@@ -20,9 +20,6 @@ TURNED_BACK: dict[int, Formula] = {2: turned_back_in_image, 3: turned_back}
 DIFFERENCES: dict[int, Formula] = {2: differences_in_image, 3: differences_in_space}
 """By the number of coordinates."""
 
-STEPS = {2: 1e-4, 3: 1e-6}
-"""How far curvatures by differences look along the velocity [px or m]."""
-
 
 class ByFormula(Protocol):
     """Says all about a function of d coordinates; see :mod:`vsconstraints.formulas` for what formulas may contain.
@@ -65,7 +62,7 @@ def curvature(part: ByFormula, y: Array, velocity: Array) -> Array:
     """(...) ẏᵀ H ẏ at coordinates y (..., d) with velocities (..., d)."""
     x, v = _local(part, y), _split(part, velocity)
     if part.curvature_formula is None:
-        bent = DIFFERENCES[part.coordinates](part.formula, part.parameters, STEPS[part.coordinates], x, v)
+        bent = DIFFERENCES[part.coordinates](part.formula, part.parameters, x, v)
     else:
         bent = part.curvature_formula(*x, *part.parameters, *v)
     return np.broadcast_to(bent, y.shape[:-1])
@@ -78,7 +75,7 @@ def curvature_by_differences(gradient: Callable[[Array], Array], y: Array, veloc
         return np.empty(0), *np.moveaxis(gradient(np.stack(x, axis=-1)), -1, 0)
 
     d = y.shape[-1]
-    bent: Array = DIFFERENCES[d](function, (), STEPS[d], np.moveaxis(y, -1, 0), np.moveaxis(velocity, -1, 0))
+    bent: Array = DIFFERENCES[d](function, (), np.moveaxis(y, -1, 0), np.moveaxis(velocity, -1, 0))
     return bent
 
 

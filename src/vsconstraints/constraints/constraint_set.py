@@ -25,6 +25,8 @@ class ConstraintSet:
 
     Attributes
     ----------
+    scene
+        In which they are.
     labels
         m names, unique.
     kinds, units
@@ -69,7 +71,7 @@ class ConstraintSet:
         # shared by the rows of every step: no controller may change them
         self.switching_gain.setflags(write=False)
         self.scale.setflags(write=False)
-        self._scene, self._n = scene, scene.robot.n
+        self.scene, self._n = scene, scene.robot.n
 
     def rows(self, state: State) -> tuple[Rows, Array]:
         """The rows now, and σ (m,) of each.
@@ -116,7 +118,7 @@ class ConstraintSet:
 
     def sampling_band(self, Ts: float) -> Array:
         """(m,) how far outside sampling with ``Ts`` [s] alone puts each row, in its natural unit."""
-        parts = [constraint.sampling_band(self._scene, Ts) for constraint in self.constraints]
+        parts = [constraint.sampling_band(self.scene, Ts) for constraint in self.constraints]
         return np.concatenate([np.empty(0), *parts])
 
 

@@ -12,6 +12,7 @@ from ..rows import Array
 from ..scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_positive
 from .boundary import distance_to_lines, zero_lines
+from .form import Form
 
 REMEMBERED = 64
 """Curves that stand still, of which the polylines are kept: finding one takes as long as a thousand control steps."""
@@ -69,6 +70,10 @@ class ImageConstraint(PositionConstraint):
         motion = self.relative(image, state)
         y = motion.position
         return self.chain_rule(self.sigma(y), self.gradient(y), self.curvature(y, motion.velocity), motion)
+
+    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+        """Rows of the formula for the markers concerned."""
+        return self.formula_form("image_rows", np.arange(len(scene.markers))[self._at])
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Distance to the curve σ = 0 in the image [px], with the sign of −σ."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
 import numpy as np
 
 from ..rows import Array
 from ..scene import Scene, State
 from .base import Constraint, RowBlock, Trace
+from .form import Form
 
 
 class JointConstraint(Constraint):
@@ -18,6 +20,8 @@ class JointConstraint(Constraint):
     """
 
     unit = "rad"
+    linear: ClassVar[bool] = False
+    """Whether the gradient is the same everywhere: then the rows are compiled."""
 
     @abstractmethod
     def sigma(self, q: Array) -> Array:
@@ -43,6 +47,13 @@ class JointConstraint(Constraint):
         sigma_dot = g @ qd
         return RowBlock(sigma, sigma + self.K * sigma_dot, self.K * g, sigma_dot + self.K * self.curvature(q, qd))
 
+    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+        """Rows that say that they are linear, as they are at rest."""
+        if not self.linear or not self.says("linear", ("sigma", "gradient", "curvature", "rows")):
+            return None
+        rest = np.zeros(scene.robot.n)
+        return Form("joint_rows", gradients=self.gradient(rest), offsets=self.sigma(rest))
+
     def clearance(self, trace: Trace, points: slice) -> Array:
         """−σ / ‖∂σ/∂q‖: exact for linear rows, to first order elsewhere [rad]."""
         g = self.gradient(trace.q)
@@ -57,6 +68,8 @@ class SpeedConstraint(Constraint):
     """
 
     unit = "rad/s"
+    linear: ClassVar[bool] = False
+    """Whether the gradient is the same everywhere: then the rows are compiled."""
 
     def __init__(self, *, switching_gain: float) -> None:
         super().__init__(K=1.0, switching_gain=switching_gain)
@@ -74,6 +87,13 @@ class SpeedConstraint(Constraint):
         qd = state.robot.qd
         phi = self.phi(qd)
         return RowBlock(phi, phi, self.gradient(qd), np.zeros_like(phi))
+
+    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+        """Rows that say that they are linear, as they are at rest."""
+        if not self.linear or not self.says("linear", ("phi", "gradient", "curvature", "rows")):
+            return None
+        rest = np.zeros(scene.robot.n)
+        return Form("speed_rows", gradients=self.gradient(rest), offsets=self.phi(rest))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """−φ / ‖∂φ/∂q̇‖: exact for linear rows, to first order elsewhere [rad/s]."""

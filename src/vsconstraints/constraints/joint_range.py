@@ -39,6 +39,7 @@ class JointRange(JointConstraint):
     """
 
     kind = "range"
+    linear = True
 
     def __init__(
         self,
@@ -79,10 +80,6 @@ class JointRange(JointConstraint):
     def gradient(self, q: Array) -> Array:
         """±1/half range."""
         return self._gradient
-
-    def curvature(self, q: Array, qd: Array) -> Array:
-        """Zero: the rows are linear."""
-        return np.zeros(2 * len(self.joints))
 
     def characteristic_length(self, scene: Scene) -> Array:
         """Half the allowed range [rad or m]."""

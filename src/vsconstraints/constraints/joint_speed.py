@@ -35,6 +35,7 @@ class JointSpeed(SpeedConstraint):
     """
 
     kind = "speed"
+    linear = True
 
     def __init__(
         self,

@@ -14,6 +14,7 @@ from ..robot import Robot
 from ..rows import Array
 from ..scene import Scene, State
 from .base import Constraint, RowBlock, Trace, demand_positive
+from .form import Form
 
 Part = Literal["pose", "position", "orientation"]
 """Which rows of the tip's Jacobian count."""
@@ -119,6 +120,12 @@ class Manipulability(Constraint):
         return RowBlock(
             sigma, sigma + self.K * sigma_dot, self.K * g, sigma_dot + self.K * factor * self.curvature(J, qd)
         )
+
+    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+        """The row that compiled code makes from the tip's Jacobian, by a decomposition of its own."""
+        directions = range(6)[self._rows]
+        numbers = self.minimum, self.w_scale, directions.start, len(directions)
+        return Form("manipulability_rows", parameters=numbers) if type(self) is Manipulability else None
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """(w − w_min) / w_scale."""

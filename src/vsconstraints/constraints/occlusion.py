@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import ConfigurationError
+from .by_formula import Formula
 from .curves import Curve, Shape
 from .image_constraint import ImageConstraint
 
@@ -31,6 +32,8 @@ class Occlusion(ImageConstraint):
     """
 
     kind = "occlusion"
+    formula: Formula | None = None
+    """Of its curve."""
 
     def __init__(
         self,

@@ -12,6 +12,7 @@ from ..renamed import renamed
 from ..rows import Array
 from ..scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, demand_positive
+from .form import Form
 
 
 @renamed(robot_points="points")
@@ -32,7 +33,6 @@ class PointConstraint(PositionConstraint):
 
     unit = "m"
     coordinates = 3
-    difference_step = 1e-6
 
     def __init__(
         self,
@@ -68,6 +68,10 @@ class PointConstraint(PositionConstraint):
         motion = self.relative(PointMotion(robot.points[points], J, J @ robot.qd, robot.point_drift[points]), state)
         y = motion.position
         return self.chain_rule(self.sigma(y), self.gradient(y), self.curvature(y, motion.velocity), motion)
+
+    def compiled_form(self, scene: Scene, points: slice) -> Form | None:
+        """Rows of the formula for the points concerned."""
+        return self.formula_form("point_rows", range(points.start, points.stop))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """−σ / ‖∂σ/∂p‖: exact where σ is a signed distance, to first order elsewhere [m]."""

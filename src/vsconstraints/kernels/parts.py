@@ -49,6 +49,7 @@ def make_part(
     formulas: tuple[Callable[..., Any] | None, ...],
     constants: tuple[int, ...],
     signature: Any,
+    options: dict[str, Any] = IN_PLACE,
 ) -> Any:
     """The function that ``template(*formulas, *constants)`` gives, compiled for a signature and kept on disk.
 
@@ -62,10 +63,12 @@ def make_part(
         What else the template is made with, such as the number of parameters of a formula.
     signature
         Of the function.
+    options
+        Of the compiler: :data:`.IN_PLACE` for what makes no arrays, else :data:`.OPTIONS`.
     """
     function = template(*formulas, *constants)
     given = tuple(formula for formula in formulas if formula is not None)
-    return compiled(signature, IN_PLACE, given)(function)
+    return compiled(signature, options, given)(function)
 
 
 def _store(typing_context: Any, structure: Any, buffer: Any) -> Any:
@@ -93,7 +96,9 @@ def thaw_as(structure: Any) -> Any:
     def thaw(typing_context: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             kind = context.get_value_type(structure)
-            return builder.load(builder.inttoptr(values[0], kind.as_pointer()))
+            found = builder.load(builder.inttoptr(values[0], kind.as_pointer()))
+            # where references are counted, what is given back counts as one more
+            return numba.core.imputils.impl_ret_borrowed(context, builder, structure, found)
 
         return structure(address), generate
 
