@@ -123,9 +123,8 @@ def test_the_readme_shows_the_examples_as_they_are() -> None:
 
 def test_own_loop_reaches_its_goal(capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_path(str(ROOT / "examples" / "own_loop.py"), run_name="__main__")
-    millimetres, milliradians = map(float, re.findall(r"([\d.]+) m(?:m|rad)", capsys.readouterr().out))
-    assert millimetres < 5.0
-    assert milliradians < 5.0
+    (off,) = map(float, re.findall(r"within ([\d.]+) px", capsys.readouterr().out))
+    assert off < 0.5
 
 
 def test_own_parts_take_part_in_a_comparison(tmp_path: Path) -> None:

@@ -208,6 +208,9 @@ class Scene:
     def _relative_motion(self, robot: Kinematics, motion: TargetMotion | None, t: float) -> tuple[Array, Array, Array]:
         """Jacobian (6, n), twist (6,) and drift (6,) of the camera relative to the target, in the camera frame."""
         tip, fixed = robot.tip, self.camera.fixed
+        V: Array
+        R: Array
+        r: Array
         # the camera's axes in the base frame, and its origin from the tip's
         if fixed is None:
             V, R, r = self._mount_twist, tip.R @ self._mount_inverse.R, tip.R @ self._mount_inverse.t
@@ -219,8 +222,8 @@ class Scene:
         # the acceleration of the origin, of the derivative of a twist in moving axes
         linear = tip.R @ (drift[:3] + np.array(cross(twist[3:], twist[:3])))
         velocity, acceleration = carried(r, v, omega, linear, tip.R @ drift[3:])
-        still = np.zeros(3)
-        turning, away = still, still
+        turning: Array = np.zeros(3)
+        away: Array = np.zeros(3)
         if motion is not None:
             rate, bend = motion.translation.rates(t)
             velocity, acceleration = minus(velocity, rate), minus(acceleration, bend)

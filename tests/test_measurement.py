@@ -1,0 +1,150 @@
+"""What a camera has measured goes into the step, compiled and in NumPy: see vsconstraints.measurement."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vsconstraints.control_step import ControlStep
+from vsconstraints.controllers import SlidingMode
+from vsconstraints.errors import InvalidInput
+from vsconstraints.geometry import Pose
+from vsconstraints.scenarios import Scenario
+
+NAMES = ["experiment-2-ibvs", "ur5-image", "case-study-6r", "eye-to-hand-ibvs", "moving-target-unknown"]
+PARTS = ("pixels", "error", "sigma", "camera_R", "camera_t")
+
+
+def both_forms(name, monkeypatch):
+    """The setup of a scenario, and its step compiled and in NumPy."""
+    setup = Scenario.load(name).setup()
+    compiled = ControlStep(setup.scene, setup.constraints, setup.task)
+    assert compiled.not_compiled == ""
+    other = Scenario.load(name).setup()
+    with monkeypatch.context() as patch:
+        patch.setattr("vsconstraints.control_step.load", lambda name: None)
+        defined = ControlStep(other.scene, other.constraints, other.task)
+    assert defined.not_compiled
+    return setup, compiled, defined
+
+
+def same(a, b):
+    """Whether two evaluations say the same up to rounding."""
+    for part in PARTS:
+        np.testing.assert_allclose(getattr(a, part), getattr(b, part), rtol=1e-9, atol=1e-9)
+    for kind, names in (("rows", ("phi", "Lg", "Lf")), ("task", ("J", "b"))):
+        for name in names:
+            one, other = getattr(getattr(a, kind), name), getattr(getattr(b, kind), name)
+            np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8 * (1.0 + np.abs(other).max()))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_both_forms_take_the_same_from_a_measurement(name, monkeypatch):
+    """Pixels off by some, depths off by 2 %, markers that are not seen, images that are late, a pose."""
+    setup, compiled, defined = both_forms(name, monkeypatch)
+    rng = np.random.default_rng(1)
+    for k in range(6):
+        q = setup.q0 + 0.003 * rng.standard_normal(len(setup.q0))
+        qd, t = 0.1 * rng.standard_normal(len(q)), k * setup.Ts
+        state = setup.scene.evaluate(t, q, qd)
+        seen = state.pixels.position + rng.standard_normal(state.pixels.position.shape)
+        seen[k % 3 % len(seen) : k % 3] = np.nan
+        measured = {"pixels": seen, "depth": 1.02 * state.depth, "taken": t - 0.01 * k}
+        if k % 2:
+            del measured["depth"]
+        if k == 4:
+            measured["camera"] = Pose(state.camera.R, state.camera.t + 0.01)
+        a, b = compiled.evaluate(t, q, qd, **measured), defined.evaluate(t, q, qd, **measured)
+        same(a, b)
+        found = np.isfinite(seen).all(axis=1)
+        if k == 0:
+            np.testing.assert_allclose(a.pixels[found], seen[found], atol=1e-9)
+
+
+def test_it_is_used_once_and_what_is_not_seen_stays_as_far_from_the_model(monkeypatch):
+    setup, compiled, _ = both_forms("ur5-image", monkeypatch)
+    q, qd = setup.q0, np.zeros(6)
+    model = compiled.evaluate(0.0, q, qd).pixels
+    shifted = model + 7.0
+    unseen = np.full_like(model, np.nan)
+    np.testing.assert_array_equal(compiled.evaluate(0.1, q, qd, pixels=unseen).pixels, model)
+    np.testing.assert_allclose(compiled.evaluate(0.2, q, qd, pixels=shifted).pixels, shifted, atol=1e-9)
+    np.testing.assert_array_equal(compiled.evaluate(0.3, q, qd).pixels, model)
+    np.testing.assert_allclose(compiled.evaluate(0.4, q, qd, pixels=unseen).pixels, shifted, atol=1e-9)
+    compiled.reset()
+    np.testing.assert_array_equal(compiled.evaluate(0.5, q, qd, pixels=unseen).pixels, model)
+
+
+def test_a_late_image_is_moved_on(monkeypatch):
+    """To first order: what is left of the image's motion over 20 ms goes with the square of the time."""
+    setup, compiled, _ = both_forms("ur5-image", monkeypatch)
+    qd, left = np.full(6, 0.2), []
+    for age in (0.02, 0.01):
+        then = compiled.evaluate(1.0 - age, setup.q0 - age * qd, qd).pixels
+        now = compiled.evaluate(1.0, setup.q0, qd).pixels
+        found = compiled.evaluate(1.0, setup.q0, qd, pixels=then, taken=1.0 - age).pixels
+        assert np.abs(then - now).max() > 1.0
+        left.append(np.abs(found - now).max())
+    assert left[0] < 0.2
+    assert 3.0 < left[0] / left[1] < 5.0
+
+
+SECONDS = 14.0
+
+
+def closed_loop(measured):
+    """How far markers are from their goal at the end, of a target 3 cm beside where the model has it [px]."""
+    tables = Scenario.load("ur5-image").setup()
+    scene, world = tables.scene, Scenario.load("ur5-image").setup().scene
+    world.markers = world.markers + np.array([0.03, 0.0, 0.0])
+    step = ControlStep(scene, tables.constraints, tables.task)
+    to_command = step.bind(SlidingMode())
+    q, qd, Ts = tables.q0.copy(), np.zeros(6), tables.Ts
+    for k in range(int(SECONDS / Ts)):
+        pose = world.camera_pose(q)
+        seen = {"pixels": world.project(pose), "depth": world.depth(pose)} if measured else {}
+        _, command = to_command(k * Ts, q, qd, **seen)
+        q, qd = q + Ts * qd + 0.5 * Ts**2 * command.qdd, qd + Ts * command.qdd
+    goal = tables.task.goals[tables.task.goal_at(SECONDS)]
+    return np.abs(world.project(world.camera_pose(q)) - goal.pixels).max()
+
+
+def test_a_target_that_is_not_where_the_model_has_it_is_reached_only_with_the_camera():
+    assert closed_loop(measured=False) > 20.0
+    assert closed_loop(measured=True) < 0.5
+
+
+BAD = {
+    "shape": {"pixels": np.zeros((3, 2))},
+    "text": {"pixels": "image"},
+    "infinite": {"pixels": np.full((4, 2), np.inf)},
+    "depth alone": {"depth": np.ones(4)},
+    "depth zero": {"pixels": np.zeros((4, 2)), "depth": np.zeros(4)},
+    "depth shape": {"pixels": np.zeros((4, 2)), "depth": np.ones(3)},
+    "future": {"pixels": np.zeros((4, 2)), "taken": 3.0},
+    "never": {"pixels": np.zeros((4, 2)), "taken": np.nan},
+    "pose": {"camera": np.eye(4)},
+}
+
+
+@pytest.mark.parametrize("measured", BAD.values(), ids=BAD)
+def test_what_does_not_fit_is_refused(measured, monkeypatch):
+    setup, compiled, defined = both_forms("ur5-image", monkeypatch)
+    q, qd = setup.q0, np.zeros(6)
+    before = compiled.evaluate(0.0, q, qd).pixels
+    for call in (compiled.evaluate, defined.evaluate, compiled.bind(SlidingMode()), defined.bind(SlidingMode())):
+        with pytest.raises(InvalidInput, match="measured|image was taken"):
+            call(1.0, q, qd, **measured)
+    np.testing.assert_array_equal(compiled.evaluate(1.0, q, qd).pixels, before)
+
+
+def test_lists_and_other_layouts_of_pixels_are_taken(monkeypatch):
+    setup, compiled, _ = both_forms("ur5-image", monkeypatch)
+    q, qd, to_command = setup.q0, np.zeros(6), compiled.bind(SlidingMode())
+    seen = compiled.evaluate(0.0, q, qd).pixels + 1.0
+    compiled.reset()
+    expected, _ = to_command(0.0, q, qd, pixels=seen)
+    for other in (seen.tolist(), np.asfortranarray(seen), seen.astype(np.float32)):
+        compiled.reset()
+        found, _ = to_command(0.0, q, qd, pixels=other)
+        np.testing.assert_allclose(found.task.b, expected.task.b, rtol=1e-5, atol=1e-6)
