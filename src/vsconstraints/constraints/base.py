@@ -19,7 +19,7 @@ import numpy as np
 from ..errors import ConfigurationError, InvalidInput, shown
 from ..kinematics import RobotPoint
 from ..motion import Motion
-from ..rows import Array
+from ..rows import Array, IntArray
 from ..scene import PointMotion, Scene, State
 from . import by_formula
 from .by_formula import Formula, Frame
@@ -189,7 +189,7 @@ class PositionConstraint(Constraint):
         if self.formula is None and type(self).sigma is PositionConstraint.sigma:
             raise ConfigurationError(f"{self.kind} needs a formula, or sigma and gradient")
 
-    def formula_form(self, rows: str, which: Sequence[int]) -> Form | None:
+    def formula_form(self, rows: str, which: Sequence[int] | IntArray) -> Form | None:
         """The compiled form of rows of that kind for these markers or points, if the formula says all."""
         if self.formula is None or not self.says("formula", FOLLOWING):
             return None

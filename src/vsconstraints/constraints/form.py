@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from ..motion import Motion
-from ..rows import Array
+from ..rows import Array, IntArray
 from .by_formula import Frame
 
 
@@ -32,7 +32,7 @@ class Form(NamedTuple):
     rows: str
     formulas: tuple[Callable[..., Any] | None, ...] = ()
     parameters: tuple[float, ...] = ()
-    which: Sequence[int] | Array | int = 0
+    which: Sequence[int] | IntArray | int = 0
     frame: Frame | None = None
     margin: float = 0.0
     motion: Motion | None = None

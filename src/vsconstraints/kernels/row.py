@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
-
-import numpy as np
+from typing import Any
 
 from ..formulas.motion import displacement
 from ..formulas.vectors import Vector
@@ -16,7 +15,7 @@ to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not 
 
 
 @in_place
-def displaced(motion: np.void, t: float) -> tuple[Vector, Vector, Vector]:
+def displaced(motion: Any, t: float) -> tuple[Vector, Vector, Vector]:
     """Displacement, velocity and acceleration of a MOTION."""
     x = displacement(t, motion.velocity[0], motion.amplitude[0], motion.rate, motion.phase)
     y = displacement(t, motion.velocity[1], motion.amplitude[1], motion.rate, motion.phase)
@@ -25,7 +24,7 @@ def displaced(motion: np.void, t: float) -> tuple[Vector, Vector, Vector]:
 
 
 @in_place
-def away(part: np.void, t: float) -> tuple[Vector, Vector, Vector]:
+def away(part: Any, t: float) -> tuple[Vector, Vector, Vector]:
     """How far what a constraint forbids has moved, and how it moves, as far as that is known."""
     moved, velocity, acceleration = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if part.moves:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ..formulas.image import image_motion
-from ..formulas.motion import carried, displacement, relative_twist, target_pose
+from ..formulas.motion import carried, relative_twist, target_pose
 from ..formulas.vectors import (
     Vector,
     along_with,
@@ -26,17 +24,9 @@ from ..scene import MINIMUM_DEPTH
 from .compiler import IN_PLACE, compiled, in_place
 from .kinematics import move, place, point_jacobian, put, put_matrix
 from .parts import call
+from .row import displaced
 from .thawed import thaw
 from .visual_task import JUST_NOW, write_task
-
-
-@in_place
-def displaced(motion: Any, t: float) -> tuple[Vector, Vector, Vector]:
-    """Displacement, velocity and acceleration of a MOTION."""
-    x = displacement(t, motion.velocity[0], motion.amplitude[0], motion.rate, motion.phase)
-    y = displacement(t, motion.velocity[1], motion.amplitude[1], motion.rate, motion.phase)
-    z = displacement(t, motion.velocity[2], motion.amplitude[2], motion.rate, motion.phase)
-    return (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
 
 
 @in_place
