@@ -133,7 +133,7 @@ def test_what_does_not_fit_is_refused(measured, monkeypatch):
     q, qd = setup.q0, np.zeros(6)
     before = compiled.evaluate(0.0, q, qd).pixels
     for call in (compiled.evaluate, defined.evaluate, compiled.bind(SlidingMode()), defined.bind(SlidingMode())):
-        with pytest.raises(InvalidInput, match="measured|image was taken"):
+        with pytest.raises(InvalidInput, match=r"measured|image was taken"):
             call(1.0, q, qd, **measured)
     np.testing.assert_array_equal(compiled.evaluate(1.0, q, qd).pixels, before)
 
