@@ -312,36 +312,40 @@ class TinyStudy(Study):
             raise ZeroDivisionError("in draw")
 
 
+DEADLY = """import os
+from vsconstraints.controllers import Tracking
+class Deadly(Tracking):
+    name = 'deadly'
+    def solve(self, rows, task):
+        os._exit(3)
+"""
+
+
+@pytest.fixture(scope="module")
+def spoiled(tmp_path_factory):
+    """Results of studies of which two go wrong themselves and one has runs that do, made together."""
+    folder = tmp_path_factory.mktemp("spoiled")
+    (folder / "deadly_law.py").write_text(DEADLY)
+    laws = {"good": "sliding-mode", "bad": "no-such-law", "deadly": "deadly_law:Deadly", "two": "tracking"}
+    studies = {"measure": TinyStudy({"one": "tracking"}, "measure"), "draw": TinyStudy({"one": "tracking"}, "draw")}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(folder))
+        return run_studies(folder=folder, workers=2, studies={**studies, "other": TinyStudy(laws)})
+
+
 class TestFailures:
-    def test_a_run_that_cannot_be_made_costs_itself_only(self):
-        study = TinyStudy({"good": "sliding-mode", "bad": "no-such-law"})
-        result = run_studies(workers=1, studies={"tiny": study})["tiny"]
-        assert [point["status"] == "failed" for point in result.points] == [False, True]
-        assert len(result.failures) == 1
-        assert "no-such-law" in result.failures[0]
+    def test_a_run_that_cannot_be_made_or_whose_process_dies_costs_itself_only(self, spoiled):
+        result = spoiled["other"]
+        assert [point["status"] == "failed" for point in result.points] == [False, True, True, False]
+        bad, deadly = result.failures
+        assert "no-such-law" in bad
+        assert deadly == "deadly: failed, the process that ran it died"
 
-    def test_a_process_that_dies_costs_its_run_only(self, tmp_path, monkeypatch):
-        (tmp_path / "deadly_law.py").write_text(
-            "import os\n"
-            "from vsconstraints.controllers import Tracking\n"
-            "class Deadly(Tracking):\n"
-            "    name = 'deadly'\n"
-            "    def solve(self, rows, task):\n"
-            "        os._exit(3)\n"
-        )
-        monkeypatch.syspath_prepend(str(tmp_path))
-        study = TinyStudy({"one": "sliding-mode", "deadly": "deadly_law:Deadly", "two": "tracking"})
-        result = run_studies(workers=2, studies={"tiny": study})["tiny"]
-        assert result.failures == ("deadly: failed, the process that ran it died",)
-        assert [point["status"] == "failed" for point in result.points] == [False, True, False]
-
-    @pytest.mark.parametrize(("spoiled", "points"), [("measure", 0), ("draw", 1)])
-    def test_an_evaluation_or_drawing_that_raises_costs_no_other_study(self, spoiled, points, tmp_path):
-        studies = {"tiny": TinyStudy({"one": "tracking"}, spoiled), "other": TinyStudy({"one": "tracking"})}
-        results = run_studies(folder=tmp_path, workers=1, studies=studies)
-        assert len(results["tiny"].points) == points
-        assert f"in {spoiled}" in results["tiny"].failures[0]
-        assert results["other"].failures == ()
+    @pytest.mark.parametrize(("where", "points"), [("measure", 0), ("draw", 1)])
+    def test_an_evaluation_or_drawing_that_raises_costs_no_other_study(self, spoiled, where, points):
+        assert len(spoiled[where].points) == points
+        (failure,) = spoiled[where].failures
+        assert f"in {where}" in failure
 
     def test_unknown_names_are_refused_with_those_there_are(self):
         with pytest.raises(ConfigurationError, match="Did you mean 'pareto'"):
