@@ -10,6 +10,7 @@ from typing import Any
 from ..reports.numbers import largest
 
 Points = list[dict[str, Any]]
+"""Lines of a study's data, by column."""
 
 Numbers = dict[tuple[str | float, ...], float]
 """By what they are of (a scenario, a law, a gain …) and, last, what they say of it."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,22 +47,12 @@ def in_unselected(study: StudyResult, scenario: str, what: str, here: bool) -> t
     return judged(here and both >= NEARLY_ALL, max(both, alone) >= MOST), text
 
 
-@dataclass(frozen=True)
-class Difference:
+class Difference(NamedTuple):
     """How a run with an error in the gradient differs from the one without.
 
-    Attributes
-    ----------
-    track
-        Greatest distance of a marker at the same time [px].
-    speed, fastest
-        Greatest difference of a joint's speed, and greatest speed without the error [rad/s].
-    sigma
-        Greatest σ of a visibility row with the error.
-    fine
-        Whether both reach the goal, and the boundary is kept with the error.
-    same
-        Whether the same marker slides.
+    ``track`` is the greatest distance of a marker at the same time [px], ``speed`` the greatest difference of a joint's
+    speed, ``fastest`` the greatest speed without the error [rad/s], ``sigma`` the greatest σ of a visibility row with
+    it; ``fine`` says that both reach the goal and the boundary is kept, ``same`` that the same marker slides.
     """
 
     track: float
