@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 from matplotlib.axis import Axis
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from vsconstraints.reports.style import looks
+from vsconstraints.figures import looks
 
 from .part import Part
 

@@ -8,6 +8,7 @@ import math
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +23,16 @@ from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports import write_report
+from vsconstraints.figures.decimate import extremes, window_means, zigzag
+from vsconstraints.figures.image import Plane
+from vsconstraints.figures.style import OWN_COLOURS, looks, shortened
+from vsconstraints.reports import drawing, write_report
 from vsconstraints.reports.best import Cell, comparable, marked
-from vsconstraints.reports.figures.decimate import extremes, window_means, zigzag
-from vsconstraints.reports.figures.outlines import Outlines
+from vsconstraints.reports.figures import FIGURES
 from vsconstraints.reports.markdown import code, plain, table
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.results import Results
 from vsconstraints.reports.rows_shown import MOST_LANES, MOST_PHI, lane_rows, lanes_left_out, phi_rows
-from vsconstraints.reports.style import OWN_COLOURS, looks, shortened
 from vsconstraints.scenarios import Scenario
 
 COMPETITORS = ("sliding-mode", "potential-field")
@@ -572,12 +574,11 @@ def test_a_scenario_that_cannot_be_built_costs_its_boundaries_only(copy: Path) -
 
 
 def test_a_figure_that_fails_costs_itself_only(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from vsconstraints.reports.figures import drawing
-
     def fails(*_: object) -> None:
         raise ValueError("on purpose")
 
-    monkeypatch.setattr(drawing, "draw_errors", fails)
+    table = tuple(replace(figure, draw=fails) if figure.name == "errors" else figure for figure in FIGURES)
+    monkeypatch.setattr(drawing, "FIGURES", table)
     text = write_report(copy).read_text(encoding="utf-8")
     assert "The figure of the errors could not be drawn: ValueError: on purpose" in text
     assert len(links(text)) == 4
@@ -679,10 +680,10 @@ def test_tables_are_aligned_and_their_cells_safe() -> None:
 def test_a_moving_boundary_is_drawn_while_it_is_in_the_image() -> None:
     setup = Scenario.load("moving-occluder").setup()
     size = np.asarray(setup.scene.camera.size)
-    outlines = Outlines.of(setup, setup.scene.camera.size)
-    times = [t for t, _ in outlines.moving]
+    moving = Plane.of(setup).moving
+    times = [t for t, _ in moving]
     assert len(times) == 5
     assert 0.0 <= times[0] < times[-1] < setup.duration
-    for _, lines in outlines.moving:
+    for _, lines in moving:
         assert any((np.abs(line) < 0.5 * size).all(axis=1).any() for line in lines)
-    assert Outlines.of(Scenario.load("example-2d-fov").setup(), (512.0, 512.0)).moving == []
+    assert Plane.of(Scenario.load("example-2d-fov").setup()).moving == ()

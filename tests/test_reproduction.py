@@ -19,11 +19,12 @@ from vsconstraints.comparisons.unfinished import Unfinished
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.features import CameraPose
+from vsconstraints.figures import Figure
 from vsconstraints.geometry import rotation_vector_rate, skew
 from vsconstraints.order_filter import OrderFilter
 from vsconstraints.reproduction import CLAIMS, all_claims, report, reproduce, runner
 from vsconstraints.reproduction.claims.erroneous_gradients import Difference
-from vsconstraints.reproduction.figures.catalogue import FIGURES, FigureSpec
+from vsconstraints.reproduction.figures import FIGURES, planar
 from vsconstraints.reproduction.reconstructed import reconstructed
 from vsconstraints.reproduction.report import TOPICS, differences
 from vsconstraints.reproduction.runs import Run, RunSpec, kept_run, perform
@@ -584,7 +585,7 @@ def test_an_unknown_scenario_is_no_exception(tmp_path: Path) -> None:
 # --- the report ---
 
 
-def few(monkeypatch: pytest.MonkeyPatch, keys: tuple[str, ...], figures: dict[int, FigureSpec]) -> None:
+def few(monkeypatch: pytest.MonkeyPatch, keys: tuple[str, ...], figures: dict[int, Figure]) -> None:
     """Leave only a few claims and figures, and no study."""
     chosen = [CLAIMS[key] for key in keys]
     for module in (runner, report):
@@ -594,8 +595,8 @@ def few(monkeypatch: pytest.MonkeyPatch, keys: tuple[str, ...], figures: dict[in
 
 
 def test_the_report_is_written_even_where_parts_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    missing = FigureSpec(19, "not there", "planar:draw_fov", (RunSpec("no-such-scenario"),))
-    broken = FigureSpec(6, "cannot be drawn", "planar:draw_bowl", (RunSpec("example-2d-fast"),))
+    missing = Figure("fig-19", "Fig. 19", "not there", planar.draw_fov, (RunSpec("no-such-scenario"),))
+    broken = Figure("fig-06", "Fig. 6", "cannot be drawn", planar.draw_bowl, (RunSpec("example-2d-fast"),))
     few(monkeypatch, ("2b", "6a"), {2: FIGURES[2], 6: broken, 19: missing})
     told: list[tuple[str, int, int]] = []
     result = reproduce(
@@ -662,7 +663,7 @@ def test_reconstructed_values_are_the_scenarios_own() -> None:
 @pytest.mark.parametrize("number", FIGURES)
 def test_figures_are_drawn(number: int, tmp_path: Path) -> None:
     figure = FIGURES[number]
-    figure.draw([run(need) for need in figure.needs], tmp_path / figure.file)
+    assert figure.write(tmp_path / figure.file, *(run(need) for need in figure.needs))
     assert (tmp_path / figure.file).stat().st_size > 20_000
 
 

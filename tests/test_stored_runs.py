@@ -20,9 +20,7 @@ from vsconstraints.comparisons.runner import run_stored
 from vsconstraints.comparisons.tables import append_lines, read_table, write_table
 from vsconstraints.errors import ConfigurationError, StorageError
 from vsconstraints.reports import write_report
-from vsconstraints.reports.figures import drawing
-from vsconstraints.reports.jobs import Drawn
-from vsconstraints.reports.report import _jobs
+from vsconstraints.reports.drawing import Drawn, scenario_jobs, stored_runs
 from vsconstraints.reports.results import Results
 from vsconstraints.runs.machine import package_versions
 
@@ -287,8 +285,8 @@ def test_figures_show_no_run_that_the_tables_do_not_have(tmp_path: Path) -> None
     write_table(tmp_path / "results.csv", RESULT_COLUMNS, lines[:1])
     from vsconstraints.comparisons import StoredComparison
 
-    (job,) = _jobs(Results(StoredComparison.load(tmp_path)))
-    assert set(drawing._load(job, Drawn("example-2d-fov"))) == {"tracking"}
+    (job,) = scenario_jobs(Results(StoredComparison.load(tmp_path)))
+    assert set(stored_runs(job, Drawn("example-2d-fov"))) == {"tracking"}
 
 
 # --- one bad thing costs one run ---

@@ -11,6 +11,7 @@ from PIL import Image
 
 from vsconstraints.comparisons.run import perform
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.figures import plain
 from vsconstraints.runs.spec import ControllerSpec, RunSpec
 from vsconstraints.scenarios import Scenario
 from vsconstraints.studies import (
@@ -29,7 +30,6 @@ from vsconstraints.studies import (
 )
 from vsconstraints.studies.experiment_scenes import EXPERIMENTS, SEED, draw, kept_scenes
 from vsconstraints.studies.laws import LAWS, scaled_gains
-from vsconstraints.studies.panels import plain
 from vsconstraints.studies.pareto import front, not_kept, unused
 from vsconstraints.studies.summary import clearance_distance, gains, joint_distance, pixel_distance
 from vsconstraints.studies.unselected_experiments import compared, counted, why_not

@@ -7,8 +7,8 @@ from collections import defaultdict
 from collections.abc import Mapping
 
 from .challenges import FINER
+from .drawing import Drawn
 from .headlines import anchor
-from .jobs import Drawn
 from .markdown import bullets, code, enumeration, plain
 from .numbers import number
 from .results import Line, Results

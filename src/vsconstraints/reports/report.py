@@ -10,20 +10,13 @@ from ..comparisons.folder import held
 from ..errors import StorageError
 from ..runs.files import replaced
 from .closing import closing
+from .drawing import Drawn, draw_all, draw_overview, remove_stale, scenario_jobs
 from .failures import failures
 from .headlines import opening
-from .jobs import Drawn, ScenarioJob
 from .outcomes import outcomes
-from .rendering import draw_all, remove_stale
 from .results import Results
-from .rows_shown import lane_rows, phi_rows
 from .scenario_section import scenarios_section
-from .style import looks
 from .summary import summary
-from .trade_off import Overview, trade_off
-
-TRIAL_SHOWN = 0
-"""The trial that figures show: the one that starts where the scenario says."""
 
 
 def write_report(
@@ -64,14 +57,14 @@ def write_report(
 
 
 def _write(folder: Path, results: Results, on_drawn: Callable[[int, int], None] | None) -> Path:
-    drawn, overview = {name: Drawn(name) for name in results.scenarios}, Overview()
+    drawn, overview = {name: Drawn(name) for name in results.scenarios}, ""
     if on_drawn is not None:
         drawn, overview = _draw(results, on_drawn)
     parts = [
         opening(results),
         summary(results),
         outcomes(results),
-        overview.text,
+        overview,
         scenarios_section(results, drawn),
         failures(results, drawn),
         closing(results),
@@ -82,33 +75,10 @@ def _write(folder: Path, results: Results, on_drawn: Callable[[int, int], None] 
     return report
 
 
-def _draw(results: Results, on_drawn: Callable[[int, int], None]) -> tuple[dict[str, Drawn], Overview]:
+def _draw(results: Results, on_drawn: Callable[[int, int], None]) -> tuple[dict[str, Drawn], str]:
     folder = results.stored.folder / "figures"
     folder.mkdir(exist_ok=True)
-    drawn = draw_all(_jobs(results), on_drawn)
-    overview = trade_off(results, folder)
-    used = {name for one in drawn.values() for name in one.files.values()}
-    remove_stale(folder, used | ({overview.file} if overview.file else set()))
+    drawn = draw_all(scenario_jobs(results), on_drawn)
+    overview = draw_overview(results, folder)
+    remove_stale(folder, {name for one in drawn.values() for name in one.files.values()})
     return drawn, overview
-
-
-def _jobs(results: Results) -> list[ScenarioJob]:
-    stored = results.stored
-    return [
-        ScenarioJob(
-            stored.folder,
-            scenario,
-            results.controllers,
-            tuple(
-                controller
-                for controller in results.controllers
-                if any(line["trial"] == TRIAL_SHOWN for line in results.runs(name, controller))
-            ),
-            TRIAL_SHOWN,
-            int(stored.manifest["configuration"].get("seed", 0)),
-            looks(results.controllers),
-            phi_rows(results, name),
-            lane_rows(results, name),
-        )
-        for name, scenario in stored.scenarios.items()
-    ]

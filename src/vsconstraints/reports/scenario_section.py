@@ -12,8 +12,9 @@ from ..comparisons.suite import BASELINE
 from ..scenarios import Scenario
 from .best import Cell, comparable, judged_by, marked
 from .challenges import challenges, held_rows
+from .drawing import Drawn
+from .figures import FIGURES
 from .headlines import anchor
-from .jobs import Drawn
 from .markdown import bullets, code, plain, table
 from .numbers import DASH, Format, count, error, number, percent
 from .results import Line, Results, ratio, violated, within_band
@@ -21,13 +22,6 @@ from .rows_shown import lanes_left_out
 
 FORMATS: dict[str, Format] = {"number": number, "error": error, "percent": percent, "count": count}
 """How the styles of metrics print."""
-
-CAPTIONS = {
-    "tracks": "Tracks of the markers in the image.",
-    "phi": "φ of the rows that matter, and when each row holds the arm back.",
-    "errors": "Errors over time.",
-    "acceleration": "Commanded joint acceleration.",
-}
 
 HOW_TO_READ = (
     "**Bold** is the best of a column, judged by the digits shown; ties are all bold. More utilization is better, of "
@@ -43,17 +37,7 @@ HOW_TO_READ = (
     "violate the row.",
     "**Rows that held the arm back**: usage [%] of the room that was left at the arm's speed, while the row did, and "
     "for how long. Its mean, weighted by those times, is the utilization of a run that converged.",
-    "**Tracks**: what is far outside the image is cut off. The square is shown enlarged in the same panel: it is where "
-    "a controller is deepest outside by less than 5 % of the image or, if none is, where the first one is nearest to "
-    "a boundary.",
-    "**φ** is drawn relative to one switching step T_s u⁺, linear up to ±2 and logarithmic beyond; lines show the "
-    "greatest value in short windows, shades the range. Allowed is below 0; the yellow band is ± one step. The bars "
-    "below show when each row holds the arm back, short gaps closed. Rows are shown that are "
-    "challenged or violated, and bars for rows that act.",
-    "**Errors** are drawn on a logarithmic axis. Where lines coincide, the later ones lie as thinner lines on the "
-    "earlier ones.",
-    "**Commanded acceleration**: mean (lines) and range (shades) in short windows, linear up to ±1 rad/s² and "
-    "logarithmic beyond, with the same axis for all controllers.",
+    *(figure.reading for figure in FIGURES),
     "Dashed vertical lines: the goal changes.",
 )
 
@@ -81,8 +65,10 @@ def scenario_section(results: Results, name: str, drawn: Drawn) -> str:
         return "\n\n".join([*parts, "No run of this scenario finished."])
     parts += [_table(results, name, group) for group in ("task", "chattering")]
     parts += [text for text in (challenges(results, name), held_rows(results, name)) if text]
-    for kind, file in drawn.files.items():
-        parts.append(f"![{name}: {kind}](figures/{quote(file)})\n\n*{CAPTIONS[kind]}{_addition(results, name, kind)}*")
+    for figure in FIGURES:
+        if figure.name in drawn.files:
+            caption = f"{figure.caption}{_addition(results, name, figure.name)}"
+            parts.append(f"![{name}: {figure.name}](figures/{quote(drawn.files[figure.name])})\n\n*{caption}*")
     if drawn.problems:
         parts.append(bullets([plain(problem) for problem in drawn.problems]))
     return "\n\n".join(parts)

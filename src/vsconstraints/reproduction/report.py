@@ -14,7 +14,7 @@ from ..reports.markdown import bold, bullets, code, plain, table
 from ..runs.files import replaced
 from ..runs.machine import git_commit, machine, package_versions
 from ..studies import STUDIES, data_file, figure_file
-from .figures.catalogue import FIGURES
+from .figures import FIGURES
 from .reconstructed import reconstructed
 from .runner import Reproduction
 from .verdicts import VERDICTS, Claim, Finding, all_claims
@@ -145,8 +145,8 @@ def _figures(drawn: Mapping[int, str]) -> Iterator[str]:
     )
     for number, figure in FIGURES.items():
         why = drawn[number]
-        image = f"![Fig. {number}](figures/{figure.file})" if not why else f"Not drawn: {plain(why)}"
-        yield f"### Fig. {number}\n\n{image}\n\n{plain(figure.caption)}"
+        image = f"![{figure.title}](figures/{figure.file})" if not why else f"Not drawn: {plain(why)}"
+        yield f"### {figure.title}\n\n{image}\n\n{plain(figure.caption)}"
 
 
 def _studies(studies: Mapping[str, Any], folder: Path) -> Iterator[str]:

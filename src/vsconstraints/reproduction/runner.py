@@ -13,11 +13,12 @@ from typing import Any
 from ..comparisons.run import Run, kept_run
 from ..comparisons.unfinished import Unfinished, unfinished
 from ..errors import ConfigurationError
+from ..figures import Figure
 from ..kernels import prepare
 from ..runs.pool import Failure, carry_out
 from ..runs.spec import RunSpec, longest_first
 from . import claims as _claims  # registers every claim
-from .figures.catalogue import FIGURES, FigureSpec
+from .figures import FIGURES
 from .verdicts import VERDICTS, Finding, all_claims
 
 __all__ = ["Reproduction", "reproduce"]
@@ -131,10 +132,10 @@ def made(
     return {spec: one.reason.split(". ")[0] if isinstance(one, Failure) else one for spec, one in found.items()}
 
 
-def _draw_one(figure: FigureSpec, runs: Sequence[Run], path: Path) -> str:
+def _draw_one(figure: Figure, runs: Sequence[Run], path: Path) -> str:
     """Draw a figure; why it could not be drawn, or nothing."""
     try:
-        figure.draw(runs, path)
+        figure.write(path, *runs)
     except Exception as error:  # one figure must not cost the others
         path.unlink(missing_ok=True)
         return f"{type(error).__name__}: {error}"

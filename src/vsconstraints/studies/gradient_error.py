@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..figures import Sheet, logarithmic
 from ..reports.numbers import number, percent
 from ..runs.spec import RunSpec
 from ..scenarios import shipped_scenarios
+from .drawing import LOOKS, controller_entries, failed_marks, joined, scenario_panels, sentence_start
 from .laws import LAWS
-from .panels import LOOKS, Grid, failed_marks, line_handle, logarithmic, plot, scenario_title, sentence_start
-from .points import Measured, Numbers, Points, ended_early, greatest, grouped, under
+from .points import Measured, Numbers, Points, ended_early, greatest, grouped, through, under, where
 from .study import Study, StudyResult, begun
 from .summary import NOT_RUN, RunSummary, pixel_distance
 
@@ -96,37 +96,28 @@ class GradientErrors(Study):
             numbers |= under(found, point["scenario"], point["controller"], point["gradient_error"])
         return points, numbers, _sentences(points)
 
-    def draw(self, result: StudyResult, path: Path) -> None:
+    def figure(self, result: StudyResult) -> Sheet:
         """One column per scenario; rows as in :data:`ROWS`."""
-        scenarios = list(dict.fromkeys(point["scenario"] for point in result.points))
-        controllers = list(dict.fromkeys(point["controller"] for point in result.points))
-        with Grid(path, len(ROWS), len(scenarios), height=1.4, legend=0.36, left=0.9, gap=0.6) as grid:
-            grid.legend([line_handle(name) for name in controllers], 3)
-            for j, scenario in enumerate(scenarios):
-                own = [point for point in result.points if point["scenario"] == scenario]
-                for i, (column, label, linear_below) in enumerate(ROWS):
-                    ax = grid.axes[i][j]
-                    if linear_below is not None:
-                        logarithmic(ax.yaxis, linear_below=linear_below)
-                    for k, name in enumerate(controllers):
-                        theirs = [point for point in own if point["controller"] == name]
-                        _curve(ax, theirs, name, column, k)
-                    ax.set_xlim(-0.06, 1.14)
-                    _limits(ax, column)
-                    if j == 0:
-                        ax.set_ylabel(label)
-                    ax.tick_params(labelbottom=i == len(ROWS) - 1)
-                grid.axes[0][j].set_title(scenario_title(scenario))
-                grid.axes[-1][j].set_xlabel("gradient error cₑ")
-
-
-def _curve(ax: Any, points: list[dict[str, Any]], name: str, column: str, index: int) -> None:
-    through = [point for point in points if point["status"] not in ("failed", "aborted")]
-    look = LOOKS[name]
-    plot(ax, through, "gradient_error", column, look, markersize=4.5, alpha=0.9, linewidth=1.8 - 0.2 * index)
-    if column == ROWS[0][0]:
-        lost = [point["gradient_error"] for point in points if point["status"] in ("failed", "aborted")]
-        failed_marks(ax, [error + 0.035 * (index - 2) for error in lost], look.colour, 0.92)
+        controllers = list(grouped(result.points, "controller"))
+        sheet = Sheet(left=0.9)
+        sheet.legend(controller_entries(controllers))
+        labels = [label for _, label, _ in ROWS]
+        scenarios = list(grouped(result.points, "scenario"))
+        panels = scenario_panels(sheet, scenarios, labels, "gradient error cₑ", height=1.4, gap=0.6)
+        for (i, scenario), ax in panels.items():
+            column, _, linear_below = ROWS[i]
+            if linear_below is not None:
+                logarithmic(ax.yaxis, linear_below=linear_below)
+            for k, name in enumerate(controllers):
+                own, look = where(result.points, scenario=scenario, controller=name), LOOKS[name]
+                thin: dict[str, Any] = {"markersize": 4.5, "alpha": 0.9, "linewidth": 1.8 - 0.2 * k}
+                joined(ax, through(own), "gradient_error", column, look.colour, look.marker, **thin)
+                if i == 0:
+                    lost = [point["gradient_error"] + 0.035 * (k - 2) for point in filter(ended_early, own)]
+                    failed_marks(ax, lost, look.colour, 0.92)
+            ax.set_xlim(-0.06, 1.14)
+            _limits(ax, column)
+        return sheet
 
 
 def _limits(ax: Any, column: str) -> None:

@@ -6,16 +6,16 @@ import copy
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..figures import INK, REFERENCE, Sheet, line, logarithmic
 from ..reports.numbers import number
 from ..runs.spec import RunSpec
 from ..scenarios import Scenario
-from .panels import INK, REFERENCE, Grid, handle, logarithmic
-from .points import Measured, Numbers, Points, grouped, smallest_enough, under
+from .drawing import by_outcome, entry, joined, outcome_entries, scenario_panels
+from .points import Measured, Numbers, Points, grouped, smallest_enough, under, where
 from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
@@ -166,25 +166,20 @@ class NonStatic(Study):
         sentences.append(f"Of {len(above)} runs with u⁺ above the bound (12) of their speed, {kept} keep the boundary.")
         return points, numbers | under({"above_bound": len(above), "above_bound_kept": kept}), sentences
 
-    def draw(self, result: StudyResult, path: Path) -> None:
+    def figure(self, result: StudyResult) -> Sheet:
         """One column per obstacle; gains above, depths below."""
-        scenarios = list(dict.fromkeys(point["scenario"] for point in result.points))
-        with Grid(path, 2, len(scenarios), height=2.0, legend=0.45, left=0.8, gap=0.9) as grid:
-            for j, scenario in enumerate(scenarios):
-                own = [point for point in result.points if point["scenario"] == scenario]
-                _gains(grid.axes[0][j], own, scenario, result.numbers)
-                _depths(grid.axes[1][j], own, scenario)
-            marks = [handle(label, colour, marker, linestyle="none") for colour, marker, label in LOOK.values()]
-            grid.legend(
-                [
-                    *marks[: 3 if any(point["outcome"] == "failed" for point in result.points) else 2],
-                    handle("bound (12)", INK),
-                    handle("velocity known", "#0072B2", "o"),
-                    handle("velocity unknown", "#D55E00", "s"),
-                    handle("K times the speed", INK, linestyle=REFERENCE["linestyle"]),
-                ],
-                3,
-            )
+        scenarios = list(grouped(result.points, "scenario"))
+        known, unknown = entry("velocity known", "#0072B2", "o"), entry("velocity unknown", "#D55E00", "s")
+        marks = outcome_entries([*result.points, {"outcome": "kept"}, {"outcome": "violated"}], LOOK)
+        sheet = Sheet(left=0.8)
+        sheet.legend([*marks, entry("bound (12)", INK), known, unknown, line("K times the speed", **REFERENCE)])
+        below = "speed of the obstacle, relative to the scenario's"
+        panels = scenario_panels(sheet, scenarios, ("", ""), below, height=2.0, gap=0.9)
+        for scenario in scenarios:
+            own = where(result.points, scenario=scenario)
+            _gains(panels[0, scenario], own, scenario, result.numbers)
+            _depths(panels[1, scenario], own, scenario)
+        return sheet
 
 
 def _point(case: Case, run: RunSummary) -> dict[str, Any]:
@@ -219,20 +214,8 @@ def _findings(points: Points) -> dict[str, float]:
     }
 
 
-def _gains(ax: Any, points: list[dict[str, Any]], scenario: str, numbers: Numbers) -> None:
-    for name, (colour, marker, _) in LOOK.items():
-        own = [point for point in points if point["known"] and point["outcome"] == name]
-        ax.plot(
-            [point["speed"] for point in own],
-            [point["switching_gain"] for point in own],
-            linestyle="none",
-            marker=marker,
-            color=colour,
-            markersize=7.0,
-            markeredgecolor=INK if name != "failed" else colour,
-            markeredgewidth=0.5,
-            zorder=3,
-        )
+def _gains(ax: Any, points: Points, scenario: str, numbers: Numbers) -> None:
+    by_outcome(ax, where(points, known=True), "speed", "switching_gain", LOOK)
     speeds = sorted({point["speed"] for point in points})
     bounds = [numbers.get((scenario, speed, "bound_12"), math.nan) for speed in speeds]
     ax.plot(speeds, bounds, color=INK, linewidth=1.8, zorder=4)
@@ -240,24 +223,17 @@ def _gains(ax: Any, points: list[dict[str, Any]], scenario: str, numbers: Number
     ax.set_title(OBSTACLES[scenario].title)
     ax.set_ylabel(f"u⁺ [{'m/s' if OBSTACLES[scenario].unit == 'mm' else '1/s'}]")
     ax.set_xlim(*_widened(speeds))
-    ax.tick_params(labelbottom=False)
 
 
-def _depths(ax: Any, points: list[dict[str, Any]], scenario: str) -> None:
-    unknown = sorted((point for point in points if not point["known"]), key=lambda point: point["speed"])
-    for colour, marker, own in (
-        ("#D55E00", "s", unknown),
-        ("#0072B2", "o", [p for p in points if p["known"] and any(_same(p, other) for other in unknown)]),
-    ):
-        ax.plot([p["speed"] for p in own], [p["depth"] for p in own], color=colour, marker=marker, markersize=5.0)
-    ax.plot([0.0] + [p["speed"] for p in unknown], [0.0] + [p["depth_expected"] for p in unknown], **REFERENCE)
+def _depths(ax: Any, points: Points, scenario: str) -> None:
+    unknown = sorted(where(points, known=False), key=lambda point: point["speed"])
+    tried = {(point["speed"], point["switching_gain"]) for point in unknown}
+    known = [p for p in where(points, known=True) if (p["speed"], p["switching_gain"]) in tried]
+    joined(ax, unknown, "speed", "depth", "#D55E00", "s")
+    joined(ax, known, "speed", "depth", "#0072B2", "o")
+    joined(ax, [{"speed": 0.0, "depth_expected": 0.0}, *unknown], "speed", "depth_expected", INK, **REFERENCE)
     ax.set_xlim(*_widened([point["speed"] for point in points]))
-    ax.set_xlabel("speed of the obstacle, relative to the scenario's")
     ax.set_ylabel(f"depth of violation [{OBSTACLES[scenario].unit}]")
-
-
-def _same(point: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    return bool((point["speed"], point["switching_gain"]) == (other["speed"], other["switching_gain"]))
 
 
 def _widened(values: Sequence[float]) -> tuple[float, float]:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import product
-from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..figures import INK, Sheet, logarithmic
+from ..figures.image import symbol
 from ..reports.numbers import number, percent
 from ..runs.spec import SLIDING_MODE, ControllerSpec, RunSpec
+from .drawing import LOOKS, controller_entries, entry, scenario_panels, sentence_start
 from .laws import ACTIVE_QP, hierarchical_qp, potential_field, scaled_gains
-from .panels import INK, LOOKS, Grid, handle, line_handle, logarithmic, scenario_title, sentence_start
-from .points import Measured, Numbers, Points, grouped, under
+from .points import Measured, Numbers, Points, grouped, through, under, where
 from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
@@ -136,36 +137,31 @@ class Pareto(Study):
             )
         return points, numbers, sentences
 
-    def draw(self, result: StudyResult, path: Path) -> None:
+    def figure(self, result: StudyResult) -> Sheet:
         """One column per scenario; acceleration variation above, violation below."""
-        scenarios = list(dict.fromkeys(point["scenario"] for point in result.points))
-        controllers = list(dict.fromkeys(point["controller"] for point in result.points))
-        with Grid(path, 2, len(scenarios), height=2.1, legend=0.36, left=0.8, gap=0.75) as grid:
-            front_handle = handle("front", INK, linewidth=1.0)
-            grid.legend([*(line_handle(name) for name in controllers), front_handle], 3)
-            through = [p for p in result.points if p["status"] not in ("failed", "aborted")]
-            deepest = max((p["violation"] for p in through if math.isfinite(p["violation"])), default=0.0)
-            for j, scenario in enumerate(scenarios):
-                own = [p for p in through if p["scenario"] == scenario]
-                upper, lower = grid.axes[0][j], grid.axes[1][j]
-                _front_line(upper, [point for point in own if point["front"]])
-                for name in controllers:
-                    theirs = [point for point in own if point["controller"] == name]
-                    _line(upper, theirs, "acceleration_variation", name)
-                    _line(lower, theirs, "violation", name)
-                logarithmic(upper.yaxis)
-                logarithmic(lower.yaxis, linear_below=0.01)
-                greatest = max((_shown(point) for point in own), default=1.0)
-                for ax in (upper, lower):
-                    logarithmic(ax.xaxis, ())
-                    ax.set_xlim(1.5 * greatest, 0.7 * LEAST_UNUSED)
-                    ax.set_xticks([LEAST_UNUSED, 0.01, 0.1, 1.0, 10.0], ["≤ 0.001", "0.01", "0.1", "1", "10"])
-                upper.tick_params(labelbottom=False)
-                lower.set_ylim(-0.002, max(2.0 * deepest, 1.0))
-                upper.set_title(scenario_title(scenario))
-                lower.set_xlabel("allowed space left unused [%] (less →)")
-            grid.axes[0][0].set_ylabel("acceleration variation\n[rad/s³]")
-            grid.axes[1][0].set_ylabel("depth of violation\n[% of L]")
+        scenarios, controllers = list(grouped(result.points, "scenario")), list(grouped(result.points, "controller"))
+        carried = through(result.points)
+        deepest = max((p["violation"] for p in carried if math.isfinite(p["violation"])), default=0.0)
+        sheet = Sheet(left=0.8)
+        sheet.legend([*controller_entries(controllers), entry("front", INK, linewidth=1.0)])
+        measures = ("acceleration variation\n[rad/s³]", "depth of violation\n[% of L]")
+        below = "allowed space left unused [%] (less →)"
+        panels = scenario_panels(sheet, scenarios, measures, below, height=2.1, gap=0.75)
+        for scenario in scenarios:
+            own = where(carried, scenario=scenario)
+            upper, lower = panels[0, scenario], panels[1, scenario]
+            _front_line(upper, where(own, front=True))
+            for name in controllers:
+                _line(upper, where(own, controller=name), "acceleration_variation", name)
+                _line(lower, where(own, controller=name), "violation", name)
+            logarithmic(upper.yaxis)
+            logarithmic(lower.yaxis, linear_below=0.01)
+            lower.set_ylim(-0.002, max(2.0 * deepest, 1.0))
+            for ax in (upper, lower):
+                logarithmic(ax.xaxis, ())
+                ax.set_xlim(1.5 * max((_shown(point) for point in own), default=1.0), 0.7 * LEAST_UNUSED)
+                ax.set_xticks([LEAST_UNUSED, 0.01, 0.1, 1.0, 10.0], ["≤ 0.001", "0.01", "0.1", "1", "10"])
+        return sheet
 
 
 def front(points: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -209,39 +205,25 @@ def _shown(point: Mapping[str, Any]) -> float:
     return max(float(point["unused"]), LEAST_UNUSED)
 
 
-def _line(ax: Any, points: Sequence[Mapping[str, Any]], column: str, name: str) -> None:
+def _line(ax: Any, points: Points, column: str, name: str) -> None:
+    """A line for each strength, and markers that are hollow where a boundary is not kept."""
     look = LOOKS[name]
     own = [p for p in points if math.isfinite(p["unused"]) and math.isfinite(p[column])]
+    # the strength of laws without one is NaN, which is not equal to itself
     for strength in dict.fromkeys(None if math.isnan(p["strength"]) else p["strength"] for p in own):
-        some = [p for p in own if strength is None or p["strength"] == strength]
+        some = own if strength is None else where(own, strength=strength)
         line = {"color": look.colour, "linewidth": 1.0, "alpha": 0.7, "zorder": 2.5}
         ax.plot([_shown(p) for p in some], [p[column] for p in some], **line)
-    for hollow in (False, True):
+    for face, hollow in ((look.colour, False), ("white", True)):
         some = [p for p in own if bool(p["not_kept"]) == hollow]
-        ax.plot(
-            [_shown(p) for p in some],
-            [p[column] for p in some],
-            linestyle="none",
-            marker=look.marker,
-            markersize=5.0,
-            markerfacecolor="white" if hollow else look.colour,
-            markeredgecolor=look.colour,
-            markeredgewidth=1.2,
-            clip_on=False,
-            zorder=3,
-        )
+        mark = symbol(look.marker, face, look.colour, 5.0) | {"markeredgewidth": 1.2}
+        ax.plot([_shown(p) for p in some], [p[column] for p in some], **mark, clip_on=False, zorder=3)
 
 
-def _front_line(ax: Any, points: Sequence[Mapping[str, Any]]) -> None:
+def _front_line(ax: Any, points: Points) -> None:
     best = sorted(points, key=lambda point: point["unused"])
-    ax.step(
-        [_shown(p) for p in best],
-        [p["acceleration_variation"] for p in best],
-        where="post",
-        color=INK,
-        linewidth=1.0,
-        zorder=2,
-    )
+    line: dict[str, Any] = {"where": "post", "color": INK, "linewidth": 1.0, "zorder": 2}
+    ax.step([_shown(p) for p in best], [p["acceleration_variation"] for p in best], **line)
 
 
 def _least(clean: Points, every: Points) -> str:

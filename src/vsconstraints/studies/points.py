@@ -28,6 +28,16 @@ def grouped(points: Iterable[dict[str, Any]], *columns: str) -> dict[Any, Points
     return found
 
 
+def where(points: Iterable[dict[str, Any]], **values: Any) -> Points:
+    """Points whose columns have these values."""
+    return [point for point in points if all(point[column] == value for column, value in values.items())]
+
+
+def through(points: Iterable[dict[str, Any]]) -> Points:
+    """Points of runs that went on to their end."""
+    return [point for point in points if not ended_early(point)]
+
+
 def under(found: Mapping[str, float], *of: str | float) -> Numbers:
     """Numbers by name as those of something."""
     return {(*of, name): float(value) for name, value in found.items()}

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..reports.figures.sheet import STYLE, WIDTH, Sheet, style
+from ..figures import INK, WIDTH, Sheet
+from ..figures.style import FAINT
 from ..reports.numbers import DASH, number
 from ..runs.spec import RunSpec
 from ..scenarios import Scenario
 from .laws import LAWS
-from .points import Measured, Numbers, ended_early, greatest, grouped, under
+from .points import Measured, Numbers, Points, ended_early, greatest, grouped, through, under, where
 from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
@@ -109,36 +109,35 @@ class Robustness(Study):
         sentences.append(f"The boundary lies {number(numbers['margin',])} % of L inside the image.")
         return points, numbers, sentences
 
-    def draw(self, result: StudyResult, path: Path) -> None:
+    def figure(self, result: StudyResult) -> Sheet:
         """A table of cells: one row per disturbance and level, one column per controller, the final errors beside."""
         cases = list(dict.fromkeys((point["disturbance"], point["level"]) for point in result.points))
-        controllers = list(dict.fromkeys(point["controller"] for point in result.points))
-        left, right, top, cell = 2.35, 1.15, 0.62, 0.25
-        with style({**STYLE, "axes.grid": False}):
-            sheet = Sheet(top + cell * len(cases) + 0.1)
-            ax = sheet.axes(left, top, WIDTH - left - right, cell * len(cases))
-            ax.set_xlim(-0.5, len(controllers) - 0.5)
-            ax.set_ylim(len(cases) - 0.5, -0.5)
-            last = ""
-            for i, (disturbance, level) in enumerate(cases):
-                own = [p for p in result.points if (p["disturbance"], p["level"]) == (disturbance, level)]
-                for point in own:
-                    _cell(ax, controllers.index(point["controller"]), i, point)
-                middle = top + (i + 0.5) * cell
-                if disturbance != last:
-                    sheet.text(0.1, middle, "no disturbance" if disturbance == "none" else disturbance, va="center")
-                    if i:
-                        ax.axhline(i - 0.5, color="#444444", linewidth=0.7)
-                sheet.text(left - 0.1, middle, level, va="center", ha="right")
-                sheet.text(WIDTH - right + 0.1, middle, _span(own), va="center")
-                last = disturbance
-            ax.set_yticks([])
-            ax.xaxis.tick_top()
-            ax.set_xticks(range(len(controllers)), [_two_lines(name) for name in controllers])
-            ax.tick_params(length=0.0)
-            sheet.text(0.1, top - 0.1, "depth of violation [% of L]", va="bottom", fontweight="bold")
-            sheet.text(WIDTH - right + 0.1, top - 0.1, "final error\n[mm]", va="bottom")
-            sheet.save(path)
+        controllers = list(grouped(result.points, "controller"))
+        sheet = Sheet(left=2.35, right=1.15)
+        (ax,) = sheet.panels(1, height=0.25 * len(cases), above=0.54)
+        ax.set_xlim(-0.5, len(controllers) - 0.5)
+        ax.set_ylim(len(cases) - 0.5, -0.5)
+        beside = len(controllers) - 0.4
+        last = ""
+        for i, (disturbance, level) in enumerate(cases):
+            own = where(result.points, disturbance=disturbance, level=level)
+            for point in own:
+                _cell(ax, controllers.index(point["controller"]), i, point)
+            if disturbance != last:
+                sheet.name(ax, "no disturbance" if disturbance == "none" else disturbance, 1.0 - (i + 0.5) / len(cases))
+                ax.axhline(i - 0.5, color=FAINT, linewidth=0.7)
+            ax.text(-0.55, i, level, va="center", ha="right")
+            ax.text(beside, i, _span(own), va="center")
+            last = disturbance
+        ax.grid(False)
+        ax.set_yticks([])
+        ax.xaxis.tick_top()
+        ax.set_xticks(range(len(controllers)), [_two_lines(name) for name in controllers])
+        ax.tick_params(length=0.0)
+        sheet.text(0.08, 0.52, "depth of violation [% of L]", va="bottom", fontweight="bold")
+        sheet.at -= 0.35
+        sheet.text(WIDTH - 1.05, 0.52, "final error\n[mm]", va="bottom")
+        return sheet
 
 
 def _level(settings: Mapping[str, Any]) -> str:
@@ -153,7 +152,7 @@ def _two_lines(name: str) -> str:
 
 
 def _cell(ax: Any, x: int, y: int, point: Mapping[str, Any]) -> None:
-    lost = point["status"] in ("failed", "aborted")
+    lost = ended_early(point)
     depth = point["violation"]
     share = 0.0
     if depth > 0.0:
@@ -161,12 +160,12 @@ def _cell(ax: Any, x: int, y: int, point: Mapping[str, Any]) -> None:
     colour = "#9A9A9A" if lost else _shade(share)
     ax.fill_between([x - 0.5, x + 0.5], y - 0.5, y + 0.5, color=colour, linewidth=0.0)
     text = point["status"] if lost else number(depth) if depth > 0.0 else DASH
-    ax.text(x, y, text, ha="center", va="center", color="white" if share > 0.6 or lost else "#222222")
+    ax.text(x, y, text, ha="center", va="center", color="white" if share > 0.6 or lost else INK)
 
 
-def _span(points: Sequence[Mapping[str, Any]]) -> str:
+def _span(points: Points) -> str:
     """Final errors from the least to the greatest [mm]."""
-    values = [p["final_translation_error_mm"] for p in points if p["status"] not in ("failed", "aborted")]
+    values = [p["final_translation_error_mm"] for p in through(points)]
     if not values:
         return DASH
     low, high = _short(min(values)), _short(max(values))

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..figures import INK, REFERENCE, Sheet, line, logarithmic
 from ..reports.numbers import number
 from ..runs.spec import RunSpec
-from .panels import INK, REFERENCE, Grid, handle, logarithmic
-from .points import Measured, Numbers, Points, greatest, grouped, under
+from .drawing import entry, joined, scenario_title
+from .points import Measured, Numbers, Points, greatest, grouped, under, where
 from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
@@ -118,51 +118,44 @@ class SamplingTime(Study):
             )
         return points, numbers, sentences
 
-    def draw(self, result: StudyResult, path: Path) -> None:
+    def figure(self, result: StudyResult) -> Sheet:
         """Band, overshoot by row, samples in a row."""
-        rows = list(dict.fromkeys(point["row"] for point in result.points if point["row"]))
+        rows = [row for row in list(grouped(result.points, "row")) if row]
+        runs = {scenario: where(result.points, scenario=scenario, row="") for scenario in BAND_SCENARIOS}
+        runs = {scenario: own for scenario, own in runs.items() if own}
         looks = dict(zip(rows, zip(ROW_COLOURS, MARKERS, strict=True), strict=False))
-        with Grid(path, 1, 3, height=2.3, legend=0.75, left=0.65, gap=0.62) as grid:
-            band, over, samples = grid.axes[0]
-            handles = []
-            for scenario, (colour, marker) in BAND_SCENARIOS.items():
-                own = [p for p in result.points if p["scenario"] == scenario and not p["row"]]
-                if own:
-                    _line(band, own, "band", color=colour, marker=marker)
-                    _line(band, own, "bound_43", color=colour, linestyle=REFERENCE["linestyle"], linewidth=1.1)
-                    _line(band, own, "band_expected", color=colour, linestyle=":", linewidth=1.4)
-                    _line(samples, own, "longest_run", color=colour, marker=marker)
-                    gain = own[0]["bound_43"] / own[0]["Ts_ms"] * 1e3
-                    name = "first example" + (", fast" if "fast" in scenario else "")
-                    handles.append(handle(f"{name}, u⁺ = {gain:.3g} /s", colour, marker))
-            for row, (colour, marker) in looks.items():
-                own = [p for p in result.points if p["row"] == row]
-                _line(over, own, "relative_overshoot", color=colour, marker=marker, markersize=4.5)
-                _line(samples, own, "longest_run", color=colour, marker=marker, markersize=4.5)
-                handles.append(handle(row, colour, marker))
-            handles.append(handle("Tₛ u⁺ (43)", INK, linestyle=REFERENCE["linestyle"], linewidth=1.1))
-            handles.append(handle("Tₛ (u⁺ + push of tracking)", INK, linestyle=":"))
-            grid.legend(handles, 3)
-            over.axhline(1.0, **REFERENCE)
-            for ax, ticks in (
-                (band, (1, 2.5, 5, 10, 20, 40)),
-                (over, (1, 2, 4, 8, 16)),
-                (samples, (1, 2.5, 5, 10, 20, 40)),
-            ):
-                logarithmic(ax.xaxis, ticks)
-                ax.set_xlabel("sampling time Tₛ [ms]")
-            logarithmic(band.yaxis)
-            logarithmic(samples.yaxis, (1, 2, 5, 10, 20))
-            over.set_ylim(bottom=0.0)
-            band.set_title("band of φ while sliding")
-            over.set_title("case study: greatest φ / (Tₛ u⁺)")
-            samples.set_title("samples in a row with φ ≥ 0")
-
-
-def _line(ax: Any, points: list[dict[str, Any]], column: str, **options: Any) -> None:
-    pairs = [(p["Ts_ms"], p[column]) for p in points if math.isfinite(p[column])]
-    if pairs:
-        ax.plot(*zip(*pairs, strict=True), **{"linewidth": 1.4, "markersize": 5.0, **options})
+        entries = []
+        for scenario, own in runs.items():
+            gain = own[0]["bound_43"] / own[0]["Ts_ms"] * 1e3
+            entries.append(entry(f"{scenario_title(scenario)}, u⁺ = {gain:.3g} /s", *BAND_SCENARIOS[scenario]))
+        entries += [entry(row, *look) for row, look in looks.items()]
+        entries += [line("Tₛ u⁺ (43)", **REFERENCE), entry("Tₛ (u⁺ + push of tracking)", INK, linestyle=":")]
+        sheet = Sheet(left=0.65)
+        sheet.legend(entries)
+        sheet.at += 0.15
+        band, over, samples = sheet.panels(3, 3, height=2.3, gap=0.62, labels=("sampling time Tₛ [ms]", ""))
+        for scenario, own in runs.items():
+            colour, marker = BAND_SCENARIOS[scenario]
+            joined(band, own, "Ts_ms", "band", colour, marker)
+            joined(band, own, "Ts_ms", "bound_43", colour, **REFERENCE | {"color": colour})
+            joined(band, own, "Ts_ms", "band_expected", colour, linestyle=":")
+            joined(samples, own, "Ts_ms", "longest_run", colour, marker)
+        for row, look in looks.items():
+            own = where(result.points, row=row)
+            joined(over, own, "Ts_ms", "relative_overshoot", *look, markersize=4.5)
+            joined(samples, own, "Ts_ms", "longest_run", *look, markersize=4.5)
+        over.axhline(1.0, **REFERENCE)
+        for ax, title, ticks in (
+            (band, "band of φ while sliding", (1, 2.5, 5, 10, 20, 40)),
+            (over, "case study: greatest φ / (Tₛ u⁺)", (1, 2, 4, 8, 16)),
+            (samples, "samples in a row with φ ≥ 0", (1, 2.5, 5, 10, 20, 40)),
+        ):
+            logarithmic(ax.xaxis, ticks)
+            ax.set_title(title)
+        logarithmic(band.yaxis)
+        logarithmic(samples.yaxis, (1, 2, 5, 10, 20))
+        over.set_ylim(bottom=0.0)
+        return sheet
 
 
 def _row_point(row: Mapping[str, Any], Ts: float) -> dict[str, Any]:

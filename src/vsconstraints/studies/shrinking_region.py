@@ -5,26 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..figures import REFERENCE, Sheet, line, logarithmic
 from ..reports.numbers import number
 from ..runs.spec import RunSpec
+from .drawing import LOOKS, controller_entries, failed_marks, joined, scenario_panels, sentence_start
 from .laws import potential_field
-from .panels import (
-    LOOKS,
-    REFERENCE,
-    SHADE,
-    Grid,
-    failed_marks,
-    handle,
-    line_handle,
-    logarithmic,
-    plot,
-    scenario_title,
-    sentence_start,
-)
-from .points import Measured, Numbers, Points, ended_early, grouped, under
+from .points import Measured, Numbers, Points, ended_early, grouped, through, under, where
 from .study import Study, StudyResult, begun
 from .summary import NOT_RUN, RunSummary, clearance_distance, joint_distance
 
@@ -115,23 +103,20 @@ class ShrinkingRegion(Study):
             sentences.append(f"Half the sampling time moves the sliding-mode law itself by {number(floor)} rad there.")
         return points, numbers, sentences
 
-    def draw(self, result: StudyResult, path: Path) -> None:
+    def figure(self, result: StudyResult) -> Sheet:
         """One column per scenario; rows as in :data:`ROWS`."""
-        scenarios = list(dict.fromkeys(point["scenario"] for point in result.points))
-        with Grid(path, len(ROWS), len(scenarios), height=1.45, legend=0.18, left=0.95, gap=0.75) as grid:
-            names = [potential_field(blend).name for blend in BLENDS]
-            reference = handle("sliding-mode", **_reference())
-            grid.legend([*(line_handle(name) for name in names), reference], 3)
-            for j, scenario in enumerate(scenarios):
-                own = [point for point in result.points if point["scenario"] == scenario]
-                for i, (column, label) in enumerate(ROWS):
-                    ax = grid.axes[i][j]
-                    _panel(ax, own, column)
-                    if j == 0:
-                        ax.set_ylabel(label)
-                    ax.tick_params(labelbottom=i == len(ROWS) - 1)
-                grid.axes[0][j].set_title(scenario_title(scenario))
-                grid.axes[-1][j].set_xlabel("region δ, relative to the allowed range (smaller →)")
+        sheet = Sheet(left=0.95)
+        names = [potential_field(blend).name for blend in BLENDS]
+        sheet.legend([*controller_entries(names), line("sliding-mode", **REFERENCE)])
+        labels = [label for _, label in ROWS]
+        scenarios, below = (
+            list(grouped(result.points, "scenario")),
+            "region δ, relative to the allowed range (smaller →)",
+        )
+        panels = scenario_panels(sheet, scenarios, labels, below, height=1.45, gap=0.75)
+        for (i, scenario), ax in panels.items():
+            _panel(ax, where(result.points, scenario=scenario), ROWS[i][0])
+        return sheet
 
 
 def _step(run: RunSummary) -> float:
@@ -140,26 +125,19 @@ def _step(run: RunSummary) -> float:
     return max(steps, default=math.nan)
 
 
-def _reference() -> dict[str, Any]:
-    return {"colour": str(REFERENCE["color"]), "linestyle": REFERENCE["linestyle"], "linewidth": 1.1}
-
-
-def _panel(ax: Any, points: list[dict[str, Any]], column: str) -> None:
-    step = next((p["step"] for p in points if p["law"] == "sliding-mode"), math.nan)
+def _panel(ax: Any, points: Points, column: str) -> None:
+    step = next((p["step"] for p in where(points, law="sliding-mode")), math.nan)
     if math.isfinite(step):
-        ax.axvspan(step, 1e-9, color=SHADE, linewidth=0.0, zorder=0.5)
-    reference = next(
-        (p[column] for p in points if p["law"] == ("halved" if column == "joint_distance" else "sliding-mode")),
-        math.nan,
-    )
+        ax.axvspan(step, 1e-9, color="#F6F0DC", linewidth=0.0, zorder=0.5)
+    itself = "halved" if column == "joint_distance" else "sliding-mode"
+    reference = next((p[column] for p in where(points, law=itself)), math.nan)
     if math.isfinite(reference):
         ax.axhline(reference, **REFERENCE, zorder=2)
     for blend in BLENDS:
-        look = LOOKS[potential_field(blend).name]
-        own = [point for point in points if point["law"] == blend]
-        plot(ax, [point for point in own if point["status"] not in ("failed", "aborted")], "region", column, look)
+        own, look = where(points, law=blend), LOOKS[potential_field(blend).name]
+        joined(ax, through(own), "region", column, look.colour, look.marker)
         if column == ROWS[0][0]:
-            failed_marks(ax, [p["region"] for p in own if p["status"] in ("failed", "aborted")], look.colour, 0.93)
+            failed_marks(ax, [p["region"] for p in filter(ended_early, own)], look.colour, 0.93)
     logarithmic(ax.xaxis, (1e-4, 1e-3, 1e-2, 1e-1))
     logarithmic(ax.yaxis, linear_below=1.0 if column == "switching_rate" else None)
     ax.set_xlim(0.8, 0.6e-4)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+from ..figures import Figure, Sheet
 from ..runs.spec import RunSpec
 from .points import Measured, Numbers
 from .summary import RunSummary
@@ -45,7 +46,7 @@ class StudyResult:
 class Study(ABC):
     """A question, the runs that answer it, and one figure.
 
-    A new study gives the attributes below, :meth:`runs`, :meth:`measure` and :meth:`draw`, and a line in
+    A new study gives the attributes below, :meth:`runs`, :meth:`measure` and :meth:`figure`, and a line in
     :data:`vsconstraints.studies.STUDIES`.
 
     Attributes
@@ -75,9 +76,13 @@ class Study(ABC):
     def measure(self, results: Mapping[Any, RunSummary]) -> Measured:
         """The points, numbers and sentences of :class:`StudyResult`; runs that failed are in ``results`` as such."""
 
-    @abstractmethod
+    def figure(self, result: StudyResult) -> Sheet:
+        """The figure, drawn from the result's points."""
+        raise NotImplementedError(f"{type(self).__name__} has neither figure nor draw")
+
     def draw(self, result: StudyResult, path: Path) -> None:
-        """Draw the figure from the result's points and write it as PNG."""
+        """Draw the figure and write it as PNG."""
+        Figure(self.name, self.title, self.figure_caption, self.figure).write(path, result)
 
     def evaluate(self, results: Mapping[Any, RunSummary]) -> StudyResult:
         """What the runs say.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..figures import INK, Sheet, logarithmic
 from ..reports.numbers import number
 from ..runs.spec import RunSpec
-from .panels import INK, Grid, handle, logarithmic
-from .points import Measured, Numbers, Points, greatest, grouped, smallest_enough, under
+from .drawing import by_outcome, entry, outcome_entries
+from .points import Measured, Numbers, Points, greatest, grouped, smallest_enough, under, where
 from .study import Study, StudyResult, begun
 from .summary import RunSummary
 
@@ -108,42 +108,26 @@ class SwitchingGain(Study):
         )
         return points, numbers | under(count), sentences
 
-    def draw(self, result: StudyResult, path: Path) -> None:
+    def figure(self, result: StudyResult) -> Sheet:
         """Switching gain against speed; one marker per run, coloured by its outcome."""
-        with Grid(path, 1, 1, height=3.5, legend=0.6, left=0.8) as grid:
-            ax = grid.axes[0][0]
-            shown = [name for name in LOOK if any(point["outcome"] == name for point in result.points)]
-            for name in shown:
-                colour, marker, _ = LOOK[name]
-                own = [point for point in result.points if point["outcome"] == name]
-                ax.plot(
-                    [point["Kp0"] for point in own],
-                    [point["switching_gain"] for point in own],
-                    linestyle="none",
-                    marker=marker,
-                    color=colour,
-                    markersize=8.0,
-                    markeredgecolor=INK if name != "failed" else colour,
-                    markeredgewidth=0.5,
-                    zorder=3,
-                )
-            lines = {
-                "bound_12": ("-", "bound (12)"),
-                "bound_sampled": ((0, (4, 2)), "what is needed to be back after one sample"),
-            }
-            speeds = sorted({point["Kp0"] for point in result.points})
-            for column, (line, _) in lines.items():
-                values = [_bound([p for p in result.points if p["Kp0"] == Kp0], column) for Kp0 in speeds]
-                ax.plot(speeds, values, color=INK, linestyle=line, linewidth=1.8, zorder=4)
-            logarithmic(ax.xaxis, speeds)
-            logarithmic(ax.yaxis, (2.5, 5, 10, 20, 40, 80, 160))
-            ax.set_xlim(0.88 * speeds[0], 1.14 * speeds[-1])
-            ax.set_xlabel("gain at zero error Kₚ(0) [1/s²]: faster motion →")
-            ax.set_ylabel("switching gain u⁺ [1/s]")
-            handles = [
-                handle(LOOK[name][2], LOOK[name][0], LOOK[name][1], linestyle="none", markersize=7.0) for name in shown
-            ]
-            grid.legend([*handles, *(handle(text, INK, linestyle=line) for line, text in lines.values())], 2)
+        bounds = {
+            "bound_12": entry("bound (12)", INK),
+            "bound_sampled": entry("what is needed to be back after one sample", INK, linestyle=(0, (4, 2))),
+        }
+        sheet = Sheet(left=0.8)
+        sheet.legend([*outcome_entries(result.points, LOOK), *bounds.values()], 2)
+        (ax,) = sheet.panels(1, height=3.5)
+        by_outcome(ax, result.points, "Kp0", "switching_gain", LOOK)
+        speeds = sorted({point["Kp0"] for point in result.points})
+        for column, look in bounds.items():
+            values = [_bound(where(result.points, Kp0=Kp0), column) for Kp0 in speeds]
+            ax.plot(speeds, values, color=INK, linestyle=look["linestyle"], linewidth=1.8, zorder=4)
+        logarithmic(ax.xaxis, speeds)
+        logarithmic(ax.yaxis, (2.5, 5, 10, 20, 40, 80, 160))
+        ax.set_xlim(0.88 * speeds[0], 1.14 * speeds[-1])
+        ax.set_xlabel("gain at zero error Kₚ(0) [1/s²]: faster motion →")
+        ax.set_ylabel("switching gain u⁺ [1/s]")
+        return sheet
 
 
 def _point(case: Case, run: RunSummary) -> dict[str, Any]:

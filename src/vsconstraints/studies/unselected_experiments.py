@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..figures import REFERENCE, Sheet, logarithmic
 from ..reports.numbers import median
 from ..runs.spec import RunSpec
 from ..simulation.disturbances import GRADIENT_SIGNS
+from .drawing import entry, scenario_title, sentence_start
 from .experiment_scenes import EXPERIMENTS, Experiment, kept_scenes
-from .panels import REFERENCE, Grid, handle, logarithmic, scenario_title, sentence_start
-from .points import Measured, Numbers, Points, grouped, under
+from .points import Measured, Numbers, Points, grouped, under, where
 from .study import Study, StudyResult
 from .summary import NOT_RUN, RunSummary, pixel_distance, speed_difference
 
@@ -126,24 +127,27 @@ class UnselectedExperiments(Study):
             sentences += _sentences(experiment, counts, +rejected)
         return points, numbers, sentences
 
-    def draw(self, result: StudyResult, path: Path) -> None:
+    def figure(self, result: StudyResult) -> Sheet:
         """One row per experiment; one panel per measure, a line per case."""
-        present = [case for case in LOOKS if any(point["case"] == case for point in result.points)]
-        with Grid(path, len(EXPERIMENTS), len(PANELS), height=1.7, legend=0.2, left=0.95, gap=0.4, below=0.7) as grid:
-            grid.legend([handle(LOOKS[c][2], LOOKS[c][0], linestyle=LOOKS[c][1]) for c in present], 3)
-            for i, experiment in enumerate(EXPERIMENTS):
-                own = [p for p in result.points if p["scenario"] == experiment.scenario and not p["rejected"]]
-                for ax, (column, label, ticks, wanted) in zip(grid.axes[i], PANELS, strict=True):
-                    for case in present:
-                        _distribution(ax, [p for p in own if p["case"] == case], column, case)
-                    ax.axvline(wanted, **REFERENCE, zorder=2)
-                    logarithmic(ax.xaxis, ticks, 1.0 if column == "clearance_share" else None)
-                    ax.set_xlim(ticks[0], ticks[-1])
-                    ax.set_ylim(-3.0, 103.0)
-                    ax.tick_params(labelbottom=i == len(EXPERIMENTS) - 1, labelleft=ax is grid.axes[i][0])
-                    if i == len(EXPERIMENTS) - 1:
-                        ax.set_xlabel(label)
-                grid.axes[i][0].set_ylabel(f"{scenario_title(experiment.scenario)}\nscenes with less [%]")
+        present = {case: look for case, look in LOOKS.items() if where(result.points, case=case)}
+        sheet = Sheet(left=0.95)
+        sheet.legend([entry(label, colour, linestyle=dash) for colour, dash, label in present.values()])
+        panels = sheet.panels(len(EXPERIMENTS) * len(PANELS), len(PANELS), height=1.7, gap=0.4, same_y=True)
+        sheet.at += 0.15
+        kinds = product(EXPERIMENTS, PANELS)
+        for i, (ax, (experiment, (column, label, ticks, wanted))) in enumerate(zip(panels, kinds, strict=True)):
+            own = where(result.points, scenario=experiment.scenario, rejected="")
+            for case in present:
+                _distribution(ax, where(own, case=case), column, case)
+            ax.axvline(wanted, **REFERENCE, zorder=2)
+            logarithmic(ax.xaxis, ticks, 1.0 if column == "clearance_share" else None)
+            ax.set_xlim(ticks[0], ticks[-1])
+            ax.set_ylim(-3.0, 103.0)
+            if i % len(PANELS) == 0:
+                ax.set_ylabel(f"{scenario_title(experiment.scenario)}\nscenes with less [%]")
+            if i >= len(panels) - len(PANELS):
+                ax.set_xlabel(label)
+        return sheet
 
 
 def why_not(experiment: Experiment, exact: RunSummary) -> str:
@@ -203,7 +207,7 @@ def counted(points: Points) -> dict[str, dict[str, float]]:
     return found
 
 
-def _distribution(ax: Any, points: Sequence[Mapping[str, Any]], column: str, case: str) -> None:
+def _distribution(ax: Any, points: Points, column: str, case: str) -> None:
     colour, line, _ = LOOKS[case]
     drawn = [p[column] for p in points if p["scene"] != SHIPPED]
     values = np.sort([value if math.isfinite(value) else math.inf for value in drawn])

@@ -1,1 +1,60 @@
-"""Figures of a report. Only these modules import matplotlib."""
+"""Figures of a report: one that shows a whole comparison, and the table of those of each scenario."""
+
+from ...figures import Figure
+from .acceleration import draw_acceleration
+from .errors import draw_errors
+from .phi import draw_phi
+from .tracks import draw_tracks
+from .trade_off import draw_trade_off
+from .view import View
+
+__all__ = ["FIGURES", "OVERVIEW", "View"]
+
+OVERVIEW = Figure(
+    "trade-off",
+    "utilization against acceleration variation",
+    "Each small marker is one run that converged: how much of the allowed space it used where rows held it back, "
+    "and how much its command chattered. The lower right corner is best. Large markers are the means. Hollow: a "
+    "row was violated in the run, or for a mean in at least one of its runs.",
+    draw_trade_off,
+)
+"""Drawn from :class:`~vsconstraints.reports.results.Results`."""
+
+FIGURES = (
+    Figure(
+        "tracks",
+        "the markers' tracks",
+        "Tracks of the markers in the image.",
+        draw_tracks,
+        reading="**Tracks**: what is far outside the image is cut off. The square is shown enlarged in the same panel: "
+        "it is where a controller is deepest outside by less than 5 % of the image or, if none is, where the first one "
+        "is nearest to a boundary.",
+    ),
+    Figure(
+        "phi",
+        "φ",
+        "φ of the rows that matter, and when each row holds the arm back.",
+        draw_phi,
+        reading="**φ** is drawn relative to one switching step T_s u⁺, linear up to ±2 and logarithmic beyond; lines "
+        "show the greatest value in short windows, shades the range. Allowed is below 0; the yellow band is ± one "
+        "step. The bars below show when each row holds the arm back, short gaps closed. Rows are shown that are "
+        "challenged or violated, and bars for rows that act.",
+    ),
+    Figure(
+        "errors",
+        "the errors",
+        "Errors over time.",
+        draw_errors,
+        reading="**Errors** are drawn on a logarithmic axis. Where lines coincide, the later ones lie as thinner lines "
+        "on the earlier ones.",
+    ),
+    Figure(
+        "acceleration",
+        "the commanded acceleration",
+        "Commanded joint acceleration.",
+        draw_acceleration,
+        reading="**Commanded acceleration**: mean (lines) and range (shades) in short windows, linear up to ±1 rad/s² "
+        "and logarithmic beyond, with the same axis for all controllers.",
+    ),
+)
+"""Of each scenario, in the order in which a report shows them; drawn from a :class:`View`."""

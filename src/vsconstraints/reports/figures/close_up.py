@@ -10,6 +10,7 @@ import numpy as np
 
 from ...comparisons import RunRecord
 from ...comparisons.metrics import NEGLIGIBLE
+from ...figures.image import Plane
 from ...rows import Array
 from .view import View
 
@@ -44,40 +45,39 @@ class CloseUp:
     def place(self, ax: Any) -> Any:
         """Axes of the close-up within a panel."""
         inset = ax.inset_axes((*self.corner, INSET, INSET), zorder=9)
-        inset.set_xlim(self.centre[0] - self.half, self.centre[0] + self.half)
-        inset.set_ylim(self.centre[1] + self.half, self.centre[1] - self.half)
         inset.set_xticks([])
         inset.set_yticks([])
-        inset.grid(False)
         return inset
 
 
-def marker_of(label: str) -> int | None:
-    """Index of the marker that a row of an image constraint is about, from its label."""
-    digits = label.rpartition("marker ")[2].rstrip("]")
-    return int(digits) - 1 if digits.isdecimal() else None
+def rows_in_image(run: RunRecord) -> list[tuple[int, int]]:
+    """Index of each row that is about a marker's place in the image, and of its marker."""
+    found, count = [], run.trajectory.features_px.shape[1]
+    for i, (label, unit) in enumerate(zip(run.trajectory.labels, run.units, strict=True)):
+        digits = label.rpartition("marker ")[2].rstrip("]")
+        if unit == "px" and digits.isdecimal() and int(digits) <= count:
+            found.append((i, int(digits) - 1))
+    return found
 
 
-def close_up(view: View, size: tuple[float, float], half_size: Array) -> CloseUp | None:
+def close_up(view: View, plane: Plane) -> CloseUp | None:
     """The same close-up for all panels, or None where no row in the image matters.
 
     Around the deepest violation of a competitor if there is one; otherwise where the first
     controller that acts on such a row comes nearest to its boundary.
     """
-    found = _deepest(view, DEEP * max(size)) or _nearest(view)
+    size = max(plane.size)
+    found = _deepest(view, DEEP * size) or _nearest(view)
     if found is None:
         return None
     centre, depth = found
-    half = max(SHARE * max(size), 1.6 * depth)
     tracks = np.concatenate([view.runs[name].trajectory.features_px.reshape(-1, 2) for name in view.competitors])
-    return CloseUp(centre, half, _free_corner(tracks, centre, half_size))
+    return CloseUp(centre, max(SHARE * size, 1.6 * depth), _free_corner(tracks, centre, plane.half))
 
 
-def _rows_in_image(view: View, run: RunRecord) -> list[tuple[int, int]]:
-    """Index of each row in the image whose φ is shown, and of its marker."""
-    labels, count = run.trajectory.labels, run.trajectory.features_px.shape[1]
-    pairs = [(i, marker_of(labels[i])) for i in range(len(labels)) if run.units[i] == "px"]
-    return [(i, m) for i, m in pairs if m is not None and m < count and labels[i] in view.phi_rows]
+def _shown(view: View, run: RunRecord) -> list[tuple[int, int]]:
+    """The rows in the image whose φ is shown."""
+    return [(i, marker) for i, marker in rows_in_image(run) if run.trajectory.labels[i] in view.phi_rows]
 
 
 def _deepest(view: View, most: float) -> tuple[Array, float] | None:
@@ -85,7 +85,7 @@ def _deepest(view: View, most: float) -> tuple[Array, float] | None:
     found, worst = None, NEGLIGIBLE
     for name in view.competitors:
         run = view.runs[name]
-        for i, marker in _rows_in_image(view, run):
+        for i, marker in _shown(view, run):
             clearance = run.trajectory.clearance[:, i]
             k = int(np.argmin(clearance))
             if clearance[k] > -most and -clearance[k] / run.length[i] > worst:
@@ -98,7 +98,7 @@ def _nearest(view: View) -> tuple[Array, float] | None:
     """Where the first controller that acts on a row in the image comes nearest to the boundary of such a row."""
     for name in view.competitors:
         run = view.runs[name]
-        acting = [(i, m) for i, m in _rows_in_image(view, run) if run.trajectory.active[:, i].any()]
+        acting = [(i, m) for i, m in _shown(view, run) if run.trajectory.active[:, i].any()]
         if acting:
             i, marker = min(acting, key=lambda pair: float(run.trajectory.clearance[:, pair[0]].min()))
             return run.trajectory.features_px[int(np.argmin(run.trajectory.clearance[:, i])), marker], 0.0

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 from ...comparisons import RunRecord
 from ...comparisons.suite import BASELINE
+from ...figures import Look, darker, line, looks, shortened, time_axis
+from ...figures.marks import widths
 from ...simulation import Setup
-from ..style import Look
 
 
 @dataclass(frozen=True)
@@ -23,8 +26,6 @@ class View:
         The runs with at least two samples, by controller.
     controllers
         All controllers, in order.
-    looks
-        How each is drawn.
     phi_rows
         Labels of the rows whose φ is drawn.
     lane_rows
@@ -34,14 +35,18 @@ class View:
     setup: Setup | None
     runs: dict[str, RunRecord]
     controllers: Sequence[str]
-    looks: dict[str, Look]
-    phi_rows: Sequence[str]
-    lane_rows: Sequence[str]
+    phi_rows: Sequence[str] = ()
+    lane_rows: Sequence[str] = ()
+
+    @cached_property
+    def looks(self) -> dict[str, Look]:
+        """How each controller is drawn."""
+        return looks(self.controllers)
 
     @property
     def competitors(self) -> list[str]:
         """Controllers that have a run, without tracking alone."""
-        return [name for name in self.controllers if name in self.runs and name != BASELINE]
+        return [name for name in self.shown if name != BASELINE]
 
     @property
     def shown(self) -> list[str]:
@@ -65,3 +70,31 @@ class View:
             return [goal.from_time for goal in self.setup.task.goals[1:]]
         last = max(run.last_goal_time for run in self.runs.values())
         return [last] if last > 0.0 else []
+
+    def lines(self) -> Iterator[tuple[str, RunRecord, dict[str, Any]]]:
+        """Every run and how its line looks: tracking alone thin and below, later ones thinner than earlier ones."""
+        width = {BASELINE: 1.0, **widths(self.competitors)}
+        for name in sorted(self.shown, key=lambda name: name != BASELINE):
+            look, order = self.looks[name], 2 if name == BASELINE else 4
+            yield (
+                name,
+                self.runs[name],
+                {"color": look.colour, "linestyle": look.line}
+                | {
+                    "linewidth": width[name],
+                    "zorder": order,
+                },
+            )
+
+    def entries(self) -> list[dict[str, Any]]:
+        """Legend entries of the controllers that have a run."""
+        return [line(shortened(name), self.looks[name].colour, self.looks[name].line) for name in self.shown]
+
+    def time_axis(self, ax: Any) -> None:
+        """From zero to the end of the longest run, with the changes of the goal."""
+        time_axis(ax, self.end, self.goal_changes)
+
+    def title(self, ax: Any, name: str) -> None:
+        """A controller's name above its panel."""
+        colour = darker(self.looks[name].colour)
+        ax.set_title(shortened(name), loc="left", color=colour, fontweight="bold", pad=4)

@@ -2,38 +2,34 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...rows import Array
+from ...figures import INK, REFERENCE, Sheet, above_legend, line, signal
+from ...figures.image import symbol
+from ...figures.marks import note
+from ...figures.style import FAINT
 from ..claims.case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, at_once, phases, switch_sample
 from ..runs import Run
-from .page import (
-    AXES,
+from .lines import (
     BLUE,
-    DARK,
-    JOINTS,
+    COLOURS,
+    LEFT,
     START,
-    SYMBOLS,
-    Page,
-    end_symbol,
-    image_handles,
-    image_plane,
-    inside_legend,
+    boundaries,
+    ends,
+    image_view,
     limits_around,
-    line_handle,
-    signal,
-    symbol_handle,
-    time_axis,
+    over_time,
+    phi_axis,
+    pose_errors,
+    signals,
     track,
-    zero_line,
 )
 
-VIEW = 3.9
-COLOURS = ("#1447C4", "#C2188F", "#2E8B3D", "#E07B00")
-"""One colour for each of the four features."""
+SYMBOLS = ("o", "^", "s", "*")
+"""The paper's symbols of the four markers: circle, triangle, square, star."""
 
 SHORT = {RANGE: "joint 6 range", SPEED: "joint 2 speed", SPHERE: "sphere"}
 SHORT |= {label: f"FOV, feature {i}" for i, label in enumerate(BORDERS, start=1)}
@@ -50,102 +46,65 @@ def frame_times(run: Run) -> list[float]:
     return [float(run.t[np.argmin(np.abs(run.t - 0.5 * (a + b)))]) for a, b in spans]
 
 
-def draw_tracks(case: Run, path: Path) -> None:
+def draw_tracks(case: Run) -> Sheet:
     """Fig. 10: tracks in the image, position and orientation errors."""
-    page = Page([(VIEW, VIEW)], 2, columns=1)
-    ax = page.views[0]
-    image_plane(ax, case)
-    pixels = case.trajectory.features_px
-    k = switch_sample(case)
-    for i, (colour, symbol) in enumerate(zip(COLOURS, SYMBOLS, strict=True)):
-        track(ax, case, i, color=colour)
-        end_symbol(ax, pixels[k, i], symbol, "white", DARK, 6.0)
-        end_symbol(ax, pixels[-1, i], symbol, DARK, "white", 6.1)
-        end_symbol(ax, pixels[0, i], symbol, START, DARK, 6.2)
-    features = [line_handle(colour, "-", f"feature {i + 1}") for i, colour in enumerate(COLOURS)]
-    for handle, symbol in zip(features, SYMBOLS, strict=True):
-        handle.set(marker=symbol, markerfacecolor="white", markeredgecolor=DARK, markersize=10 if symbol == "*" else 7)
-    ends = [
-        symbol_handle("o", START, "start"),
-        symbol_handle("o", "white", "end of phase 1"),
-        symbol_handle("o", DARK, "end of phase 2", "white"),
-    ]
-    page.legend([*features, *ends, *image_handles("boundary of the FOV constraint")])
-    for ax, first, unit, names in (
-        (page.panels[0], 0, "position\nerror [m]", "xyz"),
-        (page.panels[1], 3, "orientation\nerror [rad]", (r"\alpha", r"\beta", r"\gamma")),
-    ):
-        for j, ((colour, line), name) in enumerate(zip(AXES, names, strict=True)):
-            signal(ax, case, case.trajectory.error[:, first + j], color=colour, linestyle=line, label=f"$e_{{{name}}}$")
-        time_axis(ax, case, unit)
-        inside_legend(ax, 3, loc="upper right")
-    page.sheet.save(path)
+    sheet = Sheet(LEFT)
+    ax = image_view(sheet, case, 3.9)
+    pixels, entries = case.trajectory.features_px, []
+    for i, mark in enumerate(SYMBOLS):
+        track(ax, case, i, color=COLOURS[i])
+        ends(ax, pixels, i, mark)
+        ax.plot(*pixels[switch_sample(case), i], **symbol(mark, "white"), zorder=5.9)
+        entries.append(symbol(mark, "white") | line(f"feature {i + 1}", COLOURS[i]))
+    for face, edge, name in ((START, INK, "start"), ("white", INK, "end of phase 1"), (INK, "white", "end of phase 2")):
+        entries.append(symbol("o", face, edge, label=name))
+    sheet.side_legend([*entries, *boundaries(case, "boundary of the FOV constraint")])
+    pose_errors(sheet.panels(2, height=1.45, labels=("time [s]", "")), case)
+    return sheet
 
 
-def draw_signals(case: Run, path: Path) -> None:
+def draw_signals(case: Run) -> Sheet:
     """Fig. 11: joints, speeds, max φ, and when each constraint is active."""
-    page = Page([], 4, columns=1, panel_height=1.5, row_gap=0.42, views_top=0.45, left=1.12)
-    positions, speeds, phi, lanes = page.panels
-    trajectory = case.trajectory
-    for ax, values, unit, name in (
-        (positions, trajectory.q, "joint positions\n[rad]", "q"),
-        (speeds, trajectory.qd, "joint speeds\n[rad/s]", r"\dot{q}"),
+    sheet = Sheet(1.12)
+    panels = sheet.panels(4, height=1.5, above=0.4, labels=("time [s]", ""))
+    for ax, values, label, name, limited in (
+        (panels[0], case.trajectory.q, "joint positions\n[rad]", "q", f"{RANGE}.upper"),
+        (panels[1], case.trajectory.qd, "joint speeds\n[rad/s]", r"\dot{q}", f"{SPEED}.upper"),
     ):
-        for k in range(values.shape[1]):
-            signal(ax, case, values[:, k], color=JOINTS[k], label=f"${name}_{k + 1}$", linewidth=1.3)
-        time_axis(ax, case, unit)
-        limits_around(ax, float(values.min()), float(values.max()))
-        ax.legend(
-            loc="lower right", bbox_to_anchor=(1.0, 1.02), ncols=6, handlelength=1.4, columnspacing=1.2, fontsize=8.5
-        )
-    _limit(positions, case, f"{RANGE}.upper", JOINTS[5])
-    _limit(speeds, case, f"{SPEED}.upper", JOINTS[1])
-    _most_phi(phi, case)
-    _lanes(lanes, case)
-    frames = frame_times(case)
-    for number, time in enumerate(frames, start=1):
-        for ax in page.panels:
+        signals(ax, case, values, (f"${name}_{k + 1}$" for k in range(values.shape[1])), label)
+        limits_around(ax, values)
+        above_legend(ax, 6)
+        _limit(ax, case, limited, values)
+    signal(panels[2], case.t, case.trajectory.phi.max(axis=1), color=BLUE, linewidth=1.2)
+    phi_axis(panels[2], case, -0.2, 0.04, r"greatest $\phi_i$")
+    _lanes(panels[3], case)
+    for number, time in enumerate(frame_times(case), start=1):
+        for ax in panels:
             ax.axvline(time, color="#666666", linestyle="--", linewidth=0.9, zorder=1.4)
-        lanes.annotate(
-            f"frame {number}", (time, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 2),
-            textcoords="offset points", ha="center", va="bottom", fontsize=8, color="#444444",
-        )  # fmt: skip
-    page.sheet.save(path)
+        place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "ha": "center"}
+        panels[3].annotate(f"frame {number}", (time, 1.0), (0, 2), **place, fontsize=8, color=FAINT)
+    return sheet
 
 
-def _limit(ax: Any, run: Run, label: str, colour: str) -> None:
-    """Dashed line at the limit that acts: the value that the row's joint had where its clearance was least."""
+def _limit(ax: Any, run: Run, label: str, values: Any) -> None:
+    """Dashed line at the limit that acts: the value that the row's joint had, and its clearance."""
     constraint: Any = run.constraint(label)
     joint = int(constraint.joints[0])
-    values = run.trajectory.qd if label.startswith("speed") else run.trajectory.q
     clearance = run.trajectory.clearance[:, run.index(label)]
     limit = float(np.median(values[:, joint - 1] + clearance))
-    ax.axhline(limit, color=colour, linestyle=(0, (4, 2)), linewidth=1.4, zorder=1.7)
-    ax.annotate(
-        f"limit of joint {joint}", (0.27, limit), xycoords=("axes fraction", "data"), xytext=(0, 2),
-        textcoords="offset points", ha="left", va="bottom", fontsize=8, color=DARK,
-    )  # fmt: skip
-
-
-def _most_phi(ax: Any, run: Run) -> None:
-    most: Array = run.trajectory.phi.max(axis=1)
-    signal(ax, run, most, color=BLUE, linewidth=1.2)
-    zero_line(ax)
-    time_axis(ax, run, r"greatest $\phi_i$")
-    ax.set_ylim(-0.2, 0.04)
+    ax.axhline(limit, **REFERENCE | {"color": COLOURS[joint - 1], "linewidth": 1.4}, zorder=1.7)
+    note(ax, f"limit of joint {joint}", limit, across=0.26)
 
 
 def _lanes(ax: Any, run: Run) -> None:
+    """When each event is active, and which are in the instants of Fig. 12."""
     shown = [event for event in EVENTS if any(phases(run, event))]
-    frames = frame_times(run)
     for lane, event in enumerate(shown):
         for first, last in (span for phase in phases(run, event) for span in phase):
-            ax.plot([first, last], [lane, lane], color=DARK, linewidth=2.6, solid_capstyle="butt", zorder=3)
-            for time in frames:
-                if first <= time <= last:
-                    ax.plot(time, lane, "o", color="white", markeredgecolor=DARK, markersize=7, zorder=4)
-    time_axis(ax, run, "")
+            ax.plot([first, last], [lane, lane], color=INK, linewidth=2.6, solid_capstyle="butt", zorder=3)
+            inside = [time for time in frame_times(run) if first <= time <= last]
+            ax.plot(inside, [lane] * len(inside), **symbol("o", "white", size=7.0), zorder=4)
+    over_time(ax, run)
     ax.set_yticks(range(len(shown)), [SHORT[event] for event in shown])
     ax.set_ylim(len(shown) - 0.4, -0.6)
-    ax.set_ylabel("")
     ax.tick_params(axis="y", length=0, pad=3)

@@ -7,11 +7,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import to_rgb
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from ...geometry import Pose
-from ...rows import Array
+from ..geometry import Pose
+from ..rows import Array
+from .style import darker
 
 LIGHT = np.array([0.35, -0.55, 0.76])
 """(3,) where the light comes from, in the base frame."""
@@ -24,16 +23,15 @@ class Mesh:
 
     def __init__(self) -> None:
         self.polygons: list[Array] = []
-        self.colours: list[tuple[float, ...]] = []
+        self.colours: list[str] = []
 
-    def add(self, polygon: Array, colour: str, alpha: float = 1.0, shaded: bool = True) -> None:
-        """One flat polygon (p, 3)."""
+    def add(self, polygon: Array, colour: str, shaded: bool = True) -> None:
+        """One flat polygon (p, 3), of a colour ``#RRGGBB`` or, with its opacity, ``#RRGGBBAA``."""
         normal = np.cross(polygon[1] - polygon[0], polygon[2] - polygon[0])
         length = float(np.sqrt(normal @ normal))
         facing = abs(float(normal @ LIGHT)) / length if shaded and length > 0.0 else 1.0
-        shade = 0.55 + 0.45 * facing
         self.polygons.append(polygon)
-        self.colours.append((*(shade * c for c in to_rgb(colour)), alpha))
+        self.colours.append(darker(colour, 0.55 + 0.45 * facing))
 
     def tube(self, points: Array, radius: float | Array, colour: str, sides: int = 10, caps: bool = True) -> None:
         """A round bar along a polyline (p, 3), of one radius or of one for each point."""
@@ -47,7 +45,7 @@ class Mesh:
             self.add(rings[0], colour)
             self.add(rings[-1], colour)
 
-    def ball(self, centre: Array, radius: float, colour: str, alpha: float = 1.0, count: int = 16) -> None:
+    def ball(self, centre: Array, radius: float, colour: str, count: int = 16) -> None:
         """A sphere."""
         theta, phi = np.linspace(0.0, np.pi, count // 2 + 1), np.linspace(0.0, 2.0 * np.pi, count + 1)
         T, P = np.meshgrid(theta, phi, indexing="ij")
@@ -56,7 +54,7 @@ class Mesh:
             for j in range(count):
                 corners = np.array([grid[i, j], grid[i + 1, j], grid[i + 1, j + 1], grid[i, j + 1]])
                 kept = corners if i > 0 else corners[[0, 1, 2]]
-                self.add(kept, colour, alpha)
+                self.add(kept, colour)
 
     def frame(self, pose: Pose, length: float, radius: float) -> None:
         """Red, green and blue bars along the x, y and z axes of a frame."""
@@ -69,16 +67,23 @@ class Mesh:
             np.array([[x, y, depth] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]) * [width, height, 1.0]
         )
         for k in range(4):
-            self.add(np.array([pose.t, base[k], base[(k + 1) % 4]]), colour, 0.55, shaded=False)
+            self.add(np.array([pose.t, base[k], base[(k + 1) % 4]]), f"{colour}8C", shaded=False)
 
-    def draw(self, ax: Any) -> None:
-        """Put everything into 3D axes."""
+    def draw(self, ax: Any, centre: Sequence[float], half: float, elevation: float, azimuth: float) -> None:
+        """Put everything into 3D axes, and look at a cube around a centre (3,) from two angles [deg]."""
+        from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
         # opaque polygons are outlined in their own colour, which closes the seams between them
-        edges = [colour if colour[3] == 1.0 else (*colour[:3], 0.0) for colour in self.colours]
-        collection = Poly3DCollection(
-            self.polygons, facecolors=self.colours, edgecolors=edges, linewidths=0.25, zsort="average"
-        )
-        ax.add_collection3d(collection, autolim=False)
+        edges = [colour if len(colour) == 7 else "none" for colour in self.colours]
+        look = {"facecolors": self.colours, "edgecolors": edges, "linewidths": 0.25}
+        ax.add_collection3d(Poly3DCollection(self.polygons, **look, zsort="average"), autolim=False)
+        for name, middle in zip("xyz", centre, strict=True):
+            getattr(ax, f"set_{name}lim")(middle - half, middle + half)
+        ax.set_box_aspect((1, 1, 1), zoom=1.45)
+        ax.view_init(elev=elevation, azim=azimuth)
+        ax.set_proj_type("persp", focal_length=0.6)
+        ax.set_axis_off()
+        ax.patch.set_alpha(0.0)
 
 
 def _rings(points: Array, radii: Array, sides: int) -> list[Array]:
@@ -95,14 +100,3 @@ def _rings(points: Array, radii: Array, sides: int) -> list[Array]:
         other = np.cross(d, across)
         rings.append(point + radius * (np.outer(np.cos(angles), across) + np.outer(np.sin(angles), other)))
     return rings
-
-
-def view(ax: Any, centre: Sequence[float], half: float, elevation: float, azimuth: float) -> None:
-    """Look at a cube around a centre, with no axes."""
-    for name, middle in zip("xyz", centre, strict=True):
-        getattr(ax, f"set_{name}lim")(middle - half, middle + half)
-    ax.set_box_aspect((1, 1, 1), zoom=1.45)
-    ax.view_init(elev=elevation, azim=azimuth)
-    ax.set_proj_type("persp", focal_length=0.6)
-    ax.set_axis_off()
-    ax.patch.set_alpha(0.0)

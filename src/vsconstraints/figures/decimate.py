@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...rows import Array
+from ..rows import Array
 
 IndexArray = npt.NDArray[np.int64]
 

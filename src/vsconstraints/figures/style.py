@@ -1,9 +1,50 @@
-"""How controllers look in every figure: the same colour, marker and line wherever they appear."""
+"""How figures look: type, lines, and the same colour, marker and line for a controller wherever it appears."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
+
+INK = "#222222"
+FAINT = "#444444"
+
+STYLE: dict[str, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.titlesize": 9.0,
+    "axes.labelsize": 8.5,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.5,
+    "axes.linewidth": 0.7,
+    "axes.edgecolor": FAINT,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.unicode_minus": True,
+    "grid.color": "#E3E3E3",
+    "grid.linewidth": 0.6,
+    "xtick.color": FAINT,
+    "ytick.color": FAINT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "xtick.major.size": 3.0,
+    "ytick.major.size": 3.0,
+    "hatch.linewidth": 0.35,
+    "lines.solid_capstyle": "round",
+    "legend.frameon": False,
+    "legend.borderpad": 0.0,
+    "legend.borderaxespad": 0.0,
+    "legend.handlelength": 2.0,
+    "path.simplify_threshold": 0.2,
+    "text.parse_math": False,  # names may contain anything
+}
+"""Settings of matplotlib."""
+
+FORMULAS: dict[str, Any] = {"text.parse_math": True, "mathtext.fontset": "dejavusans"}
+"""Those of figures whose texts hold formulas, none of which comes from a user."""
 
 OWN_COLOURS = {
     "tracking": "#8A8A8A",
@@ -54,10 +95,10 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
     return result
 
 
-def darker(colour: str) -> str:
-    """A shade of a colour ``#RRGGBB`` that is dark enough for text on white."""
+def darker(colour: str, share: float = 0.8) -> str:
+    """A shade of a colour ``#RRGGBB``, dark enough for text on white; an opacity ``AA`` behind it stays."""
     parts = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
-    return "#" + "".join(f"{int(0.8 * part):02X}" for part in parts)
+    return "#" + "".join(f"{int(share * part):02X}" for part in parts) + colour[7:]
 
 
 def shortened(name: str, most: int = 25) -> str:

@@ -1,0 +1,72 @@
+"""What a figure is: a name, what it shows, and the function that draws it from what it needs."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .sheet import Sheet
+from .style import FORMULAS, STYLE
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One line of a table of figures.
+
+    Attributes
+    ----------
+    name
+        Of its file, and what it is asked for by.
+    title
+        What it shows, in a few words: the text instead of the picture.
+    caption
+        What is to be seen.
+    draw
+        Makes the sheet from what the figure needs; None if there is nothing to show.
+    needs
+        What it is drawn from, where that differs from figure to figure.
+    reading
+        How to read it, said once where it is shown several times.
+    formulas
+        Whether its texts hold formulas between dollars. Names that a user gives may contain anything.
+    """
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[..., Sheet | None]
+    needs: tuple[Any, ...] = ()
+    reading: str = ""
+    formulas: bool = False
+
+    @property
+    def file(self) -> str:
+        """Its file's name."""
+        return f"{self.name}.png"
+
+    def write(self, path: Path, *needed: object) -> bool:
+        """Draw it and write it as PNG, whole or not at all; raises whatever goes wrong.
+
+        Parameters
+        ----------
+        path
+            Where to.
+        needed
+            What it is drawn from.
+
+        Returns
+        -------
+        bool
+            Whether there was anything to show.
+        """
+        from matplotlib import rc_context
+
+        with rc_context({**STYLE, **(FORMULAS if self.formulas else {})}), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            sheet = self.draw(*needed)
+            if sheet is not None:
+                sheet.save(path)
+        return sheet is not None

@@ -1,0 +1,166 @@
+"""The image plane: its frame, the boundaries and forbidden sides of constraints in it, and marks of markers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..constraints import ImageConstraint
+from ..rows import Array
+from ..simulation import Setup
+from .marks import line, patch
+from .style import FAINT, INK
+
+AROUND = 1.12
+"""How much of the image plane figures show, relative to the image; what lies beyond is cut off."""
+
+FORBIDDEN: dict[str, Any] = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "hatch": "/////"}
+FRAME: dict[str, Any] = {"color": "#606060", "linewidth": 1.7, "solid_joinstyle": "miter"}
+BOUNDARY: dict[str, Any] = {"color": INK, "linewidth": 0.9}
+
+MOMENTS = 5
+"""How often a boundary that moves is drawn."""
+
+LOOKS = 200
+"""How often it is looked at to find when it is in the image."""
+
+GRID_STEP = 2.0
+"""Of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is exact."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The image plane of a camera, and what constrains markers in it.
+
+    Attributes
+    ----------
+    size
+        Width and height of the image [px].
+    constraints
+        Those on pixels that stand still.
+    lines
+        Polylines (p, 2) along their boundaries [px].
+    moving
+        Time [s] and polylines of the boundaries that move, at :data:`MOMENTS` instants from start to end.
+    """
+
+    size: tuple[float, float]
+    constraints: tuple[ImageConstraint, ...] = ()
+    lines: tuple[Array, ...] = ()
+    moving: tuple[tuple[float, list[Array]], ...] = ()
+
+    @classmethod
+    def of(cls, setup: Setup) -> Plane:
+        """That of a setup."""
+        width, height = setup.scene.camera.size
+        size = float(width), float(height)
+        image = [c for c in setup.constraints.constraints if isinstance(c, ImageConstraint)]
+        still = tuple(c for c in image if c.motion is None)
+        moving = _moments([c for c in image if c.motion is not None], setup.duration, size)
+        return cls(size, still, tuple(points for c in still for points in c.boundary(size)), moving)
+
+    @property
+    def half(self) -> Array:
+        """(2,) half the size of the part that is shown [px]."""
+        return 0.5 * AROUND * np.asarray(self.size)
+
+    def draw(self, ax: Any, *, labels: bool = True, upwards: bool = False) -> None:
+        """The whole plane; ``v`` points down, as in an image, or upwards."""
+        u, v = self.half
+        self.within(ax, np.zeros(2), self.half)
+        for t, lines in self.moving:
+            for points in lines:
+                middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+                time: dict[str, Any] = {"fontsize": 7.5, "color": FAINT, "zorder": 2.2}
+                ax.annotate(f"{t:.1f} s", middle, ha="center", va="center", clip_on=True, annotation_clip=True, **time)
+        square(ax, np.zeros(2), u / AROUND, v / AROUND, **FRAME, zorder=2.5)
+        ax.set_ylim(*((-v, v) if upwards else (v, -v)))
+        ticks = _ticks(0.5 * max(self.size))
+        ax.set_xticks([x for x in ticks if abs(x) <= 0.5 * self.size[0]])
+        ax.set_yticks([y for y in ticks if abs(y) <= 0.5 * self.size[1]])
+        if labels:
+            ax.set_xlabel("u [px]", labelpad=1)
+            ax.set_ylabel(f"v [px], {'upwards' if upwards else 'downwards'}", labelpad=1)
+
+    def within(self, ax: Any, centre: Array, half: Array) -> None:
+        """The forbidden side and the boundaries within ``half`` (2,) of a centre (2,) [px]."""
+        count = int(min(max(2.0 * half.max() / GRID_STEP, 80.0), 600.0))
+        u, v = (np.linspace(m - r, m + r, count) for m, r in zip(centre, half, strict=True))
+        if self.constraints:
+            grid = np.stack(np.meshgrid(u, v), axis=-1)
+            # only the sign is wanted: far from a boundary values may be huge, which spoils interpolation
+            sigma = np.max([np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0)
+            if (sigma > 0.0).any():
+                colours, hatches = [FORBIDDEN["facecolor"]], [FORBIDDEN["hatch"]]
+                filled = ax.contourf(u, v, sigma, levels=[0.0, 1.0], colors=colours, hatches=hatches, zorder=0.6)
+                filled.set_edgecolor(FORBIDDEN["edgecolor"])
+                filled.set_linewidth(0.0)
+        for points in self.lines:
+            ax.plot(*points.T, **BOUNDARY, zorder=3)
+        for k, (_, lines) in enumerate(self.moving):
+            for points in lines:
+                ax.plot(*points.T, **_moving(k), zorder=2.1)
+        ax.set_xlim(u[0], u[-1])
+        ax.set_ylim(v[-1], v[0])
+        ax.grid(False)
+
+    def entries(self, boundary: str = "", forbidden: str = "forbidden") -> list[dict[str, Any]]:
+        """Legend entries of the image and of what is drawn in it; of the boundary if it has a name."""
+        entries = [patch("image", "none", edgecolor=FRAME["color"], linewidth=FRAME["linewidth"])]
+        if boundary:
+            entries.append(line(boundary, **BOUNDARY))
+        if self.constraints:
+            entries.append(patch(forbidden, **FORBIDDEN))
+        if self.moving:
+            entries.append(line("moving boundary, at the times given", **_moving(2)))
+        return entries
+
+
+def square(ax: Any, centre: Sequence[float] | Array, half_u: float, half_v: float, **look: Any) -> None:
+    """The outline of a part of the image [px]."""
+    (u, v), signs = centre, ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+    ax.plot([u + i * half_u for i, _ in signs], [v + j * half_v for _, j in signs], **look)
+
+
+def symbol(marker: str, face: str, edge: str = INK, size: float = 8.5, **look: Any) -> dict[str, Any]:
+    """How a symbol looks, as a mark or as a legend entry with its ``label``."""
+    size = {"*": 1.5, "x": 0.95}.get(marker, 1.0) * size
+    colours = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 2.0 if marker == "x" else 0.9}
+    return {"linestyle": "none", "marker": marker, "markersize": size, **colours, **look}
+
+
+def tracks(ax: Any, pixels: Array, **look: Any) -> None:
+    """Paths (N, M, 2) of markers in the image."""
+    for i in range(pixels.shape[1]):
+        ax.plot(*pixels[:, i].T, **look)
+
+
+def _ticks(half: float) -> list[float]:
+    """Up to three round numbers on either side of zero."""
+    decade = 10.0 ** np.floor(np.log10(half))
+    step = next(decade * k for k in (0.2, 0.5, 1.0, 2.0, 5.0, 10.0) if half / (decade * k) <= 3.0)
+    k = int(half / step)
+    return [i * step for i in range(-k, k + 1)]
+
+
+def _moments(
+    moving: list[ImageConstraint], duration: float, size: tuple[float, float]
+) -> tuple[tuple[float, list[Array]], ...]:
+    """The moving boundaries at :data:`MOMENTS` instants from when the first is in the image to when the last is."""
+    every = np.linspace(0.0, duration, LOOKS)
+    lines = [(c.motion.displacement(every), line) for c in moving if c.motion for line in c.boundary(size, every)]
+    half = 0.5 * np.asarray(size)
+    seen = np.array([any((np.abs(line + d[k]) < half).all(axis=1).any() for d, line in lines) for k in range(LOOKS)])
+    if not seen.any():
+        return ()
+    first, last = np.flatnonzero(seen)[[0, -1]]
+    at = np.unique(np.round(np.linspace(first, last, MOMENTS)).astype(int))
+    return tuple((float(every[k]), [line + d[k] for d, line in lines]) for k in at)
+
+
+def _moving(moment: int) -> dict[str, Any]:
+    """How a moving boundary is drawn at one of its moments: later ones are darker."""
+    return {**BOUNDARY, "linestyle": "--", "alpha": 0.3 + 0.7 * moment / (MOMENTS - 1)}

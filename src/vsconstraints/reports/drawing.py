@@ -1,0 +1,202 @@
+"""Draws a report's figures, in several processes when there are many; whatever goes wrong costs one figure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..comparisons import RunRecord
+from ..comparisons.metrics import tolerated
+from ..comparisons.record import run_file
+from ..runs.pool import Failure, carry_out
+from ..runs.resources import process_count
+from ..scenarios import Scenario
+from ..simulation import Setup
+from .figures import FIGURES, OVERVIEW, View
+from .figures.trade_off import points
+from .results import Results
+from .rows_shown import lane_rows, phi_rows
+
+TRIAL_SHOWN = 0
+"""The trial that figures show: the one that starts where the scenario says."""
+
+FEW = 2
+"""Up to this many scenarios are drawn in this process: starting others takes about as long."""
+
+
+@dataclass(frozen=True)
+class ScenarioJob:
+    """The figures of one scenario.
+
+    Attributes
+    ----------
+    folder
+        The comparison's.
+    scenario
+        As it was run.
+    controllers
+        All, in order.
+    finished
+        Those that have a line in results.csv for this trial.
+    trial, seed
+        Which run is shown.
+    phi_rows, lane_rows
+        Labels of the rows whose φ, and whose activity, is drawn.
+    """
+
+    folder: Path
+    scenario: Scenario
+    controllers: tuple[str, ...]
+    finished: tuple[str, ...]
+    trial: int
+    seed: int
+    phi_rows: tuple[str, ...]
+    lane_rows: tuple[str, ...]
+
+
+@dataclass
+class Drawn:
+    """What came of it.
+
+    Attributes
+    ----------
+    scenario
+        Its name.
+    files
+        File names below ``figures``, by the figure's name.
+    problems
+        Sentences on what is missing.
+    first_outside
+        When a controller's run is first outside a row [s], for rows it violates.
+    """
+
+    scenario: str
+    files: dict[str, str] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+    first_outside: dict[tuple[str, str], float] = field(default_factory=dict)
+
+
+def scenario_jobs(results: Results) -> list[ScenarioJob]:
+    """What is to be drawn of each scenario of a stored comparison."""
+    stored = results.stored
+    return [
+        ScenarioJob(
+            stored.folder,
+            scenario,
+            results.controllers,
+            tuple(
+                controller
+                for controller in results.controllers
+                if any(line["trial"] == TRIAL_SHOWN for line in results.runs(name, controller))
+            ),
+            TRIAL_SHOWN,
+            int(stored.manifest["configuration"].get("seed", 0)),
+            phi_rows(results, name),
+            lane_rows(results, name),
+        )
+        for name, scenario in stored.scenarios.items()
+    ]
+
+
+def draw_all(jobs: Sequence[ScenarioJob], on_drawn: Callable[[int, int], None]) -> dict[str, Drawn]:
+    """Draw the figures of every scenario; a scenario whose figures cannot be drawn is reported, not raised.
+
+    ``on_drawn`` is told how many scenarios are done, and how many there are.
+    """
+    drawn: dict[str, Drawn] = {}
+    on_drawn(0, len(jobs))
+
+    def done(name: str, answer: Drawn | Failure) -> None:
+        if isinstance(answer, Failure):
+            answer = Drawn(name, problems=[f"Its figures could not be drawn: {answer.reason}."])
+        drawn[name] = answer
+        on_drawn(len(drawn), len(jobs))
+
+    if len(jobs) <= FEW or process_count() < 2:
+        for job in jobs:
+            done(job.scenario.name, draw_scenario(job))
+    else:
+        # the longest first, so that no process is left with one at the end
+        longest_first = sorted(jobs, key=_stored_size, reverse=True)
+        carry_out(draw_scenario, {job.scenario.name: (job,) for job in longest_first}, on_answer=done)
+    return drawn
+
+
+def draw_scenario(job: ScenarioJob) -> Drawn:
+    """Draw what can be drawn; whatever goes wrong with one figure leaves only that one out, with a sentence why."""
+    drawn = Drawn(job.scenario.name)
+    runs = stored_runs(job, drawn)
+    if not runs:
+        return drawn
+    view = View(_setup(job, drawn), runs, job.controllers, job.phi_rows, job.lane_rows)
+    for figure in FIGURES:
+        file = f"{job.scenario.name}--{figure.file}"
+        try:
+            if figure.write(job.folder / "figures" / file, view):
+                drawn.files[figure.name] = file
+        except Exception as error:  # one bad run or figure must not cost the report
+            drawn.problems.append(f"The figure of {figure.title} could not be drawn: {type(error).__name__}: {error}")
+    return drawn
+
+
+def draw_overview(results: Results, folder: Path) -> str:
+    """Draw the figure of a whole comparison into ``folder``, and say what it shows; nothing if there is nothing."""
+    path = folder / OVERVIEW.file
+    path.unlink(missing_ok=True)
+    try:
+        if not OVERVIEW.write(path, results):
+            return ""
+    except Exception as error:  # a figure must not cost the report
+        return f"The figure of {OVERVIEW.title} could not be drawn: {type(error).__name__}: {error}"
+    text = f"![{OVERVIEW.title.capitalize()}](figures/{OVERVIEW.file})\n\n*{OVERVIEW.caption}"
+    left_out = sum(len(results.all_runs(name)) - len(own) for name, own in points(results).items())
+    if left_out:
+        text += f" Left out are runs that did not converge, or that no row held back: {left_out}."
+    return text + "*"
+
+
+def remove_stale(folder: Path, kept: set[str]) -> None:
+    """Remove figures of scenarios that an earlier report of the same folder left and this one does not show."""
+    for figure in FIGURES:
+        for path in folder.glob(f"*--{figure.file}"):
+            if path.name not in kept:
+                path.unlink()
+
+
+def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
+    """The runs with at least two samples, by controller; notes in ``drawn`` what is missing, and who is outside."""
+    runs = {}
+    for name in job.finished:
+        path = run_file(job.folder, job.scenario.name, name, job.trial)
+        record = RunRecord.load(path)
+        if record is None:
+            why = "cannot be read" if path.exists() else "is missing"
+            drawn.problems.append(f"The trajectory of {name} {why}; the figures leave it out.")
+            continue
+        t = record.trajectory.t
+        if len(t) < 2:
+            drawn.problems.append(f"The run of {name} left no trajectory; the figures leave it out.")
+            continue
+        runs[name] = record
+        outside = record.trajectory.clearance < -tolerated(record)
+        for i, label in enumerate(record.trajectory.labels):
+            if outside[:, i].any():
+                drawn.first_outside[name, label] = float(t[outside[:, i].argmax()])
+    return runs
+
+
+def _setup(job: ScenarioJob, drawn: Drawn) -> Setup | None:
+    try:
+        return job.scenario.setup(job.trial, job.seed)
+    except Exception as error:  # for example a robot's file that is no longer where it was
+        drawn.problems.append(
+            f"The scenario cannot be built here ({type(error).__name__}: {error}); the figures show no goals and no "
+            "boundaries."
+        )
+        return None
+
+
+def _stored_size(job: ScenarioJob) -> int:
+    files = (run_file(job.folder, job.scenario.name, name, job.trial) for name in job.controllers)
+    return sum(path.stat().st_size for path in files if path.is_file())
