@@ -6,6 +6,7 @@ once for all constraints and laws, those of users among them.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from typing import Any
 
@@ -68,6 +69,9 @@ def make_part(
     """
     function = template(*formulas, *constants)
     given = tuple(formula for formula in formulas if formula is not None)
+    # functions from the disk are found by their names, of which every process counts its own
+    made_of = hashlib.sha256(repr(constants).encode() + numba.core.serialize.dumps(formulas)).hexdigest()[:16]
+    function.__name__ = function.__qualname__ = f"{function.__name__}_{made_of}"
     return compiled(signature, options, given)(function)
 
 
