@@ -15,6 +15,7 @@ import sys
 from typing import Any
 
 import numpy as np
+from draw_experiment_scenes import CORNERS, DRAWN, SIDE
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
@@ -22,7 +23,6 @@ from vsconstraints.controllers import Controller, SlidingMode, Tracking
 from vsconstraints.errors import VsconstraintsError
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
-from vsconstraints.studies.experiment_scenes import CORNERS, EXPERIMENTS, SIDE
 
 BASES = {1: Scenario.load("experiment-1-pbvs"), 2: Scenario.load("experiment-2-ibvs")}
 ROBOT, CAMERA = BASES[1].setup().scene.robot, BASES[1].setup().scene.camera
@@ -52,7 +52,7 @@ def in_toml(experiment: int, scene: Scene) -> str:
 
 def depth_inside(experiment: int, pixels: Array) -> Array:
     """(...) how far pixels (..., 2) are beyond the boundary, along the ray from its centre [px]."""
-    return EXPERIMENTS[experiment - 1].depth(pixels)
+    return DRAWN[experiment - 1].depth(pixels)
 
 
 def cameras(q: Array) -> tuple[Array, Array]:
@@ -101,7 +101,7 @@ def promise(experiment: int, scenes: Array) -> Array:
 
     penalty = 3.0 * (over(worst[:, 2] + 15.0) + over(depth[:, [0, -1]].max(axis=(1, 2)) + 12.0))
     penalty += 3.0 * over((outside[:, [0, -1]] if experiment == 1 else outside).max(axis=1) + 25.0)
-    penalty += 1500.0 * over(error - EXPERIMENTS[experiment - 1].longest) + 500.0 * over(0.25 - error)
+    penalty += 1500.0 * over(error - DRAWN[experiment - 1].longest) + 500.0 * over(0.25 - error)
     penalty += 300.0 * (over(0.38 - Z.min(axis=(1, 2))) + over(Z.max(axis=(1, 2)) - 0.9))
     penalty += 100.0 * over(looks + 0.85).sum(axis=1)
     for q in (scenes[:, :6], scenes[:, 6:12]):

@@ -2,8 +2,10 @@
 
 import csv
 import math
+import runpy
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,7 +30,7 @@ from vsconstraints.studies import (
     shrinking_region,
     switching_gain,
 )
-from vsconstraints.studies.experiment_scenes import EXPERIMENTS, SEED, draw, kept_scenes
+from vsconstraints.studies.experiment_scenes import EXPERIMENTS, kept_scenes
 from vsconstraints.studies.laws import LAWS, scaled_gains
 from vsconstraints.studies.pareto import front, not_kept, unused
 from vsconstraints.studies.summary import clearance_distance, gains, joint_distance, pixel_distance
@@ -371,14 +373,18 @@ def test_results_are_data():
     assert StudyResult("tiny").points == ()
 
 
+EXAMPLES = Path(__file__).parent.parent / "examples"
+DRAWING = runpy.run_path(str(EXAMPLES / "draw_experiment_scenes.py"))
+
+
 class TestUnselectedExperiments:
     def test_kept_scenes_are_those_that_are_drawn(self):
-        experiment = EXPERIMENTS[1]
-        scenes, rejected = draw(experiment, 2, SEED)
+        experiment = DRAWING["DRAWN"][1]
+        scenes, rejected = DRAWING["draw"](experiment, 2, DRAWING["SEED"])
         assert scenes == kept_scenes()[experiment.scenario]["scenes"][:2]
         assert rejected["no marker crosses the boundary by 3 px"] > 0
 
-    @pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda one: one.scenario)
+    @pytest.mark.parametrize("experiment", DRAWING["DRAWN"], ids=lambda one: one.scenario)
     def test_kept_scenes_are_many_and_of_the_geometry(self, experiment):
         kept = kept_scenes()[experiment.scenario]
         assert len(kept["scenes"]) == experiment.kept > 100
@@ -394,7 +400,7 @@ class TestUnselectedExperiments:
             assert (experiment.depth(pixels) < -4.9).all()
 
     def test_depth_is_that_of_the_scenarios_own_boundary(self):
-        for experiment in EXPERIMENTS:
+        for experiment in DRAWING["DRAWN"]:
             setup = Scenario.load(experiment.scenario).setup()
             constraint = setup.constraints.constraints[0]
             pixels = np.random.default_rng(0).uniform(-300.0, 300.0, (200, 2)) * [1.0, 0.75]

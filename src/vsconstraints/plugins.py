@@ -52,12 +52,13 @@ def imported_class(name: str, base: Callable[..., Base], folder: Path | None = N
 @contextmanager
 def beside(*folders: Path | None) -> Iterator[None]:
     """Modules in these folders can be imported meanwhile, where no other of their names is found first."""
-    before = list(sys.path)
-    sys.path += [path for path in (str(folder.resolve()) for folder in folders if folder) if path not in before]
+    added = {str(folder.resolve()) for folder in folders if folder} - set(sys.path)
+    sys.path += added
     try:
         yield
     finally:
-        sys.path[:] = before
+        for path in added.intersection(sys.path):
+            sys.path.remove(path)
 
 
 def plugin_file(name: str, folder: Path | None) -> Path | None:
