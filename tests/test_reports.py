@@ -23,17 +23,14 @@ from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.figures.decimate import extremes, window_means, zigzag
-from vsconstraints.figures.image import Plane
-from vsconstraints.figures.style import OWN_COLOURS, looks, shortened
-from vsconstraints.reports import drawing, write_report
+from vsconstraints.figures import Figure
+from vsconstraints.reports import drawing, scenario_section, write_report
 from vsconstraints.reports.best import Cell, comparable, marked
 from vsconstraints.reports.figures import FIGURES
 from vsconstraints.reports.markdown import code, plain, table
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.results import Results
 from vsconstraints.reports.rows_shown import MOST_LANES, MOST_PHI, lane_rows, lanes_left_out, phi_rows
-from vsconstraints.scenarios import Scenario
 
 COMPETITORS = ("sliding-mode", "potential-field")
 
@@ -585,6 +582,16 @@ def test_a_figure_that_fails_costs_itself_only(copy: Path, monkeypatch: pytest.M
     assert not (copy / "figures" / "example-2d-fov--errors.png").exists()
 
 
+def test_a_line_in_the_table_is_enough_for_a_figure(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    extra = Figure("mine", "my own", "What is mine.", FIGURES[2].draw, reading="**Mine** is read like this.")
+    for module in (drawing, scenario_section):
+        monkeypatch.setattr(module, "FIGURES", (*FIGURES, extra))
+    text = write_report(copy).read_text(encoding="utf-8")
+    assert "![example-2d-fov: mine](figures/example-2d-fov--mine.png)\n\n*What is mine.*" in text
+    assert "- **Mine** is read like this." in text
+    assert (copy / "figures" / "example-2d-fov--mine.png").exists()
+
+
 def test_a_folder_without_a_comparison_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"manifest\.json is missing"):
         write_report(tmp_path)
@@ -604,40 +611,6 @@ def test_figures_keep_the_rows_that_matter_most(tmp_path: Path) -> None:
     unchallenged = [{**line, "challenged": False} for line in rows]
     results = Results(StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], unchallenged)))
     assert phi_rows(results, "one") == tuple(labels[-MOST_PHI:])
-
-
-def test_looks_are_distinct_and_those_of_known_controllers_fixed() -> None:
-    few = looks(["tracking", "mine", "sliding-mode"])
-    many = looks(["tracking", *(f"mine-{k}" for k in range(30)), "sliding-mode"])
-    for chosen in (few, many):
-        assert chosen["sliding-mode"].colour == OWN_COLOURS["sliding-mode"]
-        assert len({(look.colour, look.line) for look in chosen.values()}) == len(chosen)
-    assert shortened("potential-field-priority") == "potential-field-priority"
-    assert shortened("x" * 40) == "x" * 12 + "…" + "x" * 12
-
-
-@given(
-    st.lists(st.floats(-1e3, 1e3) | st.just(math.nan), min_size=1, max_size=400),
-    st.integers(1, 50),
-)
-def test_decimation_keeps_peaks(values: list[float], bins: int) -> None:
-    t, y = np.arange(float(len(values))), np.array(values)
-    _, least, greatest = extremes(t, y, bins)
-    shorter_t, shorter = zigzag(t, y, bins)
-    assert len(least) <= bins
-    assert len(shorter) <= 4 * max(bins, 1)
-    assert (np.diff(shorter_t) > 0.0).all()
-    if np.isfinite(y).any():
-        for line in (greatest, shorter):
-            assert np.nanmax(line) == np.nanmax(y)
-        for line in (least, shorter):
-            assert np.nanmin(line) == np.nanmin(y)
-
-
-def test_window_means_leave_out_what_is_no_number() -> None:
-    t, mean = window_means(np.arange(6.0), np.array([1.0, 3.0, np.nan, 5.0, np.nan, np.nan]), 3)
-    assert t.tolist() == [0.5, 2.5, 4.5]
-    np.testing.assert_array_equal(mean, [2.0, 5.0, np.nan])
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False, width=32))
@@ -675,15 +648,3 @@ def test_tables_are_aligned_and_their_cells_safe() -> None:
     assert lines[2].startswith(r"| a\|b ")
     assert "``x`y``" in lines[3]
     assert plain("a*b_c_ <i>\n[x](y)") == r"a\*b_c\_ &lt;i&gt; \[x\](y)"
-
-
-def test_a_moving_boundary_is_drawn_while_it_is_in_the_image() -> None:
-    setup = Scenario.load("moving-occluder").setup()
-    size = np.asarray(setup.scene.camera.size)
-    moving = Plane.of(setup).moving
-    times = [t for t, _ in moving]
-    assert len(times) == 5
-    assert 0.0 <= times[0] < times[-1] < setup.duration
-    for _, lines in moving:
-        assert any((np.abs(line) < 0.5 * size).all(axis=1).any() for line in lines)
-    assert Plane.of(Scenario.load("example-2d-fov").setup()).moving == ()

@@ -13,7 +13,6 @@ from PIL import Image
 
 from vsconstraints.comparisons.run import perform
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.figures import plain
 from vsconstraints.runs.spec import ControllerSpec, RunSpec
 from vsconstraints.scenarios import Scenario
 from vsconstraints.studies import (
@@ -363,10 +362,6 @@ def test_gains_are_scaled_row_by_row():
     assert scaled_gains("case-study-6r", 1.0) == {}
     assert scaled_gains("case-study-6r", 2.0)["constraints.3.switching_gain"] == pytest.approx(0.4)
     assert len(scaled_gains("case-study-6r", 2.0)) == 4
-
-
-def test_numbers_on_axes_are_plain():
-    assert [plain(value) for value in (0.0, 0.001, 25.0, 1e-5, 2e-4)] == ["0", "0.001", "25", "10⁻⁵", "2·10⁻⁴"]
 
 
 def test_results_are_data():

@@ -37,13 +37,12 @@ HOW_TO_READ = (
     "violate the row.",
     "**Rows that held the arm back**: usage [%] of the room that was left at the arm's speed, while the row did, and "
     "for how long. Its mean, weighted by those times, is the utilization of a run that converged.",
-    *(figure.reading for figure in FIGURES),
-    "Dashed vertical lines: the goal changes.",
 )
 
 
 def scenarios_section(results: Results, drawn: Mapping[str, Drawn]) -> str:
     """How to read tables and figures, then one part per scenario."""
+    figures = [figure.reading for figure in FIGURES] + ["Dashed vertical lines: the goal changes."]
     several = (
         [
             "Each scenario was run several times: values are the median of the trials, with the least and the greatest "
@@ -53,7 +52,7 @@ def scenarios_section(results: Results, drawn: Mapping[str, Drawn]) -> str:
         else []
     )
     parts = [scenario_section(results, name, drawn[name]) for name in results.scenarios]
-    return "\n\n".join(["## Scenarios", bullets([*HOW_TO_READ, *several]), *parts])
+    return "\n\n".join(["## Scenarios", bullets([*HOW_TO_READ, *figures, *several]), *parts])
 
 
 def scenario_section(results: Results, name: str, drawn: Drawn) -> str:

@@ -1,0 +1,145 @@
+"""The figure kit: what is drawn is all there, what is not is not, and matplotlib waits until it is needed."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from vsconstraints.figures import Figure, Sheet, decades, line, logarithmic, looks, plain, shortened
+from vsconstraints.figures.decimate import extremes, window_means, zigzag
+from vsconstraints.figures.image import Plane
+from vsconstraints.figures.sheet import DPI, FOOT
+from vsconstraints.figures.style import OWN_COLOURS
+from vsconstraints.scenarios import Scenario
+
+
+def grid() -> Sheet:
+    sheet = Sheet()
+    for ax in sheet.panels(5, 2, height=1.0, above=0.25, labels=("x", "y")):
+        ax.plot([1.0, 2.0], [1.0, 10.0])
+    return sheet
+
+
+def test_a_sheet_grows_with_what_it_holds(tmp_path: Path) -> None:
+    sheet = grid()
+    assert sheet.at == pytest.approx(0.08 + 3 * 1.25 + FOOT)
+    sheet.legend([line(f"{k}", "#000000") for k in range(7)])
+    assert sheet.at > 0.08 + 3 * 1.25 + FOOT + 0.5
+    sheet.save(tmp_path / "sheet.png")
+    with Image.open(tmp_path / "sheet.png") as image:
+        assert image.size == (1200, int(sheet.at * DPI))
+        assert set(image.info) == {"dpi"}
+
+
+def test_only_outer_panels_have_labels() -> None:
+    axes = grid().figure.axes
+    assert [ax.get_xlabel() for ax in axes] == ["", "", "", "x", "x"]
+    assert [ax.get_ylabel() for ax in axes] == ["y", "", "y", "", "y"]
+
+
+def test_a_figure_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    def nothing() -> None:
+        return None
+
+    def broken() -> Sheet:
+        sheet = grid()
+        sheet.figure.axes[0].set_yscale("no such scale")
+        return sheet
+
+    path = tmp_path / "figure.png"
+    assert Figure("a", "a", "A.", grid).write(path)
+    before = path.read_bytes()
+    assert not Figure("b", "b", "B.", nothing).write(path)
+    with pytest.raises(ValueError, match="no such scale"):
+        Figure("c", "c", "C.", broken).write(path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_tables_of_figures_load_no_matplotlib() -> None:
+    code = (
+        "import sys, vsconstraints.reports.figures, vsconstraints.reproduction.figures, vsconstraints.studies\n"
+        "print(sorted({'matplotlib', 'PIL', 'mpl_toolkits'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [
+        (0.03, 200.0, [0.1, 1.0, 10.0, 100.0]),
+        (-20.0, 1.5, [-10.0, -1.0, 0.0, 1.0]),
+        (-0.5, 0.5, [0.0]),
+    ],
+)
+def test_decades_lie_within_limits(low: float, high: float, expected: list[float]) -> None:
+    assert decades(low, high) == pytest.approx(expected)
+
+
+def test_an_axis_without_positive_values_stays_linear() -> None:
+    ax = Sheet().axes(1.0, 1.0, 1.0, 1.0)
+    ax.plot([0.0, 1.0], [-1.0, -2.0])
+    logarithmic(ax.yaxis)
+    assert ax.get_yscale() == "linear"
+    logarithmic(ax.yaxis, (-2.0, -1.0), 1.0)
+    assert ax.get_yscale() == "symlog"
+    assert [text.get_text() for text in ax.get_yticklabels()] == ["−2", "−1"]
+
+
+def test_numbers_on_axes_are_plain() -> None:
+    assert [plain(value) for value in (0.0, 0.001, 25.0, 1e-5, 2e-4)] == ["0", "0.001", "25", "10⁻⁵", "2·10⁻⁴"]
+
+
+def test_looks_are_distinct_and_those_of_known_controllers_fixed() -> None:
+    few = looks(["tracking", "mine", "sliding-mode"])
+    many = looks(["tracking", *(f"mine-{k}" for k in range(30)), "sliding-mode"])
+    for chosen in (few, many):
+        assert chosen["sliding-mode"].colour == OWN_COLOURS["sliding-mode"]
+        assert len({(look.colour, look.line) for look in chosen.values()}) == len(chosen)
+    assert shortened("potential-field-priority") == "potential-field-priority"
+    assert shortened("x" * 40) == "x" * 12 + "…" + "x" * 12
+
+
+@given(
+    st.lists(st.floats(-1e3, 1e3) | st.just(math.nan), min_size=1, max_size=400),
+    st.integers(1, 50),
+)
+def test_decimation_keeps_peaks(values: list[float], bins: int) -> None:
+    t, y = np.arange(float(len(values))), np.array(values)
+    _, least, greatest = extremes(t, y, bins)
+    shorter_t, shorter = zigzag(t, y, bins)
+    assert len(least) <= bins
+    assert len(shorter) <= 4 * max(bins, 1)
+    assert (np.diff(shorter_t) > 0.0).all()
+    if np.isfinite(y).any():
+        for line in (greatest, shorter):
+            assert np.nanmax(line) == np.nanmax(y)
+        for line in (least, shorter):
+            assert np.nanmin(line) == np.nanmin(y)
+
+
+def test_window_means_leave_out_what_is_no_number() -> None:
+    t, mean = window_means(np.arange(6.0), np.array([1.0, 3.0, np.nan, 5.0, np.nan, np.nan]), 3)
+    assert t.tolist() == [0.5, 2.5, 4.5]
+    np.testing.assert_array_equal(mean, [2.0, 5.0, np.nan])
+
+
+def test_a_moving_boundary_is_drawn_while_it_is_in_the_image() -> None:
+    setup = Scenario.load("moving-occluder").setup()
+    size = np.asarray(setup.scene.camera.size)
+    moving = Plane.of(setup).moving
+    times = [t for t, _ in moving]
+    assert len(times) == 5
+    assert 0.0 <= times[0] < times[-1] < setup.duration
+    for _, lines in moving:
+        assert any((np.abs(line) < 0.5 * size).all(axis=1).any() for line in lines)
+    assert Plane.of(Scenario.load("example-2d-fov").setup()).moving == ()
