@@ -25,7 +25,7 @@ from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField
 from vsconstraints.errors import InvalidInput, SceneError
 from vsconstraints.evaluation import Evaluation
 from vsconstraints.features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
-from vsconstraints.kernels import _loaded, available
+from vsconstraints.kernels import available
 from vsconstraints.motion import Motion
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import CONSTRAINTS, Scenario, shipped_scenarios
@@ -70,17 +70,16 @@ def kind_in_numpy(constraint: Constraint) -> bool:
 
 def both(scene: Scene, constraints: ConstraintSet, task: VisualTask, states: list[tuple[float, Array, Array]]) -> None:
     """Walk through states with both forms, told of every motion or not: what a task remembers counts too."""
-    for told in (True, False):
-        step = ControlStep(scene, constraints, task, told=told)
+    for known in (True, False):
+        step = ControlStep(scene, constraints, task, known=known)
         assert step.not_compiled == ""
-        assert step._packed is not None
-        assert all(kind_in_numpy(one) for one, _, _ in step._packed.others)
+        assert all(kind_in_numpy(one) for one in step.in_numpy)
         for _ in range(2):
             step.reset()
             for t, q, qd in states:
                 state = scene.evaluate(t, q, qd)
-                assert_equal(step.evaluate(t, q, qd), step.define(state if told else scene.believed(state)))
-    pixels, points, seen = step.look(np.array([t for t, _, _ in states]), np.array([q for _, q, _ in states]))
+                assert_equal(step.evaluate(t, q, qd), step.define(state if known else scene.believed(state)))
+    pixels, points, seen = step.views(np.array([t for t, _, _ in states]), np.array([q for _, q, _ in states]))
     assert seen.all()
     for k, (t, q, _) in enumerate(states):
         for mine, theirs in zip((pixels[k], points[k]), scene.glance(q, t), strict=True):
@@ -252,8 +251,7 @@ def test_a_subclass_may_compute_anything_and_runs_in_numpy() -> None:
         if getattr(constraint, "motion", None) is not None:
             constraint.moving(OwnMotion([10.0, 5.0]))
     step = ControlStep(setup.scene, setup.constraints, task)
-    assert step._packed is not None
-    assert [c.kind for c, _, _ in step._packed.others] == ["occlusion"]
+    assert [c.kind for c in step.in_numpy] == ["occlusion"]
 
 
 @pytest.mark.parametrize("law", [Tracking(), SlidingMode(), PotentialField(blend="priority"), HierarchicalQP()])
@@ -411,13 +409,15 @@ def test_a_sample_whose_rows_could_not_be_made_is_not_remembered() -> None:
     np.testing.assert_array_equal(step.evaluate(*state).task.b, other.evaluate(*state).task.b)
 
 
-def test_looks_without_their_compiled_form_are_those_of_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_views_without_their_compiled_form_are_those_of_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     setup = Scenario.load("moving-target").setup()
     t, q = np.linspace(0.0, 1.0, 3), setup.q0 + np.linspace(0.0, 0.02, 3)[:, None]
     step = ControlStep(setup.scene, setup.constraints, setup.task)
-    expected = step.look(t, q)
-    monkeypatch.setitem(_loaded, "look", None)
-    for found, wanted in zip(ControlStep(setup.scene, setup.constraints, setup.task).look(t, q), expected, strict=True):
+    expected = step.views(t, q)
+    monkeypatch.setattr("vsconstraints.control_step.load", lambda name: None)
+    for found, wanted in zip(
+        ControlStep(setup.scene, setup.constraints, setup.task).views(t, q), expected, strict=True
+    ):
         np.testing.assert_allclose(found, wanted, atol=1e-9)
 
 

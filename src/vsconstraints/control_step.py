@@ -55,7 +55,7 @@ class ControlStep:
 
     def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask, *, known: bool = False) -> None:
         self.scene, self.constraints, self.visual_task = scene, constraints, task
-        self.not_compiled = ""
+        self.not_compiled, self._known = "", known
         self._believes = not known and has_unknown_motion(scene, constraints)
         self._correction = np.zeros((len(scene.markers), 2))
         self._packed: Packed | None = None
@@ -79,8 +79,17 @@ class ControlStep:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the function of the last controller, which is made again when it is needed."""
-        return {**self.__dict__, "_controller": None, "_options": None, "_to_command": None}
+        """What it is made of, and what it remembers; the compiled form is made again where it is needed."""
+        memory = None if self._packed is None else [array.copy() for array in self._packed.memory]
+        made = {name: getattr(self, name) for name in ("scene", "constraints", "visual_task", "_known", "_correction")}
+        return {**made, "memory": memory}
+
+    def __setstate__(self, made: dict[str, Any]) -> None:
+        self.__init__(made["scene"], made["constraints"], made["visual_task"], known=made["_known"])  # type: ignore[misc]
+        self._correction[:] = made["_correction"]
+        if self._packed is not None and made["memory"] is not None:
+            for array, kept in zip(self._packed.memory, made["memory"], strict=True):
+                array[...] = kept
 
     def reset(self) -> None:
         """Forget the last sample."""
