@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from vsconstraints.comparisons import RunRecord
-from vsconstraints.comparisons.unfinished import Unfinished
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.features import CameraPose
@@ -577,7 +576,7 @@ def test_a_claim_that_raises_is_a_line_with_its_reason() -> None:
 
 def test_an_unknown_scenario_is_no_exception(tmp_path: Path) -> None:
     spec = RunSpec("no-such-scenario")
-    found = runner.made([spec], Unfinished(tmp_path), 1, lambda done, total: None)[spec]
+    found = runner.made([spec], tmp_path, 1, lambda done, total: None)[spec]
     assert isinstance(found, str)
     assert found.startswith("ConfigurationError: unknown scenario 'no-such-scenario'")
 

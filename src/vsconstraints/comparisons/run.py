@@ -56,10 +56,6 @@ class Run:
         """Its scores without a baseline: no row counts as challenged."""
         return score(self.record, None)
 
-    def against(self, baseline: Run) -> dict[str, Any]:
-        """Its line of results.csv when ``baseline`` is the run of tracking alone."""
-        return score(self.record, baseline.record).result
-
     def index(self, label: str) -> int:
         """Where a row is; raises ValueError that names the label if there is none."""
         return self.trajectory.labels.index(label)

@@ -6,32 +6,19 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import ConfigurationError
 from ..runs.spec import RunSpec
 
 
-@dataclass(frozen=True)
-class Unfinished:
-    """A folder with one file for each finished run.
-
-    Attributes
-    ----------
-    folder
-        Where.
-    """
-
-    folder: Path
-
-    def file(self, spec: RunSpec, what: str = "record") -> Path:
-        """Where something of a run is kept; another file if anything it is made of, the code included, is another."""
-        return self.folder / f"{spec.fingerprint}-{what}.npz"
+def kept_file(folder: Path, spec: RunSpec, what: str = "record") -> Path:
+    """Where something of a run is kept; another file if anything it is made of, the code included, is another."""
+    return folder / f"{spec.fingerprint}-{what}.npz"
 
 
 @contextmanager
-def unfinished(folder: Path | None) -> Iterator[Unfinished]:
+def unfinished(folder: Path | None) -> Iterator[Path]:
     """The folder ``unfinished`` below a command's own; it goes when the block has been carried out to its end.
 
     Parameters
@@ -46,12 +33,12 @@ def unfinished(folder: Path | None) -> Iterator[Unfinished]:
     """
     if folder is None:
         with tempfile.TemporaryDirectory() as temporary:
-            yield Unfinished(Path(temporary))
+            yield Path(temporary)
         return
-    kept = Unfinished(folder / "unfinished")
+    kept = folder / "unfinished"
     try:
-        kept.folder.mkdir(parents=True, exist_ok=True)
+        kept.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigurationError(f"results cannot be written to {folder}: {error}") from error
     yield kept
-    shutil.rmtree(kept.folder, ignore_errors=True)
+    shutil.rmtree(kept, ignore_errors=True)

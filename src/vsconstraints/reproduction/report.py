@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
@@ -16,7 +17,6 @@ from ..runs.machine import git_commit, machine, package_versions
 from ..studies import STUDIES, data_file, figure_file
 from .figures import FIGURES
 from .reconstructed import reconstructed
-from .runner import Reproduction
 from .verdicts import VERDICTS, Claim, Finding, all_claims
 
 Found = Sequence[tuple[Claim, Finding]]
@@ -52,6 +52,39 @@ takes back, T_s u⁺. On a step on which the row is inactive the tracking accele
 T_s (L_fφ + L_gφ q̈), which can be larger. So wherever the paper prints φ ≤ 0, "holds partly" means: the constraint
 σ ≤ 0 holds in every sample, and φ is above zero by no more than sampling explains. Where φ stays at or above zero for
 many samples, and for more of them with a shorter period, it is not sampling: u⁺ is below (12)."""
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What came of it.
+
+    Attributes
+    ----------
+    report
+        Where the report is.
+    findings
+        By the claims' keys, in the report's order.
+    problems
+        What could not be run or drawn, by name, with the reason.
+    wall_time
+        [s].
+    """
+
+    report: Path
+    findings: Mapping[str, Finding]
+    problems: Mapping[str, str] = field(default_factory=dict)
+    wall_time: float = 0.0
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many claims have each verdict."""
+        verdicts = [finding.verdict for finding in self.findings.values()]
+        return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
+
+    def summary(self) -> str:
+        """One line for the command line."""
+        counts = ", ".join(f"{count} {verdict}" for verdict, count in self.counts.items() if count)
+        return f"{len(self.findings)} claims: {counts}. {self.wall_time:.0f} s. Report: {self.report}"
 
 
 def write_report(

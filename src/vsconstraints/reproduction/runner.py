@@ -4,63 +4,29 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from ..comparisons.run import Run, kept_run
-from ..comparisons.unfinished import Unfinished, unfinished
+from ..comparisons.unfinished import kept_file, unfinished
 from ..errors import ConfigurationError
 from ..figures import Figure
 from ..kernels import prepare
 from ..runs.pool import Failure, carry_out
 from ..runs.spec import RunSpec, longest_first
+from ..studies import run_studies
 from . import claims as _claims  # registers every claim
 from .figures import FIGURES
-from .verdicts import VERDICTS, Finding, all_claims
-
-__all__ = ["Reproduction", "reproduce"]
+from .report import Reproduction, write_report
+from .verdicts import all_claims
 
 Progress = Callable[[str, int, int], None]
 """Told what is being done, how much of it is done, and how much there is."""
 
 Count = Callable[[int, int], None]
 """Told how much of something is done, and how much there is."""
-
-
-@dataclass(frozen=True)
-class Reproduction:
-    """What came of it.
-
-    Attributes
-    ----------
-    report
-        Where the report is.
-    findings
-        By the claims' keys, in the report's order.
-    problems
-        What could not be run or drawn, by name, with the reason.
-    wall_time
-        [s].
-    """
-
-    report: Path
-    findings: Mapping[str, Finding]
-    problems: Mapping[str, str] = field(default_factory=dict)
-    wall_time: float = 0.0
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """How many claims have each verdict."""
-        verdicts = [finding.verdict for finding in self.findings.values()]
-        return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
-
-    def summary(self) -> str:
-        """One line for the command line."""
-        counts = ", ".join(f"{count} {verdict}" for verdict, count in self.counts.items() if count)
-        return f"{len(self.findings)} claims: {counts}. {self.wall_time:.0f} s. Report: {self.report}"
 
 
 def reproduce(
@@ -92,8 +58,6 @@ def reproduce(
     ConfigurationError
         if the folder cannot be made.
     """
-    from .report import write_report
-
     started = time.perf_counter()
     figures = folder / "figures"
     try:
@@ -106,7 +70,7 @@ def reproduce(
         studies = study_results(folder, workers, partial(on_progress, "studying"), kept)
         available: dict[RunSpec | str, Any] = dict(chain(runs.items(), studies.items()))
         findings = {claim.key: claim.check(available) for claim in all_claims()}
-        drawn = _draw(available, figures, workers, partial(on_progress, "drawing"))
+        drawn = _drawn(available, figures, workers, partial(on_progress, "drawing"))
         problems = {str(spec): found for spec, found in available.items() if isinstance(found, str)}
         problems |= {f"figure {number}": why for number, why in drawn.items() if why}
         result = Reproduction(folder / "report.md", findings, problems, time.perf_counter() - started)
@@ -122,50 +86,36 @@ def wanted_runs() -> list[RunSpec]:
     return list(dict.fromkeys(need for need in needs if isinstance(need, RunSpec)))
 
 
-def made(
-    specs: Sequence[RunSpec], kept: Unfinished, workers: int | None, on_progress: Count
-) -> dict[RunSpec, Run | str]:
+def made(specs: Sequence[RunSpec], kept: Path, workers: int | None, on_progress: Count) -> dict[RunSpec, Run | str]:
     """Runs, or why there is none: the first sentence of what was raised."""
     limits = longest_first(specs)
-    calls = {spec: (spec, kept.file(spec)) for spec in limits}
+    calls = {spec: (spec, kept_file(kept, spec)) for spec in limits}
     found = carry_out(kept_run, calls, workers=workers, limits=limits, on_progress=on_progress)
     return {spec: one.reason.split(". ")[0] if isinstance(one, Failure) else one for spec, one in found.items()}
 
 
-def _draw_one(figure: Figure, runs: Sequence[Run], path: Path) -> str:
-    """Draw a figure; why it could not be drawn, or nothing."""
-    try:
-        figure.write(path, *runs)
-    except Exception as error:  # one figure must not cost the others
-        path.unlink(missing_ok=True)
-        return f"{type(error).__name__}: {error}"
-    return ""
-
-
-def _draw(
+def _drawn(
     available: Mapping[RunSpec | str, Any], folder: Path, workers: int | None, on_progress: Count
 ) -> dict[int, str]:
     """Of each figure why it is not there; an empty text if it is."""
-    jobs: dict[int, tuple[Any, ...]] = {}
-    drawn: dict[int, str] = {}
+    why, calls = dict.fromkeys(FIGURES, ""), {}
     for number, figure in FIGURES.items():
-        missing = [f"{need}: {available[need]}" for need in figure.needs if not isinstance(available[need], Run)]
+        runs = [available[need] for need in figure.needs]
+        missing = [f"{need}: {run}" for need, run in zip(figure.needs, runs, strict=True) if not isinstance(run, Run)]
         if missing:
-            drawn[number] = missing[0]
-            (folder / figure.file).unlink(missing_ok=True)
+            why[number] = missing[0]
         else:
-            jobs[number] = (figure, [available[need] for need in figure.needs], folder / figure.file)
-    found = carry_out(_draw_one, jobs, workers=workers, on_progress=on_progress)
-    drawn |= {number: one.reason if isinstance(one, Failure) else one for number, one in found.items()}
-    return {number: drawn[number] for number in FIGURES}
+            calls[number] = (figure, folder / figure.file, *runs)
+    for number, answer in carry_out(Figure.write, calls, workers=workers, on_progress=on_progress).items():
+        why[number] = answer.reason if isinstance(answer, Failure) else ""
+    for number, reason in why.items():
+        if reason:
+            (folder / FIGURES[number].file).unlink(missing_ok=True)
+    return why
 
 
-def study_results(folder: Path, workers: int | None, on_progress: Count, kept: Unfinished) -> dict[str, Any]:
+def study_results(folder: Path, workers: int | None, on_progress: Count, kept: Path) -> dict[str, Any]:
     """Results of all studies by name; a text instead of a result where there is none."""
-    try:
-        from ..studies import run_studies
-    except ImportError as error:
-        return {"studies": f"{type(error).__name__}: {error}"}
     try:
         return dict(run_studies(None, folder, workers, on_progress, kept=kept))
     except Exception as error:  # claims and figures of the paper do not depend on it

@@ -12,16 +12,40 @@ import numpy as np
 from ..comparisons.record import RunRecord
 from ..comparisons.run import perform
 from ..comparisons.tables import write_table
-from ..comparisons.unfinished import Unfinished, unfinished
+from ..comparisons.unfinished import kept_file, unfinished
 from ..errors import ConfigurationError, unknown_name
 from ..kernels import prepare
 from ..runs.pool import Failure, carry_out
 from ..runs.spec import BASELINE, ControllerSpec, RunSpec, longest_first
+from .gradient_error import GradientErrors
+from .non_static import NonStatic
+from .pareto import Pareto
+from .robustness import Robustness
+from .sampling_time import SamplingTime
+from .shrinking_region import ShrinkingRegion
 from .study import Study, StudyResult
 from .summary import RunSummary, summarise
+from .switching_gain import SwitchingGain
+from .unselected_experiments import UnselectedExperiments
 
 Progress = Callable[[int, int], None]
 """Told how many runs are done, and how many there are in all."""
+
+
+STUDIES: dict[str, Study] = {
+    study.name: study
+    for study in (
+        ShrinkingRegion(),
+        SwitchingGain(),
+        SamplingTime(),
+        GradientErrors(),
+        Pareto(),
+        NonStatic(),
+        Robustness(),
+        UnselectedExperiments(),
+    )
+}
+"""Studies by the name files and the command line use."""
 
 
 def figure_file(folder: Path, name: str) -> Path:
@@ -41,8 +65,8 @@ def run_studies(
     on_progress: Progress = lambda done, total: None,
     *,
     small: bool = False,
-    studies: Mapping[str, Study] | None = None,
-    kept: Unfinished | None = None,
+    studies: Mapping[str, Study] = STUDIES,
+    kept: Path | None = None,
 ) -> dict[str, StudyResult]:
     """Run studies and write a figure and a table of each.
 
@@ -61,7 +85,7 @@ def run_studies(
     small
         A few short runs of each study instead of all.
     studies
-        What there is to choose from; :data:`vsconstraints.studies.STUDIES` if None.
+        What there is to choose from.
     kept
         Where finished runs are kept until all are; below the folder, until the studies are finished, if None.
 
@@ -70,10 +94,6 @@ def run_studies(
     ConfigurationError
         for unknown names, and if the folder cannot be made.
     """
-    if studies is None:
-        from . import STUDIES
-
-        studies = STUDIES
     chosen = list(dict.fromkeys(names or studies))
     for name in chosen:
         if name not in studies:
@@ -96,7 +116,7 @@ def run_studies(
 
 
 def _run_all(
-    runs: Mapping[RunSpec, bool], kept: Unfinished, workers: int | None, on_progress: Progress
+    runs: Mapping[RunSpec, bool], kept: Path, workers: int | None, on_progress: Progress
 ) -> dict[RunSpec, RunSummary]:
     """Summaries of runs; one that raised, whose process died, or that took too long has the status ``failed``.
 
@@ -124,9 +144,9 @@ def _run_all(
     return {run: RunSummary("failed", one.reason) if isinstance(one, Failure) else one for run, one in answers.items()}
 
 
-def summarised(run: RunSpec, kept: Unfinished, baseline: RunSpec, drift_noted: bool) -> RunSummary:
+def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -> RunSummary:
     """Make a run, or take its summary from where it is kept; raises whatever goes wrong."""
-    file = kept.file(run, "drift" if drift_noted else "summary")
+    file = kept_file(kept, run, "drift" if drift_noted else "summary")
     stored = RunSummary.load(file)
     if stored is not None:
         return stored
@@ -135,8 +155,8 @@ def summarised(run: RunSpec, kept: Unfinished, baseline: RunSpec, drift_noted: b
         made = perform(run)
         with suppress(OSError):  # it is there: it can only not be taken up again
             if run == baseline:
-                made.record.save(kept.file(run))
-        summary = summarise(made, RunRecord.load(kept.file(baseline)), drift_noted=drift_noted)
+                made.record.save(kept_file(kept, run))
+        summary = summarise(made, RunRecord.load(kept_file(kept, baseline)), drift_noted=drift_noted)
     with suppress(OSError):
         summary.save(file)
     return summary
