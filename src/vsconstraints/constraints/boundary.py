@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import contourpy
 import numpy as np
@@ -31,6 +30,7 @@ AROUND = 1.25
 def zero_lines(
     sigma: Callable[[Array], Array],
     gradient: Callable[[Array], Array],
+    grid: Callable[[Array, Array], Array],
     image_size: tuple[float, float],
     displacements: Array | None = None,
 ) -> list[Array]:
@@ -42,6 +42,8 @@ def zero_lines(
     ----------
     sigma, gradient
         σ (...) and ∂σ/∂(u, v) (..., 2) at pixels (..., 2) from the image's centre.
+    grid
+        σ (b, a) on a grid of u (a,) and v (b,).
     image_size
         (W, H) [px].
     displacements
@@ -52,8 +54,7 @@ def zero_lines(
     low, high = -half - moved.max(axis=0), half - moved.min(axis=0)
     counts = np.minimum(np.ceil((high - low) / STEP), MOST).astype(int) + 1
     u, v = (np.linspace(a, b, count) for a, b, count in zip(low, high, counts, strict=True))
-    grid = np.stack(np.meshgrid(u, v), axis=-1)
-    lines = contourpy.contour_generator(u, v, sigma(grid)).lines(0.0)
+    lines = contourpy.contour_generator(u, v, grid(u, v)).lines(0.0)
     return [_refined(_onto_curve(np.asarray(line), sigma, gradient), sigma, gradient) for line in lines]
 
 
@@ -85,50 +86,49 @@ def _onto_curve(line: Array, sigma: Callable[[Array], Array], gradient: Callable
     return line
 
 
-def distance_to_lines(points: Array, lines: Sequence[Array]) -> Array:
-    """(...) distance of points (..., 2) to the nearest of some polylines [px]; infinite if there is none.
+class Polylines:
+    """Polylines, and the distance of points to them.
 
-    All segments near a point count, not only those at the nearest vertex: in a concave corner another may be nearer.
+    Parameters
+    ----------
+    lines
+        (p, 2) vertices of each [px].
     """
-    if not lines or not points.size:
-        return np.full(points.shape[:-1], np.inf)
-    flat = points.reshape(-1, 2)
-    compiled = load("polylines")
-    if compiled is not None:
+
+    def __init__(self, lines: Sequence[Array]) -> None:
+        self.lines = tuple(lines)
+        compiled = load("polylines")
+        self._prepared = compiled.prepare(*_neighbours(lines)) if lines and compiled is not None else None
+
+    def distance(self, points: Array) -> Array:
+        """(...) distance of points (..., 2) to the nearest polyline [px]; infinite if there is none.
+
+        All segments near a point count, not only those at the nearest vertex: in a concave corner another may be
+        nearer.
+        """
+        if not self.lines or not points.size:
+            return np.full(points.shape[:-1], np.inf)
+        flat = points.reshape(-1, 2)
+        compiled = load("polylines")
+        if self._prepared is None or compiled is None:
+            return _distance(flat, *_neighbours(self.lines)).reshape(points.shape[:-1])
         stride = points.shape[-2] if points.ndim > 2 else 1
-        found: Array = compiled.distances(flat, _prepared(lines), stride)
+        found: Array = compiled.distances(flat, self._prepared, stride)
         return found.reshape(points.shape[:-1])
-    vertices, before, after = _neighbours(lines)
+
+
+def _distance(points: Array, vertices: Array, before: IntArray, after: IntArray) -> Array:
+    """As the compiled search does, where there is no compiler: (k,) distance of points (k, 2)."""
     tree = cKDTree(vertices)
     # one end of the nearest segment is no farther than √(distance² + (length/2)²)
     longest = np.sqrt(((vertices[after] - vertices) ** 2).sum(axis=1).max())
-    reach = np.hypot(tree.query(flat)[0], 0.5 * longest) * (1.0 + 1e-9)
-    close = tree.query_ball_point(flat, reach)
-    at, k = np.repeat(np.arange(len(flat)), [len(ends) for ends in close]), np.concatenate(close).astype(np.int64)
-    distance = np.full(len(flat), np.inf)
+    reach = np.hypot(tree.query(points)[0], 0.5 * longest) * (1.0 + 1e-9)
+    close = tree.query_ball_point(points, reach)
+    at, k = np.repeat(np.arange(len(points)), [len(ends) for ends in close]), np.concatenate(close).astype(np.int64)
+    distance = np.full(len(points), np.inf)
     for other in (after, before):
-        np.minimum.at(distance, at, _distance_to_segments(flat[at], vertices[k], vertices[other[k]]))
-    return distance.reshape(points.shape[:-1])
-
-
-REMEMBERED = 64
-"""Curves of which what the search needs is kept."""
-
-_kept: dict[tuple[int, ...], tuple[Sequence[Array], Any]] = {}
-
-
-def _prepared(lines: Sequence[Array]) -> Any:
-    """What the compiled search needs of some polylines; kept if they cannot change."""
-    key = tuple(id(line) for line in lines)
-    if key in _kept:
-        return _kept[key][1]
-    prepared = load("polylines").prepare(*_neighbours(lines))
-    if not any(line.flags.writeable for line in lines):
-        if len(_kept) >= REMEMBERED:
-            _kept.pop(next(iter(_kept)))
-        # with the lines themselves, so that no others get their identities
-        _kept[key] = tuple(lines), prepared
-    return prepared
+        np.minimum.at(distance, at, _distance_to_segments(points[at], vertices[k], vertices[other[k]]))
+    return distance
 
 
 def _neighbours(lines: Sequence[Array]) -> tuple[Array, IntArray, IntArray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -47,12 +47,12 @@ class ByFormula(Protocol):
 
 def value(part: ByFormula, y: Array) -> Array:
     """(...) value at coordinates y (..., d)."""
-    return np.broadcast_to(_evaluated(part, y)[0], y.shape[:-1])
+    return np.broadcast_to(evaluated(part, *np.moveaxis(y, -1, 0))[0], y.shape[:-1])
 
 
 def gradient(part: ByFormula, y: Array) -> Array:
     """(..., d) ∂value/∂y at coordinates y (..., d)."""
-    slope = _evaluated(part, y)[1:]
+    slope = evaluated(part, *np.moveaxis(y, -1, 0))[1:]
     if part.frame is not None:
         slope = TURNED[part.coordinates](part.frame[0], slope)
     return np.stack([np.broadcast_to(entry, y.shape[:-1]) for entry in slope], axis=-1)
@@ -60,7 +60,7 @@ def gradient(part: ByFormula, y: Array) -> Array:
 
 def curvature(part: ByFormula, y: Array, velocity: Array) -> Array:
     """(...) ẏᵀ H ẏ at coordinates y (..., d) with velocities (..., d)."""
-    x, v = _local(part, y), _split(part, velocity)
+    x, v = _local(part, tuple(np.moveaxis(y, -1, 0))), _turned_back(part, tuple(np.moveaxis(velocity, -1, 0)))
     if part.curvature_formula is None:
         bent = DIFFERENCES[part.coordinates](part.formula, part.parameters, x, v)
     else:
@@ -79,18 +79,20 @@ def curvature_by_differences(gradient: Callable[[Array], Array], y: Array, veloc
     return bent
 
 
-def _evaluated(part: ByFormula, y: Array) -> tuple[Any, ...]:
+def evaluated(part: ByFormula, *y: Array) -> tuple[Any, ...]:
+    """Value and derivatives along the axes of the frame, at d coordinates of shapes that go together."""
     assert part.formula is not None
     found: tuple[Any, ...] = part.formula(*_local(part, y), *part.parameters)
     return found
 
 
-def _local(part: ByFormula, y: Array) -> tuple[Array, ...]:
-    """Coordinates in the frame, one by one."""
-    return _split(part, y if part.frame is None else y - part.frame[1])
+def _local(part: ByFormula, y: Sequence[Array]) -> tuple[Array, ...]:
+    """Coordinates in the frame."""
+    if part.frame is None:
+        return tuple(y)
+    return _turned_back(part, [along - origin for along, origin in zip(y, part.frame[1], strict=True)])
 
 
-def _split(part: ByFormula, x: Array) -> tuple[Array, ...]:
-    """Coordinates of vectors along the axes of the frame, one by one."""
-    apart = tuple(np.moveaxis(x, -1, 0))
-    return apart if part.frame is None else TURNED_BACK[part.coordinates](part.frame[0], apart)
+def _turned_back(part: ByFormula, x: Sequence[Array]) -> tuple[Array, ...]:
+    """Coordinates of vectors along the axes of the frame."""
+    return tuple(x) if part.frame is None else TURNED_BACK[part.coordinates](part.frame[0], x)

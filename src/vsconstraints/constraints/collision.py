@@ -66,6 +66,9 @@ class BodyDistance(Constraint):
         self.margin, self.length = float(margin), float(length)
         self.scale = self.length
         self._model, self._data = robot.model, robot.model.createData()
+        # bodies without repetition, and their numbers in each pair
+        self._bodies: list[Body] = []
+        self._numbers = [tuple(self._number(body) for body in pair) for pair in self.pairs]
         # joint j moves a body if the body's own joint comes after it
         moves = [[np.arange(robot.n) < body.joint for body in pair] for pair in self.pairs]
         self._motion = np.array([second * 1.0 - first * 1.0 for first, second in moves])
@@ -122,17 +125,25 @@ class BodyDistance(Constraint):
         """The same length for every pair."""
         return np.full(len(self.pairs), self.length)
 
+    def _number(self, body: Body) -> int:
+        """Where a body stands among all, to which it is added; solids of coal cannot be compared."""
+        for i, other in enumerate(self._bodies):
+            if body is other:
+                return i
+        self._bodies.append(body)
+        return len(self._bodies) - 1
+
     def _measure(self, q: Array) -> tuple[Array, Array]:
         """Distances (r,) and the gradients of σ (r, n)."""
         J = np.asarray(pin.computeJointJacobians(self._model, self._data, q)).reshape(6, -1)
-        placed: dict[int, list[tuple[coal.CollisionGeometry, coal.Transform3s]]] = {}
-        for body in {id(body): body for pair in self.pairs for body in pair}.values():
+        placed: list[list[tuple[coal.CollisionGeometry, coal.Transform3s]]] = []
+        for body in self._bodies:
             at = self._data.oMi[body.joint]
-            placed[id(body)] = [(solid, _transform(at * placement)) for placement, solid in body.parts]
+            placed.append([(solid, _transform(at * placement)) for placement, solid in body.parts])
         distances, wrenches = np.empty(len(self.pairs)), np.empty((len(self.pairs), 6))
-        for i, (first, second) in enumerate(self.pairs):
+        for i, (first, second) in enumerate(self._numbers):
             distances[i], n, p = min(
-                (self._nearest(a, b, i) for a in placed[id(first)] for b in placed[id(second)]), key=lambda x: x[0]
+                (self._nearest(a, b, i) for a in placed[first] for b in placed[second]), key=lambda x: x[0]
             )
             # n · (v + ω × p) for a twist (v, ω) at the base frame's origin
             wrenches[i, :3] = n

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from ..errors import ConfigurationError
 from ..rows import Array
 from ..scene import PointMotion, Scene, State
+from . import by_formula
 from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_positive
-from .boundary import distance_to_lines, zero_lines
+from .boundary import Polylines, zero_lines
 from .form import Form
-
-REMEMBERED = 64
-"""Curves that stand still, of which the polylines are kept: finding one takes as long as a thousand control steps."""
-
-_lines: dict[tuple[type, bytes, tuple[float, ...]], list[Array]] = {}
 
 
 class ImageConstraint(PositionConstraint):
@@ -36,6 +32,7 @@ class ImageConstraint(PositionConstraint):
 
     unit = "px"
     coordinates = 2
+    _outline: tuple[Any, Polylines] | None = None
 
     def __init__(self, *, K: float, switching_gain: float, length: float, markers: Sequence[int] | None = None) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
@@ -78,7 +75,9 @@ class ImageConstraint(PositionConstraint):
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Distance to the curve σ = 0 in the image [px], with the sign of −σ."""
         pixels = self.displaced(trace.pixels[:, self._at], trace.t)
-        distance = distance_to_lines(pixels, self.boundary(trace.image_size, trace.t))
+        moves = self.motion is not None and len(trace.t) > 0
+        lines = Polylines(self.boundary(trace.image_size, trace.t)) if moves else self._still(trace.image_size)
+        distance = lines.distance(pixels)
         return np.where(self.sigma(pixels) > 0.0, -distance, distance)
 
     def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
@@ -88,18 +87,31 @@ class ImageConstraint(PositionConstraint):
         """
         moved = None if self.motion is None or t is None or not len(t) else self.motion.displacement(t)
         if moved is not None:
-            return zero_lines(self.sigma, self.gradient, image_size, moved)
-        try:
-            key = (type(self), pickle.dumps(vars(self)), tuple(image_size))
-        except Exception:  # own constraints may hold anything
-            return zero_lines(self.sigma, self.gradient, image_size)
-        if key not in _lines:
-            if len(_lines) >= REMEMBERED:
-                _lines.pop(next(iter(_lines)))
-            _lines[key] = zero_lines(self.sigma, self.gradient, image_size)
-            for line in _lines[key]:
-                line.setflags(write=False)
-        return list(_lines[key])
+            return zero_lines(self.sigma, self.gradient, self._on_grid, image_size, moved)
+        return list(self._still(image_size).lines)
+
+    def _still(self, image_size: tuple[float, float]) -> Polylines:
+        """The curve as it is without its motion, found anew if what it follows from has changed.
+
+        Finding one takes as long as a thousand control steps. What an own sigma depends on is not known.
+        """
+        place = None if self.frame is None else [part.tolist() for part in self.frame]
+        said = image_size, self.formula, self.parameters, self.margin, place
+        if not self._known or self._outline is None or self._outline[0] != said:
+            self._outline = said, Polylines(zero_lines(self.sigma, self.gradient, self._on_grid, image_size))
+        return self._outline[1]
+
+    @property
+    def _known(self) -> bool:
+        """Whether σ is what the formula says."""
+        return self.formula is not None and self.says("formula", ("sigma", "gradient"))
+
+    def _on_grid(self, u: Array, v: Array) -> Array:
+        """(b, a) σ on a grid of u (a,) and v (b,): what depends on one of them only is computed as often."""
+        if not self._known:
+            return self.sigma(np.stack(np.meshgrid(u, v), axis=-1))
+        value: Array = by_formula.evaluated(self, u[None, :], v[:, None])[0]
+        return np.broadcast_to(value, (len(v), len(u))) + self.margin
 
     def characteristic_length(self, scene: Scene) -> Array:
         """The same length for every marker."""
