@@ -463,7 +463,7 @@ def test_clearance_at_a_concave_corner_is_that_of_the_nearest_side(
         share = np.linspace(0.0, 1.0, 20_001)[:, None]
         dense = np.concatenate([a + share * (b - a) for a, b in pairwise(line)])
         expected = np.minimum(expected, cKDTree(dense).query(points)[0])
-    np.testing.assert_allclose(boundary.distance_to_lines(points, wedge), expected, atol=3e-3)
+    np.testing.assert_allclose(boundary.Polylines(wedge).distance(points), expected, atol=3e-3)
 
 
 def test_clearance_of_a_curve_outside_the_image_is_infinite() -> None:
