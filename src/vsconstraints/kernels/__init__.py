@@ -1,18 +1,16 @@
-"""The control step at compiled speed: the same laws as in NumPy, as functions that numba compiles.
+"""The control step at compiled speed, as functions that numba compiles.
 
-The NumPy form of a law is its definition, and runs wherever this one cannot; tests hold the two together.
-:func:`load` imports a module of this package when it is first needed, so that nobody pays for a compiler who does not
-use it. Called from elsewhere are:
+Formulas are those of :mod:`vsconstraints.formulas`, as in NumPy; what stands here is what goes around them, on arrays
+that stay where they are. :func:`load` imports a module of this package when it is first needed, so that nobody pays for
+a compiler who does not use it.
 
-- ``step`` (what it needs: ``packing``, ``layout``): from a state to rows and task; ``regions`` and ``manipulability``
-  add rows that few scenes have.
-- ``task_priority.follow``: tracking, the sliding mode and both potential fields; ``hierarchical_qp.descend``: the
-  hierarchy.
-- ``look``, ``hold``, ``polylines``: what a camera sees, the robot over one period, distances to curves.
+- ``step`` evaluates a scene, its constraints and its task on the arrays of ``structures``, which ``packing`` fills.
+- ``parts`` compiles what varies, rows of constraints and laws, into functions of their own that are called by address;
+  ``*_rows`` are the rows of the kinds of constraints.
+- ``task_priority`` and ``hierarchical_qp`` share accelerations among rows and task.
 
-The others are called by these. Both laws check their input. Their code :data:`~vsconstraints.kernels.linear.DONE` says
-that the outputs hold the definition's answer, ``ASK`` that the definition has to be asked; ``descend`` has two more,
-and returns the iterations too.
+Two things have another form than in NumPy: the kinematics of a chain, which Pinocchio computes there, and least
+squares, by reflections here and by singular values there. Tests hold these together.
 """
 
 from __future__ import annotations
@@ -32,8 +30,10 @@ Those for rows of some constraints only (``Packed.after``) are compiled where a 
 processes that need one, the first compiles it and the others wait for it.
 """
 
-TOLD = "VSCONSTRAINTS_TOLD"
-"""Environment variable that says that the reason why nothing is compiled was told, by this process or its parent."""
+COMPLAINT = "vsconstraints runs in its NumPy form"
+"""How the warning begins that says why nothing is compiled; processes that another one starts do not repeat it."""
+
+_told = False
 
 _loaded: dict[str, Any] = {}
 
@@ -70,12 +70,12 @@ def _load(name: str) -> Any:
             raise RuntimeError("NUMBA_DISABLE_JIT is set")
         return import_module(f"{__name__}.{name}")
     except Exception as error:  # whatever is wrong with the compiler, the definition runs
-        if TOLD in os.environ:
+        global _told
+        if _told:
             return None
-        os.environ[TOLD] = "1"  # for processes that this one starts
+        _told = True
         warnings.warn(
-            f"vsconstraints runs in its NumPy form, which is slower: {type(error).__name__}: {error} "
-            f"(set {VARIABLE}=0 to say nothing)",
+            f"{COMPLAINT}, which is slower: {type(error).__name__}: {error} (set {VARIABLE}=0 to say nothing)",
             RuntimeWarning,
             stacklevel=3,
         )

@@ -9,11 +9,13 @@ import pickle
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
+from ..kernels import COMPLAINT
 from .signals import SIGNALS
 
 PR_SET_PDEATHSIG = 1
@@ -38,6 +40,7 @@ def serve(connection: Connection, parent: int) -> None:
         Identifies the process of the pool.
     """
     end_with(parent)
+    warnings.filterwarnings("ignore", COMPLAINT, RuntimeWarning)  # the pool's process says it
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the pool's to handle: Ctrl-C reaches all processes of a terminal
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     with suppress(EOFError, OSError):  # the pool is gone
