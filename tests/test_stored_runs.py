@@ -286,7 +286,7 @@ def test_figures_show_no_run_that_the_tables_do_not_have(tmp_path: Path) -> None
     from vsconstraints.comparisons import StoredComparison
 
     (job,) = scenario_jobs(Results(StoredComparison.load(tmp_path)))
-    assert set(stored_runs(job, Drawn("example-2d-fov"))) == {"tracking"}
+    assert set(stored_runs(job, Drawn())) == {"tracking"}
 
 
 # --- one bad thing costs one run ---

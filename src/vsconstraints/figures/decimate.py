@@ -45,16 +45,13 @@ def zigzag(t: Array, y: Array, bins: int) -> tuple[Array, Array]:
     """
     if len(t) <= 4 * bins:
         return t, y
-    starts = edges(len(t), bins)
-    ends = np.append(starts[1:], len(t))
-    at: list[int] = []
-    for a, b in zip(starts, ends, strict=True):
-        part = y[a:b]
-        if not np.isfinite(part).any():
-            at.append(int(a))
-            continue
-        at.extend(int(a) + k for k in sorted({0, int(np.nanargmin(part)), int(np.nanargmax(part)), int(b - a) - 1}))
-    return t[at], y[at]
+    at: set[int] = set()
+    for part in np.split(np.arange(len(t)), edges(len(t), bins)[1:]):
+        at.update((part[0], part[-1]))
+        if np.isfinite(y[part]).any():
+            at.update((part[np.nanargmin(y[part])], part[np.nanargmax(y[part])]))
+    chosen = sorted(at)
+    return t[chosen], y[chosen]
 
 
 def window_means(t: Array, y: Array, bins: int) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from ..runs.resources import process_count
 from ..scenarios import Scenario
 from ..simulation import Setup
 from .figures import FIGURES, OVERVIEW, View
-from .figures.trade_off import points
+from .figures.trade_off import shown_runs
 from .results import Results
 from .rows_shown import lane_rows, phi_rows
 
@@ -39,8 +39,8 @@ class ScenarioJob:
         All, in order.
     finished
         Those that have a line in results.csv for this trial.
-    trial, seed
-        Which run is shown.
+    seed
+        Of the comparison.
     phi_rows, lane_rows
         Labels of the rows whose φ, and whose activity, is drawn.
     """
@@ -49,7 +49,6 @@ class ScenarioJob:
     scenario: Scenario
     controllers: tuple[str, ...]
     finished: tuple[str, ...]
-    trial: int
     seed: int
     phi_rows: tuple[str, ...]
     lane_rows: tuple[str, ...]
@@ -61,8 +60,6 @@ class Drawn:
 
     Attributes
     ----------
-    scenario
-        Its name.
     files
         File names below ``figures``, by the figure's name.
     problems
@@ -71,7 +68,6 @@ class Drawn:
         When a controller's run is first outside a row [s], for rows it violates.
     """
 
-    scenario: str
     files: dict[str, str] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
     first_outside: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -90,7 +86,6 @@ def scenario_jobs(results: Results) -> list[ScenarioJob]:
                 for controller in results.controllers
                 if any(line["trial"] == TRIAL_SHOWN for line in results.runs(name, controller))
             ),
-            TRIAL_SHOWN,
             int(stored.manifest["configuration"].get("seed", 0)),
             phi_rows(results, name),
             lane_rows(results, name),
@@ -109,7 +104,7 @@ def draw_all(jobs: Sequence[ScenarioJob], on_drawn: Callable[[int, int], None]) 
 
     def done(name: str, answer: Drawn | Failure) -> None:
         if isinstance(answer, Failure):
-            answer = Drawn(name, problems=[f"Its figures could not be drawn: {answer.reason}."])
+            answer = Drawn(problems=[f"Its figures could not be drawn: {answer.reason}."])
         drawn[name] = answer
         on_drawn(len(drawn), len(jobs))
 
@@ -125,7 +120,7 @@ def draw_all(jobs: Sequence[ScenarioJob], on_drawn: Callable[[int, int], None]) 
 
 def draw_scenario(job: ScenarioJob) -> Drawn:
     """Draw what can be drawn; whatever goes wrong with one figure leaves only that one out, with a sentence why."""
-    drawn = Drawn(job.scenario.name)
+    drawn = Drawn()
     runs = stored_runs(job, drawn)
     if not runs:
         return drawn
@@ -150,7 +145,7 @@ def draw_overview(results: Results, folder: Path) -> str:
     except Exception as error:  # a figure must not cost the report
         return f"The figure of {OVERVIEW.title} could not be drawn: {type(error).__name__}: {error}"
     text = f"![{OVERVIEW.title.capitalize()}](figures/{OVERVIEW.file})\n\n*{OVERVIEW.caption}"
-    left_out = sum(len(results.all_runs(name)) - len(own) for name, own in points(results).items())
+    left_out = sum(len(results.all_runs(name)) - len(own) for name, own in shown_runs(results).items())
     if left_out:
         text += f" Left out are runs that did not converge, or that no row held back: {left_out}."
     return text + "*"
@@ -168,7 +163,7 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
     """The runs with at least two samples, by controller; notes in ``drawn`` what is missing, and who is outside."""
     runs = {}
     for name in job.finished:
-        path = run_file(job.folder, job.scenario.name, name, job.trial)
+        path = run_file(job.folder, job.scenario.name, name, TRIAL_SHOWN)
         record = RunRecord.load(path)
         if record is None:
             why = "cannot be read" if path.exists() else "is missing"
@@ -188,7 +183,7 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
 
 def _setup(job: ScenarioJob, drawn: Drawn) -> Setup | None:
     try:
-        return job.scenario.setup(job.trial, job.seed)
+        return job.scenario.setup(TRIAL_SHOWN, job.seed)
     except Exception as error:  # for example a robot's file that is no longer where it was
         drawn.problems.append(
             f"The scenario cannot be built here ({type(error).__name__}: {error}); the figures show no goals and no "
@@ -198,5 +193,5 @@ def _setup(job: ScenarioJob, drawn: Drawn) -> Setup | None:
 
 
 def _stored_size(job: ScenarioJob) -> int:
-    files = (run_file(job.folder, job.scenario.name, name, job.trial) for name in job.controllers)
+    files = (run_file(job.folder, job.scenario.name, name, TRIAL_SHOWN) for name in job.controllers)
     return sum(path.stat().st_size for path in files if path.is_file())

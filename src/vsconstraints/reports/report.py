@@ -57,7 +57,7 @@ def write_report(
 
 
 def _write(folder: Path, results: Results, on_drawn: Callable[[int, int], None] | None) -> Path:
-    drawn, overview = {name: Drawn(name) for name in results.scenarios}, ""
+    drawn, overview = {name: Drawn() for name in results.scenarios}, ""
     if on_drawn is not None:
         drawn, overview = _draw(results, on_drawn)
     parts = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -105,23 +104,15 @@ def _nearest(view: View) -> tuple[Array, float] | None:
     return None
 
 
-def _free_corner(tracks: Array, centre: Array, half_size: Array) -> tuple[float, float]:
+def _free_corner(tracks: Array, centre: Array, half: Array) -> tuple[float, float]:
     """Where an inset covers least of the tracks, and not the place that it magnifies."""
-    edge = 0.03
-    places = [(edge, edge), (1.0 - INSET - edge, edge), (edge, 1.0 - INSET - edge), (1.0 - INSET - edge,) * 2]
+    low, middle, high = 0.03, 0.5 - 0.5 * INSET, 0.97 - INSET
+    places = [(low, low), (high, low), (low, high), (high, high)]
     # the middle of the sides and of the panel are better than a corner full of tracks
-    half = 0.5 - 0.5 * INSET
-    places += [(edge, half), (1.0 - INSET - edge, half), (half, edge), (half, 1.0 - INSET - edge), (half, half)]
-    costs = [_covered(place, tracks, half_size) + 1e6 * _covered(place, centre[None], half_size) for place in places]
-    return places[int(np.argmin(costs))]
+    places += [(low, middle), (high, middle), (middle, low), (middle, high), (middle, middle)]
 
+    def hidden(place: tuple[float, float], points: Array) -> int:
+        at = 0.5 + points * [0.5, -0.5] / half  # v points down
+        return int((np.abs(at - place - 0.5 * INSET) < 0.5 * INSET + 0.02).all(axis=1).sum())
 
-def _covered(place: Sequence[float], points: Array, half_size: Array) -> int:
-    """How many points an inset at that place hides; v points down."""
-    across = (points[:, 0] + half_size[0]) / (2.0 * half_size[0])
-    up = (half_size[1] - points[:, 1]) / (2.0 * half_size[1])
-    margin = 0.02
-    hidden = (np.abs(across - place[0] - 0.5 * INSET) < 0.5 * INSET + margin) & (
-        np.abs(up - place[1] - 0.5 * INSET) < 0.5 * INSET + margin
-    )
-    return int(hidden.sum())
+    return min(places, key=lambda place: hidden(place, tracks) + 1e6 * hidden(place, centre[None]))

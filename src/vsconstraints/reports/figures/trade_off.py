@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from ...figures import WIDTH, Look, Sheet, darker, decades, logarithmic, looks, shortened
 from ...figures.image import symbol
 from ..numbers import mean
-from ..results import Results
+from ..results import Line, Results
 
 LEAST_UNUSED = 1e-4
 """Share of the allowed space left unused below which points are drawn at the edge."""
@@ -18,58 +17,38 @@ LEAST_UNUSED = 1e-4
 SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999)
 """Ticks of utilization."""
 
+COLUMNS = ("utilization", "acceleration_variation", "violation_depth")
 RIGHT, HEIGHT = 2.25, 3.6
 GREY = "#666666"
 
 
-@dataclass(frozen=True)
-class Point:
-    """One run, or the mean of a controller's runs.
-
-    Attributes
-    ----------
-    controller
-        Whose.
-    utilization, variation
-        Where: share of the allowed space, and acceleration variation.
-    kept
-        Whether no row was violated.
-    """
-
-    controller: str
-    utilization: float
-    variation: float
-    kept: bool
-
-
-def points(results: Results) -> dict[str, list[Point]]:
-    """By controller, its runs that used the allowed space and moved."""
-    found: dict[str, list[Point]] = {}
-    for name in results.competitors:
-        found[name] = [
-            Point(name, line["utilization"], line["acceleration_variation"], line["violation_depth"] == 0.0)
+def shown_runs(results: Results) -> dict[str, list[Line]]:
+    """By controller, lines of the runs that were held back and moved: the others have no place in the figure."""
+    return {
+        name: [
+            line
             for line in results.all_runs(name)
             if math.isfinite(line["utilization"]) and line["acceleration_variation"] > 0.0
         ]
-    return found
+        for name in results.competitors
+    }
 
 
 def draw_trade_off(results: Results) -> Sheet | None:
     """A small marker for each run and a large one for the mean of each controller that has several."""
-    found = {name: own for name, own in points(results).items() if own}
+    found = {name: own for name, own in shown_runs(results).items() if own}
     if not found:
         return None
     look = looks(results.controllers)
     sheet = Sheet(left=0.72, right=RIGHT)
     (ax,) = sheet.panels(1, height=HEIGHT, above=0.02)
     for name, own in found.items():
-        for point in own:
-            _mark(ax, point, look[name], size=5.0, alpha=0.75, order=3)
+        for run in own:
+            _mark(ax, run, look[name], size=5.0, alpha=0.75, zorder=3)
         if len(own) > 1:
-            utilization, variation = mean([p.utilization for p in own]), mean([p.variation for p in own])
-            of_all = Point(name, utilization, variation, all(p.kept for p in own))
-            _mark(ax, of_all, look[name], size=12.0, alpha=0.9, order=2.5)
-    _axes(ax, [point for own in found.values() for point in own])
+            means = {column: mean([run[column] for run in own]) for column in COLUMNS}
+            _mark(ax, means, look[name], size=12.0, alpha=0.9, zorder=2.5)
+    _axes(ax, [run for own in found.values() for run in own])
     entries = [symbol(look[n].marker, look[n].colour, look[n].colour, 8.0, label=shortened(n)) for n in found]
     entries += [
         symbol("o", GREY, GREY, 12.0, label="mean of a controller's runs"),
@@ -80,19 +59,20 @@ def draw_trade_off(results: Results) -> Sheet | None:
     return sheet
 
 
-def _mark(ax: Any, point: Point, look: Look, size: float, alpha: float, order: float) -> None:
-    face, edge = (look.colour, darker(look.colour)) if point.kept else ("white", look.colour)
-    place = [_unused(point)], [point.variation]
-    mark = symbol(look.marker, face, edge, size) | {"markeredgewidth": 0.7 if point.kept else 1.5}
-    ax.plot(*place, **mark, alpha=alpha, zorder=order, clip_on=False)
+def _mark(ax: Any, run: Line, look: Look, size: float, **options: Any) -> None:
+    """A run or the mean of several, hollow if a row was violated."""
+    kept = run["violation_depth"] == 0.0
+    face, edge = (look.colour, darker(look.colour)) if kept else ("white", look.colour)
+    mark = symbol(look.marker, face, edge, size) | {"markeredgewidth": 0.7 if kept else 1.5}
+    ax.plot([_unused(run)], [run["acceleration_variation"]], **mark, clip_on=False, **options)
 
 
-def _unused(point: Point) -> float:
-    return max(1.0 - point.utilization, LEAST_UNUSED)
+def _unused(run: Line) -> float:
+    return max(1.0 - float(run["utilization"]), LEAST_UNUSED)
 
 
-def _axes(ax: Any, shown: Sequence[Point]) -> None:
-    widest = 1.4 * max([*(_unused(point) for point in shown), 0.1])
+def _axes(ax: Any, shown: Sequence[Line]) -> None:
+    widest = 1.4 * max([*(_unused(run) for run in shown), 0.1])
     logarithmic(ax.xaxis, ())
     logarithmic(ax.yaxis)
     logarithmic(ax.yaxis, decades(*ax.get_ylim()))

@@ -14,8 +14,8 @@ from ...robot import Robot
 from ...rows import Array
 from ..claims.case_study import SPHERE, phases
 from ..runs import Run
+from . import lines as paper
 from .case_study import SHORT, frame_times
-from .lines import BLUE, RED
 
 LINK, JOINT, TARGET, ORANGE = "#C9CED6", "#4A5568", "#F4F1E6", "#F0A202"
 THICK, THIN = 0.034, 0.022
@@ -73,7 +73,7 @@ def system(case: Run, k: int) -> Mesh:
     for marker in scene.markers:
         mesh.ball(marker, 0.012, INK, count=10)
     _add_sphere(mesh, sphere, 20)
-    mesh.pyramid(scene.camera_pose(q), 0.05, 0.05, 0.08, BLUE)
+    mesh.pyramid(scene.camera_pose(q), 0.05, 0.05, 0.08, paper.BLUE)
     return mesh
 
 
@@ -95,7 +95,7 @@ def draw_frames(case: Run) -> Sheet:
         left, top = column * (WIDTH / 2) + 0.02, 0.05 + row * 3.4
         k = int(np.argmin(np.abs(case.t - time)))
         mesh = system(case, k)
-        add_path(mesh, trail[: k + 1], 0.0045, RED)
+        add_path(mesh, trail[: k + 1], 0.0045, paper.RED)
         mesh.draw(_space(sheet, left, top - 0.35, 3.95), *CUBE)
         sheet.text(left + 0.12, top + 0.1, f"frame {number}", fontsize=10, fontweight="bold", va="top")
         spans = {event: [span for phase in phases(case, event) for span in phase] for event in SHORT}
@@ -121,14 +121,14 @@ def _details(sheet: Sheet, case: Run, trail: Array, top: float) -> None:
     away = trail - sphere.centre
     distance = np.sqrt((away * away).sum(axis=1))
     # the line lies on the sphere with its side, as it has a thickness and the path has none
-    add_path(mesh, (trail + thickness * away / distance[:, None])[distance < 0.09], thickness, RED, 300)
+    add_path(mesh, (trail + thickness * away / distance[:, None])[distance < 0.09], thickness, paper.RED, 300)
     touch = trail[case.phi(SPHERE) >= 0.0].mean(axis=0) - sphere.centre
     azimuth = float(np.rad2deg(np.arctan2(touch[1], touch[0]))) + 20.0
     mesh.draw(_space(sheet, 0.3, top - 0.15, 2.9), sphere.centre, 0.068, 18.0, azimuth)
     sheet.text(0.14, top + 0.05, "detail: the path and the sphere", fontsize=10, fontweight="bold", va="top")
     plot = sheet.axes(4.35, top + 0.35, WIDTH - 4.35 - 0.2, 1.8)
     band(plot, -100.0, 0.0, "#F9E3B4")
-    plot.plot(case.t, 1e3 * (distance - sphere.radius - sphere.margin), color=RED, linewidth=1.8)
+    plot.plot(case.t, 1e3 * (distance - sphere.radius - sphere.margin), color=paper.RED, linewidth=1.8)
     zero_line(plot)
     plot.set_xlim(4.0, float(case.t[-1]))
     plot.set_ylim(-6.0, 40.0)

@@ -12,21 +12,7 @@ from ...figures.marks import note
 from ...figures.style import FAINT
 from ..claims.case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, at_once, phases, switch_sample
 from ..runs import Run
-from .lines import (
-    BLUE,
-    COLOURS,
-    LEFT,
-    START,
-    boundaries,
-    ends,
-    image_view,
-    limits_around,
-    over_time,
-    phi_axis,
-    pose_errors,
-    signals,
-    track,
-)
+from . import lines as paper
 
 SYMBOLS = ("o", "^", "s", "*")
 """The paper's symbols of the four markers: circle, triangle, square, star."""
@@ -48,18 +34,22 @@ def frame_times(run: Run) -> list[float]:
 
 def draw_tracks(case: Run) -> Sheet:
     """Fig. 10: tracks in the image, position and orientation errors."""
-    sheet = Sheet(LEFT)
-    ax = image_view(sheet, case, 3.9)
+    sheet = Sheet(paper.LEFT)
+    ax = paper.image_view(sheet, case, 3.9)
     pixels, entries = case.trajectory.features_px, []
     for i, mark in enumerate(SYMBOLS):
-        track(ax, case, i, color=COLOURS[i])
-        ends(ax, pixels, i, mark)
+        paper.track(ax, case, i, color=paper.COLOURS[i])
+        paper.ends(ax, pixels, i, mark)
         ax.plot(*pixels[switch_sample(case), i], **symbol(mark, "white"), zorder=5.9)
-        entries.append(symbol(mark, "white") | line(f"feature {i + 1}", COLOURS[i]))
-    for face, edge, name in ((START, INK, "start"), ("white", INK, "end of phase 1"), (INK, "white", "end of phase 2")):
+        entries.append(symbol(mark, "white") | line(f"feature {i + 1}", paper.COLOURS[i]))
+    for face, edge, name in (
+        (paper.START, INK, "start"),
+        ("white", INK, "end of phase 1"),
+        (INK, "white", "end of phase 2"),
+    ):
         entries.append(symbol("o", face, edge, label=name))
-    sheet.side_legend([*entries, *boundaries(case, "boundary of the FOV constraint")])
-    pose_errors(sheet.panels(2, height=1.45, labels=("time [s]", "")), case)
+    sheet.side_legend([*entries, *paper.boundaries(case, "boundary of the FOV constraint")])
+    paper.pose_errors(sheet.panels(2, height=1.45, labels=("time [s]", "")), case)
     return sheet
 
 
@@ -71,12 +61,12 @@ def draw_signals(case: Run) -> Sheet:
         (panels[0], case.trajectory.q, "joint positions\n[rad]", "q", f"{RANGE}.upper"),
         (panels[1], case.trajectory.qd, "joint speeds\n[rad/s]", r"\dot{q}", f"{SPEED}.upper"),
     ):
-        signals(ax, case, values, (f"${name}_{k + 1}$" for k in range(values.shape[1])), label)
-        limits_around(ax, values)
+        paper.signals(ax, case, values, (f"${name}_{k + 1}$" for k in range(values.shape[1])), label)
+        paper.limits_around(ax, values)
         above_legend(ax, 6)
         _limit(ax, case, limited, values)
-    signal(panels[2], case.t, case.trajectory.phi.max(axis=1), color=BLUE, linewidth=1.2)
-    phi_axis(panels[2], case, -0.2, 0.04, r"greatest $\phi_i$")
+    signal(panels[2], case.t, case.trajectory.phi.max(axis=1), color=paper.BLUE, linewidth=1.2)
+    paper.phi_axis(panels[2], case, -0.2, 0.04, r"greatest $\phi_i$")
     _lanes(panels[3], case)
     for number, time in enumerate(frame_times(case), start=1):
         for ax in panels:
@@ -92,7 +82,7 @@ def _limit(ax: Any, run: Run, label: str, values: Any) -> None:
     joint = int(constraint.joints[0])
     clearance = run.trajectory.clearance[:, run.index(label)]
     limit = float(np.median(values[:, joint - 1] + clearance))
-    ax.axhline(limit, **REFERENCE | {"color": COLOURS[joint - 1], "linewidth": 1.4}, zorder=1.7)
+    ax.axhline(limit, **REFERENCE | {"color": paper.COLOURS[joint - 1], "linewidth": 1.4}, zorder=1.7)
     note(ax, f"limit of joint {joint}", limit, across=0.26)
 
 
@@ -104,7 +94,7 @@ def _lanes(ax: Any, run: Run) -> None:
             ax.plot([first, last], [lane, lane], color=INK, linewidth=2.6, solid_capstyle="butt", zorder=3)
             inside = [time for time in frame_times(run) if first <= time <= last]
             ax.plot(inside, [lane] * len(inside), **symbol("o", "white", size=7.0), zorder=4)
-    over_time(ax, run)
+    paper.over_time(ax, run)
     ax.set_yticks(range(len(shown)), [SHORT[event] for event in shown])
     ax.set_ylim(len(shown) - 0.4, -0.6)
     ax.tick_params(axis="y", length=0, pad=3)

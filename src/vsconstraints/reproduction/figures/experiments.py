@@ -11,25 +11,11 @@ from ...figures import INK, Sheet, above_legend, line, signal
 from ...figures.image import symbol, tracks
 from ...rows import Array
 from ..runs import Run
-from .lines import (
-    BLUE,
-    COLOURS,
-    LEFT,
-    MAGENTA,
-    START,
-    boundaries,
-    image_view,
-    limits_around,
-    over_time,
-    phi_axis,
-    pose_errors,
-    signals,
-    track,
-)
+from . import lines as paper
 
 VISIBILITY = ("fov", "occlusion")
 DASHED: Any = (0, (4, 2))
-INITIAL, DESIRED = symbol("o", START, label="initial pose"), symbol("x", INK, label="desired pose")
+INITIAL, DESIRED = symbol("o", paper.START, label="initial pose"), symbol("x", INK, label="desired pose")
 
 
 def visibility_rows(run: Run) -> list[str]:
@@ -51,25 +37,25 @@ def image_errors(run: Run) -> Array:
 def draw_signals(run: Run) -> Sheet:
     """Figs. 14 and 17: errors, control action and visibility constraint functions."""
     image = is_image_based(run)
-    sheet = Sheet(LEFT)
+    sheet = Sheet(paper.LEFT)
     *errors, action, phi = sheet.panels(3 if image else 4, height=1.4, above=0.4, labels=("time [s]", ""))
     if image:
         for k, values in enumerate(image_errors(run).T):
             marker, vertical = divmod(k, 2)
-            look = {"color": COLOURS[marker], "linestyle": "--" if vertical else "-", "linewidth": 1.3}
+            look = {"color": paper.COLOURS[marker], "linestyle": "--" if vertical else "-", "linewidth": 1.3}
             signal(errors[0], run.t, values, **look, label=f"${'v' if vertical else 'u'}_{marker + 1}$")
-        over_time(errors[0], run, "image\nerrors [px]")
+        paper.over_time(errors[0], run, "image\nerrors [px]")
         above_legend(errors[0], 8)
     else:
-        pose_errors(errors, run, legend=above_legend)
+        paper.pose_errors(errors, run, legend=above_legend)
     qdd, rows = run.trajectory.qdd_command, visibility_rows(run)
     names = [rf"$\ddot{{q}}_{{c{k + 1}}}$" for k in range(qdd.shape[1])]
-    signals(action, run, qdd, names, "control action\n[rad/s²]", linewidth=1.1)
+    paper.signals(action, run, qdd, names, "control action\n[rad/s²]", linewidth=1.1)
     above_legend(action, len(names))
     values = run.trajectory.phi[:, [run.index(row) for row in rows]]
-    signals(phi, run, values, (row.partition("[")[2].rstrip("]") for row in rows), "", linewidth=1.2)
+    paper.signals(phi, run, values, (row.partition("[")[2].rstrip("]") for row in rows), "", linewidth=1.2)
     least = max(float(np.quantile(values, 0.002)), -1.6) - 0.05
-    phi_axis(phi, run, least, 0.25, "constraint\nfunctions $\\phi_V$")
+    paper.phi_axis(phi, run, least, 0.25, "constraint\nfunctions $\\phi_V$")
     above_legend(phi, 4)
     return sheet
 
@@ -82,43 +68,43 @@ def _poses(ax: Any, run: Run) -> None:
 
 def draw_tracks(run: Run) -> Sheet:
     """Figs. 15 and 18: tracks in the image, and the target as the camera sees it in the desired pose."""
-    sheet = Sheet(LEFT)
-    ax = image_view(sheet, run, 3.75)
+    sheet = Sheet(paper.LEFT)
+    ax = paper.image_view(sheet, run, 3.75)
     pixels, entries = run.trajectory.features_px, []
-    for corners, colour in ((pixels[0], START), (run.setup.task.goals[-1].pixels, INK)):
+    for corners, colour in ((pixels[0], paper.START), (run.setup.task.goals[-1].pixels, INK)):
         ax.plot(*corners[[*range(len(corners)), 0]].T, color=colour, linewidth=1.0, linestyle=(0, (2, 2)), zorder=3.5)
     for i, start in enumerate(pixels[0]):
-        track(ax, run, i, color=COLOURS[i])
+        paper.track(ax, run, i, color=paper.COLOURS[i])
         ax.annotate(str(i + 1), start, (7, 5), textcoords="offset points", fontsize=8.5, zorder=7)
-        entries.append(line(f"marker {i + 1}", COLOURS[i]))
+        entries.append(line(f"marker {i + 1}", paper.COLOURS[i]))
     _poses(ax, run)
-    sheet.side_legend([*entries, INITIAL, DESIRED, *boundaries(run)])
+    sheet.side_legend([*entries, INITIAL, DESIRED, *paper.boundaries(run)])
     return sheet
 
 
 def draw_comparison(exact: Run, erroneous: Run) -> Sheet:
     """Figs. 16 and 19: without and with errors in the gradient vector."""
-    looks = (line("no errors", BLUE), line("30 % error in the gradient", MAGENTA, DASHED))
-    runs = ((exact, {"color": BLUE}), (erroneous, {"color": MAGENTA, "linestyle": DASHED}))
-    sheet = Sheet(LEFT)
+    looks = (line("no errors", paper.BLUE), line("30 % error in the gradient", paper.MAGENTA, DASHED))
+    runs = ((exact, {"color": paper.BLUE}), (erroneous, {"color": paper.MAGENTA, "linestyle": DASHED}))
+    sheet = Sheet(paper.LEFT)
     if is_image_based(exact):
         sheet.legend(looks)
         (ax,) = sheet.panels(1, height=2.3, labels=("time [s]", ""))
         for run, look in runs:
             for values in image_errors(run).T:
                 signal(ax, run.t, values, **look, linewidth=1.2)
-        over_time(ax, exact, "visual feature errors [px]")
+        paper.over_time(ax, exact, "visual feature errors [px]")
     else:
-        ax = image_view(sheet, exact, 3.0)
+        ax = paper.image_view(sheet, exact, 3.0)
         for run, look in runs:
             tracks(ax, run.trajectory.features_px, **look, linewidth=1.8, zorder=4)
         _poses(ax, exact)
-        sheet.side_legend([*looks, INITIAL, DESIRED, *boundaries(exact)])
+        sheet.side_legend([*looks, INITIAL, DESIRED, *paper.boundaries(exact)])
     speeds = sheet.panels(exact.trajectory.qd.shape[1], 3, height=1.2, gap=0.62, above=0.38, labels=("time [s]", ""))
     for k, ax in enumerate(speeds):
         for run, look in runs:
             signal(ax, run.t, run.trajectory.qd[:, k], **look, linewidth=1.3)
-        over_time(ax, exact)
-        limits_around(ax, np.concatenate([run.trajectory.qd[:, k] for run, _ in runs]), 0.15)
+        paper.over_time(ax, exact)
+        paper.limits_around(ax, np.concatenate([run.trajectory.qd[:, k] for run, _ in runs]), 0.15)
         ax.set_title(rf"$\dot{{q}}_{{c{k + 1}}}$ [rad/s]", loc="left", pad=3)
     return sheet

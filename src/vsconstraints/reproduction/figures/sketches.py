@@ -12,7 +12,7 @@ from ...figures import INK, Sheet, line
 from ...figures.image import square
 from ...geometry import Pose
 from ..runs import Run
-from .lines import BLUE, CYAN, GREEN, LEFT, MAGENTA, RED
+from . import lines as paper
 
 TEXT = """\
 The camera moves in this plane and
@@ -29,12 +29,17 @@ dashed: desired camera frame C*"""
 def draw_hyperellipses() -> Sheet:
     """Fig. 2: σ = 0 for a margin of 5 % and n = 2, 4, 8, 16."""
     width, height = size = (640.0, 480.0)
-    sheet = Sheet(LEFT)
+    sheet = Sheet(paper.LEFT)
     (ax,) = sheet.views((4.6, 4.6 * height / width))
     square(ax, (0.0, 0.0), width / 2, height / 2, color=INK, linewidth=2.6, solid_joinstyle="miter")
     entries = [line("image", INK) | {"linewidth": 2.6}]
     camera = Camera((600.0, 600.0), size)
-    for n, colour, dash in ((2, BLUE, "-"), (4, MAGENTA, "--"), (8, GREEN, "-."), (16, RED, "-")):
+    for n, colour, dash in (
+        (2, paper.BLUE, "-"),
+        (4, paper.MAGENTA, "--"),
+        (8, paper.GREEN, "-."),
+        (16, paper.RED, "-"),
+    ):
         constraint = FieldOfView(camera, K=1.0, switching_gain=1.0, margin=0.05, n=n)
         for points in constraint.boundary(size):
             ax.plot(*points.T, color=colour, linestyle=dash, linewidth=1.7)
@@ -51,7 +56,7 @@ def draw_planar_system(fov: Run) -> Sheet:
     """Fig. 3: the arm from above, at its start and its end."""
     scene = fov.setup.scene
     markers, robot, q = scene.markers, scene.robot, fov.trajectory.q[0]
-    sheet = Sheet(LEFT)
+    sheet = Sheet(paper.LEFT)
     (ax,) = sheet.views((4.3, 4.3))
     joints = np.array([[0.0, 0.0, 0.0], *(robot.pose(q, f"link {i}").t for i in (1, 2))])[:, :2]
     for colour, width in (("#4A5568", 11), ("#C9CED6", 7.5)):
@@ -61,7 +66,7 @@ def draw_planar_system(fov: Run) -> Sheet:
         ax.annotate(f"$q_{k + 1}$", joints[k], offset, textcoords="offset points", fontsize=10, zorder=5)
     ax.fill([-0.13, 0.13, 0.055, -0.055], [0.16, 0.16, 0.0, 0.0], color="#8A93A3", zorder=1.5)
     ax.plot([-0.24, 0.24], [0.16, 0.16], color=INK, linewidth=1.6, zorder=1.6)
-    ax.plot(*markers[:, :2].T, color=CYAN, linewidth=3, zorder=2.5)
+    ax.plot(*markers[:, :2].T, color=paper.CYAN, linewidth=3, zorder=2.5)
     for i, (mark, size, offset) in enumerate((("o", 9, (-52, -9)), ("*", 14, (-30, 10)))):
         place = markers[i, :2]
         ax.plot(*place, marker=mark, markersize=size, color=INK, markeredgecolor="white", zorder=4)
@@ -84,7 +89,7 @@ def draw_planar_system(fov: Run) -> Sheet:
 def _frame(ax: Any, pose: Pose, name: str, length: float, offset: tuple[int, int]) -> None:
     """The x and y axes of a frame; dashed if it is a desired one."""
     origin, dashes = pose.t[:2], "--" if "*" in name else "-"
-    for axis, colour in ((0, RED), (1, GREEN)):
+    for axis, colour in ((0, paper.RED), (1, paper.GREEN)):
         arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.8, "shrinkA": 0, "shrinkB": 0}
         tip = origin + length * pose.R[:2, axis]
         ax.annotate("", tip, origin, zorder=6, arrowprops={**arrow, "linestyle": dashes})
