@@ -10,10 +10,11 @@ import pytest
 
 from test_reports import result, row
 from vsconstraints.comparisons import StoredComparison
-from vsconstraints.reports.best import Cell, comparable, judged_by, keeps_rows, keeps_sliding, marked
+from vsconstraints.comparisons.metrics import METRICS, Metric
+from vsconstraints.reports.best import Cell, comparable, judged_by, keeps_rows, marked
 from vsconstraints.reports.headlines import opening, some
 from vsconstraints.reports.results import Results
-from vsconstraints.reports.scenario_section import _table
+from vsconstraints.reports.scenario_section import metric_table
 from vsconstraints.reports.summary import summary
 
 WINNERS = "among the controllers that converged and violated no row"
@@ -266,7 +267,9 @@ def test_a_scenarios_tables_show_numbers_in_the_units_of_their_headers() -> None
     own = {"final_translation_error_m": 0.002, "final_rotation_error_rad": 0.003, "final_feature_error_px": 1.5}
     outside = {"violated": "x", "violation_depth": 0.125, "violation_time_s": 0.5, "settling_time_s": 4.0}
     results = results_of([result("tracking"), result("a", **own, **outside, phi_band=3.0, phi_band_bound=2.0)])
-    found = cells_of(_table(results, "one", "task"))["a"] | cells_of(_table(results, "one", "chattering"))["a"]
+    found = (
+        cells_of(metric_table(results, "one", "task"))["a"] | cells_of(metric_table(results, "one", "chattering"))["a"]
+    )
     shown = {header: text.strip("()") for header, text in found.items()}
     expected = {
         "position error [mm]": "2.00", "orientation error [mrad]": "3.00", "image error [px]": "1.50",
@@ -315,10 +318,15 @@ def test_who_may_be_compared() -> None:
     assert comparable([yes, [], []]) == [False, False, False]
 
 
-@pytest.mark.parametrize("column", ["violation_depth", "violation_time_s", "violated"])
+def metric(column: str) -> Metric:
+    """The last one that is made from a column: the ratio of the φ band to its bound, not the band itself."""
+    return [one for one in METRICS if one.column == column][-1]
+
+
+@pytest.mark.parametrize("column", ["violation_depth", "violation_time_s"])
 def test_violations_are_compared_of_everybody(column: str) -> None:
-    assert judged_by(column, [result("a", violation_depth=0.5, sliding_lost_s=1.0)])
-    assert judged_by(column, [])
+    assert judged_by(metric(column), [result("a", violation_depth=0.5, sliding_lost_s=1.0)])
+    assert judged_by(metric(column), [])
 
 
 def test_everything_else_is_compared_inside_and_the_band_while_sliding() -> None:
@@ -326,7 +334,7 @@ def test_everything_else_is_compared_inside_and_the_band_while_sliding() -> None
     good, outside, lost = result("a"), result("a", violation_depth=0.5), result("a", sliding_lost_s=0.5)
     for runs, inside, sliding in (([good], True, True), ([good, outside], False, True), ([good, lost], True, False),
                                   ([], False, False)):  # fmt: skip
-        assert (keeps_rows(runs), keeps_sliding(runs)) == (inside, sliding)
-        assert judged_by("utilization", runs) is inside
+        assert keeps_rows(runs) is inside
+        assert judged_by(metric("utilization"), runs) is inside
         for column in ("phi_band", "sliding_lost_s"):
-            assert judged_by(column, runs) is (inside and sliding)
+            assert judged_by(metric(column), runs) is (inside and sliding)

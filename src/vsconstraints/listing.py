@@ -7,6 +7,7 @@ import inspect
 from rich.console import Console
 from rich.table import Table
 
+from .comparisons.metrics import METRICS
 from .constraints.curves import SHAPES
 from .controllers import CONTROLLERS
 from .errors import ConfigurationError
@@ -17,7 +18,7 @@ from .scenarios import CONSTRAINTS, Scenario, shipped_scenarios
 
 
 def print_listing(console: Console) -> None:
-    """Print tables of scenarios, controllers, solvers, robots, constraints, features and shapes."""
+    """Print tables of scenarios, controllers, solvers, robots, constraints, features, metrics and shapes."""
     scenarios = [Scenario.load(name) for name in shipped_scenarios()]
     _print(console, "Scenarios", [(scenario.name, scenario.title) for scenario in scenarios])
     _print(console, "Controllers", [(name, _controller_line(name)) for name in CONTROLLERS])
@@ -25,6 +26,8 @@ def print_listing(console: Console) -> None:
     _print(console, "Robots", [(name, _first_line(make)) for name, make in READY_MADE.items()])
     _print(console, "Constraints", [(name, _first_line(make)) for name, make in CONSTRAINTS.items()])
     _print(console, "Features", [(name, _first_line(feature)) for name, feature in FEATURES.items()])
+    metrics = [(metric.column, metric.definition or metric.header) for metric in METRICS if metric.value is not None]
+    _print(console, "Metrics (columns of results.csv)", metrics)
     _print(console, "Shapes (for occlusion)", [(name, _first_line(shape)) for name, shape in SHAPES.items()])
 
 

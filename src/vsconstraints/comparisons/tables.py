@@ -16,11 +16,12 @@ import numpy as np
 from ..errors import ConfigurationError, shown
 from ..runs.files import replaced
 from ..simulation.trajectory import Outcome
+from .metrics import METRICS, ROW_METRICS, RUN
 
 csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
 
-_TEXT = {"suite", "scenario", "controller", "status", "reason", "violated", "within_band", "constraint", "kind", "unit"}
-_FLAGS = {"challenged", "compiled"}
+_TEXT = {*RUN[:-1], *(metric.column for metric in (*METRICS, *ROW_METRICS) if metric.kind == "text")}
+_FLAGS = {metric.column for metric in (*METRICS, *ROW_METRICS) if metric.kind == "flag"}
 
 
 def cell(value: object) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from ..comparisons.metrics import Metric
 from .markdown import bold
 from .numbers import Format, median, number, over_trials
 
@@ -80,19 +81,20 @@ def keeps_rows(lines: Sequence[dict[str, Any]]) -> bool:
     return bool(lines) and all(line["violation_depth"] == 0.0 for line in lines)
 
 
-def keeps_sliding(lines: Sequence[dict[str, Any]]) -> bool:
-    """Whether no sliding mode was lost in any trial."""
-    return bool(lines) and all(line["sliding_lost_s"] == 0.0 for line in lines)
-
-
-def judged_by(column: str, lines: Sequence[dict[str, Any]]) -> bool:
-    """Whether runs that converged may be compared in a column.
+def judged_by(metric: Metric, lines: Sequence[dict[str, Any]]) -> bool:
+    """Whether runs that converged may be compared by a metric.
 
     Depth and time outside tell who leaves the allowed space; everything else counts only inside it, and the φ band only
     where no sliding mode was lost.
     """
-    if column in ("violation_depth", "violation_time_s", "violated"):
-        return True
-    if column in ("phi_band", "sliding_lost_s"):
-        return keeps_rows(lines) and keeps_sliding(lines)
-    return keeps_rows(lines)
+    kept = metric.judged == "any" or keeps_rows(lines)
+    return kept and (metric.judged != "sliding" or all(line["sliding_lost_s"] == 0.0 for line in lines))
+
+
+def shown(metric: Metric, line: dict[str, Any]) -> float:
+    """A metric's value in a line of results.csv, in the unit in which reports show it; NaN where there is none."""
+    value = float(line[metric.column])
+    if metric.over:
+        divisor = float(line[metric.over])
+        value = value / divisor if math.isfinite(divisor) and divisor > 0.0 else math.nan
+    return metric.factor * value

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from urllib.parse import quote
 
+from ..comparisons.metrics import METRICS, Metric
 from ..comparisons.suite import BASELINE
-from .best import keeps_rows
+from .best import keeps_rows, shown
 from .markdown import bold, bullets, code, enumeration, plain
-from .numbers import Format, median, number, percent
+from .numbers import FORMATS, median, number
 from .results import CARRIED_THROUGH, Line, Results, violated, within_band
 
 MOST_NAMES = 9
@@ -69,12 +69,8 @@ def _findings(results: Results) -> list[str]:
         + "."
     ]
     found += [_of_controller(results, name) for name in results.competitors]
-    ranked = [
-        ("Most of the allowed space used", "utilization", max, percent, "{} %"),
-        ("Least chattering (acceleration variation)", "acceleration_variation", min, number, "{} rad/s³"),
-    ]
     if len(results.competitors) > 1:
-        found += [text for choice in ranked if (text := _winners(results, *choice))]
+        found += [text for metric in METRICS if metric.finding[0] and (text := _winners(results, metric))]
     nobody = [name for name in results.scenarios if _ran(results, name) and not _clean(results, name)]
     if nobody:
         found.append(
@@ -125,20 +121,22 @@ def _worst_row(results: Results, run: Line) -> str:
     return code(worst["constraint"]) if worst else "row unknown"
 
 
-def _winners(results: Results, what: str, column: str, best: Callable[..., float], show: Format, unit: str) -> str:
+def _winners(results: Results, metric: Metric) -> str:
     """In which scenarios each controller is the best of those that converged without violating a row."""
+    (what, unit), show = metric.finding, FORMATS[metric.style]
     won: dict[str, list[str]] = {}
     for scenario in results.scenarios:
         values = {
-            name: median([line[column] for line in results.runs(scenario, name)]) for name in _clean(results, scenario)
+            name: median([shown(metric, line) for line in results.runs(scenario, name)])
+            for name in _clean(results, scenario)
         }
         values = {name: value for name, value in values.items() if math.isfinite(value)}
         if not values:
             continue
-        top = show(best(values.values()))
+        top = show((max if metric.better == "more" else min)(values.values()))
         for name, value in values.items():
             if show(value) == top:
-                won.setdefault(name, []).append(f"{scenario} ({unit.format(top)})")
+                won.setdefault(name, []).append(f"{scenario} ({top} {unit})")
     if not won:
         return ""
     ranked = sorted(won.items(), key=lambda item: -len(item[1]))

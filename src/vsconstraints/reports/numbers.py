@@ -42,6 +42,10 @@ def count(value: float) -> str:
     return str(round(value)) if math.isfinite(value) else DASH
 
 
+FORMATS: dict[str, Format] = {"number": number, "error": error, "percent": percent, "count": count}
+"""How the styles of metrics print."""
+
+
 def median(values: Sequence[float]) -> float:
     """Median of the values that exist; NaN if none does."""
     exist = [value for value in values if math.isfinite(value)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Sequence
 from functools import cached_property
@@ -97,9 +96,3 @@ def violated(line: Line) -> list[str]:
 def within_band(line: Line) -> list[str]:
     """Labels of the rows that a run was outside of by no more than sampling makes."""
     return [label for label in str(line["within_band"] or "").split("; ") if label]
-
-
-def ratio(line: Line, column: str, over: str) -> float:
-    """A column divided by another; NaN where there is none."""
-    divisor = float(line[over])
-    return float(line[column]) / divisor if math.isfinite(divisor) and divisor > 0.0 else math.nan

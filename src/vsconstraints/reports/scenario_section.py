@@ -7,21 +7,18 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
-from ..comparisons.metrics import METRICS, NEGLIGIBLE, Metric
+from ..comparisons.metrics import METRICS, NEGLIGIBLE
 from ..comparisons.suite import BASELINE
 from ..scenarios import Scenario
-from .best import Cell, comparable, judged_by, marked
+from .best import Cell, comparable, judged_by, marked, shown
 from .challenges import challenges, held_rows
 from .drawing import Drawn
 from .figures import FIGURES
 from .headlines import anchor
 from .markdown import bullets, code, plain, table
-from .numbers import DASH, Format, count, error, number, percent
-from .results import Line, Results, ratio, violated, within_band
+from .numbers import DASH, FORMATS, number
+from .results import Line, Results, violated, within_band
 from .rows_shown import lanes_left_out
-
-FORMATS: dict[str, Format] = {"number": number, "error": error, "percent": percent, "count": count}
-"""How the styles of metrics print."""
 
 HOW_TO_READ = (
     "**Bold** is the best of a column, judged by the digits shown; ties are all bold. More utilization is better, of "
@@ -62,7 +59,7 @@ def scenario_section(results: Results, name: str, drawn: Drawn) -> str:
     parts += [text for text in (" ".join(scenario.description.split()), _facts(scenario)) if text]
     if not any(results.runs(name, controller) for controller in results.controllers):
         return "\n\n".join([*parts, "No run of this scenario finished."])
-    parts += [_table(results, name, group) for group in ("task", "chattering")]
+    parts += [metric_table(results, name, group) for group in ("task", "chattering")]
     parts += [text for text in (challenges(results, name), held_rows(results, name)) if text]
     for figure in FIGURES:
         if figure.name in drawn.files:
@@ -120,7 +117,8 @@ def _unusual(tables: Mapping[str, Any]) -> list[str]:
     return facts
 
 
-def _table(results: Results, scenario: str, group: str) -> str:
+def metric_table(results: Results, scenario: str, group: str) -> str:
+    """One of a scenario's tables of metrics, with one line per controller."""
     with_status = group == "task"
     runs = {name: list(results.runs(scenario, name)) for name in results.controllers}
     may = comparable([[] if name == BASELINE else [line["status"] for line in own] for name, own in runs.items()])
@@ -129,19 +127,16 @@ def _table(results: Results, scenario: str, group: str) -> str:
         header += ["status", "violated rows"]
         parts += [[_status(own) for own in runs.values()], [_violated(own) for own in runs.values()]]
     for metric in METRICS:
-        cells = [Cell.of([_value(metric, line) for line in own], FORMATS[metric.style]) for own in runs.values()]
-        if metric.group != group or all(not math.isfinite(cell.value) for cell in cells):
+        if metric.group != group or not metric.header:
             continue
-        judged = [ok and judged_by(metric.column, own) for ok, own in zip(may, runs.values(), strict=True)]
+        cells = [Cell.of([shown(metric, line) for line in own], FORMATS[metric.style]) for own in runs.values()]
+        if all(not math.isfinite(cell.value) for cell in cells):
+            continue
+        judged = [ok and judged_by(metric, own) for ok, own in zip(may, runs.values(), strict=True)]
         header.append(metric.header)
         parts.append(marked(cells, judged, metric.better))
     lines = [[part[i] for part in parts] for i in range(len(runs))]
     return table(header, lines, text_columns=3 if with_status else 1)
-
-
-def _value(metric: Metric, line: Line) -> float:
-    value = ratio(line, metric.column, metric.over) if metric.over else float(line[metric.column])
-    return metric.factor * value
 
 
 def _status(lines: Sequence[Line]) -> str:

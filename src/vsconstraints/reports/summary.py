@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from ..comparisons.metrics import METRICS, Metric
 from ..comparisons.suite import BASELINE
-from .best import Better, Cell, judged_by, marked
+from .best import Cell, judged_by, marked, shown
 from .markdown import bullets, table
-from .numbers import DASH, Format, count, largest, mean, median, number, percent
-from .results import Line, Results, ratio, violated, within_band
+from .numbers import DASH, FORMATS, count, largest, mean, median
+from .results import Line, Results, violated, within_band
 
 STATUSES = ("converged", "trapped", "aborted", "failed", "unfinished")
 
-Summary = Callable[[Sequence[float]], float]
+CONDENSED: dict[str, Callable[[Sequence[float]], float]] = {"mean": mean, "worst": largest, "median": median}
+"""What stands for the values of several runs."""
 
 
 def summary(results: Results) -> str:
@@ -29,40 +31,14 @@ def summary(results: Results) -> str:
         competes = [several and name != BASELINE and bool(reached[name]) for name in results.controllers]
         columns.append((status, marked(cells, competes, "more") if status == "converged" else [c.text for c in cells]))
 
-    def add(
-        header: str,
-        column: str,
-        runs: dict[str, list[Line]],
-        of_all: Summary,
-        value: Callable[[Line], float],
-        show: Format = number,
-        better: Better | None = "less",
-    ) -> None:
-        cells = [_cell([value(line) for line in own], len(lines[name]), of_all, show) for name, own in runs.items()]
-        may = [ok and judged_by(column, runs[name]) for name, ok in zip(results.controllers, whole, strict=True)]
-        columns.append((header, marked(cells, may, better)))
-
-    add("mean utilization [%]", "utilization", reached, mean, lambda line: line["utilization"], percent, "more")
-    columns.append(
-        (
-            "runs with a violated row",
-            marked([_count(sum(bool(violated(line)) for line in own)) for own in lines.values()], whole, "less"),
-        )
-    )
-    columns.append(
-        (
-            "others outside within the sampling band",
-            [str(sum(not violated(line) and bool(within_band(line)) for line in own)) for own in lines.values()],
-        )
-    )
-    add("worst depth [% of L]", "violation_depth", lines, largest, lambda line: 100.0 * line["violation_depth"])
-    add("worst φ band / bound", "phi_band", lines, largest, lambda line: ratio(line, "phi_band", "phi_band_bound"))
-    for header, column in (
-        ("switching rate [Hz]", "switching_rate_hz"),
-        ("acceleration variation [rad/s³]", "acceleration_variation"),
-    ):
-        add(header, column, reached, mean, lambda line, column=column: line[column])  # type: ignore[misc]
-    add("median call [µs]", "", lines, median, lambda line: line["step_time_median_us"], better=None)
+    for metric in METRICS:
+        if metric.overall:
+            runs = reached if metric.condensed == "mean" else lines
+            cells = [_cell(metric, own, len(lines[name])) for name, own in runs.items()]
+            may = [ok and judged_by(metric, runs[name]) for name, ok in zip(results.controllers, whole, strict=True)]
+            columns.append((metric.overall, marked(cells, may, metric.better)))
+        if metric.column == "violated":
+            columns += _violations(list(lines.values()), whole)
     body = [[name, *(texts[i] for _, texts in columns)] for i, name in enumerate(results.controllers)]
     return "\n\n".join(
         (
@@ -93,8 +69,19 @@ def _count(value: int) -> Cell:
     return Cell(count(value), float(value), count(value))
 
 
-def _cell(values: Sequence[float], runs: int, of_all: Summary, show: Format) -> Cell:
+def _violations(lines: list[list[Line]], whole: list[bool]) -> list[tuple[str, list[str]]]:
+    """Two columns: how many runs of each controller violate a row, and how many more are outside by sampling."""
+    outside = [_count(sum(bool(violated(line)) for line in own)) for own in lines]
+    slight = [str(sum(not violated(line) and bool(within_band(line)) for line in own)) for own in lines]
+    return [
+        ("runs with a violated row", marked(outside, whole, "less")),
+        ("others outside within the sampling band", slight),
+    ]
+
+
+def _cell(metric: Metric, lines: list[Line], runs: int) -> Cell:
     """One value of several runs; if it does not rest on all of a controller's runs, with how many it rests on."""
-    value = of_all(values)
-    text, rests_on = show(value), sum(v == v for v in values)
+    values = [shown(metric, line) for line in lines]
+    value = CONDENSED[metric.condensed](values)
+    text, rests_on = FORMATS[metric.style](value), sum(v == v for v in values)
     return Cell(text if text == DASH or rests_on == runs else f"{text}, {rests_on} of {runs}", value, text)

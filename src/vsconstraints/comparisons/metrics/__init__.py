@@ -2,8 +2,10 @@
 
 from .chattering import SLIDING_GAP
 from .clearance import NEGLIGIBLE, tolerated
+from .measured import Measured
+from .metric import Metric
 from .score import Score, score
-from .table import CONSTRAINT_COLUMNS, DEFINITIONS, METRICS, RESULT_COLUMNS, TIMING_COLUMNS, Metric
+from .table import CONSTRAINT_COLUMNS, DEFINITIONS, METRICS, RESULT_COLUMNS, ROW_METRICS, RUN, TIMING_COLUMNS
 
 __all__ = [
     "CONSTRAINT_COLUMNS",
@@ -11,8 +13,11 @@ __all__ = [
     "METRICS",
     "NEGLIGIBLE",
     "RESULT_COLUMNS",
+    "ROW_METRICS",
+    "RUN",
     "SLIDING_GAP",
     "TIMING_COLUMNS",
+    "Measured",
     "Metric",
     "Score",
     "score",

@@ -14,27 +14,46 @@ AT_BOUNDARY = 3
 """Samples with φ ≥ 0 from which on a row is at its boundary; fewer only touch it."""
 
 
-def chattering(record: RunRecord) -> dict[str, float]:
-    """Band of φ, switching rate, variation and jerk; NaN for what a run is too short to have."""
-    run, Ts = record.trajectory, record.Ts
-    N = len(run.t)
-    if N < 2:
-        names = ("phi_band", "phi_band_bound", "sliding_lost_s", "switching_rate_hz", "acceleration_variation")
-        return dict.fromkeys((*names, "jerk_rms"), np.nan)
-    bounds = Ts * record.switching_gain
-    bands = np.array([_band(phi, bound) for phi, bound in zip(run.phi.T, bounds, strict=True)])
-    worst = np.nanargmax(bands / bounds) if np.isfinite(bands).any() else None
+def worst_band(record: RunRecord) -> tuple[float, float]:
+    """Band of φ and its bound T_s u⁺, of the row in which the one is largest relative to the other; NaN without one."""
+    bounds = record.Ts * record.switching_gain
+    bands = np.array([_band(phi, bound) for phi, bound in zip(record.trajectory.phi.T, bounds, strict=True)])
+    if len(record.trajectory.t) < 2 or not np.isfinite(bands).any():
+        return np.nan, np.nan
+    worst = np.nanargmax(bands / bounds)
+    return float(bands[worst]), float(bounds[worst])
+
+
+def sliding_lost(record: RunRecord) -> float:
+    """Time for which some row's sliding mode is lost [s]; NaN for a run of one sample."""
+    run, bounds = record.trajectory, record.Ts * record.switching_gain
     lost = np.any([_lost(phi, bound) for phi, bound in zip(run.phi.T, bounds, strict=True)], axis=0)
-    duration = (N - 1) * Ts
-    change = np.sqrt((np.diff(run.qdd_command, axis=0) ** 2).sum(axis=1))
-    return {
-        "phi_band": np.nan if worst is None else float(bands[worst]),
-        "phi_band_bound": np.nan if worst is None else float(bounds[worst]),
-        "sliding_lost_s": float(lost.sum() * Ts),
-        "switching_rate_hz": float((run.active[1:] != run.active[:-1]).any(axis=1).sum() / duration),
-        "acceleration_variation": float(change.sum() / duration),
-        "jerk_rms": float(np.sqrt((change**2).mean()) / Ts),
-    }
+    return float(lost.sum() * record.Ts) if len(run.t) > 1 else np.nan
+
+
+def switching_rate(record: RunRecord) -> float:
+    """Changes of the active set per second [Hz]; NaN for a run of one sample."""
+    active = record.trajectory.active
+    changes = (active[1:] != active[:-1]).any(axis=1)
+    return float(changes.sum() / (len(changes) * record.Ts)) if len(changes) else np.nan
+
+
+def variation(record: RunRecord) -> float:
+    """Σ‖Δq̈_c‖ per second; NaN for a run of one sample."""
+    change = _changes(record)
+    return float(change.sum() / (len(change) * record.Ts)) if len(change) else np.nan
+
+
+def jerk_rms(record: RunRecord) -> float:
+    """Root mean square of ‖Δq̈_c‖ / T_s; NaN for a run of one sample."""
+    change = _changes(record)
+    return float(np.sqrt((change**2).mean()) / record.Ts) if len(change) else np.nan
+
+
+def _changes(record: RunRecord) -> Array:
+    """(N − 1,) ‖Δq̈_c‖."""
+    change: Array = np.sqrt((np.diff(record.trajectory.qdd_command, axis=0) ** 2).sum(axis=1))
+    return change
 
 
 def longest_run(flags: BoolArray) -> int:

@@ -52,6 +52,11 @@ def clearances(record: RunRecord) -> Clearances:
     return Clearances(least, np.where(beyond, depth, 0.0), np.where(beyond, 0.0, depth), in_period < -most)
 
 
+def named(labels: tuple[str, ...], depth: Array) -> str:
+    """Labels of the rows with a depth (m,), separated by semicolons."""
+    return "; ".join(labels[i] for i in np.flatnonzero(depth > 0.0))
+
+
 def challenged(record: RunRecord, baseline: RunRecord | None) -> BoolArray:
     """(m,) rows that the baseline, tracking alone, is outside of; none without it, or if its rows are others."""
     if baseline is None or baseline.trajectory.labels != record.trajectory.labels:

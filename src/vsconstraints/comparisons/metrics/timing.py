@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
+from ...rows import Array
 from ..record import RunRecord
 
 
-def times(record: RunRecord) -> dict[str, float]:
-    """Wall times of a run's calls [µs], and samples that took longer than a period; all without the first sample."""
-    run = record.trajectory
-    step, rows = run.step_time[1:] * 1e6, run.rows_time[1:] * 1e6
-    some = len(step) > 0
-    return {
-        "step_time_median_us": float(np.median(step)) if some else np.nan,
-        "step_time_p99_us": float(np.quantile(step, 0.99)) if some else np.nan,
-        "step_time_max_us": float(step.max()) if some else np.nan,
-        "rows_time_median_us": float(np.median(rows)) if some else np.nan,
-        "missed_periods": int((step + rows > 1e6 * record.Ts).sum()) if some else np.nan,
-    }
+def step_time(record: RunRecord, of_all: Callable[[Array], Any]) -> float:
+    """Of the controller's calls [µs]; NaN where there is none but the first."""
+    step = record.trajectory.step_time[1:] * 1e6
+    return float(of_all(step)) if len(step) else np.nan
+
+
+def rows_time(record: RunRecord) -> float:
+    """Median of rows and task [µs] without the first sample; NaN where there is no other."""
+    rows = record.trajectory.rows_time[1:] * 1e6
+    return float(np.median(rows)) if len(rows) else np.nan
+
+
+def missed_periods(record: RunRecord) -> float:
+    """Samples that took longer than a period, without the first; NaN where there is no other."""
+    both = record.trajectory.step_time[1:] * 1e6 + record.trajectory.rows_time[1:] * 1e6
+    return int((both > 1e6 * record.Ts).sum()) if len(both) else np.nan

@@ -25,6 +25,12 @@ def held(record: RunRecord) -> BoolArray:
     return closed
 
 
+def first_active(t: Array, active: BoolArray) -> Array:
+    """(m,) when each row acts (N, m) for the first time [s]; NaN where it never does."""
+    first: Array = np.where(active.any(axis=0), t[active.argmax(axis=0)], np.nan)
+    return first
+
+
 def usage_at_speed(record: RunRecord) -> Array:
     """(N, m) 1 − (c + K ċ)/L, from 0 to 1, of clearances c: usage of what is left at the speed at which it is used up.
 
