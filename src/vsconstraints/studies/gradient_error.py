@@ -75,21 +75,19 @@ class GradientErrors(Study):
 
     def measure(self, results: Mapping[Case, RunSummary]) -> Measured:
         """Deviation, violation, settling by scenario, controller and error."""
-        points: Points = []
-        for case, run in results.items():
-            exact = results.get(case._replace(gradient_error=0.0), NOT_RUN)
-            points.append(
-                {
-                    **begun(case, run),
-                    "deviation_px": pixel_distance(run, exact),
-                    "violation": 100.0 * run.value("violation_depth"),
-                    "violated": run.result.get("violated", ""),
-                    "settling_time_s": run.value("settling_time_s"),
-                    "utilization": run.value("utilization"),
-                    "phi_max": run.phi_max,
-                    "longest_run": float(run.longest_run),
-                }
-            )
+        points = [
+            begun(case, run)
+            | {
+                "deviation_px": pixel_distance(run, results.get(case._replace(gradient_error=0.0), NOT_RUN)),
+                "violation": 100.0 * run.value("violation_depth"),
+                "violated": run.result.get("violated", ""),
+                "settling_time_s": run.value("settling_time_s"),
+                "utilization": run.value("utilization"),
+                "phi_max": run.phi_max,
+                "longest_run": float(run.longest_run),
+            }
+            for case, run in results.items()
+        ]
         numbers: Numbers = {}
         for point in points:
             found = {column: point[column] for column, _, _ in ROWS} | {"converged": point["status"] == "converged"}

@@ -109,10 +109,8 @@ class ShrinkingRegion(Study):
         names = [potential_field(blend).name for blend in BLENDS]
         sheet.legend([*controller_entries(names), line("sliding-mode", **REFERENCE)])
         labels = [label for _, label in ROWS]
-        scenarios, below = (
-            list(grouped(result.points, "scenario")),
-            "region δ, relative to the allowed range (smaller →)",
-        )
+        scenarios = list(grouped(result.points, "scenario"))
+        below = "region δ, relative to the allowed range (smaller →)"
         panels = scenario_panels(sheet, scenarios, labels, below, height=1.45, gap=0.75)
         for (i, scenario), ax in panels.items():
             _panel(ax, where(result.points, scenario=scenario), ROWS[i][0])
