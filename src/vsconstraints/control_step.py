@@ -14,6 +14,7 @@ from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
 from .geometry import Pose
 from .kernels import load
 from .measurement import Measurement
+from .renamed import renamed
 from .rows import Array, BoolArray, Command
 from .scene import Scene, State
 from .tracking import VisualTask
@@ -28,6 +29,7 @@ StateToCommand = Callable[..., tuple[Evaluation, Command]]
 """From time [s], q and q̇ (n,), and ``pixels``, ``depth``, ``taken`` and ``camera`` if measured, to a command."""
 
 
+@renamed(told="known")
 class ControlStep:
     """Evaluates a scene, its constraints and its task together: at compiled speed where all of them have that form.
 
