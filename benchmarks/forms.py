@@ -35,7 +35,7 @@ class NumPyWalk(Walk):
 
     def in_one(self, turn: int) -> float:
         """Time of the definitions of both [ns]."""
-        clock, control, solve = perf_counter_ns, self.control, self.controller._defined
+        clock, control, solve = perf_counter_ns, self.control, self.controller.define
         t, q, qd = self.states[self.places[turn]]
         started = clock()
         step = control.define(control.scene.evaluate(t, q, qd))

@@ -195,7 +195,7 @@ def answers(law: Controller, question: Input, form: str) -> tuple[str, str]:
         getattr(question.task, name, None) for name in TASK
     ]
     kept = [array.tobytes() if isinstance(array, np.ndarray) and array.dtype != object else None for array in before]
-    call = law.command if form == "compiled" else law._defined
+    call = law.command if form == "compiled" else law.define
     try:
         command: object = call(question.rows, question.task)
     except VsconstraintsError as error:

@@ -255,7 +255,7 @@ def test_finite_numbers_whose_products_are_not_end_in_time(
     task = replace(task, **{what: whole}) if hasattr(task, what) else task
     law = make_controller(name, options)
     law.command(*sound())  # compiling is not what is timed
-    for answer in (law.command, law._defined):
+    for answer in (law.command, law.define):
         with ends_within(60.0):
             command = answer(rows, task)
         assert_is_an_answer(command, rows, task)
@@ -279,7 +279,7 @@ def test_what_the_null_space_makes_infinite_is_not_decomposed(law: Controller) -
                 else rng.normal(size=(m, n))
             )
             rows = Rows(np.ones(m), Lg, np.zeros(m), np.ones(m), tuple(f"row[{i}]" for i in range(m)))
-            for answer in (law.command, law._defined):
+            for answer in (law.command, law.define):
                 assert_is_an_answer(answer(rows, Task(J, np.ones(k))), rows, Task(J, np.ones(k)))
 
 
@@ -660,7 +660,7 @@ LAWS_IN_PRIORITY = [SlidingMode(), PotentialField(blend="priority")]
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("law", LAWS_IN_PRIORITY, ids=lambda law: law.name)
 def test_rows_in_other_units_are_no_more_and_no_less_dependent(law: Controller, compiled: bool) -> None:
-    answer = law.command if compiled else law._defined
+    answer = law.command if compiled else law.define
     orthogonal = np.array([[1e4, 0.0, 0.0], [0.0, 1e-3, 0.0]])
     task = Task(np.eye(3), np.array([5.0, 6.0, 7.0]))
     rows = Rows(np.ones(2), orthogonal, np.zeros(2), np.array([1e4, 2e-3]), ("px", "mm"))
@@ -771,7 +771,7 @@ def test_no_region_is_so_small_that_a_row_is_dropped(blend: str, compiled: bool)
     rows, task = one_row(0.0)
     rows = replace(rows, scale=np.array([1e-200]))
     law, usual = PotentialField(blend=blend, region=1e-200), PotentialField(blend=blend)
-    command = (law.command if compiled else law._defined)(rows, task)
+    command = (law.command if compiled else law.define)(rows, task)
     assert command.active == rows.labels
     np.testing.assert_allclose(command.qdd, usual.command(*one_row(0.0)).qdd, rtol=1e-9)
 
@@ -839,7 +839,7 @@ def test_accelerations_at_which_rows_cannot_be_checked_are_no_answer(law, size):
     task = Task(np.array([[1.0, 0.0]]), np.array([-size]))
     command = law.command(rows, task)
     acted, qdd = np.empty(2, np.bool_), np.empty(2)
-    bound = law._bind(rows, task, acted, qdd)
+    bound = law.bind(rows, task, acted, qdd)
     if size < 1e15:
         assert command.status == "ok"
         assert bound is None or bound.solve() == 0

@@ -78,7 +78,7 @@ class Misbehaves(Tracking):
         super().__init__()
         self.does = does
 
-    def _defined(self, rows: Rows, task: Task) -> Command:
+    def define(self, rows: Rows, task: Task) -> Command:
         answer: Command = self.does(rows, task)
         return answer
 

@@ -14,8 +14,8 @@ from scipy.optimize import nnls
 
 from oracle import KINDS, Problem, lexicographic_optimum, random_problem
 from vsconstraints.controllers import HierarchicalQP, Tracking
-from vsconstraints.controllers.hierarchical_qp import row_weights
-from vsconstraints.controllers.tracking import least_norm
+from vsconstraints.controllers.least_norm import least_norm
+from vsconstraints.controllers.resolvers.hierarchy import row_weights
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
 from vsconstraints.kernels import load
 from vsconstraints.qp import FALLBACKS, Answer, Infeasible, make_solver
@@ -818,7 +818,7 @@ def test_a_weight_that_concerns_no_row_is_told_of(solver, kind):
     # no constraint at all is no typing error
     assert law.command(Rows.none(task.J.shape[1]), task).remark == ""
     acted, qdd = np.empty(len(rows.labels), dtype=bool), np.empty(task.J.shape[1])
-    bound = law._bind(rows, task, acted, qdd)
+    bound = law.bind(rows, task, acted, qdd)
     assert (bound is None) == (NAMES.get(solver, solver) == "daqp")
     if bound is not None:
         assert bound.solve() == 0

@@ -37,12 +37,12 @@ N_JOINTS = (1, 2, 3, 6, 7, 30)
 
 def defined(law, rows, task):
     """The command of the NumPy form."""
-    return law._defined(rows, task)
+    return law.define(rows, task)
 
 
 def agree(law, rows, task, *, relative=1e-9):
     """Compare both forms of a law; return the compiled command, or None if the definition was asked."""
-    expected, command = defined(law, rows, task), law._compiled(rows, task)
+    expected, command = defined(law, rows, task), law.compute(rows, task)
     if command is None:
         assert expected.status in ("rank-loss", "failed"), expected
         return None
@@ -179,7 +179,7 @@ def test_degenerate_problems(name, kind):
 def test_numbers_whose_squares_leave_the_range_are_for_the_definition(law, which, factor):
     rows, task = problem(np.random.default_rng(1), 6, m=9, k=6, active=3)
     (rows.Lg if which == "Lg" else task.J)[2] *= factor
-    assert law._compiled(rows, task) is None
+    assert law.compute(rows, task) is None
 
 
 @pytest.mark.parametrize("scenario", ["case-study-6r", "panda-fov"])
@@ -204,7 +204,7 @@ def test_recorded_problems(scenario):
 
 def agree_hierarchy(law, rows, task):
     """Compare the compiled hierarchy with DAQP's."""
-    expected, command = defined(law, rows, task), law._compiled(rows, task)
+    expected, command = defined(law, rows, task), law.compute(rows, task)
     assert command is not None
     assert not law.solvers.failures
     assert command.status == expected.status
@@ -301,16 +301,16 @@ def test_arrays_of_another_layout_are_welcome(law):
     frozen = rows.Lg.copy()
     frozen.flags.writeable = False
     for other in (np.asfortranarray(rows.Lg), np.repeat(rows.Lg, 2, axis=0)[::2], frozen):
-        command = law._compiled(replace(rows, Lg=other), task)
+        command = law.compute(replace(rows, Lg=other), task)
         np.testing.assert_array_equal(command.qdd, expected)
     rows.scale.flags.writeable = rows.switching_gain.flags.writeable = False
-    np.testing.assert_array_equal(law._compiled(rows, task).qdd, expected)
+    np.testing.assert_array_equal(law.compute(rows, task).qdd, expected)
 
 
 def test_options_may_be_whole_numbers():
     rows, task = problem(np.random.default_rng(0), 6, m=9, k=6, active=2)
     for law in (PotentialField(region=1, exponent=2, strength=3), HierarchicalQP(alpha=3, max_acceleration=9)):
-        assert law._compiled(rows, task) is not None
+        assert law.compute(rows, task) is not None
         np.testing.assert_allclose(law.command(rows, task).qdd, defined(law, rows, task).qdd, atol=1e-6)
 
 
@@ -335,7 +335,7 @@ def test_a_law_with_its_own_solve_is_asked_itself():
     rows, task = problem(np.random.default_rng(0), 6, m=9, k=6, active=2)
     for law in (Own(), Further(), Mixed()):
         np.testing.assert_array_equal(law.command(rows, task).qdd, np.full(6, 7.0))
-    assert Still()._compiled(rows, task) is not None
+    assert Still().compute(rows, task) is not None
 
 
 # --- what the compiled solver leaves unanswered ---

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
-from vsconstraints.controllers.hierarchical_qp import row_weights, task_cost
+from vsconstraints.controllers.least_norm import least_norm
+from vsconstraints.controllers.resolvers.hierarchy import row_weights, task_cost
 from vsconstraints.controllers.task_priority import dependent_rows, resolve, unit_rows
-from vsconstraints.controllers.tracking import least_norm
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.rows import Command, Rows, Task
 
@@ -36,7 +36,7 @@ def answer(law: Controller, rows: list[dict[str, Any]], b: list[float] = FREE, J
         tuple("abcdef"[: len(rows)]),
         column("scale", 1.0),
     )
-    return law._defined(asked, Task(np.eye(2) if J is None else np.array(J, dtype=float), np.array(b)))
+    return law.define(asked, Task(np.eye(2) if J is None else np.array(J, dtype=float), np.array(b)))
 
 
 def gives(command: Command, qdd: list[float], acted: str = "", status: str = "ok") -> None:
@@ -306,7 +306,7 @@ def test_a_row_is_seen_above_1e_minus_12_of_its_scale(Lg: list[float], scale: fl
     assert np.linalg.norm(A) == pytest.approx(float(seen))
     assert (b != 0.0).all() == seen
     law = barrier()
-    command = law._defined(replace(made(Lg, scale), phi=np.array([0.1])), Task(np.eye(2), np.array(FREE)))
+    command = law.define(replace(made(Lg, scale), phi=np.array([0.1])), Task(np.eye(2), np.array(FREE)))
     assert (command.status == "relaxed") != seen
 
 

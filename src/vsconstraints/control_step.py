@@ -207,7 +207,7 @@ class ControlStep:
         step, law = self.bound(), None
         if step is not None:
             size = step.packed.size
-            law = controller._bind(step.now.rows, step.now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
+            law = controller.bind(step.now.rows, step.now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
         if step is None or law is None:
             return in_two
         evaluate, measure, solve, command, packed = step.evaluate, step.measure, law.solve, law.command, step.packed

@@ -81,22 +81,22 @@ class CompiledEvaluation:
     def rows(self) -> Rows:
         """See :class:`Evaluation`."""
         constraints = self._constraints
-        rows: Any = RowsDraft(
+        return Rows(
             self._part("phi"),
             self._part("Lg"),
             self._part("Lf"),
             constraints.switching_gain,
             constraints.labels,
             constraints.scale,
+            self._part("sigma"),
+            self._part("sigma_dot"),
+            constraints.approach_time,
         )
-        rows.__class__ = Rows
-        made: Rows = rows
-        return made
 
     @property
     def task(self) -> Task:
         """See :class:`Evaluation`."""
-        return Task(self._part("J"), self._part("b"))
+        return Task(*map(self._part, ("J", "b", "error", "error_rate")))
 
     @property
     def error(self) -> Array:
@@ -127,18 +127,6 @@ class CompiledEvaluation:
     def camera_t(self) -> Array:
         """See :class:`Evaluation`."""
         return self._part("camera_t")
-
-
-class RowsDraft:
-    """Rows in the making, of the same slots: see :class:`vsconstraints.controllers.compiled.Draft`."""
-
-    __slots__ = Rows.__slots__
-
-    def __init__(
-        self, phi: Array, Lg: Array, Lf: Array, switching_gain: Array, labels: tuple[str, ...], scale: Array
-    ) -> None:
-        self.phi, self.Lg, self.Lf = phi, Lg, Lf
-        self.switching_gain, self.labels, self.scale = switching_gain, labels, scale
 
 
 class Bound:

@@ -26,6 +26,9 @@ IntArray = NDArray[np.int64]
 ARRAYS = (np.ndarray, np.memmap)
 """What an array may be: in other kinds, such as a matrix, operators mean something else."""
 
+UNKNOWN: Array = np.empty(0)
+"""What is not given."""
+
 Status = Literal["ok", "relaxed", "suboptimal", "rank-loss", "failed"]
 """What a controller says of its command.
 
@@ -37,7 +40,7 @@ be computed; ``qdd`` is zero.
 """
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Rows:
     """Constraint rows at one instant: m rows for a robot with n joints.
 
@@ -56,6 +59,9 @@ class Rows:
     scale
         (m,) size of the allowed range in units of φ: 1 for normalised constraints, an obstacle's radius for
         distances. Ones if not given.
+    sigma, sigma_dot, K
+        (m,) σ, σ̇ with ∂σ/∂t [units of φ per second], and K [s]; (0,) where they are not given, for laws that do not
+        use them. Of a row on φ itself, such as a speed, σ = φ.
     """
 
     phi: Array
@@ -63,12 +69,15 @@ class Rows:
     Lf: Array
     switching_gain: Array
     labels: tuple[str, ...]
-    scale: Array = field(default_factory=lambda: np.empty(0))
+    scale: Array = field(default_factory=lambda: UNKNOWN)
+    sigma: Array = field(default_factory=lambda: UNKNOWN)
+    sigma_dot: Array = field(default_factory=lambda: UNKNOWN)
+    K: Array = field(default_factory=lambda: UNKNOWN)
 
     def __post_init__(self) -> None:
         try:
             if len(self.scale) == 0:
-                object.__setattr__(self, "scale", np.ones(len(self.labels)))
+                self.scale = np.ones(len(self.labels))
         except TypeError as error:
             raise InvalidInput(f"rows need a tuple of labels and an array of scales: {error}") from error
 
@@ -79,7 +88,7 @@ class Rows:
         return cls(empty, np.empty((0, n)), empty, empty, ())
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Task:
     """The tracking equality J q̈ = b of eq. (41).
 
@@ -89,13 +98,17 @@ class Task:
         (k, n) Jacobian J_s of the visual features.
     b
         (k,) s̈_c − J̇_s q̇ − ∂ṡ/∂t.
+    error, error_rate
+        (k,) e of the visual features, and ė; (0,) where they are not given, for laws that do not use them.
     """
 
     J: Array
     b: Array
+    error: Array = field(default_factory=lambda: UNKNOWN)
+    error_rate: Array = field(default_factory=lambda: UNKNOWN)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Command:
     """A controller's answer.
 
@@ -165,6 +178,10 @@ def beyond_rounding(rows: Rows, qdd: Array) -> str:
     return f"accelerations of {size:.1e} are beyond what rows can be checked at: rounding exceeds the gain of {names}"
 
 
+OPTIONAL = ("sigma", "sigma_dot", "K")
+"""What rows need not say."""
+
+
 def check(rows: Rows, task: Task) -> None:
     """Raise InvalidInput unless shapes agree and every number is finite; names the row or entry at fault."""
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
@@ -174,7 +191,9 @@ def check(rows: Rows, task: Task) -> None:
     for name, array in (
         ("task.J", task.J),
         ("task.b", task.b),
-        *((f"rows.{name}", getattr(rows, name)) for name in ("phi", "Lg", "Lf", "switching_gain", "scale")),
+        *((f"rows.{name}", getattr(rows, name)) for name in ("phi", "Lg", "Lf", "switching_gain", "scale", *OPTIONAL)),
+        ("task.error", task.error),
+        ("task.error_rate", task.error_rate),
     ):
         if not (type(array) in ARRAYS and array.dtype == np.float64):
             raise InvalidInput(f"{name} must be an array of floats, not {shown(array)}")
@@ -191,6 +210,7 @@ def check(rows: Rows, task: Task) -> None:
         ("Lf", rows.Lf, (m,)),
         ("switching_gain", rows.switching_gain, (m,)),
         ("scale", rows.scale, (m,)),
+        *((name, getattr(rows, name), (m,)) for name in OPTIONAL if len(getattr(rows, name))),
     ):
         if array.shape != shape:
             raise InvalidInput(
@@ -199,7 +219,11 @@ def check(rows: Rows, task: Task) -> None:
         if not np.isfinite(array).all():
             at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
             raise InvalidInput(f"rows.{name} is not finite for {', '.join(rows.labels[i] for i in at)}")
-    for name, array in (("J", task.J), ("b", task.b)):
+    k = len(task.b)
+    for name, array in (("error", task.error), ("error_rate", task.error_rate)):
+        if array.shape not in ((0,), (k,)):
+            raise InvalidInput(f"task.{name} has the shape {array.shape}; with {k} features it must be {(k,)}")
+    for name, array in (("J", task.J), ("b", task.b), ("error", task.error), ("error_rate", task.error_rate)):
         if not np.isfinite(array).all():
             at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
             raise InvalidInput(f"task.{name} is not finite in row {', '.join(map(str, at))}")

@@ -71,6 +71,7 @@ class ConstraintSet:
         # shared by the rows of every step: no controller may change them
         self.switching_gain.setflags(write=False)
         self.scale.setflags(write=False)
+        self.approach_time.setflags(write=False)
         self.scene, self._n = scene, scene.robot.n
 
     def rows(self, state: State) -> tuple[Rows, Array]:
@@ -91,7 +92,9 @@ class ConstraintSet:
         m = len(self.labels)
         if not (sigma.shape == phi.shape == Lf.shape == (m,) and Lg.shape == (m, self._n)):
             raise self._misshapen(blocks)
-        return Rows(phi, Lg, Lf, self.switching_gain, self.labels, self.scale), sigma
+        K = self.approach_time
+        sigma_dot = np.where(K > 0.0, (phi - sigma) / np.where(K > 0.0, K, 1.0), Lf)
+        return Rows(phi, Lg, Lf, self.switching_gain, self.labels, self.scale, sigma, sigma_dot, K), sigma
 
     def _misshapen(self, blocks: Sequence[RowBlock]) -> InvalidInput:
         wrong = [

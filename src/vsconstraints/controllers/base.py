@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import numpy as np
@@ -25,9 +25,6 @@ class Controller(ABC):
 
     name: ClassVar[str]
 
-    _checks: ClassVar[Mapping[str, Callable[[object], object]]] = {}
-    """What options are passed through whenever they are set: it returns what is kept, or raises."""
-
     def command(self, rows: Rows, task: Task) -> Command:
         """Joint accelerations for these rows and this task.
 
@@ -37,10 +34,9 @@ class Controller(ABC):
             if shapes disagree or a number is not finite. What goes wrong inside the law itself does not raise:
             the command's status is then ``failed``, with the reason, and its accelerations are zero.
         """
-        command = self._compiled(rows, task)
-        return self._defined(rows, task) if command is None else command
+        return self.define(rows, task)
 
-    def _defined(self, rows: Rows, task: Task) -> Command:
+    def define(self, rows: Rows, task: Task) -> Command:
         """The command of :meth:`solve`, with input and answer checked."""
         check(rows, task)
         try:
@@ -76,45 +72,31 @@ class Controller(ABC):
     def solve(self, rows: Rows, task: Task) -> Command:
         """Compute the command; rows and task are known to be finite and of matching shapes."""
 
-    def reset(self) -> None:
-        """Forget everything kept between calls (warm starts); a law without memory has nothing to do."""
+    def reset(self, period: float | None = None) -> None:
+        """Forget everything kept between calls (warm starts); a law without memory has nothing to do.
 
-    def _remark(self, labels: tuple[str, ...]) -> str:
+        Parameters
+        ----------
+        period
+            The sampling period T_s [s] of the calls to come, if it is known.
+        """
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """What the law uses beside φ, L_gφ, u⁺ and the scale of rows, and J and b of the task, as printed in reports."""
+        return ()
+
+    def remark(self, labels: tuple[str, ...]) -> str:
         """What a user should know of these options and rows of these labels, though nothing is wrong; else empty."""
         return ""
 
-    def _compiled(self, rows: Rows, task: Task) -> Command | None:
-        """The same command at compiled speed; None where there is no such thing, and :meth:`solve` has to be asked.
-
-        Finds bad input by itself, and leaves it to the checks of :meth:`command`. A subclass with a ``solve`` of its
-        own does not inherit it.
-        """
-        return None
-
-    def _bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
+    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """The compiled law on arrays that stay where they are: for loops that fill them anew in every sample.
 
         It writes ``acted`` (m,) and ``qdd`` (n,). None where there is no such thing: for a law in NumPy, and for a
         controller whose ``command`` was replaced.
         """
-        return None if "command" in vars(self) else self._bound(rows, task, acted, qdd)
-
-    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
-        """What :meth:`_bind` gives."""
         return None
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        check = self._checks.get(name)
-        super().__setattr__(name, value if check is None else check(value))
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        own = next(base for base in cls.__mro__ if {"solve", "command", "_compiled", "_bound"} & vars(base).keys())
-        if "_bound" not in vars(own):
-            cls._bound = Controller._bound  # type: ignore[method-assign]
-        nearest = next(base for base in cls.__mro__ if {"solve", "_compiled"} & vars(base).keys())
-        if "_compiled" not in vars(nearest):
-            cls._compiled = Controller._compiled  # type: ignore[method-assign]
 
     @staticmethod
     def _failure(rows: Rows, task: Task, reason: str) -> Command:
@@ -125,3 +107,12 @@ class Controller(ABC):
             labels=rows.labels,
             reason=reason,
         )
+
+
+def restart(controller: Controller, period: float) -> None:
+    """Reset a controller, and tell it the sampling period [s] if it takes one: own ones may not."""
+    parameters = inspect.signature(controller.reset).parameters.values()
+    if any(parameter.name == "period" or parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+        controller.reset(period=period)
+    else:
+        controller.reset()

@@ -1,66 +1,120 @@
-"""The laws of eq. (15) by their compiled functions, where there are any."""
+"""Laws by their compiled functions, where there are any."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..kernels import load
 from ..kernels.entry import entry
-from ..rows import ARRAYS, Array, BoolArray, Command, Rows, Status, Task
+from ..rows import ARRAYS, Array, BoolArray, Command, IntArray, Rows, Task
+from .demands import Demand
+from .resolvers import Resolver
 
-BOOL, EMPTY = np.dtype(np.bool_), np.empty
+if TYPE_CHECKING:
+    from ..kernels.structures import LawArrays
+    from .law import Law
+
+BOOL, COUNT, EMPTY = np.dtype(np.bool_), np.dtype(np.int64), np.empty
 """Looked up once: that takes a third of the time of making a small array."""
+
+NO_SLACK, NO_COUNT = np.empty(0), np.zeros(1, COUNT)
+"""What is handed to laws that write neither."""
 
 NOT_FOR_COMPILED = Exception
 """Raised for arrays of other types, layouts or numbers of dimensions, some of them errors of numba's own: those are for
 the definition, which answers, or says what is wrong."""
 
 
-class Draft:
-    """A command in the making, of the same slots: filling a frozen one takes longer than computing it.
+class CompiledLaw:
+    """A compiled law for rows of some labels.
 
-    It becomes one by ``draft.__class__ = Command``.
+    Attributes
+    ----------
+    arrays
+        The law as compiled loops take it.
+    labels, remark
+        Of the rows; and what is to be said of them and the options.
+    function
+        ``follow`` or, if more than usual is used, ``follow_whole`` of :mod:`vsconstraints.kernels.laws`.
     """
 
-    __slots__ = Command.__slots__
+    __slots__ = ("_address", "_buffer", "arrays", "function", "labels", "measures", "remark", "whole")
 
-    def __init__(
-        self,
-        qdd: Array,
-        status: Status,
-        acted: BoolArray,
-        labels: tuple[str, ...],
-        reason: str = "",
-        slack: Array | None = None,
-        solver: str = "",
-        iterations: int = 0,
-    ) -> None:
-        self.qdd = qdd
-        self.status = status
-        self.acted = acted
-        self.labels = labels
-        self.reason = reason
-        self.slack = slack
-        self.solver = solver
-        self.iterations = iterations
-        self.fallback = self.remark = ""
+    def __init__(self, arrays: LawArrays, labels: tuple[str, ...], remark: str, measures: bool, whole: bool) -> None:
+        laws, parts = load("laws"), load("parts")
+        self.arrays, self.labels, self.remark, self.measures, self.whole = arrays, labels, remark, measures, whole
+        self._buffer = np.zeros(parts.BYTES, np.uint8)
+        laws.write_addresses(arrays, self._buffer)
+        self._address = self._buffer.ctypes.data
+        self.function = laws.follow_whole if whole else laws.follow
+
+    def arguments(self, rows: Rows, task: Task) -> tuple[Any, ...]:
+        """What the function takes before its outputs."""
+        phi, gain, scale = rows.phi, rows.switching_gain, rows.scale
+        if self.whole:
+            known = rows.sigma, rows.sigma_dot, rows.K, gain, scale
+            return (
+                self._address, len(rows.labels), phi, rows.Lg, rows.Lf, *known, task.J, task.b, task.error,
+                task.error_rate,
+            )  # fmt: skip
+        return self._address, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
+
+    def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
+        """Its code, q̈ (n,), the rows that acted (m,), slack (m,) or (0,), and iterations."""
+        m, n = len(rows.labels), task.J.shape[1]
+        qdd, acted = EMPTY(n), EMPTY(m, BOOL)
+        if not self.measures:
+            return self.function(*self.arguments(rows, task), qdd, acted, NO_SLACK, NO_COUNT), qdd, acted, NO_SLACK, 0
+        slack, count = EMPTY(m), EMPTY(1, COUNT)
+        code = self.function(*self.arguments(rows, task), qdd, acted, slack, count)
+        return code, qdd, acted, slack, int(count[0])
+
+
+def compiled_law(
+    demand: Demand, resolver: Resolver, labels: tuple[str, ...], period: float | None, memory: Array
+) -> CompiledLaw | None:
+    """The law of a demand and a resolver; None where there is no compiler or no compiled form."""
+    function, laws = resolver.loaded(), load("laws")
+    if function is None or laws is None:
+        return None
+    asks = laws.demand(
+        type(demand).formula, len(demand.parameters), len(demand.remembers), demand.relative, demand.everywhere
+    )
+    if asks is None:
+        return None
+    address, structures = load("parts").address, load("structures")
+    arrays = structures.LawArrays(
+        address(function),
+        address(asks),
+        address(load("task_priority").track),
+        int(resolver.tracks(demand)),
+        math.nan if period is None else period,
+        resolver.options,
+        np.array(demand.parameters, dtype=np.float64),
+        resolver.row_weights(labels),
+        memory,
+    )
+    whole = bool({"sigma", "sigma_dot", "K"} & {*demand.uses})
+    return CompiledLaw(arrays, labels, resolver.remark(labels), resolver.measures, whole)
 
 
 def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
     """The same rows and task in plain contiguous, writable arrays; None if they are so, or if something is wrong."""
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         return None
-    arrays = [rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b]
+    arrays = [rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, rows.sigma, rows.sigma_dot, rows.K]
+    arrays += [task.J, task.b, task.error, task.error_rate]
     if not all(type(array) in ARRAYS and array.dtype == np.float64 for array in arrays):
         return None
     if all(type(array) is np.ndarray and array.flags.carray for array in arrays):
         return None
-    phi, Lg, Lf, gain, scale, J, b = (np.array(array, order="C") for array in arrays)
-    return Rows(phi, Lg, Lf, gain, rows.labels, scale), Task(J, b)
+    phi, Lg, Lf, gain, scale, sigma, sigma_dot, K, *of_task = (np.array(array, order="C") for array in arrays)
+    return Rows(phi, Lg, Lf, gain, rows.labels, scale, sigma, sigma_dot, K), Task(*of_task)
 
 
 class BoundLaw:
@@ -71,95 +125,30 @@ class BoundLaw:
     solve
         Writes ``acted`` (m,) and ``qdd`` (n,), and returns 0 if they hold the answer; if not, the controller's
         ``command`` has to be asked.
+    arrays
+        The law as compiled loops take it, with ``slack`` (m,) or (0,) and ``count`` (1,) of iterations.
     """
 
-    __slots__ = ("acted", "labels", "qdd", "solve")
+    __slots__ = ("_code", "_function", "_law", "_made", "acted", "arrays", "count", "qdd", "slack", "solve")
 
-    def __init__(self, solve: Callable[[], int], labels: tuple[str, ...], acted: BoolArray, qdd: Array) -> None:
-        self.solve, self.labels, self.acted, self.qdd = solve, labels, acted, qdd
+    def __init__(self, law: Law, made: CompiledLaw, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> None:
+        self._law, self._made, self.arrays = law, made, made.arrays
+        self.acted, self.qdd, self._code = acted, qdd, 0
+        self.slack = np.empty(len(made.labels)) if made.measures else NO_SLACK
+        self.count: IntArray = np.zeros(1, COUNT)
+        given = made.arguments(rows, task)
+        self._function = partial(entry(made.function), *given, qdd, acted, self.slack, self.count)
+        self.solve: Callable[[], int] = self._solve if made.measures else self._function
+
+    def _solve(self) -> int:
+        self._code = code = self._function()
+        return 0 if code in self._law.resolver.answers else code
 
     def command(self) -> Command:
         """The last answer, in arrays of its own."""
-        command: Any = Draft(self.qdd.copy(), "ok", self.acted.copy(), self.labels)
-        command.__class__ = Command
-        made: Command = command
-        return made
-
-
-def bound_law(
-    rows: Rows,
-    task: Task,
-    acted: BoolArray,
-    qdd: Array,
-    rank_tolerance: float,
-    law: int,
-    region: float = 1.0,
-    exponent: float = 1.0,
-    strength: float = 1.0,
-) -> BoundLaw | None:
-    """The law on these arrays: see ``Controller._bind``."""
-    kernels = load("task_priority")
-    if kernels is None:
-        return None
-    solve = partial(
-        entry(kernels.follow),
-        len(rows.labels),
-        rows.phi,
-        rows.Lg,
-        rows.Lf,
-        rows.switching_gain,
-        rows.scale,
-        task.J,
-        task.b,
-        rank_tolerance,
-        law,
-        region,
-        exponent,
-        strength,
-        acted,
-        qdd,
-    )
-    return BoundLaw(solve, rows.labels, acted, qdd)
-
-
-def compiled_command(
-    rows: Rows,
-    task: Task,
-    rank_tolerance: float,
-    law: int,
-    region: float = 1.0,
-    exponent: float = 1.0,
-    strength: float = 1.0,
-) -> Command | None:
-    """The command, or None where the definition has to be asked: no compiler, bad input, or lost rank."""
-    kernels = load("task_priority")
-    if kernels is None:
-        return None
-    try:
-        labels, J = rows.labels, task.J
-        m = len(labels)
-        acted, qdd = EMPTY(m, BOOL), EMPTY(J.shape[1])
-        if kernels.follow(
-            m,
-            rows.phi,
-            rows.Lg,
-            rows.Lf,
-            rows.switching_gain,
-            rows.scale,
-            J,
-            task.b,
-            rank_tolerance,
-            law,
-            region,
-            exponent,
-            strength,
-            acted,
-            qdd,
-        ):
-            return None
-    except NOT_FOR_COMPILED:
-        usual = in_usual_layout(rows, task)
-        return usual and compiled_command(*usual, rank_tolerance, law, region, exponent, strength)
-    command: Any = Draft(qdd, "ok", acted, labels)
-    command.__class__ = Command
-    return command  # type: ignore[no-any-return]
+        qdd, acted = self.qdd.copy(), self.acted.copy()
+        slack, count = self.slack.copy(), int(self.count[0])
+        command = self._law.resolver.command(self._code, qdd, acted, self._made.labels, slack, count)
+        assert command is not None
+        command.remark = self._made.remark
+        return command

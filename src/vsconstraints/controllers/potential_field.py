@@ -2,41 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import ClassVar, Literal
+from typing import Any, Literal
 
-import numpy as np
+from ..errors import unknown_name
+from .demands import BoundaryLayer, Demand, Repulsion
+from .law import Law, Option
+from .least_norm import RANK_TOLERANCE
+from .resolvers import Additive, Priority, Resolver
 
-from ..errors import InvalidInput, shown, unknown_name
-from ..kernels.layout import ADDITIVE, PRIORITY
-from ..rows import Array, BoolArray, Command, Rows, Task
-from .base import Controller
-from .compiled import BoundLaw, bound_law, compiled_command
-from .options import positive
-from .options import rank_tolerance as check_rank_tolerance
-from .task_priority import prioritise
-from .tracking import RANK_TOLERANCE, track
-
-BLENDS = ("additive", "priority")
+BLENDS: dict[str, tuple[type[BoundaryLayer | Repulsion], type[Priority]]] = {
+    "additive": (Repulsion, Additive),
+    "priority": (BoundaryLayer, Priority),
+}
+"""Demand and resolver by the name of the blend."""
 
 
-def _blend(value: object) -> object:
-    if not (isinstance(value, str) and value in BLENDS):
-        raise unknown_name("blend", value, BLENDS)
-    return value
-
-
-def _positive(option: str) -> Callable[[object], float]:
-    def check(value: object) -> float:
-        number = positive(value)
-        if number is None:
-            raise InvalidInput(f"{option} of a potential field must be positive, not {shown(value)}")
-        return number
-
-    return check
-
-
-class PotentialField(Controller):
+class PotentialField(Law):
     """Repulsion that grows continuously towards the boundary, inside an influence region.
 
     The repulsion is ψ(φ) u⁺ inside the region −δ < φ, with δ = ``region`` × the row's scale.
@@ -66,11 +47,9 @@ class PotentialField(Controller):
     """
 
     name = "potential-field"
-    _checks: ClassVar = {
-        "blend": _blend,
-        "rank_tolerance": check_rank_tolerance,
-        **{option: _positive(option) for option in ("region", "exponent", "strength")},
-    }
+
+    region, exponent, strength = Option("demand"), Option("demand"), Option("demand")
+    rank_tolerance = Option("resolver")
 
     def __init__(
         self,
@@ -81,29 +60,21 @@ class PotentialField(Controller):
         strength: float = 1.0,
         rank_tolerance: float = RANK_TOLERANCE,
     ) -> None:
-        self.blend, self.region, self.exponent, self.strength = blend, region, exponent, strength
-        self.rank_tolerance = rank_tolerance
+        super().__init__(*_cell(blend, (region, exponent, strength), rank_tolerance))
 
-    def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class."""
-        # the product of a small region and a small scale may be zero
-        psi = np.maximum(1.0 + rows.phi / rows.scale / self.region, 0.0) ** self.exponent
-        acts = psi > 0.0
-        gain = self.strength * rows.switching_gain
-        free = track(task, self.rank_tolerance)
-        if self.blend == "priority":
-            psi = np.minimum(psi, 1.0)
-            demand = (1.0 - psi) * (rows.Lg @ free) - psi * gain
-            return prioritise(rows, task, acts, demand, self.rank_tolerance)
-        squared = (rows.Lg * rows.Lg).sum(axis=1)
-        # a row whose gradient vanishes cannot be pushed: its pseudoinverse is zero
-        push = np.divide(psi * gain, squared, out=np.zeros_like(psi), where=squared > 0.0)
-        return Command(free - push @ rows.Lg, "ok", acts, rows.labels)
+    @property
+    def blend(self) -> str:
+        """``"additive"`` or ``"priority"``."""
+        return self.resolver.name
 
-    def _compiled(self, rows: Rows, task: Task) -> Command | None:
-        law = PRIORITY if self.blend == "priority" else ADDITIVE
-        return compiled_command(rows, task, self.rank_tolerance, law, self.region, self.exponent, self.strength)
+    @blend.setter
+    def blend(self, blend: Any) -> None:
+        demand, resolver = _cell(blend, self.demand.parameters, self.rank_tolerance)
+        self.demand, self.resolver = demand, resolver
 
-    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
-        law = PRIORITY if self.blend == "priority" else ADDITIVE
-        return bound_law(rows, task, acted, qdd, self.rank_tolerance, law, self.region, self.exponent, self.strength)
+
+def _cell(blend: object, parameters: tuple[float, ...], rank_tolerance: float) -> tuple[Demand, Resolver]:
+    if not (isinstance(blend, str) and blend in BLENDS):
+        raise unknown_name("blend", blend, tuple(BLENDS))
+    demand, resolver = BLENDS[blend]
+    return demand(*parameters), resolver(rank_tolerance)

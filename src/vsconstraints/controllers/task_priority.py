@@ -7,7 +7,7 @@ import numpy as np
 from ..decomposition import norm, svd
 from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import Array, BoolArray, Command, Rows, Task
-from .tracking import track
+from .least_norm import track
 
 
 def resolve(A1: Array, b1: Array, A2: Array, b2: Array, rank_tolerance: float) -> tuple[Array, Array]:

@@ -1,69 +1,19 @@
-"""Tracking alone: the unconstrained baseline, and the command of every law whose rows do not act."""
+"""Tracking alone: the unconstrained baseline."""
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
-
-import numpy as np
-
-from ..decomposition import svd
-from ..kernels.layout import TRACKING
-from ..rows import Array, BoolArray, Command, Rows, Task
-from .base import Controller
-from .compiled import BoundLaw, bound_law, compiled_command
-from .options import rank_tolerance as check_rank_tolerance
-
-RANK_TOLERANCE = 1e-6
-"""Singular values below this fraction of the largest one count as zero."""
+from .demands import Nothing
+from .law import Law, Option
+from .least_norm import RANK_TOLERANCE
+from .resolvers import Priority
 
 
-class LeastNorm(NamedTuple):
-    """The least-norm least-squares solution of J q̈ = b, and the decomposition it was read from.
-
-    Attributes
-    ----------
-    qdd
-        (n,) q̈ = J† b.
-    directions
-        (n, n) right singular vectors of J, one a column: an orthonormal basis of the joint space.
-    gains
-        (n,) their singular values, with exact zeros for the directions that count as the null space of J.
-    """
-
-    qdd: Array
-    directions: Array
-    gains: Array
-
-
-def least_norm(J: Array, b: Array, rank_tolerance: float) -> LeastNorm:
-    """Of all q̈ with the least ‖J q̈ − b‖, the one with the least norm.
-
-    Directions whose singular value is below ``rank_tolerance`` times the largest count as null space and are
-    left alone, so that ‖q̈‖ ≤ ‖b‖ / (rank_tolerance · ‖J‖) in every configuration. J may be zero, or have no
-    rows.
-    """
-    k, n = J.shape
-    gains = np.zeros(n)
-    if k == 0:
-        return LeastNorm(np.zeros(n), np.eye(n), gains)
-    U, s, Vt = svd(J, full_matrices=k < n)
-    rank = int(np.count_nonzero(s > rank_tolerance * s[0]))
-    gains[:rank] = s[:rank]
-    qdd: Array = Vt[:rank].T @ ((U[:, :rank].T @ b) / s[:rank])
-    return LeastNorm(qdd, Vt.T, gains)
-
-
-def track(task: Task, rank_tolerance: float) -> Array:
-    """q̈ = J† b (n,) of :func:`least_norm`."""
-    return least_norm(task.J, task.b, rank_tolerance).qdd
-
-
-class Tracking(Controller):
+class Tracking(Law):
     """The task alone: ignores the rows, and so tells which of them a scenario challenges at all.
 
     q̈ = J† b, of all q̈ with the least ‖J q̈ − b‖ the one with the least norm.
     In a singular configuration the directions whose singular values fall below the tolerance are left alone,
-    so that the command stays finite (see :func:`least_norm`) and its status stays ``ok``; next to one it can
+    so that the command stays finite (see :func:`.least_norm`) and its status stays ``ok``; next to one it can
     be large.
 
     Parameters
@@ -73,17 +23,8 @@ class Tracking(Controller):
     """
 
     name = "tracking"
-    _checks: ClassVar = {"rank_tolerance": check_rank_tolerance}
+
+    rank_tolerance = Option("resolver")
 
     def __init__(self, *, rank_tolerance: float = RANK_TOLERANCE) -> None:
-        self.rank_tolerance = rank_tolerance
-
-    def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class."""
-        return Command(track(task, self.rank_tolerance), "ok", np.zeros(len(rows.labels), dtype=np.bool_), rows.labels)
-
-    def _compiled(self, rows: Rows, task: Task) -> Command | None:
-        return compiled_command(rows, task, self.rank_tolerance, TRACKING)
-
-    def _bound(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
-        return bound_law(rows, task, acted, qdd, self.rank_tolerance, TRACKING)
+        super().__init__(Nothing(), Priority(rank_tolerance))

@@ -7,7 +7,7 @@ a compiler who does not use it.
 - ``step`` evaluates a scene, its constraints and its task on the arrays of ``structures``, which ``packing`` fills.
 - ``parts`` compiles what varies, rows of constraints and laws, into functions of their own that are called by address;
   ``*_rows`` are the rows of the kinds of constraints.
-- ``task_priority`` and ``hierarchical_qp`` share accelerations among rows and task.
+- ``laws.follow`` carries out a law, demand and resolver; ``task_priority`` and ``hierarchical_qp`` are the resolvers.
 
 Two things have another form than in NumPy: the kinematics of a chain, which Pinocchio computes there, and least
 squares, by reflections here and by singular values there. Tests hold these together.
@@ -23,7 +23,7 @@ from typing import Any
 VARIABLE = "VSCONSTRAINTS_COMPILE"
 """Environment variable; 0 turns compilation off, and with ``alone`` no second process helps with the first one."""
 
-MODULES = ("task_priority", "hierarchical_qp", "packing", "step", "polylines", "hold")
+MODULES = ("laws", "task_priority", "hierarchical_qp", "packing", "step", "polylines", "hold")
 """Modules whose functions are called from Python, of which any simulation may need each.
 
 Those for rows of some constraints only (``Packed.after``) are compiled where a scene has such constraints; of several

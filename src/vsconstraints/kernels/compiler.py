@@ -16,6 +16,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from ..formulas import FORMULAS
 from . import VARIABLE
 
@@ -39,6 +41,17 @@ IN_PLACE = {**OPTIONS, "_nrt": False}
 
 _known: set[Callable[..., Any]] = set()
 """Formulas that compiled code can call."""
+
+
+@numba.extending.overload(np.where)  # type: ignore[untyped-decorator]
+def _where(condition: Any, x: Any, y: Any) -> Any:
+    """``np.where`` of single numbers makes no arrays."""
+
+    def choose(condition: Any, x: Any, y: Any) -> Any:
+        return x if condition else y
+
+    numbers = numba.types.Boolean, numba.types.Number
+    return choose if all(isinstance(each, numbers) for each in (condition, x, y)) else None
 
 
 def know(*formulas: Callable[..., Any]) -> None:
@@ -126,7 +139,8 @@ def cache_folder(function: Callable[..., Any], formulas: Sequence[Callable[..., 
         state.update(formula.__code__.co_code + repr(formula.__code__.co_consts).encode())
     processor = import_module("llvmlite.binding").get_host_cpu_name()
     state.update(f"{numba.__version__} {sys.version} {processor}".encode())
-    name = f"{function.__module__.rpartition('.')[2]}-{state.hexdigest()[:HASH]}"
+    made_for = "".join(f".{formula.__name__}" for formula in formulas)
+    name = f"{function.__module__.rpartition('.')[2]}{made_for}-{state.hexdigest()[:HASH]}"
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     caches = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
     candidates = [Path(chosen)] if chosen else [Path(__file__).parent / "__pycache__", caches / "vsconstraints"]

@@ -1,79 +1,51 @@
-"""The hierarchical quadratic program, compiled: its demands, given to the resolver ``hierarchy``."""
+"""The resolvers ``hierarchy`` and ``filter``, compiled: their demands, given to the descent."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from ..rows import Array, BoolArray
+from ..formulas.row import BOUND
 from .compiler import compiled
 from .hierarchy import Demands, Priorities, Resolved, hierarchy
+from .laws import RESOLVER
 from .layout import RELAXED_ROWS, RELAXED_SHORT, SHORT  # noqa: F401 - codes of its answers
 from .least_distance import FAILED
 from .linear import ASK, DONE, finite  # noqa: F401
-from .task_priority import OUTPUT_SIGNATURE, ROWS_SIGNATURE, TASK_SIGNATURE, checkable, valid
+from .parts import ask
+from .structures import Answer, LawArrays, RowArrays, TaskArrays
+from .task_priority import checkable, rates, remember, valid
 
-INPUT_SIGNATURE = f"{ROWS_SIGNATURE}, {TASK_SIGNATURE}, float64, boolean, float64, float64[::1], float64, float64"
-"""Signature of the tolerance, the form of the rows, α, weights, box and damping."""
 
+@compiled(RESOLVER)
+def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """See :class:`vsconstraints.controllers.resolvers.Hierarchy` and ``Filter``.
 
-@compiled(f"UniTuple(int64, 2)({INPUT_SIGNATURE}, float64[::1], {OUTPUT_SIGNATURE})")
-def descend(
-    m: int,
-    phi: Array,
-    Lg: Array,
-    Lf: Array,
-    gain: Array,
-    scale: Array,
-    J: Array,
-    b: Array,
-    tolerance: float,
-    barrier: bool,
-    alpha: float,
-    weights: Array,
-    bound: float,
-    damping: float,
-    slack: Array,
-    acted: BoolArray,
-    qdd: Array,
-) -> tuple[int, int]:
-    """The three levels, as :class:`vsconstraints.controllers.HierarchicalQP` defines them, after a check of the input.
-
-    Parameters
-    ----------
-    m
-        The number of labels.
-    phi, Lg, Lf, gain, scale
-        (m,), (m, n), (m,), (m,) and (m,) of the rows.
-    J, b
-        (k, n) and (k,) of the task.
-    tolerance, alpha, damping
-        Options of the controller.
-    barrier
-        Whether the rows demand decay of φ; if not, the active ones demand −u⁺.
-    weights
-        (m,) of level 1.
-    bound
-        Half the width of the box, or infinity.
-    slack, acted, qdd
-        (m,), (m,) and (n,) outputs.
+    Their options are the rank tolerance, half the width of the box or infinity, the damping, and 1 for the filter,
+    whose task is to stay at the command that tracks.
 
     Returns
     -------
-    tuple
-        The code and the iterations of :func:`vsconstraints.kernels.hierarchy.hierarchy`, or ``ASK``.
+    int
+        The code of :func:`vsconstraints.kernels.hierarchy.hierarchy`, or ``ASK``.
     """
-    if not valid(m, phi, Lg, Lf, gain, scale, J, b, qdd.size) or acted.size != m or slack.size != m:
-        return ASK, 0
-    c = np.empty(m)
-    for i in range(m):
-        if barrier:
-            c[i] = -alpha * phi[i] - Lf[i]
-        else:
-            c[i] = -gain[i] if phi[i] >= 0.0 else math.inf
-    demands, priorities = Demands(Lg, c, scale, weights), Priorities(bound, damping, tolerance)
-    code, iterations = hierarchy(demands, J, b, priorities, Resolved(qdd, slack, acted))
-    if code == FAILED or (checkable(Lg, gain, qdd) and finite(slack)):
-        return code, iterations
-    return ASK, iterations
+    if not valid(rows, task, answer) or answer.slack.size != rows.phi.size or answer.iterations.size == 0:
+        return ASK
+    tolerance, bound, damping, filters = law.options[0], law.options[1], law.options[2], law.options[3] != 0.0
+    m, n, qdd = rows.phi.size, answer.qdd.size, answer.qdd
+    J, b = task.J, task.b
+    if filters or law.tracks != 0:
+        ask(law.tracking, (J, b, tolerance, qdd))
+    c, after = np.empty(m), np.empty(law.memory.shape)
+    if ask(law.demand, (law, rows, rates(law, rows, qdd), BOUND, after, c)):
+        return ASK
+    if filters:
+        J, b = np.eye(n), qdd.copy()
+    weights = law.weights if law.weights.size == m else np.ones(m)
+    demands, priorities = Demands(rows.Lg, c, rows.scale, weights), Priorities(bound, damping, tolerance)
+    code, answer.iterations[0] = hierarchy(demands, J, b, priorities, Resolved(qdd, answer.slack, answer.acted))
+    if code == FAILED:
+        return FAILED
+    if not (checkable(rows.Lg, rows.switching_gain, qdd) and finite(answer.slack)):
+        return ASK
+    remember(law, after)
+    return code

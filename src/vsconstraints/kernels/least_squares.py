@@ -198,7 +198,7 @@ def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> tu
     ----------
     A1
         (b, n + 1), b ≥ 0: [A₁ | b₁]; used up. Without rows this is
-        :func:`vsconstraints.controllers.tracking.least_norm`.
+        :func:`vsconstraints.controllers.least_norm.least_norm`.
     A2, b2
         (k, n) and (k,), k ≥ 0.
     tolerance

@@ -12,6 +12,9 @@ from ..rows import Array, BoolArray, IntArray
 Records = Any
 """Arrays of records, whose fields compiled code takes as attributes."""
 
+DONE, ASK = range(2)
+"""Codes of compiled functions: the outputs hold the answer; the definition has to be asked."""
+
 POSE = [("R", "f8", (3, 3)), ("t", "f8", (3,))]
 
 MOTION = np.dtype([("velocity", "f8", (3,)), ("amplitude", "f8", (3,)), ("rate", "f8"), ("phase", "f8")])
@@ -134,12 +137,49 @@ class TaskArrays(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What compiled laws write: q̈ (n,), which rows acted (m,), what they leave unmet (m,), and iterations (1,)."""
+    """What compiled laws write: q̈ (n,), which rows acted (m,), what they leave unmet (m,), and iterations (1,).
+
+    Laws that measure no slack take (0,) for it.
+    """
 
     qdd: Array
     acted: BoolArray
     slack: Array
     iterations: IntArray
+
+
+class LawArrays(NamedTuple):
+    """A compiled law: a demand and a resolver, each where its function begins, and what they work with.
+
+    The law is carried out by ``ask(law.resolver, (law, rows, task, answer))`` with :class:`RowArrays`,
+    :class:`TaskArrays` and :class:`Answer`; see :mod:`vsconstraints.kernels.laws`. It returns ``DONE`` or another code
+    of an answer, or ``ASK``: then nothing is remembered, and the controller's ``command`` has to be asked.
+
+    Attributes
+    ----------
+    resolver, demand, tracking
+        Addresses; the last of :func:`vsconstraints.kernels.task_priority.track`.
+    tracks
+        Whether the demand depends on what tracking alone does to the rows.
+    period
+        T_s [s], or NaN.
+    options, parameters
+        Of the resolver, and of the demand's formula.
+    weights
+        (m,) of the rows' violations, or (0,) where all are 1.
+    memory
+        (m, f) what the demand remembers of each row, or (0, 0).
+    """
+
+    resolver: int
+    demand: int
+    tracking: int
+    tracks: int
+    period: float
+    options: Array
+    parameters: Array
+    weights: Array
+    memory: Array
 
 
 class Step(NamedTuple):

@@ -1,4 +1,4 @@
-"""Laws of eq. (15), compiled: tracking, the sliding mode, and both potential fields."""
+"""The resolvers ``priority``, eq. (15), and ``additive``, compiled."""
 
 from __future__ import annotations
 
@@ -6,26 +6,51 @@ import math
 
 import numpy as np
 
+from ..formulas.row import EQUAL, PUSH
 from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import ROUNDING, Array, BoolArray
-from .compiler import compiled, inner
-from .layout import ADDITIVE, PRIORITY, SLIDING, TRACKING
+from .compiler import compiled, inner, numba
+from .laws import MATRIX, RESOLVER, VECTOR
 from .least_squares import bring, resolve
 from .linear import ASK, DONE, START, dot, finite, in_range
+from .parts import INT, ask
+from .structures import Answer, LawArrays, RowArrays, TaskArrays
 
 
 @inner
-def valid(m: int, phi: Array, Lg: Array, Lf: Array, gain: Array, scale: Array, J: Array, b: Array, n: int) -> bool:
+def valid(rows: RowArrays, task: TaskArrays, answer: Answer) -> bool:
     """Whether :func:`vsconstraints.rows.check` has nothing to say, squares are in range, and outputs fit."""
-    if phi.size != m or Lg.shape[0] != m or Lf.size != m or gain.size != m or scale.size != m:
+    phi, Lf, gain, scale = rows.phi, rows.Lf, rows.switching_gain, rows.scale
+    m, n = phi.size, answer.qdd.size
+    if rows.Lg.shape[0] != m or Lf.size != m or gain.size != m or scale.size != m or answer.acted.size != m:
         return False
-    if n <= 0 or J.shape[1] != n or Lg.shape[1] != n or b.size != J.shape[0]:
+    if n <= 0 or task.J.shape[1] != n or rows.Lg.shape[1] != n or task.b.size != task.J.shape[0]:
         return False
     wrong = 0
     for i in range(m):
         wrong |= not ((abs(phi[i]) < math.inf) & (abs(Lf[i]) < math.inf))
         wrong |= not ((gain[i] > 0.0) & (gain[i] < math.inf) & (scale[i] > 0.0) & (scale[i] < math.inf))
-    return wrong == 0 and in_range(Lg) and in_range(J) and finite(b)
+    return wrong == 0 and in_range(rows.Lg) and in_range(task.J) and finite(task.b)
+
+
+@inner
+def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
+    """L_gφ q̈ (m,) if the law's demand depends on it, or (0,)."""
+    tracked = np.empty(rows.phi.size if law.tracks else 0)
+    for i in range(tracked.size):
+        total = 0.0
+        for j in range(qdd.size):
+            total += rows.Lg[i, j] * qdd[j]
+        tracked[i] = total
+    return tracked
+
+
+@inner
+def remember(law: LawArrays, after: Array) -> None:
+    """Keep what the demand gave back."""
+    for i in range(after.shape[0]):
+        for j in range(after.shape[1]):
+            law.memory[i, j] = after[i, j]
 
 
 @inner
@@ -58,58 +83,9 @@ def gather(Lg: Array, demand: Array, scale: Array, phi: Array, acted: BoolArray,
     return at
 
 
-CONSTANT = "Array(float64, 1, 'C', readonly=True)"
-"""Signature of a vector that may be read-only, as those of a set of constraints are."""
-
-ROWS_SIGNATURE = f"int64, float64[::1], float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}"
-"""Signature of the number of labels, φ, L_gφ, L_fφ, u⁺ and scale."""
-
-TASK_SIGNATURE = "float64[:, ::1], float64[::1]"
-"""Signature of J and b."""
-
-OUTPUT_SIGNATURE = "boolean[::1], float64[::1]"
-"""Signature of the rows that acted, and q̈."""
-
-
-@compiled(f"int64({ROWS_SIGNATURE}, {TASK_SIGNATURE}, float64, int64, float64, float64, float64, {OUTPUT_SIGNATURE})")
-def follow(
-    m: int,
-    phi: Array,
-    Lg: Array,
-    Lf: Array,
-    gain: Array,
-    scale: Array,
-    J: Array,
-    b: Array,
-    tolerance: float,
-    law: int,
-    region: float,
-    exponent: float,
-    strength: float,
-    acted: BoolArray,
-    qdd: Array,
-) -> int:
-    """One of the laws, after a check of the input.
-
-    One function for all of it, since every level of calls is compiled anew.
-
-    Parameters
-    ----------
-    m
-        The number of labels.
-    phi, Lg, Lf, gain, scale
-        (m,), (m, n), (m,), (m,) and (m,) of the rows.
-    J, b
-        (k, n) and (k,) of the task.
-    tolerance
-        Singular values below this fraction of the largest one count as zero, among the acting rows once each is
-        divided by its length.
-    law
-        ``TRACKING``, ``SLIDING``, or a potential field: ``PRIORITY`` or ``ADDITIVE``.
-    region, exponent, strength
-        Options of the potential field; not used by the others.
-    acted, qdd
-        (m,) and (n,) outputs.
+@compiled(RESOLVER)
+def priority(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """See :class:`vsconstraints.controllers.resolvers.Priority`; its option is the rank tolerance.
 
     Returns
     -------
@@ -117,50 +93,74 @@ def follow(
         ``DONE``, or ``ASK`` where rows with φ ≥ 0 have lost full row rank, where input is refused, and where numbers
         leave the range.
     """
-    if not valid(m, phi, Lg, Lf, gain, scale, J, b, qdd.size) or acted.size != m:
+    if not valid(rows, task, answer):
         return ASK
-    n = qdd.size
-    demand = np.empty(m)
+    tolerance, qdd, acted, J, b = law.options[0], answer.qdd, answer.acted, task.J, task.b
+    phi, Lg, scale = rows.phi, rows.Lg, rows.scale
+    m, n = phi.size, qdd.size
     A: Array = np.empty((m, n + 1))
     F, S, least = A, A, 0.0
     # a task of full column rank is tracked first, and corrected for the rows that act
-    tracked = law != SLIDING or J.shape[0] >= n
+    tracked = law.tracks != 0 or J.shape[0] >= n
     if tracked:
         _, F, S, least = resolve(A[:0], J, b, tolerance, qdd)
+    c, after = np.empty(m), np.empty(law.memory.shape)
+    if ask(law.demand, (law, rows, rates(law, rows, qdd), EQUAL, after, c)):
+        return ASK
     for i in range(m):
-        demand[i] = -gain[i]
-        acted[i] = law == SLIDING and phi[i] >= 0.0
-    if law >= PRIORITY:
-        for i in range(m):
-            psi = max(1.0 + phi[i] / scale[i] / region, 0.0)
-            if exponent != 1.0:
-                psi = psi**exponent
-            acted[i] = psi > 0.0
-            if not acted[i]:
-                continue
-            rate = squared = 0.0
+        acted[i] = c[i] != math.inf
+    acting = gather(Lg, c, scale, phi, acted, -math.inf, A)
+    if (
+        not (tracked and (acting == 0 or bring(F, S, least, A[:acting], tolerance, qdd)))
+        and resolve(A[:acting], J, b, tolerance, qdd)[0] < acting
+    ):
+        # a dependence among rows that act before their boundary is reached is met in the least-squares sense
+        reached = gather(Lg, c, scale, phi, acted, 0.0, A)
+        if reached == acting or resolve(A[:reached], J, b, tolerance, np.empty(n))[0] < reached:
+            return ASK
+    if not checkable(Lg, rows.switching_gain, qdd):
+        return ASK
+    remember(law, after)
+    return DONE
+
+
+@compiled(INT(MATRIX, VECTOR, numba.types.float64, VECTOR))
+def track(J: Array, b: Array, tolerance: float, qdd: Array) -> int:
+    """q̈ ← J†b of :func:`vsconstraints.controllers.least_norm.least_norm`; returns 0.
+
+    Called by its address, so that it is compiled once for all that need no more of it.
+    """
+    nothing: Array = np.empty((0, qdd.size + 1))
+    resolve(nothing, J, b, tolerance, qdd)
+    return 0
+
+
+@compiled(RESOLVER)
+def additive(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """See :class:`vsconstraints.controllers.resolvers.Additive`; its option is the rank tolerance.
+
+    Returns
+    -------
+    int
+        ``DONE``, or ``ASK`` where input is refused, and where numbers leave the range.
+    """
+    if not valid(rows, task, answer):
+        return ASK
+    qdd, acted, Lg = answer.qdd, answer.acted, rows.Lg
+    m, n = rows.phi.size, qdd.size
+    ask(law.tracking, (task.J, task.b, law.options[0], qdd))
+    push, after = np.empty(m), np.empty(law.memory.shape)
+    if ask(law.demand, (law, rows, rates(law, rows, qdd), PUSH, after, push)):
+        return ASK
+    for i in range(m):
+        acted[i] = push[i] != math.inf
+        squared = dot(Lg, i, Lg, i, START, n)
+        # a row whose gradient vanishes cannot be pushed: its pseudoinverse is zero
+        if acted[i] and squared > 0.0:
+            share = push[i] / squared
             for j in range(n):
-                rate += Lg[i, j] * qdd[j]
-                squared += Lg[i, j] * Lg[i, j]
-            if law == PRIORITY:
-                psi = min(psi, 1.0)
-                demand[i] = (1.0 - psi) * rate - psi * strength * gain[i]
-            else:
-                # a row whose gradient vanishes cannot be pushed: its pseudoinverse is zero
-                demand[i] = psi * strength * gain[i] / squared if squared > 0.0 else 0.0
-    if law == ADDITIVE:
-        for i in range(m):
-            if acted[i]:
-                for j in range(n):
-                    qdd[j] -= demand[i] * Lg[i, j]
-    elif law != TRACKING:
-        acting = gather(Lg, demand, scale, phi, acted, -math.inf, A)
-        if (
-            not (tracked and (acting == 0 or bring(F, S, least, A[:acting], tolerance, qdd)))
-            and resolve(A[:acting], J, b, tolerance, qdd)[0] < acting
-        ):
-            # a dependence among rows that act before their boundary is reached is met in the least-squares sense
-            reached = gather(Lg, demand, scale, phi, acted, 0.0, A)
-            if reached == acting or resolve(A[:reached], J, b, tolerance, np.empty(n))[0] < reached:
-                return ASK
-    return DONE if checkable(Lg, gain, qdd) else ASK
+                qdd[j] += share * Lg[i, j]
+    if not checkable(Lg, rows.switching_gain, qdd):
+        return ASK
+    remember(law, after)
+    return DONE

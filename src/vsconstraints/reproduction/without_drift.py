@@ -19,7 +19,7 @@ class WithoutDrift(Controller):
         self.law = SlidingMode()
         self.reset()
 
-    def reset(self) -> None:
+    def reset(self, period: float | None = None) -> None:
         """Start the random numbers again."""
         self.random = np.random.default_rng(0)
 

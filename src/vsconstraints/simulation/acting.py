@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
-from ..controllers.tracking import RANK_TOLERANCE
 from ..rows import Array, BoolArray, Rows
 
 NOTICED = 1e-3

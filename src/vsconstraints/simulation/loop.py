@@ -10,6 +10,7 @@ import numpy as np
 
 from ..control_step import ControlStep
 from ..controllers import Controller, Tracking
+from ..controllers.base import restart
 from ..errors import ConfigurationError, SceneError, described
 from ..evaluation import CompiledEvaluation
 from ..geometry import Pose
@@ -51,7 +52,7 @@ def simulate(setup: Setup, controller: Controller, *, by_public_call: bool = Fal
     """
     remarks = setup.check_start()
     setup.task.reset()
-    controller.reset()
+    restart(controller, setup.Ts)
     run = _Run(setup, controller, by_public_call)
     run.to_the_end()
     trajectory = run.log.finish(run.ended, run.reason)
@@ -60,7 +61,7 @@ def simulate(setup: Setup, controller: Controller, *, by_public_call: bool = Fal
         remarks.append(f"another QP solver than the one asked for answered in {trajectory.fallbacks} samples")
     if run.unfounded:
         remarks.append(f"the law claimed a loss of rank in {run.unfounded} samples in which its rows have full rank")
-    remarks.append(controller._remark(setup.constraints.labels))
+    remarks.append(controller.remark(setup.constraints.labels))
     reason = "; ".join(filter(None, (trajectory.reason, *remarks)))
     return replace(trajectory, reason=reason, compiled=run.compiled)
 
@@ -158,10 +159,10 @@ class _Run:
             return None
         q, qd, acted, qdd = x[0], x[1], np.empty(len(log.labels), dtype=np.bool_), x[-2]
         now, untouched, alone = bound.now, np.empty(len(log.labels), dtype=np.bool_), np.empty(len(q))
-        tracking = self.baseline._bind(now.rows, now.task, untouched, alone)
+        tracking = self.baseline.bind(now.rows, now.task, untouched, alone)
         if tracking is None:
             return None
-        law = controller._bind(now.rows, now.task, acted, qdd)
+        law = controller.bind(now.rows, now.task, acted, qdd)
         self.compiled = law is not None
         solve = None if law is None or self.by_public_call else law.solve
         evaluate, out, steps, tracked = bound.evaluate, true.out, log.begin_steps(true), log.tracked

@@ -14,7 +14,7 @@ from ..comparisons.metrics import score
 from ..comparisons.record import RunRecord
 from ..comparisons.run import Run
 from ..control_step import ControlStep
-from ..controllers.tracking import RANK_TOLERANCE, track
+from ..controllers.least_norm import RANK_TOLERANCE, track
 from ..rows import Array
 from ..runs.files import read_arrays, write_arrays
 

@@ -1,0 +1,10 @@
+"""Demands: what rows ask of the acceleration, L_gφ q̈ ≤ c. One half of a law; :mod:`..resolvers` are the other."""
+
+from .barrier import Barrier
+from .base import USES, Demand
+from .boundary_layer import BoundaryLayer
+from .nothing import Nothing
+from .repulsion import Repulsion
+from .switch import Switch
+
+__all__ = ["USES", "Barrier", "BoundaryLayer", "Demand", "Nothing", "Repulsion", "Switch"]

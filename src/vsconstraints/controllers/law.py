@@ -1,0 +1,252 @@
+"""A law is a demand and a resolver."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import ConfigurationError, InvalidInput, SolverError, shown
+from ..formulas.row import Row, asked_for
+from ..kernels.structures import ASK
+from ..qp import SolverChain
+from ..rows import OPTIONAL, Array, BoolArray, Command, Rows, Task
+from .base import Controller
+from .compiled import NOT_FOR_COMPILED, BoundLaw, CompiledLaw, compiled_law, in_usual_layout
+from .demands import USES, Demand
+from .resolvers import Resolver
+from .resolvers.hierarchy import COMPILED
+
+
+class Option:
+    """An option of a law that is one of its demand or its resolver: it is checked there whenever it is set."""
+
+    def __init__(self, part: str) -> None:
+        self.part = part
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, law: Any, owner: type) -> Any:
+        return self if law is None else getattr(getattr(law, self.part), self.name)
+
+    def __set__(self, law: Any, value: Any) -> None:
+        setattr(law, self.part, replace(getattr(law, self.part), **{self.name: value}))
+
+
+class Law(Controller):
+    """Rows ask L_gφ q̈ ≤ c by a demand; a resolver shares q̈ among them and the task.
+
+    It runs compiled where its parts have that form, and there is a compiler. A subclass with a ``solve`` of its own is
+    a controller like any other.
+
+    Parameters
+    ----------
+    demand
+        What rows ask for.
+    resolver
+        Who gets what.
+
+    Attributes
+    ----------
+    period
+        The sampling period [s] that :meth:`reset` was told last; None before.
+    memory
+        (m, f) what the demand remembers of each row of the last call; :meth:`reset` clears it.
+    solvers
+        The QP solver asked and those behind it, with their warm starts and the count of their failures, if the resolver
+        needs any; :meth:`reset` clears both.
+    """
+
+    name: ClassVar[str] = "law"
+
+    demand: Demand
+    resolver: Resolver
+    period: float | None
+    memory: Array
+    solvers: SolverChain | None
+
+    def __init__(self, demand: Demand, resolver: Resolver) -> None:
+        for part, kind in ((demand, Demand), (resolver, Resolver)):
+            if not isinstance(part, kind):
+                raise ConfigurationError(f"a law needs a {kind.__name__}, not {shown(part)}")
+        self.period = None
+        self.demand, self.resolver = demand, resolver
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name == "resolver":
+            super().__setattr__("solvers", value.solvers())
+        if name in ("demand", "resolver", "period"):
+            self._forget()
+        super().__setattr__(name, value)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but addresses, which are those of one process."""
+        return {**vars(self), "_compiled": None}
+
+    def __repr__(self) -> str:
+        names = inspect.signature(type(self)).parameters
+        return f"{type(self).__name__}({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
+
+    def _forget(self) -> None:
+        self.memory = np.empty((0, 0))
+        self._compiled: CompiledLaw | None = None
+
+    def reset(self, period: float | None = None) -> None:
+        """Forget what demand and solvers remember.
+
+        Parameters
+        ----------
+        period
+            The sampling period T_s [s], if the law is to know it; without one, that of the last reset.
+        """
+        if period is not None:
+            if not 0.0 < period < math.inf:
+                raise InvalidInput(f"the sampling period must be a positive number of seconds, not {shown(period)}")
+            self.period = float(period)
+        self._forget()
+        if self.solvers is not None:
+            self.solvers.reset()
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """What the law uses beside φ, L_gφ, u⁺ and the scale of rows, and J and b of the task, as printed."""
+        found = [USES[name] for name in self.demand.uses]
+        return (*found, "memory") if self.demand.remembers else tuple(found)
+
+    def remark(self, labels: tuple[str, ...]) -> str:
+        """What a user should know of these options and rows of these labels, though nothing is wrong; else empty."""
+        return self.resolver.remark(labels)
+
+    def command(self, rows: Rows, task: Task) -> Command:
+        """See :class:`.Controller`.
+
+        Raises
+        ------
+        InvalidInput
+            also if the demand uses what is not given.
+        """
+        command = self.compute(rows, task)
+        return self.define(rows, task) if command is None else command
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """See the class."""
+        m, demand = len(rows.labels), self.demand
+        self._prepare(rows)
+        kept = self.memory
+        remembered = kept
+
+        def asked(purpose: int, tracking: Array | None) -> Array:
+            nonlocal remembered
+            tracked = math.nan if tracking is None else rows.Lg @ tracking
+            row = Row(
+                phi=rows.phi,
+                Lf=rows.Lf,
+                sigma=known(rows.sigma),
+                sigma_dot=known(rows.sigma_dot),
+                K=known(rows.K),
+                switching_gain=rows.switching_gain,
+                scale=rows.scale,
+                tracked=tracked,
+                norm=np.linalg.norm(rows.Lg, axis=1),
+                period=math.nan if self.period is None else self.period,
+                memory=kept.T,
+            )
+            value = type(demand).formula(row, *demand.parameters)
+            if demand.remembers:
+                value, *after = value
+                remembered = np.stack([np.broadcast_to(each, (m,)) for each in after], axis=1)
+            c = asked_for(value, tracked, purpose, int(demand.relative), int(demand.everywhere))
+            c = np.broadcast_to(np.asarray(c, dtype=np.float64), (m,))
+            if np.isnan(c).any():
+                names = ", ".join(rows.labels[i] for i in np.flatnonzero(np.isnan(c)))
+                raise SolverError(f"the demand {demand.name!r} is not a number for {names}")
+            return c
+
+        command = self.resolver.solve(rows, task, asked, self.resolver.tracks(demand), self.solvers)
+        self.memory[:] = remembered
+        remark = self.remark(rows.labels)
+        return replace(command, remark=remark) if remark else command
+
+    def _prepare(self, rows: Rows) -> None:
+        """Raise InvalidInput if the demand uses what is not given; make room for what it remembers."""
+        demand, m = self.demand, len(rows.labels)
+        lacking = [f"rows.{name}" for name in OPTIONAL if name in demand.uses and len(getattr(rows, name)) != m]
+        if lacking:
+            raise InvalidInput(f"the demand {demand.name!r} uses {', '.join(lacking)}, which these rows do not give")
+        if "period" in demand.uses and self.period is None:
+            raise InvalidInput(
+                f"the demand {demand.name!r} uses the sampling period: tell it by reset(period=...) before the first "
+                "command"
+            )
+        if demand.remembers and len(self.memory) != m:
+            self.memory = np.tile(np.array(demand.remembers), (m, 1))
+
+    # --- compiled ---
+
+    def compute(self, rows: Rows, task: Task) -> Command | None:
+        """The command at compiled speed; None where :meth:`define` has to be asked.
+
+        That is so without a compiler or a compiled form, for input that is refused, and at a loss of rank.
+        """
+        try:
+            labels = rows.labels
+            law = self._compiled
+            if law is None or law.labels is not labels:
+                law = self._compile(rows)
+                if law is None:
+                    return None
+            answer = law(rows, task)
+        except NOT_FOR_COMPILED:
+            usual = in_usual_layout(rows, task)
+            return usual and self.compute(*usual)
+        return self._answer(law, *answer, rows, task)
+
+    def _compile(self, rows: Rows) -> CompiledLaw | None:
+        if type(self).solve is not Law.solve:
+            return None
+        law = self._compiled
+        if law is not None and law.labels == rows.labels:
+            law.labels = rows.labels
+            return law
+        self._prepare(rows)
+        self._compiled = compiled_law(self.demand, self.resolver, rows.labels, self.period, self.memory)
+        return self._compiled
+
+    def _answer(
+        self,
+        law: CompiledLaw,
+        code: int,
+        qdd: Array,
+        acted: BoolArray,
+        slack: Array,
+        iterations: int,
+        rows: Rows,
+        task: Task,
+    ) -> Command | None:
+        command = self.resolver.command(code, qdd, acted, law.labels, slack, iterations)
+        if command is not None:
+            if law.remark:
+                command.remark = law.remark
+            return command
+        if code == ASK or self.solvers is None:
+            return None
+        self.solvers.failures[COMPILED] += 1
+        answer = self.define(rows, task)
+        reason = f"the {COMPILED} solver has no answer that passes the check"
+        return replace(answer, fallback="; ".join(filter(None, (reason, answer.fallback))))
+
+    def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
+        """See :class:`.Controller`."""
+        if type(self).command is not Law.command or "command" in vars(self):
+            return None
+        law = self._compile(rows)
+        return None if law is None else BoundLaw(self, law, rows, task, acted, qdd)
+
+
+def known(array: Array) -> Array | float:
+    """The array, or NaN where nothing is given."""
+    return array if len(array) else math.nan

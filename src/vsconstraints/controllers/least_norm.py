@@ -1,0 +1,54 @@
+"""The task alone: of all q̈ that track best the least, the command of every law whose rows do not act."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..decomposition import svd
+from ..rows import Array, Task
+
+RANK_TOLERANCE = 1e-6
+"""Singular values below this fraction of the largest one count as zero."""
+
+
+class LeastNorm(NamedTuple):
+    """The least-norm least-squares solution of J q̈ = b, and the decomposition it was read from.
+
+    Attributes
+    ----------
+    qdd
+        (n,) q̈ = J† b.
+    directions
+        (n, n) right singular vectors of J, one a column: an orthonormal basis of the joint space.
+    gains
+        (n,) their singular values, with exact zeros for the directions that count as the null space of J.
+    """
+
+    qdd: Array
+    directions: Array
+    gains: Array
+
+
+def least_norm(J: Array, b: Array, rank_tolerance: float) -> LeastNorm:
+    """Of all q̈ with the least ‖J q̈ − b‖, the one with the least norm.
+
+    Directions whose singular value is below ``rank_tolerance`` times the largest count as null space and are
+    left alone, so that ‖q̈‖ ≤ ‖b‖ / (rank_tolerance · ‖J‖) in every configuration. J may be zero, or have no
+    rows.
+    """
+    k, n = J.shape
+    gains = np.zeros(n)
+    if k == 0:
+        return LeastNorm(np.zeros(n), np.eye(n), gains)
+    U, s, Vt = svd(J, full_matrices=k < n)
+    rank = int(np.count_nonzero(s > rank_tolerance * s[0]))
+    gains[:rank] = s[:rank]
+    qdd: Array = Vt[:rank].T @ ((U[:, :rank].T @ b) / s[:rank])
+    return LeastNorm(qdd, Vt.T, gains)
+
+
+def track(task: Task, rank_tolerance: float) -> Array:
+    """q̈ = J† b (n,) of :func:`least_norm`."""
+    return least_norm(task.J, task.b, rank_tolerance).qdd

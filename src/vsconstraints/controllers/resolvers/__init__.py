@@ -1,0 +1,9 @@
+"""Resolvers: ways to share q̈ among demands and task. One half of a law; :mod:`..demands` are the other."""
+
+from .additive import Additive
+from .base import Resolver
+from .filter import Filter
+from .hierarchy import Hierarchy
+from .priority import Priority
+
+__all__ = ["Additive", "Filter", "Hierarchy", "Priority", "Resolver"]

@@ -1,0 +1,98 @@
+"""What every resolver is: a way to share q̈ among demands and task."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...kernels import load
+from ...kernels.structures import DONE
+from ...qp import SolverChain
+from ...rows import Array, BoolArray, Command, Rows, Task
+from ..demands import Demand
+
+Asked = Callable[[int, Array | None], Array]
+"""What the rows ask for: of a purpose (:mod:`vsconstraints.formulas.row`) and q̈ of tracking (n,), (m,)."""
+
+NO_WEIGHTS = np.empty(0)
+
+
+@dataclass(frozen=True)
+class Resolver(ABC):
+    """A way to share q̈ among the demands of rows and a task.
+
+    A frozen dataclass: its fields are options. What it warm-starts is the law's, see :meth:`solvers`.
+
+    Attributes
+    ----------
+    name
+        In reports.
+    kernel
+        Module and name of its compiled form, see :class:`vsconstraints.kernels.structures.LawArrays`.
+    measures
+        Whether its commands tell what they leave unmet.
+    answers
+        Codes with which the compiled form has an answer.
+    """
+
+    name: ClassVar[str]
+    kernel: ClassVar[tuple[str, str]]
+    measures: ClassVar[bool] = False
+    answers: ClassVar[Collection[int]] = (DONE,)
+
+    @abstractmethod
+    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
+        """The command, in NumPy.
+
+        Parameters
+        ----------
+        rows, task
+            Finite and of matching shapes.
+        asked
+            What the rows ask for.
+        tracks
+            Whether that depends on what tracking alone does.
+        solvers
+            What :meth:`solvers` has made.
+        """
+
+    @abstractmethod
+    def tracks(self, demand: Demand) -> bool:
+        """Whether what is asked of this demand depends on what tracking alone does."""
+
+    @property
+    @abstractmethod
+    def options(self) -> Array:
+        """What the compiled form takes."""
+
+    @property
+    def compiles(self) -> bool:
+        """Whether the options have a compiled form."""
+        return True
+
+    def loaded(self) -> Any:
+        """The compiled form; None where there is none."""
+        kernels = load(self.kernel[0]) if self.compiles else None
+        return None if kernels is None else getattr(kernels, self.kernel[1])
+
+    def solvers(self) -> SolverChain | None:
+        """A chain of QP solvers for a law of its own; None if it needs none."""
+        return None
+
+    def row_weights(self, labels: tuple[str, ...]) -> Array:
+        """(m,) weight of each row's violation; (0,) if all are 1."""
+        return NO_WEIGHTS
+
+    def remark(self, labels: tuple[str, ...]) -> str:
+        """What a user should know of these options and rows of these labels, though nothing is wrong; else empty."""
+        return ""
+
+    def command(
+        self, code: int, qdd: Array, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
+    ) -> Command | None:
+        """The command of the compiled form's answer; None if the code says that there is none."""
+        return Command(qdd, "ok", acted, labels) if code in self.answers else None

@@ -1,0 +1,64 @@
+"""What a demand is a formula of: the numbers of one row, or the arrays of all rows."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from . import formula
+
+
+class Row(NamedTuple):
+    """A row's numbers (compiled), or arrays (m,) of all rows (NumPy); see :class:`vsconstraints.rows.Rows`.
+
+    Attributes
+    ----------
+    phi, Lf, sigma, sigma_dot, K, switching_gain, scale
+        As in :class:`vsconstraints.rows.Rows`; NaN where it is not known.
+    tracked
+        L_gφ q̈ of the command that tracks and heeds no row; NaN if the demand does not use it.
+    norm
+        ‖L_gφ‖.
+    period
+        The sampling period T_s [s]; NaN if it is not known.
+    memory
+        Floats that the demand has given back at the last sample: ``memory[0]``, ``memory[1]`` and so on.
+    """
+
+    phi: Any
+    Lf: Any
+    sigma: Any
+    sigma_dot: Any
+    K: Any
+    switching_gain: Any
+    scale: Any
+    tracked: Any
+    norm: Any
+    period: float
+    memory: Any
+
+
+BOUND, EQUAL, PUSH = range(3)
+"""What of a demand is asked for: the bounds c of L_gφ q̈; those of the rows that act on it, if all that act meet it with
+equality; or by how much c is below L_gφ q̈ of tracking, where it is."""
+
+
+@formula
+def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere: int) -> Any:
+    """One of the three, ∞ where nothing is asked for, from the value of a demand's formula.
+
+    Parameters
+    ----------
+    value, tracked
+        What the formula gave, and L_gφ q̈ of tracking.
+    purpose
+        ``BOUND``, ``EQUAL`` or ``PUSH``.
+    relative, everywhere
+        Of the :class:`vsconstraints.controllers.demands.Demand`, as 0 or 1.
+    """
+    if purpose == PUSH:
+        below = value if relative == 1 else value - tracked
+        return np.where(below > 0.0, np.inf, below)
+    bound = value + tracked if relative == 1 else value
+    return np.where(bound > tracked, np.inf, bound) if purpose == EQUAL and everywhere == 0 else bound

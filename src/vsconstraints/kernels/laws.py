@@ -1,0 +1,187 @@
+"""Compiled laws, demand and resolver: the part that is made of a demand's formula, and the way in from Python."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from ..formulas.row import Row, asked_for
+from ..rows import Array, BoolArray, IntArray
+from .compiler import IN_PLACE, compiled, in_place, numba
+from .linear import ASK
+from .parts import INT, VOID, ask, make_part, store, thaw_as
+from .structures import Answer, LawArrays, RowArrays, TaskArrays
+
+to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not typed
+
+_one, _two = np.zeros(1), np.zeros((1, 1))
+
+LAW = numba.typeof(LawArrays(1, 1, 1, 1, 1.0, _one, _one, _one, _two))
+ROWS = numba.typeof(RowArrays(_one, _two, *(_one,) * 6))
+TASK = numba.typeof(TaskArrays(_two, _one, _one, _one))
+ANSWER = numba.typeof(Answer(_one, np.zeros(1, dtype=np.bool_), _one, np.zeros(1, dtype=np.int64)))
+VECTOR, MATRIX = numba.types.float64[::1], numba.types.float64[:, ::1]
+
+RESOLVER = INT(LAW, ROWS, TASK, ANSWER)
+"""Signature of a resolver, and so of a law: see :class:`.LawArrays`."""
+
+DEMAND = INT(LAW, ROWS, VECTOR, INT, MATRIX, VECTOR)
+"""Signature of a demand: see :func:`demand_part`."""
+
+thaw = thaw_as(LAW)
+"""For compiled code: the law at an address."""
+
+
+@in_place
+def known(x: Array, i: int) -> float:
+    """x[i], or NaN where nothing is given."""
+    return x[i] if i < x.size else math.nan
+
+
+def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: int, everywhere: int) -> Any:
+    """What :func:`demand` compiles.
+
+    It takes a law, its rows, L_gφ q̈ (m,) of tracking alone (or (0,) where the law does not need it), what is asked
+    for (``BOUND``, ``EQUAL`` or ``PUSH``), and writes (m, f) what is to be remembered and (m,) what is asked for. It
+    returns 0, or 1 if a demand is not a number.
+    """
+
+    def demands(law: LawArrays, rows: RowArrays, tracked: Array, purpose: int, after: Array, c: Array) -> int:
+        wrong = 0
+        for i in range(c.size):
+            squared = 0.0
+            for j in range(rows.Lg.shape[1]):
+                squared += rows.Lg[i, j] * rows.Lg[i, j]
+            row = Row(
+                rows.phi[i],
+                rows.Lf[i],
+                known(rows.sigma, i),
+                known(rows.sigma_dot, i),
+                known(rows.K, i),
+                rows.switching_gain[i],
+                rows.scale[i],
+                known(tracked, i),
+                math.sqrt(squared),
+                law.period,
+                law.memory[i],
+            )
+            asked = formula(row, *to_fixed_tuple(law.parameters, count))
+            # constants decide at compilation
+            if memory == 0:
+                value = 1.0 * asked
+            else:
+                value = 1.0 * asked[0]
+                for j in range(memory):
+                    after[i, j] = asked[1 + j]
+            c[i] = asked_for(value, row.tracked, purpose, relative, everywhere)
+            wrong |= c[i] != c[i]
+        return wrong
+
+    return demands
+
+
+@cache
+def demand(formula: Callable[..., Any], count: int, memory: int, relative: bool, everywhere: bool) -> Any:
+    """The demands of all rows by one formula, compiled.
+
+    Parameters
+    ----------
+    formula
+        Of a :class:`.Row` and ``count`` parameters.
+    memory
+        How many floats it remembers of a row; it then returns a tuple of c and these.
+    relative
+        Whether it gives c − L_gφ q̈_track.
+    everywhere
+        Whether rows act wherever they demand something; otherwise only where tracking would exceed it.
+    """
+    return make_part(demand_part, (formula,), (count, memory, int(relative), int(everywhere)), DEMAND)
+
+
+@in_place
+def fits(x: Array, size: int) -> bool:
+    """Whether it has that size, or is not given, and holds finite numbers."""
+    wrong = x.size != size and x.size != 0
+    for i in range(x.size):
+        wrong |= not abs(x[i]) < math.inf
+    return not wrong
+
+
+@compiled(VOID(LAW, numba.types.uint8[::1]), IN_PLACE)
+def write_addresses(law: LawArrays, buffer: Array) -> None:
+    """Write where the arrays of a law are to a buffer of :data:`.BYTES`; its address is then that of the law."""
+    store(law, buffer)
+
+
+CONSTANT = "Array(float64, 1, 'C', readonly=True)"
+"""Signature of a vector that may be read-only, as those of a set of constraints are."""
+
+OUTPUTS = "float64[::1], boolean[::1], float64[::1], int64[::1]"
+
+
+@compiled(
+    f"int64(int64, int64, float64[::1], float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, float64[:, ::1], "
+    f"float64[::1], {OUTPUTS})"
+)
+def follow(
+    law: int,
+    m: int,
+    phi: Array,
+    Lg: Array,
+    Lf: Array,
+    gain: Array,
+    scale: Array,
+    J: Array,
+    b: Array,
+    qdd: Array,
+    acted: BoolArray,
+    slack: Array,
+    iterations: IntArray,
+) -> int:
+    """Carry out the law at an address, which uses no more than these of m rows and a task; returns its code."""
+    arrays, none = thaw(law), phi[:0]
+    if phi.size != m or acted.size != m:
+        return ASK
+    rows, task = RowArrays(phi, Lg, Lf, none, none, none, gain, scale), TaskArrays(J, b, none, none)
+    code: int = ask(arrays.resolver, (arrays, rows, task, Answer(qdd, acted, slack, iterations)))
+    return code
+
+
+@compiled(
+    f"int64(int64, int64, float64[::1], float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, {CONSTANT}, {CONSTANT}, "
+    f"{CONSTANT}, float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, {OUTPUTS})"
+)
+def follow_whole(
+    law: int,
+    m: int,
+    phi: Array,
+    Lg: Array,
+    Lf: Array,
+    sigma: Array,
+    sigma_dot: Array,
+    K: Array,
+    gain: Array,
+    scale: Array,
+    J: Array,
+    b: Array,
+    error: Array,
+    error_rate: Array,
+    qdd: Array,
+    acted: BoolArray,
+    slack: Array,
+    iterations: IntArray,
+) -> int:
+    """As :func:`follow`, with all that rows and task may say."""
+    if phi.size != m or acted.size != m or not (fits(sigma, m) and fits(sigma_dot, m) and fits(K, m)):
+        return ASK
+    if not (fits(error, b.size) and fits(error_rate, b.size)):
+        return ASK
+    arrays = thaw(law)
+    rows, task = RowArrays(phi, Lg, Lf, sigma, sigma_dot, K, gain, scale), TaskArrays(J, b, error, error_rate)
+    code: int = ask(arrays.resolver, (arrays, rows, task, Answer(qdd, acted, slack, iterations)))
+    return code
