@@ -10,7 +10,6 @@ import numpy as np
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller, PotentialField, SlidingMode
 from vsconstraints.kernels import load
-from vsconstraints.kernels.layout import SLIDING
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
@@ -120,16 +119,16 @@ def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
     qdd, acted = np.empty(n), np.empty(m, dtype=np.bool_)
     labels = rows.labels
     subjects: dict[str, Callable[[], object]] = {}
-    packed, compiler, step, laws = control._packed, load("compiler"), load("step"), load("task_priority")
+    packed, compiler, step = control._packed, load("compiler"), load("step")
     if packed is not None:
         # what numba does with the arguments depends on their types and on its options: both are those of the step
         nothing = compiler.numba.njit(f"int64{step.ARGUMENTS}", **compiler.IN_PLACE)(_nothing)
         out = np.empty(packed.size)
         subjects["compiled function of rows and task"] = lambda: step.evaluate_step(*packed.arguments, out, t, q, qd)
         subjects["an empty function with the same arguments"] = lambda: nothing(*packed.arguments, out, t, q, qd)
-        subjects["compiled function of the sliding mode"] = lambda: laws.follow(
-            m, phi, Lg, Lf, gain, scale, J, b, 1e-6, SLIDING, 1.0, 1.0, 1.0, acted, qdd
-        )
+        bound = law.bind(rows, task, acted, qdd)
+        if bound is not None:
+            subjects["compiled function of the sliding mode"] = bound.solve
     subjects["ControlStep.command"] = lambda: both.command(law, t, q, qd)
     subjects["the function of ControlStep.bind"] = lambda: to_command(t, q, qd)
     subjects["ControlStep.evaluate"] = lambda: control.evaluate(t, q, qd)

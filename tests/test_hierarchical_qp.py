@@ -789,7 +789,7 @@ def test_the_rank_tolerance_is_checked():
 
 
 def test_options_cannot_be_changed_unchecked():
-    with pytest.raises(AttributeError):
+    with pytest.raises(ConfigurationError, match="alpha must be a positive"):
         HierarchicalQP().alpha = -1.0
 
 

@@ -9,7 +9,6 @@ import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ import pytest
 from oracle import KINDS, random_problem
 from vsconstraints import kernels
 from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking
-from vsconstraints.controllers import hierarchical_qp as hierarchical_qp_module
+from vsconstraints.controllers.compiled import CompiledLaw
 from vsconstraints.errors import InvalidInput
 from vsconstraints.qp.least_violation import least_violation
 from vsconstraints.rows import Command, Rows, Task
@@ -342,18 +341,13 @@ def test_a_law_with_its_own_solve_is_asked_itself():
 
 
 def test_an_answer_that_fails_its_check_is_replaced_counted_and_reported(monkeypatch):
-    real = kernels.load("hierarchical_qp")
-    broken = SimpleNamespace(
-        DONE=real.DONE,
-        ASK=real.ASK,
-        RELAXED_ROWS=real.RELAXED_ROWS,
-        descend=lambda *_: (kernels.load("least_distance").FAILED, 3),
-    )
     rows, task = Rows(np.array([0.5]), np.ones((1, 2)), np.zeros(1), np.ones(1), ("a",)), Task(np.eye(2), np.ones(2))
     law = HierarchicalQP()
     honest = law.command(rows, task)
     assert (honest.solver, honest.fallback, dict(law.solvers.failures)) == ("compiled", "", {})
-    monkeypatch.setattr(hierarchical_qp_module, "load", lambda _: broken)
+    failed = kernels.load("hierarchical_qp").FAILED
+    answer = failed, np.zeros(2), np.zeros(1, dtype=bool), np.zeros(1), 3
+    monkeypatch.setattr(CompiledLaw, "__call__", lambda *_: answer)
     command = law.command(rows, task)
     np.testing.assert_allclose(command.qdd, honest.qdd, atol=1e-7)
     assert (command.solver, command.status) == ("daqp", honest.status)
@@ -516,8 +510,8 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
                 names = [f"{module}/{name.name}" for name in node.names] if (package / module).is_dir() else [module]
                 assert set(names) <= files | types, f"{kernel.name} imports from {names}"
     assert all(file.is_file() for file in compiler._sources())
-    folder = compiler.cache_folder(kernels.load("task_priority").follow)
-    assert any(folder.rglob("*follow*.nbi"))
+    folder = compiler.cache_folder(kernels.load("task_priority").priority)
+    assert any(folder.rglob("*priority*.nbi"))
 
 
 def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
@@ -540,7 +534,7 @@ def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
 
 
 def test_code_that_was_not_used_for_long_is_removed(tmp_path, monkeypatch):
-    compiler, law = kernels.load("compiler"), kernels.load("task_priority").follow
+    compiler, law = kernels.load("compiler"), kernels.load("task_priority").priority
     for i in range(12):
         old = tmp_path / f"task_priority-{i:016}"
         (old / "inner").mkdir(parents=True)

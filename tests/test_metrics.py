@@ -429,7 +429,7 @@ def test_every_law_is_timed_by_the_same_call(monkeypatch: pytest.MonkeyPatch) ->
     usual = simulate(setup, SlidingMode())
     calls = []
     command = SlidingMode.command
-    bound = SlidingMode._bound
+    bound = SlidingMode.bind
 
     def never(*arguments: Any) -> Any:
         law = bound(*arguments)
@@ -437,7 +437,7 @@ def test_every_law_is_timed_by_the_same_call(monkeypatch: pytest.MonkeyPatch) ->
             law.solve = lambda: pytest.fail("the bound law is asked")
         return law
 
-    monkeypatch.setattr(SlidingMode, "_bound", never)
+    monkeypatch.setattr(SlidingMode, "bind", never)
     monkeypatch.setattr(SlidingMode, "command", lambda *arguments: calls.append(1) or command(*arguments))
     run = simulate(setup, SlidingMode(), by_public_call=True)
     assert len(calls) == len(run.t)

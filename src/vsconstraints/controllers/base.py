@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, ClassVar, get_args
+from typing import TYPE_CHECKING, ClassVar, get_args
 
 import numpy as np
 
@@ -83,7 +83,7 @@ class Controller(ABC):
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """What the law uses beside φ, L_gφ, u⁺ and the scale of rows, and J and b of the task, as printed in reports."""
+        """What the law uses beside φ, L_gφ, u⁺ and the scale of rows and the task's J and b, as printed in reports."""
         return ()
 
     def remark(self, labels: tuple[str, ...]) -> str:

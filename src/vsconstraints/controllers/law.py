@@ -199,11 +199,21 @@ class Law(Controller):
                 law = self._compile(rows)
                 if law is None:
                     return None
-            answer = law(rows, task)
-        except NOT_FOR_COMPILED:
+            code, qdd, acted, slack, iterations = law(rows, task)
+            command = self.resolver.command(code, qdd, acted, labels, slack, iterations)
+        except NOT_FOR_COMPILED:  # labels that are no names among them
             usual = in_usual_layout(rows, task)
             return usual and self.compute(*usual)
-        return self._answer(law, *answer, rows, task)
+        if command is not None:
+            if law.remark:
+                command.remark = law.remark
+            return command
+        if code == ASK or self.solvers is None:
+            return None
+        self.solvers.failures[COMPILED] += 1
+        answer = self.define(rows, task)
+        reason = f"the {COMPILED} solver has no answer that passes the check"
+        return replace(answer, fallback="; ".join(filter(None, (reason, answer.fallback))))
 
     def _compile(self, rows: Rows) -> CompiledLaw | None:
         if type(self).solve is not Law.solve:
@@ -215,29 +225,6 @@ class Law(Controller):
         self._prepare(rows)
         self._compiled = compiled_law(self.demand, self.resolver, rows.labels, self.period, self.memory)
         return self._compiled
-
-    def _answer(
-        self,
-        law: CompiledLaw,
-        code: int,
-        qdd: Array,
-        acted: BoolArray,
-        slack: Array,
-        iterations: int,
-        rows: Rows,
-        task: Task,
-    ) -> Command | None:
-        command = self.resolver.command(code, qdd, acted, law.labels, slack, iterations)
-        if command is not None:
-            if law.remark:
-                command.remark = law.remark
-            return command
-        if code == ASK or self.solvers is None:
-            return None
-        self.solvers.failures[COMPILED] += 1
-        answer = self.define(rows, task)
-        reason = f"the {COMPILED} solver has no answer that passes the check"
-        return replace(answer, fallback="; ".join(filter(None, (reason, answer.fallback))))
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """See :class:`.Controller`."""
