@@ -152,12 +152,14 @@ class VisualTask:
         if following is None:
             self.memory = TrackingMemory(goal, state.t, motion)
             Kp, Kv = self.gains.at(motion.error)
-            return Task(motion.J, demanded(motion.error, velocity, drift, Kp, Kv)), motion.error
+            return Task(motion.J, demanded(motion.error, velocity, drift, Kp, Kv), motion.error, velocity), motion.error
         s_ref, rate, acceleration = self._reference(following, memory, state.t, motion.error, last is None)
         self.memory = replace(self.memory, goal=goal, time=state.t, last=motion)
         error = motion.error - s_ref
         Kp, Kv = self.gains.at(error)
-        return Task(motion.J, acceleration + demanded(error, velocity - rate, drift, Kp, Kv)), error
+        return Task(
+            motion.J, acceleration + demanded(error, velocity - rate, drift, Kp, Kv), error, velocity - rate
+        ), error
 
     def _reference(
         self, following: Reference, memory: TrackingMemory, t: float, s: Array, first: bool
