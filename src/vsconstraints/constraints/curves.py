@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..errors import InvalidInput, unknown_name
+from ..errors import InvalidInput
 from ..formulas import curves as formulas
 from ..geometry import Vector2, vector
 from ..renamed import renamed
@@ -103,13 +103,6 @@ class Heart(Shape):
 
 SHAPES: dict[str, type[Shape]] = {shape.name: shape for shape in (Circle, Hyperellipse, Bowl, Heart)}
 """Shapes by the name scenario files use."""
-
-
-def shape(name: str, **parameters: float) -> Shape:
-    """The shape of that name; raises ConfigurationError that names the candidates."""
-    if name not in SHAPES:
-        raise unknown_name("shape", name, SHAPES)
-    return SHAPES[name](**parameters)
 
 
 @renamed(centre="centre_px")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ..comparisons.suite import BASELINE
 from .best import Cell, comparable, marked
 from .markdown import code, table
 from .numbers import DASH, error, median, number, over_trials, percent
@@ -24,9 +23,7 @@ def challenges(results: Results, scenario: str) -> str:
             return "This scenario has no constraint rows that could be scored."
         return "Tracking alone violates no row here: nothing is challenged."
     names = results.controllers
-    may = comparable(
-        [[] if name == BASELINE else [line["status"] for line in results.runs(scenario, name)] for name in names]
-    )
+    may = comparable(results.statuses(scenario))
     lines = []
     for label in labels:
         rows = {name: results.rows(scenario, name, label) for name in names}

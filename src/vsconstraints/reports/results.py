@@ -70,6 +70,13 @@ class Results:
         """Lines of results.csv of a controller, over all scenarios."""
         return [line for scenario in self.scenarios for line in self.runs(scenario, controller)]
 
+    def statuses(self, scenario: str) -> list[list[str]]:
+        """For each controller, the status of each trial; none for tracking alone, which does not compete."""
+        return [
+            [line["status"] for line in self.runs(scenario, name)] if name != BASELINE else []
+            for name in self.controllers
+        ]
+
     def rows(self, scenario: str, controller: str, label: str | None = None) -> list[Line]:
         """Lines of constraints.csv, of one row or of all."""
         lines = self._rows.get((scenario, controller), [])

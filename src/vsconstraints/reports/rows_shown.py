@@ -11,29 +11,26 @@ MOST_LANES = 12
 
 def phi_rows(results: Results, scenario: str) -> tuple[str, ...]:
     """Rows that are challenged, or violated by a competitor; those that acted longest if there are none of these."""
-    weight = _weights(results, scenario)
-    chosen = {label for label, (important, acted) in weight.items() if important}
-    if not chosen:
-        chosen = {label for label, (_, acted) in weight.items() if acted > 0.0}
-    return _most(results, scenario, chosen, MOST_PHI)
+    weights = _weights(results, scenario)
+    return _most({label: one for label, one in weights.items() if one[0]} or _acted(weights), MOST_PHI)
 
 
 def lane_rows(results: Results, scenario: str) -> tuple[str, ...]:
     """Rows that held the arm back with a competitor."""
-    weight = _weights(results, scenario)
-    return _most(results, scenario, {label for label, (_, acted) in weight.items() if acted > 0.0}, MOST_LANES)
+    return _most(_acted(_weights(results, scenario)), MOST_LANES)
 
 
 def lanes_left_out(results: Results, scenario: str) -> int:
     """How many rows acted whose activity the figure does not show."""
-    acted = sum(acted > 0.0 for _, acted in _weights(results, scenario).values())
-    return acted - len(lane_rows(results, scenario))
+    return max(len(_acted(_weights(results, scenario))) - MOST_LANES, 0)
 
 
-def _weights(results: Results, scenario: str) -> dict[str, tuple[bool, float]]:
-    """Of each row, whether it is challenged or violated by a competitor, and how long it acted in all."""
-    challenged = results.challenged(scenario)
-    weights = {}
+Weights = dict[str, tuple[bool, float]]
+"""By label, whether a row is challenged or violated by a competitor, and how long it acted in all."""
+
+
+def _weights(results: Results, scenario: str) -> Weights:
+    challenged, weights = results.challenged(scenario), {}
     for label in results.labels(scenario):
         lines = [line for name in results.competitors for line in results.rows(scenario, name, label)]
         outside = any(line["violation_depth"] > 0.0 for line in lines)
@@ -41,8 +38,11 @@ def _weights(results: Results, scenario: str) -> dict[str, tuple[bool, float]]:
     return weights
 
 
-def _most(results: Results, scenario: str, chosen: set[str], most: int) -> tuple[str, ...]:
-    weight = _weights(results, scenario)
-    ranked = sorted((label for label in weight if label in chosen), key=lambda label: weight[label], reverse=True)
-    kept = set(ranked[:most])
-    return tuple(label for label in results.labels(scenario) if label in kept)
+def _acted(weights: Weights) -> Weights:
+    return {label: one for label, one in weights.items() if one[1] > 0.0}
+
+
+def _most(weights: Weights, most: int) -> tuple[str, ...]:
+    """The labels of the greatest weights, in the order of the rows."""
+    kept = set(sorted(weights, key=lambda label: weights[label], reverse=True)[:most])
+    return tuple(label for label in weights if label in kept)

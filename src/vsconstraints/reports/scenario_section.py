@@ -121,7 +121,7 @@ def metric_table(results: Results, scenario: str, group: str) -> str:
     """One of a scenario's tables of metrics, with one line per controller."""
     with_status = group == "task"
     runs = {name: list(results.runs(scenario, name)) for name in results.controllers}
-    may = comparable([[] if name == BASELINE else [line["status"] for line in own] for name, own in runs.items()])
+    may = comparable(results.statuses(scenario))
     header, parts = ["controller"], [list(runs)]
     if with_status:
         header += ["status", "violated rows"]
