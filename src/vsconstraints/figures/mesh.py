@@ -33,10 +33,9 @@ class Mesh:
         self.polygons.append(polygon)
         self.colours.append(darker(colour, 0.55 + 0.45 * facing))
 
-    def tube(self, points: Array, radius: float | Array, colour: str, sides: int = 10, caps: bool = True) -> None:
-        """A round bar along a polyline (p, 3), of one radius or of one for each point."""
-        radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), len(points))
-        rings = _rings(points, radii, sides)
+    def tube(self, points: Array, radius: float, colour: str, sides: int = 10, caps: bool = True) -> None:
+        """A round bar along a polyline (p, 3)."""
+        rings = _rings(points, radius, sides)
         for a, b in pairwise(rings):
             for k in range(sides):
                 j = (k + 1) % sides
@@ -52,9 +51,7 @@ class Mesh:
         grid = centre + radius * np.stack((np.sin(T) * np.cos(P), np.sin(T) * np.sin(P), np.cos(T)), axis=-1)
         for i in range(len(theta) - 1):
             for j in range(count):
-                corners = np.array([grid[i, j], grid[i + 1, j], grid[i + 1, j + 1], grid[i, j + 1]])
-                kept = corners if i > 0 else corners[[0, 1, 2]]
-                self.add(kept, colour)
+                self.add(np.array([grid[i, j], grid[i + 1, j], grid[i + 1, j + 1], grid[i, j + 1]]), colour)
 
     def frame(self, pose: Pose, length: float, radius: float) -> None:
         """Red, green and blue bars along the x, y and z axes of a frame."""
@@ -63,9 +60,7 @@ class Mesh:
 
     def pyramid(self, pose: Pose, width: float, height: float, depth: float, colour: str) -> None:
         """What a camera sees: its apex at the frame's origin, its base across the frame's z axis."""
-        base = pose.act(
-            np.array([[x, y, depth] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]) * [width, height, 1.0]
-        )
+        base = pose.act(np.array([[x * width, y * height, depth] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]))
         for k in range(4):
             self.add(np.array([pose.t, base[k], base[(k + 1) % 4]]), f"{colour}8C", shaded=False)
 
@@ -86,13 +81,13 @@ class Mesh:
         ax.patch.set_alpha(0.0)
 
 
-def _rings(points: Array, radii: Array, sides: int) -> list[Array]:
+def _rings(points: Array, radius: float, sides: int) -> list[Array]:
     """A ring of ``sides`` points around each point of a polyline, turned as little as possible from one to the next."""
     along = np.gradient(points, axis=0)
     angles = 2.0 * np.pi * np.arange(sides) / sides
     across: Array = np.zeros(3)
     rings = []
-    for point, direction, radius in zip(points, along, radii, strict=True):
+    for point, direction in zip(points, along, strict=True):
         d = direction / max(float(np.sqrt(direction @ direction)), 1e-12)
         helper = across if across @ across > 0.5 and abs(across @ d) < 0.9 else np.eye(3)[int(np.argmin(np.abs(d)))]
         across = helper - (helper @ d) * d

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain, cycle, product
 from typing import Any
 
 INK = "#222222"
@@ -83,14 +84,10 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
     taken = [OWN_COLOURS[name] for name in controllers if name in OWN_COLOURS]
     free = [*SPARE_COLOURS, *(colour for colour in OWN_COLOURS.values() if colour not in taken)]
     every = [*SPARE_COLOURS, *OWN_COLOURS.values()]
-    result, spare = {}, 0
+    spare = chain(product(LINES[:1], free), cycle(product(LINES[1:], every)))
+    result = {}
     for i, name in enumerate(controllers):
-        colour, line = OWN_COLOURS.get(name), LINES[0]
-        if colour is None:
-            extra = spare - len(free)
-            colour = free[spare] if extra < 0 else every[extra % len(every)]
-            line = LINES[0] if extra < 0 else LINES[1 + (extra // len(every)) % (len(LINES) - 1)]
-            spare += 1
+        line, colour = (LINES[0], OWN_COLOURS[name]) if name in OWN_COLOURS else next(spare)
         result[name] = Look(colour, MARKERS[i % len(MARKERS)], line)
     return result
 

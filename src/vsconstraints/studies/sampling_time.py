@@ -120,7 +120,7 @@ class SamplingTime(Study):
 
     def figure(self, result: StudyResult) -> Sheet:
         """Band, overshoot by row, samples in a row."""
-        rows = [row for row in list(grouped(result.points, "row")) if row]
+        rows = [row for row in grouped(result.points, "row") if row]
         runs = {scenario: where(result.points, scenario=scenario, row="") for scenario in BAND_SCENARIOS}
         runs = {scenario: own for scenario, own in runs.items() if own}
         looks = dict(zip(rows, zip(ROW_COLOURS, MARKERS, strict=True), strict=False))
