@@ -77,11 +77,11 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
     """
     earlier, now = _settings(_manifest(folder).get("configuration")), _settings(_plain(suite.resolved()))
     planned = {(scenario, controller, str(trial)) for scenario, controller, trial in (run.key for run in suite.runs())}
-    for key in _finished(folder):
-        scenario, controller, trial = key
-        if key not in planned:
+    for scenario, controller, trial in _finished(folder):
+        parts = ("seed", ""), ("scenario", scenario), ("controller", controller)
+        if (scenario, controller, trial) not in planned:
             why = "is no part of this one"
-        elif any(earlier.get(what, now.get(what)) != now.get(what) for what in ("seed", scenario, f"{controller}:")):
+        elif any(earlier.get(part, now.get(part)) != now.get(part) for part in parts):
             why = "has other settings in this one"
         else:
             continue
@@ -101,22 +101,22 @@ def _manifest(folder: Path) -> dict[str, Any]:
         manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    return manifest if isinstance(manifest, dict) else {}
+    return _dict(manifest)
 
 
-def _settings(configuration: object) -> dict[str, Any]:
-    """What results depend on: the seed, scenarios by their names, controllers by their names and a colon."""
+def _settings(configuration: object) -> dict[tuple[str, str], Any]:
+    """What results depend on: the seed, and scenarios and controllers by their names."""
     if not isinstance(configuration, dict):
         return {}
-    scenarios, controllers = (configuration.get(name) for name in ("scenarios", "controllers"))
-    found = {"seed": configuration.get("seed")}
-    for name, entry in scenarios.items() if isinstance(scenarios, dict) else ():
-        tables = entry.get("tables") if isinstance(entry, dict) else None
-        words = ("title", "description")
-        found[name] = {key: value for key, value in (tables or {}).items() if key not in words}
-    for name, entry in controllers.items() if isinstance(controllers, dict) else ():
-        found[f"{name}:"] = entry
-    return found
+    found: dict[tuple[str, str], Any] = {("seed", ""): configuration.get("seed")}
+    for name, entry in _dict(configuration.get("scenarios")).items():
+        tables = _dict(_dict(entry).get("tables"))
+        found["scenario", name] = {key: tables[key] for key in tables if key not in ("title", "description")}
+    return found | {("controller", name): entry for name, entry in _dict(configuration.get("controllers")).items()}
+
+
+def _dict(data: object) -> dict[str, Any]:
+    return data if isinstance(data, dict) else {}
 
 
 def _plain(data: object) -> object:

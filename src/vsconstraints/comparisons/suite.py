@@ -13,6 +13,7 @@ from typing import Any
 
 from ..controllers import CONTROLLERS, controller_class
 from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
+from ..plugins import beside
 from ..runs.spec import BASELINE, ControllerSpec, RunSpec
 from ..scenarios import Scenario
 from ..scenarios.reading import Table, checked, demand_table, made
@@ -213,7 +214,8 @@ class Suite:
             with chdir("."):  # own parts may change the working directory
                 setup = scenario.setup()
             try:
-                found += [f"{scenario.name}: {remark}" for remark in setup.check_start()]
+                with beside(scenario.folder):
+                    found += [f"{scenario.name}: {remark}" for remark in setup.check_start()]
             except VsconstraintsError as error:
                 ours = isinstance(error, ConfigurationError) and isinstance(
                     error.__cause__, (type(None), VsconstraintsError)
