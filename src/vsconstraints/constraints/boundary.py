@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 
 import contourpy
 import numpy as np
-from scipy.spatial import cKDTree
 
+from ..formulas import polylines
 from ..kernels import load
-from ..rows import Array, IntArray
+from ..rows import Array
 
 STEP = 1.0
 """Distance between the grid points on which a curve is looked for [px]; narrower parts of it may be missed."""
@@ -97,8 +97,7 @@ class Polylines:
 
     def __init__(self, lines: Sequence[Array]) -> None:
         self.lines = tuple(lines)
-        compiled = load("polylines")
-        self._prepared = compiled.prepare(*_neighbours(lines)) if lines and compiled is not None else None
+        self._prepared = polylines.prepared(lines) if lines else None
 
     def distance(self, points: Array) -> Array:
         """(...) distance of points (..., 2) to the nearest polyline [px]; infinite if there is none.
@@ -106,48 +105,10 @@ class Polylines:
         All segments near a point count, not only those at the nearest vertex: in a concave corner another may be
         nearer.
         """
-        if not self.lines or not points.size:
-            return np.full(points.shape[:-1], np.inf)
-        flat = points.reshape(-1, 2)
-        compiled = load("polylines")
-        if self._prepared is None or compiled is None:
-            return _distance(flat, *_neighbours(self.lines)).reshape(points.shape[:-1])
-        stride = points.shape[-2] if points.ndim > 2 else 1
-        found: Array = compiled.distances(flat, self._prepared, stride)
+        flat = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
+        nearest, found = np.empty(len(flat), dtype=np.int64), np.full(len(flat), np.inf)
+        if self._prepared is not None:
+            stride = points.shape[-2] if points.ndim > 2 else 1
+            search = (load("polylines") or polylines).search
+            search(flat, self._prepared, stride, nearest, found)
         return found.reshape(points.shape[:-1])
-
-
-def _distance(points: Array, vertices: Array, before: IntArray, after: IntArray) -> Array:
-    """As the compiled search does, where there is no compiler: (k,) distance of points (k, 2)."""
-    tree = cKDTree(vertices)
-    # one end of the nearest segment is no farther than √(distance² + (length/2)²)
-    longest = np.sqrt(((vertices[after] - vertices) ** 2).sum(axis=1).max())
-    reach = np.hypot(tree.query(points)[0], 0.5 * longest) * (1.0 + 1e-9)
-    close = tree.query_ball_point(points, reach)
-    at, k = np.repeat(np.arange(len(points)), [len(ends) for ends in close]), np.concatenate(close).astype(np.int64)
-    distance = np.full(len(points), np.inf)
-    for other in (after, before):
-        np.minimum.at(distance, at, _distance_to_segments(points[at], vertices[k], vertices[other[k]]))
-    return distance
-
-
-def _neighbours(lines: Sequence[Array]) -> tuple[Array, IntArray, IntArray]:
-    """(p, 2) all vertices, and (p,) the ones before and after each."""
-    vertices = np.concatenate(lines)
-    ends = np.cumsum([len(line) for line in lines])
-    after = np.arange(1, len(vertices) + 1)
-    before = np.arange(-1, len(vertices) - 1)
-    # a polyline's ends have one neighbour only: the missing one is the vertex itself
-    after[ends - 1] = ends - 1
-    starts = np.concatenate(([0], ends[:-1]))
-    before[starts] = starts
-    return vertices, before, after
-
-
-def _distance_to_segments(p: Array, a: Array, b: Array) -> Array:
-    along = b - a
-    length = np.maximum((along * along).sum(axis=1), 1e-300)
-    s = np.clip(((p - a) * along).sum(axis=1) / length, 0.0, 1.0)
-    away = p - a - s[:, None] * along
-    distance: Array = np.sqrt((away * away).sum(axis=1))
-    return distance
