@@ -26,8 +26,8 @@ VARIABLE = "VSCONSTRAINTS_COMPILE"
 MODULES = ("laws", "task_priority", "hierarchical_qp", "packing", "step", "polylines", "hold")
 """Modules whose functions are called from Python, of which any simulation may need each.
 
-Those for rows of some constraints only (``Packed.after``) are compiled where a scene has such constraints; of several
-processes that need one, the first compiles it and the others wait for it.
+Rows of constraints are compiled where a scene has such constraints; of several processes that need the same, the first
+compiles them and the others wait for it.
 """
 
 COMPLAINT = "vsconstraints runs in its NumPy form"

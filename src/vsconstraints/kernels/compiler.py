@@ -32,8 +32,9 @@ OPTIONS = {"error_model": "numpy", "fastmath": False}
 ALONE = "alone"
 """Value of the environment variable with which a process compiles everything it needs by itself."""
 
-KEPT, HASH = 8, 16
-"""States of a module's code that are kept compiled, those used last, and the length of their names' ends."""
+KEPT, KEPT_PARTS, HASH = 8, 64, 16
+"""States of a module's code that are kept compiled, those used last, without formulas of their own and with them, and
+the length of their names' ends."""
 
 IN_PLACE = {**OPTIONS, "_nrt": False}
 """For functions that make no arrays: counting references to every view of one takes as long as computing."""
@@ -198,7 +199,7 @@ def _cache(function: Callable[..., Any], formulas: Sequence[Callable[..., Any]])
     with suppress(OSError):
         os.utime(folder)
         states = folder.parent.glob(f"{folder.name.rpartition('-')[0]}-{'?' * HASH}")
-        for old in sorted(states, key=lambda state: -state.stat().st_mtime)[KEPT:]:
+        for old in sorted(states, key=lambda state: -state.stat().st_mtime)[KEPT_PARTS if formulas else KEPT :]:
             shutil.rmtree(old, ignore_errors=True)
     if not _announced and next(folder.rglob(f"*{function.__name__}*.nbi"), None) is None:
         _announced = True
