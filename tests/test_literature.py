@@ -127,7 +127,7 @@ def test_starts_and_goals_are_those_of_the_literature() -> None:
 
 # --- what theory says of pure rotations ---
 
-STRONGLY_DAMPED = {"task__Kp0": 250.0, "task__Kv_over_sqrt_Kp": 20.0, "sampling_time": 0.002, "duration": 4.0}
+STRONGLY_DAMPED = {"task__Kp0": 250.0, "task__damping": 20.0, "sampling_time": 0.002, "duration": 4.0}
 """K_p / K_v is 0.79 /s, and the acceleration follows the velocity law after 1/K_v = 3 ms."""
 
 

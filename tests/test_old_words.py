@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from vsconstraints import Camera
 from vsconstraints.constraints import Curve, ForbiddenSphere, Hyperellipse, link_points
+from vsconstraints.errors import ConfigurationError
 from vsconstraints.kinematics import RobotPoint
 from vsconstraints.robots import ur5
 from vsconstraints.scenarios import Scenario
@@ -51,6 +53,15 @@ def test_old_arguments_are_taken_with_a_note() -> None:
         assert link_points(ur5(), radius=0.05) == link_points(ur5(), link_radius=0.05)  # type: ignore[call-arg]
     with pytest.warns(DeprecationWarning, match="Curve: the argument centre is now called centre_px"):
         Curve(Hyperellipse(3.0, 4.0), centre=(1.0, 2.0))  # type: ignore[call-arg]
+
+
+def test_values_from_python_may_be_those_of_numpy() -> None:
+    scenario = Scenario.load("example-2d-fov")
+    changed = scenario.with_override("duration", np.float64(1.5)).with_override("q0", np.array(scenario.tables["q0"]))
+    setup = changed.with_override("task.Kp0", np.float32(2.0)).setup()
+    assert (setup.duration, setup.task.gains.Kp0, setup.q0.tolist()) == (1.5, 2.0, scenario.tables["q0"])
+    with pytest.raises(ConfigurationError, match=r"camera must be a table, not 2\.0"):
+        scenario.with_override("camera", np.float64(2.0)).setup()
 
 
 def test_old_switches_of_a_setup_become_the_words_of_files() -> None:

@@ -122,6 +122,10 @@ def checked(value: object, kind: Any, where: str, key: str, given: Given = NOTHI
 
     What neither a file can hold nor a table describes is left to whoever takes the value.
     """
+    if kind is Any:
+        return value
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
     every = get_args(kind) if get_origin(kind) in UNIONS else (kind,)
     options = [one for one in every if get_origin(one) is not np.ndarray]
     for option in options:
