@@ -15,6 +15,7 @@ from ..comparisons.record import RunRecord
 from ..comparisons.run import Run
 from ..control_step import ControlStep
 from ..controllers.least_norm import RANK_TOLERANCE, track
+from ..errors import SceneError
 from ..rows import Array
 from ..runs.files import read_arrays, write_arrays
 
@@ -111,9 +112,9 @@ def summarise(made: Run, baseline: RunRecord | None, *, drift_noted: bool = Fals
     drift_noted
         Whether ``needed_gain`` and ``entry_push`` are asked for.
     """
-    record, run, N = made.record, made.trajectory, len(made.t)
+    record, run = made.record, made.trajectory
     scored = score(record, baseline)
-    if N == 0:
+    if not len(run.t):
         return RunSummary(run.status, run.reason, scored.result)
     t = np.arange(0.0, run.t[-1] + 1e-9, max(GRID, run.t[-1] / MOST_POINTS))
     relative, scales = run.clearance / record.length, made.setup.constraints.scale
@@ -127,20 +128,14 @@ def summarise(made: Run, baseline: RunRecord | None, *, drift_noted: bool = Fals
         },
         record.Ts,
         t,
-        _on_grid(t, run.t, run.q),
-        _on_grid(t, run.t, relative),
-        _on_grid(t, run.t, run.features_px.reshape(N, -1)).reshape(len(t), -1, 2),
+        _at(t, run.t, run.q).astype(np.float32),
+        _at(t, run.t, relative).astype(np.float32),
+        _at(t, run.t, run.features_px).astype(np.float32),
         **(gains(made) if drift_noted else {}),
         phi_max=float(run.phi.max(initial=-np.inf)),
         longest_run=max((round(row["longest_positive_run_s"] / record.Ts) for row in scored.constraints), default=0),
-        qd=_on_grid(t, run.t, run.qd),
+        qd=_at(t, run.t, run.qd).astype(np.float32),
     )
-
-
-def _on_grid(t: Array, times: Array, values: Array) -> Array:
-    """Values (N, n) at other times, by linear interpolation, in single precision."""
-    columns = [np.interp(t, times, column) for column in values.T]
-    return np.array(columns, dtype=np.float64).reshape(len(columns), len(t)).T.astype(np.float32)
 
 
 def joint_distance(one: RunSummary, other: RunSummary) -> float:
@@ -184,6 +179,7 @@ def _common(one: RunSummary, other: RunSummary) -> Array:
 
 
 def _at(t: Array, times: Array, values: Array) -> Array:
+    """Values (N, ...) at other times, by linear interpolation."""
     flat = values.reshape(len(times), -1)
     return np.array([np.interp(t, times, column) for column in flat.T]).T.reshape(len(t), *values.shape[1:])
 
@@ -201,10 +197,11 @@ def gains(made: Run) -> dict[str, float]:
     step = ControlStep(made.setup.scene, made.setup.constraints, made.setup.task)
     step.reset()
     needed, push = 0.0, []
-    for k, t in enumerate(made.t):
-        now = step.evaluate(float(t), made.trajectory.q[k], made.trajectory.qd[k])
-        needed = max(needed, float(np.maximum(now.rows.Lf[active[k]], 0.0).sum()))
-        if entered[k].any():
-            moved = now.rows.Lf + now.rows.Lg @ track(now.task, RANK_TOLERANCE)
-            push.append(float(moved[entered[k]].max()))
+    with suppress(SceneError):  # the sample at which a run failed
+        for k, t in enumerate(made.t):
+            now = step.evaluate(float(t), made.trajectory.q[k], made.trajectory.qd[k])
+            needed = max(needed, float(np.maximum(now.rows.Lf[active[k]], 0.0).sum()))
+            if entered[k].any():
+                moved = now.rows.Lf + now.rows.Lg @ track(now.task, RANK_TOLERANCE)
+                push.append(float(moved[entered[k]].max()))
     return {"needed_gain": needed, "entry_push": max(push, default=math.nan)}
