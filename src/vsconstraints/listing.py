@@ -34,7 +34,8 @@ def print_listing(console: Console) -> None:
 def _controller_line(name: str) -> str:
     law = CONTROLLERS[name]
     options = ", ".join(f"{p.name}={p.default!r}" for p in inspect.signature(law).parameters.values())
-    return f"{_first_line(law)}\noptions: {options}"
+    uses = ", ".join(law().uses)
+    return f"{_first_line(law)}\noptions: {options}" + (f"\nuses: {uses}" if uses else "")
 
 
 def _solver_line(name: str) -> str:

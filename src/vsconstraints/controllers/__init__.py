@@ -11,17 +11,31 @@ from typing import Any
 from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
 from ..plugins import beside, imported_class
 from .base import Controller
+from .demands import Barrier, BoundaryLayer, Demand, Repulsion, Switch
 from .hierarchical_qp import HierarchicalQP
+from .law import Law
 from .potential_field import PotentialField
+from .resolvers import Additive, Filter, Hierarchy, Priority, Resolver
 from .sliding_mode import SlidingMode
 from .tracking import Tracking
 
 __all__ = [
     "CONTROLLERS",
+    "Additive",
+    "Barrier",
+    "BoundaryLayer",
     "Controller",
+    "Demand",
+    "Filter",
     "HierarchicalQP",
+    "Hierarchy",
+    "Law",
     "PotentialField",
+    "Priority",
+    "Repulsion",
+    "Resolver",
     "SlidingMode",
+    "Switch",
     "Tracking",
     "controller_class",
     "make_controller",

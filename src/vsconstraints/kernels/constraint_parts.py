@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-import warnings
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
@@ -15,7 +13,7 @@ from ..constraints import Constraint, ConstraintSet
 from ..constraints.form import Form
 from ..motion import Motion
 from .compiler import IN_PLACE, OPTIONS
-from .parts import address, make_part
+from .parts import address, make_part, tell_refused
 from .structures import Step
 
 SIGNATURE = "void(int64, int64)"
@@ -110,18 +108,7 @@ def part(rows: str, formulas: tuple[Callable[..., Any] | None, ...], count: int)
     try:
         return make_part(module.template, formulas, (count,) if formulas else (), SIGNATURE, options)
     except Exception as error:  # numba raises anything for code that it does not know
-        given = [formula for formula in formulas if formula is not None]
-        if not given:
+        if all(formula is None for formula in formulas):
             raise
-        names = " and ".join(f"{formula.__qualname__} ({_place(formula)})" for formula in given)
-        reason = next((line for line in str(error).splitlines()[1:] if line.strip()), str(error))
-        warnings.warn(
-            f"the compiler refuses a formula, so that rows of {names} are made in NumPy: {reason.strip()}",
-            RuntimeWarning,
-            stacklevel=2,
-        )
+        tell_refused(formulas, error)
         return None
-
-
-def _place(formula: Callable[..., Any]) -> str:
-    return f"{inspect.getsourcefile(formula)}, line {formula.__code__.co_firstlineno}"

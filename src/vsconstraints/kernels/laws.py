@@ -14,7 +14,7 @@ from ..formulas.row import Row, asked_for
 from ..rows import Array, BoolArray, IntArray
 from .compiler import IN_PLACE, compiled, in_place, numba
 from .linear import ASK
-from .parts import INT, VOID, ask, make_part, store, thaw_as
+from .parts import INT, VOID, ask, make_part, store, tell_refused, thaw_as
 from .structures import Answer, LawArrays, RowArrays, TaskArrays
 
 to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not typed
@@ -87,7 +87,7 @@ def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: 
 
 @cache
 def demand(formula: Callable[..., Any], count: int, memory: int, relative: bool, everywhere: bool) -> Any:
-    """The demands of all rows by one formula, compiled.
+    """The demands of all rows by one formula, compiled; None if numba refuses it: a RuntimeWarning then tells why.
 
     Parameters
     ----------
@@ -100,7 +100,11 @@ def demand(formula: Callable[..., Any], count: int, memory: int, relative: bool,
     everywhere
         Whether rows act wherever they demand something; otherwise only where tracking would exceed it.
     """
-    return make_part(demand_part, (formula,), (count, memory, int(relative), int(everywhere)), DEMAND)
+    try:
+        return make_part(demand_part, (formula,), (count, memory, int(relative), int(everywhere)), DEMAND)
+    except Exception as error:  # numba raises anything for code that it does not know
+        tell_refused((formula,), error)
+        return None
 
 
 @in_place

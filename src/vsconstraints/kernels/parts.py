@@ -7,6 +7,8 @@ once for all constraints and laws, those of users among them.
 from __future__ import annotations
 
 import hashlib
+import inspect
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -73,6 +75,21 @@ def make_part(
     made_of = hashlib.sha256(repr(constants).encode() + numba.core.serialize.dumps(formulas)).hexdigest()[:16]
     function.__name__ = function.__qualname__ = f"{function.__name__}_{made_of}"
     return compiled(signature, options, given)(function)
+
+
+def tell_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Exception) -> None:
+    """Warn that the compiler refuses one of these formulas, by name, file and line, and why: it runs in NumPy."""
+    names = " and ".join(
+        f"{formula.__qualname__} ({inspect.getsourcefile(formula)}, line {formula.__code__.co_firstlineno})"
+        for formula in formulas
+        if formula is not None
+    )
+    reason = next((line for line in str(error).splitlines()[1:] if line.strip()), str(error))
+    warnings.warn(
+        f"the compiler refuses a formula, so that rows of {names} are made in NumPy: {reason.strip()}",
+        RuntimeWarning,
+        stacklevel=3,
+    )
 
 
 def _store(typing_context: Any, structure: Any, buffer: Any) -> Any:

@@ -1,0 +1,315 @@
+"""Laws as demands and resolvers: one contract for every pair of them, in both forms, and which of them are the same."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from vsconstraints.controllers import (
+    Additive,
+    Barrier,
+    BoundaryLayer,
+    Controller,
+    Demand,
+    Filter,
+    HierarchicalQP,
+    Hierarchy,
+    Law,
+    PotentialField,
+    Priority,
+    Repulsion,
+    SlidingMode,
+    Switch,
+    Tracking,
+)
+from vsconstraints.controllers.base import restart
+from vsconstraints.controllers.demands import Nothing
+from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.formulas import formula
+from vsconstraints.formulas.row import Row
+from vsconstraints.kernels import load
+from vsconstraints.rows import Array, Command, Rows, Task
+
+compiled = pytest.mark.skipif(load("laws") is None, reason="there is no compiler")
+
+
+@formula
+def not_faster(row: Row) -> Any:
+    """−u⁺ where φ is at least what it was, nothing at first; what φ is."""
+    return np.where(row.phi >= row.memory[0], -row.switching_gain, np.inf), row.phi
+
+
+@dataclass(frozen=True)
+class NotFaster(Demand):
+    """Rows that come nearer brake."""
+
+    name = "not-faster"
+    formula = not_faster
+    remembers: ClassVar[tuple[float, ...]] = (np.inf,)
+
+
+@formula
+def implicit(row: Row, periods: float) -> Any:
+    """The switch, solved for the end of the period: max(−u⁺, −φ/(p T_s))."""
+    return np.maximum(-row.switching_gain, -row.phi / (periods * row.period))
+
+
+@dataclass(frozen=True)
+class Implicit(Demand):
+    """The implicit switch."""
+
+    periods: float = 1.0
+
+    name = "implicit"
+    formula = implicit
+    uses: ClassVar[tuple[str, ...]] = ("period",)
+
+
+@formula
+def high_order(row: Row, alpha: float) -> Any:
+    """K times the bound on σ̈ of the barrier function h = −σ with the rates 1/K and α, and then σ̇ of φ̇ = σ̇ + K σ̈."""
+    second = -alpha * (row.sigma_dot + row.sigma / row.K) - row.sigma_dot / row.K
+    return row.K * second + row.sigma_dot - row.Lf
+
+
+@dataclass(frozen=True)
+class HighOrder(Demand):
+    """A control barrier function of second order, from σ and σ̇."""
+
+    alpha: float = 20.0
+
+    name = "high-order"
+    formula = high_order
+    uses: ClassVar[tuple[str, ...]] = ("sigma", "sigma_dot", "K", "Lf")
+
+
+DEMANDS = (
+    Switch(),
+    BoundaryLayer(),
+    Repulsion(exponent=2.0),
+    Barrier(),
+    Nothing(),
+    NotFaster(),
+    Implicit(),
+    HighOrder(),
+)
+RESOLVERS = (Priority(), Additive(), Hierarchy(), Filter())
+PAIRS = [pytest.param(d, r, id=f"{d.name}-{r.name}") for d in DEMANDS for r in RESOLVERS]
+
+
+def problem(seed: int, m: int = 5, n: int = 6, k: int = 6) -> tuple[Rows, Task]:
+    rng = np.random.default_rng(seed)
+    sigma, sigma_dot, K = rng.normal(-0.5, 0.5, m), rng.normal(0.0, 0.3, m), rng.uniform(0.2, 1.0, m)
+    rows = Rows(
+        sigma + K * sigma_dot,
+        rng.normal(size=(m, n)),
+        rng.normal(size=m),
+        rng.uniform(0.5, 3.0, m),
+        tuple(f"row[{i}]" for i in range(m)),
+        rng.uniform(0.5, 1.5, m),
+        sigma,
+        sigma_dot,
+        K,
+    )
+    return rows, Task(rng.normal(size=(k, n)), rng.normal(size=k))
+
+
+def made(demand: Demand, resolver: Any) -> Law:
+    law = Law(demand, resolver)
+    law.reset(period=0.01)
+    return law
+
+
+@compiled
+@pytest.mark.parametrize(("demand", "resolver"), PAIRS)
+def test_every_law_answers_alike_in_both_forms(demand: Demand, resolver: Any) -> None:
+    """Eq. (15) by singular values and by reflections, and a hierarchy by two solvers, are held together here."""
+    answered = 0
+    one, other = made(demand, resolver), made(demand, resolver)
+    for seed in range(20):
+        rows, task = problem(seed, k=6 if seed % 2 else 3)
+        expected, found = one.define(rows, task), other.compute(rows, task)
+        assert np.isfinite(expected.qdd).all()
+        if found is None:
+            other.define(rows, task)
+            assert expected.status in ("rank-loss", "failed")
+            continue
+        answered += 1
+        assert found.status == expected.status
+        scale = 1.0 + np.linalg.norm(expected.qdd)
+        np.testing.assert_allclose(found.qdd, expected.qdd, rtol=0.0, atol=1e-6 * scale)
+        np.testing.assert_array_equal(one.memory, other.memory)
+    assert answered >= 15
+
+
+@pytest.mark.parametrize(("demand", "resolver"), PAIRS)
+def test_every_law_refuses_what_is_not_finite(demand: Demand, resolver: Any) -> None:
+    rows, task = problem(0)
+    law = made(demand, resolver)
+    with pytest.raises(InvalidInput, match=r"rows\.phi is not finite for row\[4\]"):
+        law.command(replace(rows, phi=np.array([0.0, 0.0, 0.0, 0.0, np.nan])), task)
+    with pytest.raises(InvalidInput, match=r"task\.b is not finite in row 2"):
+        law.command(rows, replace(task, b=np.array([0.0, 0.0, np.inf, 0.0, 0.0, 0.0])))
+
+
+def same(one: Controller, other: Controller, seeds: int = 20) -> None:
+    for seed in range(seeds):
+        rows, task = problem(seed)
+        for form in ("command", "define"):
+            mine, theirs = getattr(one, form)(rows, task), getattr(other, form)(rows, task)
+            assert (mine.status, mine.active) == (theirs.status, theirs.active)
+            np.testing.assert_array_equal(mine.qdd, theirs.qdd)
+
+
+def test_named_laws_are_pairs() -> None:
+    same(SlidingMode(), Law(Switch(), Priority()))
+    same(PotentialField(region=0.3), Law(Repulsion(0.3), Additive()))
+    same(PotentialField(blend="priority", region=0.3), Law(BoundaryLayer(0.3), Priority()))
+    same(HierarchicalQP(), Law(Barrier(), Hierarchy()))
+    same(HierarchicalQP(rows="active"), Law(Switch(), Hierarchy()))
+    same(Tracking(), Law(Nothing(), Hierarchy()))
+
+
+def test_an_option_that_is_set_makes_the_pair_anew() -> None:
+    field = PotentialField()
+    field.blend, field.exponent = "priority", 2
+    same(field, PotentialField(blend="priority", exponent=2.0), 5)
+    law = HierarchicalQP(alpha=3.0)
+    law.rows = "active"
+    same(law, HierarchicalQP(rows="active"), 5)
+    law.rows = "barrier"
+    same(law, HierarchicalQP(alpha=3.0), 5)
+    assert repr(law).startswith("HierarchicalQP(rows='barrier', alpha=3.0")
+
+
+def test_a_barrier_is_one_of_second_order_on_sigma() -> None:
+    for seed in range(20):
+        rows, task = problem(seed)
+        # σ̈ when q̈ = 0 cancels in both: L_fφ is σ̇ + K σ̈
+        ours, theirs = (made(demand, Hierarchy()).define(rows, task) for demand in (Barrier(), HighOrder()))
+        np.testing.assert_allclose(ours.qdd, theirs.qdd, atol=1e-7 * (1.0 + np.abs(ours.qdd).max()))
+
+
+@pytest.mark.parametrize("form", ["command", "define"])
+def test_the_filter_is_the_nearest_command_that_meets_the_demands(form: str) -> None:
+    cp = pytest.importorskip("cvxpy")
+    for seed in range(10):
+        rows, task = problem(seed, m=4, k=4)
+        free = Tracking().command(rows, task).qdd
+        x = cp.Variable(6)
+        bound = -20.0 * rows.phi - rows.Lf
+        cp.Problem(cp.Minimize(cp.sum_squares(x - free)), [rows.Lg @ x <= bound]).solve(solver="CLARABEL")
+        found = getattr(Law(Barrier(), Filter()), form)(rows, task)
+        assert found.status == "ok"
+        np.testing.assert_allclose(found.qdd, x.value, atol=1e-5 * (1.0 + np.abs(free).max()))
+
+
+@pytest.mark.parametrize("form", ["command", "define"])
+def test_a_demand_remembers(form: str) -> None:
+    rows, task = problem(3, m=2)
+    law, free = Law(NotFaster(), Priority()), getattr(Tracking(), form)(rows, task)
+    command = getattr(law, form)
+
+    def acted(*phi: float) -> list[bool]:
+        answer: Command = command(replace(rows, phi=np.array(phi)), task)
+        return answer.acted.tolist()
+
+    np.testing.assert_array_equal(command(replace(rows, phi=np.array([-1.0, -1.0])), task).qdd, free.qdd)
+    tracked = rows.Lg @ free.qdd
+    brakes = (tracked > -rows.switching_gain).tolist()
+    assert acted(-0.9, -1.1) == [brakes[0], False]
+    assert acted(-0.95, -1.0) == [False, brakes[1]]
+    np.testing.assert_array_equal(law.memory, [[-0.95], [-1.0]])
+    # what it remembers goes along, but no address
+    assert pickle.loads(pickle.dumps(law)).memory.tolist() == law.memory.tolist()
+    law.reset()
+    assert acted(5.0, 5.0) == [False, False]
+
+
+def test_a_law_says_what_it_lacks_before_anything_moves() -> None:
+    rows, task = problem(0)
+    law = Law(Implicit(), Priority())
+    with pytest.raises(InvalidInput, match="'implicit' uses the sampling period: tell it by reset"):
+        law.command(rows, task)
+    with pytest.raises(InvalidInput, match=r"positive number of seconds, not 0\.0"):
+        law.reset(period=0.0)
+    restart(law, 0.01)
+    assert law.command(rows, task).status in ("ok", "rank-loss")
+    bare = Rows(rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.labels)
+    with pytest.raises(InvalidInput, match=r"'high-order' uses rows\.sigma, rows\.sigma_dot, rows\.K, which these"):
+        Law(HighOrder(), Filter()).command(bare, task)
+    assert (law.uses, Law(NotFaster(), Priority()).uses) == (("T_s",), ("memory",))
+
+
+def test_a_controller_of_ones_own_is_reset_as_it_likes() -> None:
+    class Old(Controller):
+        name = "old"
+        count = 0
+
+        def solve(self, rows: Rows, task: Task) -> Command:
+            raise AssertionError
+
+        def reset(self) -> None:  # type: ignore[override]
+            self.count += 1
+
+    law = Old()
+    restart(law, 0.01)
+    assert law.count == 1
+
+
+def test_parts_that_are_none_are_refused() -> None:
+    nonsense: Any = 3
+    with pytest.raises(ConfigurationError, match="a law needs a Demand, not 3"):
+        Law(nonsense, Priority())
+    with pytest.raises(ConfigurationError, match="a law needs a Resolver, not 3"):
+        Law(Switch(), nonsense)
+    with pytest.raises(InvalidInput, match="periods of implicit must be positive, not 0"):
+        Implicit(periods=0)
+
+
+def strange(row: Row) -> Any:
+    """−u⁺ by what numba does not know."""
+    return np.vectorize(lambda phi: -1.0 if phi >= 0.0 else np.inf)(row.phi)
+
+
+@compiled
+def test_a_formula_that_the_compiler_refuses_runs_in_numpy() -> None:
+    @dataclass(frozen=True)
+    class Strange(Demand):
+        name = "strange"
+        formula = strange
+        everywhere: ClassVar[bool] = True
+
+    rows, task = problem(1)
+    rows = replace(rows, switching_gain=np.ones(5))
+    law = Law(Strange(), Priority())
+    with pytest.warns(RuntimeWarning, match=r"refuses a formula.*strange \(.*test_laws\.py, line \d+\).*in NumPy"):
+        found = law.command(rows, task)
+    np.testing.assert_array_equal(found.qdd, SlidingMode().define(rows, task).qdd)
+
+
+def test_demands_that_are_no_numbers_fail_by_name() -> None:
+    @dataclass(frozen=True)
+    class Never(Demand):
+        name = "never"
+        formula = lambda row: np.nan * row.phi  # noqa: E731
+
+    rows, task = problem(1)
+    command = Law(Never(), Hierarchy()).define(rows, task)
+    assert (command.status, "'never' is not a number for row[0]" in command.reason) == ("failed", True)
+
+
+def ranges(demand: Demand) -> dict[str, tuple[float, float]]:
+    return dict(demand.ranges)
+
+
+@pytest.mark.parametrize("demand", [Switch(), BoundaryLayer(), Repulsion(), Barrier()], ids=lambda demand: demand.name)
+def test_every_parameter_has_a_range_that_holds_its_default(demand: Demand) -> None:
+    values: Array = np.array(demand.parameters)
+    assert len(ranges(demand)) == len(values)
+    for value, (low, high) in zip(values, ranges(demand).values(), strict=True):
+        assert low <= value <= high
