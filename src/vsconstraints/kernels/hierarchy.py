@@ -1,4 +1,11 @@
-"""The resolver ``hierarchy``, compiled: demands, task and least acceleration with strict priorities."""
+"""The resolver ``hierarchy``, compiled: demands, task and least acceleration with strict priorities.
+
+This and :mod:`vsconstraints.qp.lexicographic` are a pair: there QPs are solved by solvers with names, called from
+Python, and matrices are decomposed by LAPACK; here all is one loop over stages on local arrays. One descent that hands
+a QP to either was measured: it gives the same bits, and takes 1.1 µs more where rows act, 0.06 of the benchmarks'
+units, and half as long again to compile, since every stage hands over some thirty arrays. One contract test holds the
+pair together: ``test_the_two_descents_agree`` in ``tests/test_kernels.py``.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Strict priorities between rows and a quadratic cost: the least violation first, then the least cost."""
+"""Strict priorities between rows and a quadratic cost: the least violation first, then the least cost.
+
+For QP solvers with names, and where there is no compiler; :mod:`vsconstraints.kernels.hierarchy`, which says why there
+are two, is the compiled one of the pair. ``test_the_two_descents_agree`` in ``tests/test_kernels.py`` holds them
+together.
+"""
 
 from __future__ import annotations
 
