@@ -37,6 +37,8 @@ pytestmark = pytest.mark.skipif(not available(), reason="there is no compiler he
 CLOSE = 1e-9
 """Relative to the largest entry: what rounding, and decompositions of two kinds, leave."""
 
+NAMES = ("phi", "Lg", "Lf", "sigma", "sigma_dot", "K")
+
 GAINS = {"K": 0.3, "switching_gain": 1.0}
 
 
@@ -120,7 +122,10 @@ def agree(step: ControlStep, q: Array, qd: Array, known: bool = True) -> None:
     found, defined = step.evaluate(0.7, q, qd), step.define(state if known else step.scene.believed(state))
     for name, mine, theirs in (
         ("sigma", found.sigma, defined.sigma),
-        *((name, getattr(found.rows, name), getattr(defined.rows, name)) for name in ("phi", "Lg", "Lf")),
+        *(
+            (name, getattr(found.rows, name), getattr(defined.rows, name))
+            for name in ("phi", "Lg", "Lf", "sigma_dot", "K")
+        ),
     ):
         scale = max(1.0, float(np.abs(theirs).max()))
         np.testing.assert_allclose(mine, theirs, rtol=CLOSE, atol=CLOSE * scale, err_msg=name)

@@ -144,16 +144,15 @@ class Constraint(ABC):
         """
         return np.zeros(len(self.labels(scene)))
 
+    def block(self, sigma: Array, sigma_dot: Array, gradient: Array, drift: Array) -> RowBlock:
+        """Rows from σ, σ̇, ∂σ/∂q (r, n), and σ̈ when q̈ = 0 (eqs. 17 to 19)."""
+        return RowBlock(sigma, sigma + self.K * sigma_dot, self.K * gradient, sigma_dot + self.K * drift)
+
     def chain_rule(self, sigma: Array, gradient: Array, curvature: Array, motion: PointMotion) -> RowBlock:
         """Rows from σ (r,), g (r, d), ẏᵀHẏ (r,) and the motion of the coordinates y (r, d)."""
-        g = gradient[:, None, :]
-        sigma_dot = (gradient * motion.velocity).sum(axis=1)
-        return RowBlock(
-            sigma,
-            sigma + self.K * sigma_dot,
-            self.K * (g @ motion.J)[:, 0, :],
-            sigma_dot + self.K * ((gradient * motion.drift).sum(axis=1) + curvature),
-        )
+        along = (gradient[:, None, :] @ motion.J)[:, 0, :]
+        drift = (gradient * motion.drift).sum(axis=1) + curvature
+        return self.block(sigma, (gradient * motion.velocity).sum(axis=1), along, drift)
 
 
 class PositionConstraint(Constraint):

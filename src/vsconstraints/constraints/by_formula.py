@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..formulas.frames import differences_in_image, differences_in_space, turned_back_in_image, turned_in_image
+from ..formulas.frames import TINY, differences_in_image, differences_in_space, turned_back_in_image, turned_in_image
 from ..formulas.vectors import turned, turned_back
 from ..rows import Array
 
@@ -77,6 +77,13 @@ def curvature_by_differences(gradient: Callable[[Array], Array], y: Array, veloc
     d = y.shape[-1]
     bent: Array = DIFFERENCES[d](function, (), np.moveaxis(y, -1, 0), np.moveaxis(velocity, -1, 0))
     return bent
+
+
+def differences_along(gradient: Callable[[Array], Array], q: Array, qd: Array, length: float) -> Array:
+    """(r,) q̇ᵀ (∂²σ/∂q²) q̇ by central differences of a gradient (r, n), that far along q̇ (n,) [rad or m]."""
+    step = length / max(float(np.sqrt(qd @ qd)), TINY)
+    change: Array = (gradient(q + step * qd) - gradient(q - step * qd)) @ qd / (2.0 * step)
+    return change
 
 
 def evaluated(part: ByFormula, *y: Array) -> tuple[Any, ...]:

@@ -16,6 +16,7 @@ from ..rows import Array
 from ..scene import Scene, State
 from .base import Constraint, RowBlock, Trace, demand_positive
 from .bodies import Body, disabled_pairs
+from .by_formula import differences_along
 
 TOLERANCES = (1e-9, 1e-6, 1e-4)
 """Of coal's iterations [m]; a looser one is tried where they fail with a tighter one."""
@@ -97,12 +98,7 @@ class BodyDistance(Constraint):
 
     def curvature(self, q: Array, qd: Array) -> Array:
         """(r,) q̇ᵀ (∂²σ/∂q²) q̇ by central differences of the gradient along q̇."""
-        speed = float(np.sqrt(qd @ qd))
-        if speed == 0.0:
-            return np.zeros(len(self.pairs))
-        step = STEP / speed
-        change: Array = (self.gradient(q + step * qd) - self.gradient(q - step * qd)) @ qd / (2.0 * step)
-        return change
+        return differences_along(self.gradient, q, qd, STEP)
 
     def rows(self, state: State, points: slice) -> RowBlock:
         """Rows from the distances and their gradients in joint space.
@@ -114,8 +110,7 @@ class BodyDistance(Constraint):
         """
         q, qd = state.robot.q, state.robot.qd
         distance, g = self._measure(q)
-        sigma, sigma_dot = self.margin - distance, g @ qd
-        return RowBlock(sigma, sigma + self.K * sigma_dot, self.K * g, sigma_dot + self.K * self.curvature(q, qd))
+        return self.block(self.margin - distance, g @ qd, g, self.curvature(q, qd))
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Distance less the margin."""

@@ -10,6 +10,7 @@ import numpy as np
 from ..rows import Array
 from ..scene import Scene, State
 from .base import Constraint, RowBlock, Trace
+from .by_formula import differences_along
 from .form import Form
 
 
@@ -33,19 +34,13 @@ class JointConstraint(Constraint):
 
     def curvature(self, q: Array, qd: Array) -> Array:
         """(r,) q̇ᵀ H q̇ for each row; by central differences of the gradient unless a subclass knows it."""
-        speed = float(np.sqrt(qd @ qd))
-        if speed == 0.0:
-            return np.zeros(len(self.sigma(q)))
-        step = 1e-6 / speed
-        change: Array = (self.gradient(q + step * qd) - self.gradient(q - step * qd)) @ qd / (2.0 * step)
-        return change
+        return differences_along(self.gradient, q, qd, 1e-6)
 
     def rows(self, state: State, points: slice) -> RowBlock:
         """Joint coordinates need no chain rule (eqs. 26 and 37)."""
         q, qd = state.robot.q, state.robot.qd
-        sigma, g = self.sigma(q), self.gradient(q)
-        sigma_dot = g @ qd
-        return RowBlock(sigma, sigma + self.K * sigma_dot, self.K * g, sigma_dot + self.K * self.curvature(q, qd))
+        g = self.gradient(q)
+        return self.block(self.sigma(q), g @ qd, g, self.curvature(q, qd))
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """Rows that say that they are linear, as they are at rest."""

@@ -116,10 +116,7 @@ class Manipulability(Constraint):
         factor = -1.0 / self.w_scale
         sigma = np.array([(self.minimum - measure(J[self._rows])) / self.w_scale])
         g = factor * self.gradient(J)[None, :]
-        sigma_dot = g @ qd
-        return RowBlock(
-            sigma, sigma + self.K * sigma_dot, self.K * g, sigma_dot + self.K * factor * self.curvature(J, qd)
-        )
+        return self.block(sigma, g @ qd, g, factor * self.curvature(J, qd))
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """The row that compiled code makes from the tip's Jacobian, by a decomposition of its own."""
