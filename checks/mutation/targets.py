@@ -61,6 +61,7 @@ TESTS = (
     "tests/test_first_claims_by_hand.py",
     "tests/test_headlines_by_hand.py",
     "tests/test_hierarchical_qp.py",
+    "tests/test_laws.py",
     "tests/test_laws_by_hand.py",
     "tests/test_metrics.py",
     "tests/test_more_claims_by_hand.py",
