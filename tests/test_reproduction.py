@@ -19,7 +19,8 @@ from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.features import CameraPose
 from vsconstraints.figures import Figure
-from vsconstraints.geometry import rotation_vector_rate, skew
+from vsconstraints.formulas.rotation import rotation_vector_rate
+from vsconstraints.geometry import skew
 from vsconstraints.order_filter import OrderFilter
 from vsconstraints.reproduction import CLAIMS, all_claims, report, reproduce, runner
 from vsconstraints.reproduction.claims.erroneous_gradients import Difference
@@ -537,9 +538,10 @@ def test_without_half_of_its_rotation_the_error_follows_another_polynomial(
 ) -> None:
     """5j tells L_θu from one without its ½[w]×."""
 
-    def changed(w: Array, omega: Array) -> tuple[Array, Array]:
-        L, L_dot = rotation_vector_rate(w, omega)
-        return L - left_out * skew(w), L_dot
+    def changed(w: Array, omega: Array) -> tuple[Array, Array, Array]:
+        _, L, L_dot = (np.array(part) for part in rotation_vector_rate(w, omega))
+        L = L - left_out * skew(np.array(w))
+        return L @ np.array(omega), L, L_dot
 
     monkeypatch.setattr("vsconstraints.features.rotation_vector_rate", changed)
     (spec,) = CLAIMS["5j"].needs
