@@ -66,13 +66,19 @@ class CompiledLaw:
 
     def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
         """Its code, q̈ (n,), the rows that acted (m,), slack (m,) or (0,), and iterations."""
-        m, n = len(rows.labels), task.J.shape[1]
-        qdd, acted = EMPTY(n), EMPTY(m, BOOL)
-        if not self.measures:
-            return self.function(*self.arguments(rows, task), qdd, acted, NO_SLACK, NO_COUNT), qdd, acted, NO_SLACK, 0
-        slack, count = EMPTY(m), EMPTY(1, COUNT)
-        code = self.function(*self.arguments(rows, task), qdd, acted, slack, count)
-        return code, qdd, acted, slack, int(count[0])
+        J = task.J
+        m = len(rows.labels)
+        qdd, acted = EMPTY(J.shape[1]), EMPTY(m, BOOL)
+        slack, count = (EMPTY(m), EMPTY(1, COUNT)) if self.measures else (NO_SLACK, NO_COUNT)
+        if self.whole:
+            code = self.function(*self.arguments(rows, task), qdd, acted, slack, count)
+        else:
+            # as arguments has it, without a tuple in between, which takes longer
+            gain, scale = rows.switching_gain, rows.scale
+            code = self.function(
+                self._address, m, rows.phi, rows.Lg, rows.Lf, gain, scale, J, task.b, qdd, acted, slack, count
+            )
+        return code, qdd, acted, slack, int(count[0]) if self.measures else 0
 
 
 def compiled_law(
