@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from .errors import InvalidInput, SceneError
 from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
 from .geometry import Pose
 from .kernels import load
+from .kernels.entry import entry
 from .measurement import Measurement
 from .renamed import renamed
 from .rows import Array, BoolArray, Command
@@ -210,8 +212,10 @@ class ControlStep:
             law = controller.bind(step.now.rows, step.now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
         if step is None or law is None:
             return in_two
-        evaluate, measure, solve, command, packed = step.evaluate, step.measure, law.solve, law.command, step.packed
-        constraints, out, unknown = self.constraints, step.out, np.full(step.packed.size.M, np.nan)
+        kernels, packed = load("from_state"), step.packed
+        both = partial(entry(kernels.command), packed.address, law.address, *law.outputs)
+        refused, measure, answer = kernels.REFUSED, step.measure, law.command
+        constraints, out, unknown = self.constraints, step.out, np.full(packed.size.M, np.nan)
 
         def in_one(
             t: float,
@@ -232,14 +236,14 @@ class ControlStep:
                     plain = plain and not measure(pixels, Z, at + 0.0, t + 0.0)
                 elif depth is not None or taken is not None:
                     plain = False
-                if not plain or evaluate(t + 0.0, q, qd):
+                code = both(t + 0.0, q, qd) if plain else refused
+                if code == refused:
                     return in_two(t, q, qd, pixels=pixels, depth=depth, taken=taken, camera=camera)
             except (AttributeError, TypeError):
                 # not arrays
                 return in_two(t, q, qd, pixels=pixels, depth=depth, taken=taken, camera=camera)
-            asks = solve()
-            evaluation = CompiledEvaluation(packed, constraints, out.copy())
-            return evaluation, controller.command(evaluation.rows, evaluation.task) if asks else command()
+            evaluation, command = CompiledEvaluation(packed, constraints, out.copy()), answer(code)
+            return evaluation, command or controller.command(evaluation.rows, evaluation.task)
 
         # only a law that is bound has options that were read beforehand
         self._options, self._to_command = dict(vars(controller)), in_one

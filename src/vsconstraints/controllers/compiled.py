@@ -35,22 +35,22 @@ class CompiledLaw:
 
     Attributes
     ----------
-    arrays
-        The law as compiled loops take it.
+    arrays, address
+        The law as compiled loops take it, and where they find it.
     labels, remark
         Of the rows; and what is to be said of them and the options.
     function
         ``follow`` or, if more than usual is used, ``follow_whole`` of :mod:`vsconstraints.kernels.laws`.
     """
 
-    __slots__ = ("_address", "_buffer", "arrays", "function", "labels", "measures", "remark", "whole")
+    __slots__ = ("_buffer", "address", "arrays", "function", "labels", "measures", "remark", "whole")
 
     def __init__(self, arrays: LawArrays, labels: tuple[str, ...], remark: str, measures: bool, whole: bool) -> None:
         laws, parts = load("laws"), load("parts")
         self.arrays, self.labels, self.remark, self.measures, self.whole = arrays, labels, remark, measures, whole
         self._buffer = np.zeros(parts.BYTES, np.uint8)
         laws.write_addresses(arrays, self._buffer)
-        self._address = self._buffer.ctypes.data
+        self.address = self._buffer.ctypes.data
         self.function = laws.follow_whole if whole else laws.follow
 
     def arguments(self, rows: Rows, task: Task) -> tuple[Any, ...]:
@@ -59,10 +59,10 @@ class CompiledLaw:
         if self.whole:
             known = rows.sigma, rows.sigma_dot, rows.K, gain, scale
             return (
-                self._address, len(rows.labels), phi, rows.Lg, rows.Lf, *known, task.J, task.b, task.error,
+                self.address, len(rows.labels), phi, rows.Lg, rows.Lf, *known, task.J, task.b, task.error,
                 task.error_rate,
             )  # fmt: skip
-        return self._address, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
+        return self.address, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
 
     def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
         """Its code, q̈ (n,), the rows that acted (m,), slack (m,) or (0,), and iterations."""
@@ -150,11 +150,21 @@ class BoundLaw:
         self._code = code = self._function()
         return 0 if code in self._law.resolver.answers else code
 
-    def command(self) -> Command:
-        """The last answer, in arrays of its own."""
-        qdd, acted = self.qdd.copy(), self.acted.copy()
-        slack, count = self.slack.copy(), int(self.count[0])
-        command = self._law.resolver.command(self._code, qdd, acted, self._made.labels, slack, count)
-        assert command is not None
-        command.remark = self._made.remark
+    @property
+    def address(self) -> int:
+        """Where compiled code finds the law."""
+        return self._made.address
+
+    @property
+    def outputs(self) -> tuple[Array, BoolArray, Array, IntArray]:
+        """What it writes: see :class:`vsconstraints.kernels.structures.Answer`."""
+        return self.qdd, self.acted, self.slack, self.count
+
+    def command(self, code: int | None = None) -> Command | None:
+        """The last answer, in arrays of its own, by its code if that is known; None if it is none."""
+        code, made = self._code if code is None else code, self._made
+        qdd, acted, slack = self.qdd.copy(), self.acted.copy(), self.slack.copy()
+        command = self._law.resolver.command(code, qdd, acted, made.labels, slack, int(self.count[0]))
+        if made.remark and command is not None:
+            command.remark = made.remark
         return command
