@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from .errors import InvalidInput, shown
 from .formulas import rotation
+from .formulas.poses import angle
 from .rows import Array
 
 Numbers = Sequence[float] | Array
@@ -86,9 +87,8 @@ def distance(a: Pose, b: Pose) -> tuple[float, float]:
 
 def distances(R: Array, t: Array, pose: Pose) -> Array:
     """(N, 2) what :func:`distance` says of poses, R (N, 3, 3) and t (N, 3), and another one."""
-    sine = np.sqrt(((R - pose.R) ** 2).sum(axis=(1, 2)) / 8.0)
     away = np.sqrt(((t - pose.t) ** 2).sum(axis=1))
-    return np.stack((away, 2.0 * np.arcsin(np.minimum(1.0, sine))), axis=1)
+    return np.stack((away, angle(((R - pose.R) ** 2).sum(axis=(1, 2)))), axis=1)
 
 
 def skew(w: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import ConfigurationError, InvalidInput, shown, unknown_name
 from .features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
-from .formulas.tracking import demanded, gains
+from .formulas.tracking import demanded, gains, goal_at
 from .references import Reference
 from .renamed import renamed
 from .rows import Array, Task
@@ -130,8 +130,7 @@ class VisualTask:
 
     def goal_at(self, t: float) -> int:
         """Index of the goal that holds at time t [s]; a goal's time is met up to rounding."""
-        holding = [i for i, goal in enumerate(self.goals) if goal.from_time <= t + 1e-9]
-        return holding[-1] if holding else 0
+        return goal_at([goal.from_time for goal in self.goals], t)
 
     def evaluate(self, state: State) -> tuple[Task, Array]:
         """The task now, and the error e = s − s_ref (k,)."""

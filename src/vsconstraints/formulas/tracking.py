@@ -19,3 +19,13 @@ def gains(squared_error: float, Kp0: float, slope: float, damping: float) -> tup
 def demanded(error: Any, rate: Any, drift: Any, Kp: float, Kv: float) -> Any:
     """B = −K_p e − K_v ė − J̇_s q̇ − ∂ṡ/∂t, of one feature."""
     return -Kp * error - Kv * rate - drift
+
+
+@formula
+def goal_at(begins: Any, t: float) -> int:
+    """Index of the goal that holds at time t [s], of goals that begin at these times (g,), met up to rounding."""
+    goal = 0
+    for i in range(len(begins)):
+        if begins[i] <= t + 1e-9:
+            goal = i
+    return goal

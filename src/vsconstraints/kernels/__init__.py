@@ -8,6 +8,7 @@ a compiler who does not use it.
 - ``parts`` compiles what varies, rows of constraints and laws, into functions of their own that are called by address;
   ``*_rows`` are the rows of the kinds of constraints.
 - ``laws.follow`` carries out a law, demand and resolver; ``task_priority`` and ``hierarchical_qp`` are the resolvers.
+- ``closed_loop`` runs step, law and robot together; ``samples`` says what is kept and scored of each sample.
 
 Two things have another form than in NumPy: the kinematics of a chain, which Pinocchio computes there, and least
 squares, by reflections here and by singular values there. Tests hold these together.
@@ -23,7 +24,7 @@ from typing import Any
 VARIABLE = "VSCONSTRAINTS_COMPILE"
 """Environment variable; 0 turns compilation off, and with ``alone`` no second process helps with the first one."""
 
-MODULES = ("laws", "task_priority", "hierarchical_qp", "packing", "step", "polylines", "hold")
+MODULES = ("laws", "task_priority", "hierarchical_qp", "packing", "step", "polylines", "closed_loop")
 """Modules whose functions are called from Python, of which any simulation may need each.
 
 Rows of constraints are compiled where a scene has such constraints; of several processes that need the same, the first

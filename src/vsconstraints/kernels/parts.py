@@ -26,15 +26,61 @@ def address(function: Any) -> int:
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
 
 
+class Stored(numba.types.Type):  # type: ignore[misc, name-defined]
+    """A structure of arrays that is stored: of its fields, only those are read that are asked for.
+
+    Code that has whole structures at hand takes several times as long to compile.
+    """
+
+    def __init__(self, structure: Any) -> None:
+        self.structure = structure
+        super().__init__(name=f"Stored({structure})")
+
+
+@numba.extending.register_model(Stored)
+class _StoredModel(numba.extending.models.PrimitiveModel):  # type: ignore[misc, name-defined]
+    def __init__(self, manager: Any, kind: Stored) -> None:
+        super().__init__(manager, kind, manager.lookup(INT).get_value_type())
+
+
+@numba.extending.infer_getattr
+class _StoredFields(numba.core.typing.templates.AttributeTemplate):  # type: ignore[misc, name-defined]
+    key = Stored
+
+    def generic_resolve(self, kind: Stored, name: str) -> Any:
+        field = kind.structure.types[kind.structure.fields.index(name)]
+        return Stored(field) if isinstance(field, numba.types.BaseNamedTuple) else field
+
+
+@numba.extending.lower_getattr_generic(Stored)  # type: ignore[untyped-decorator]
+def _read(context: Any, builder: Any, kind: Stored, value: Any, name: str) -> Any:
+    i = kind.structure.fields.index(name)
+    begin = builder.inttoptr(value, context.get_value_type(kind.structure).as_pointer())
+    field = numba.core.cgutils.gep_inbounds(builder, begin, 0, i)
+    if isinstance(kind.structure.types[i], numba.types.BaseNamedTuple):
+        return builder.ptrtoint(field, value.type)
+    # where references are counted, what is given back counts as one more
+    return numba.core.imputils.impl_ret_borrowed(context, builder, kind.structure.types[i], builder.load(field))
+
+
 def _caller(result: Any) -> Any:
-    """A function (address, arguments) for compiled code, which calls what begins there with a tuple of arguments."""
+    """A function (address, arguments) for compiled code, which calls what begins there with a tuple of arguments.
+
+    Stored structures are passed whole.
+    """
 
     def call(typing_context: Any, address: Any, arguments: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            types = list(signature.args[1].types)
+            types, unpacked = [], []
+            for i, given in enumerate(signature.args[1].types):
+                value = builder.extract_value(values[1], i)
+                if isinstance(given, Stored):
+                    given = given.structure
+                    value = builder.load(builder.inttoptr(value, context.get_value_type(given).as_pointer()))
+                types.append(given)
+                unpacked.append(value)
             kind = context.call_conv.get_function_type(result, types)
             function = builder.inttoptr(values[0], kind.as_pointer())
-            unpacked = [builder.extract_value(values[1], i) for i in range(len(types))]
             _, answer = context.call_conv.call_function(builder, function, result, types, unpacked)
             return context.get_dummy_value() if result == VOID else answer
 
@@ -116,11 +162,8 @@ def thaw_as(structure: Any) -> Any:
 
     def thaw(typing_context: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            kind = context.get_value_type(structure)
-            found = builder.load(builder.inttoptr(values[0], kind.as_pointer()))
-            # where references are counted, what is given back counts as one more
-            return numba.core.imputils.impl_ret_borrowed(context, builder, structure, found)
+            return values[0]
 
-        return structure(address), generate
+        return Stored(structure)(address), generate
 
     return numba.extending.intrinsic(thaw)

@@ -341,3 +341,20 @@ class Size:
         )
         step.bodies["R"][0] = np.eye(3)
         return step, out
+
+
+def frozen(structure: Any) -> IntArray:
+    """What compiled code reads a structure of arrays and numbers from: by the address where it begins.
+
+    Arrays are not copied. They, and what is returned, must live as long as its address is used.
+    """
+    return np.array(_words(structure), dtype=np.int64)
+
+
+def _words(part: Any) -> list[int]:
+    if isinstance(part, tuple):
+        return [word for field in part for word in _words(field)]
+    if isinstance(part, np.ndarray):
+        # as numba has it: no owner, no parent, numbers, bytes of each, where they begin, shape and strides
+        return [0, 0, part.size, part.itemsize, part.ctypes.data, *part.shape, *part.strides]
+    return [int(np.float64(part).view(np.int64)) if isinstance(part, float) else int(part)]

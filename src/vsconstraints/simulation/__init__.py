@@ -1,7 +1,8 @@
 """Simulation: a setup, the closed loop, and the trajectory it leaves."""
 
-from .loop import simulate
+from .loop import score_run, simulate
+from .scores import RunScores
 from .setup import Setup, Tolerances
 from .trajectory import Trajectory, intervals
 
-__all__ = ["Setup", "Tolerances", "Trajectory", "intervals", "simulate"]
+__all__ = ["RunScores", "Setup", "Tolerances", "Trajectory", "intervals", "score_run", "simulate"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
 
@@ -11,18 +10,27 @@ import numpy as np
 from ..control_step import ControlStep
 from ..controllers import Controller, Tracking
 from ..controllers.base import restart
+from ..controllers.least_norm import RANK_TOLERANCE
+from ..controllers.task_priority import dependent_rows, unit_rows
 from ..errors import ConfigurationError, SceneError, described
 from ..evaluation import CompiledEvaluation
-from ..geometry import Pose
-from ..rows import Command, Rows, Task
-from .acting import loses_rank
+from ..kernels import load
+from ..kernels.samples import ALONE, LAW, MOVE, STEP, Loop, finish
+from ..kernels.structures import frozen
+from ..rows import Rows, Task
+from .arrays import blank_step, make_loop
+from .between import between_clearance
 from .line_of_sight import LinesOfSight
-from .log import STEPS, Log
+from .outcome import judge
+from .scores import RunScores
 from .setup import Setup
 from .trajectory import Trajectory
 
-LOOKS = 100
-"""How often in a run lines of sight are looked at."""
+CHUNK = 512
+"""Samples that compiled code takes at once: in between, signals are heard."""
+
+GLANCES = 100
+"""How often in a run lines of sight are checked."""
 
 
 def simulate(setup: Setup, controller: Controller, *, by_public_call: bool = False) -> Trajectory:
@@ -51,169 +59,250 @@ def simulate(setup: Setup, controller: Controller, *, by_public_call: bool = Fal
         if the robot cannot start (see :meth:`Setup.check_start`).
     """
     remarks = setup.check_start()
-    setup.task.reset()
-    restart(controller, setup.Ts)
-    run = _Run(setup, controller, by_public_call)
+    run = _Run(setup, controller, whole=True, by_public_call=by_public_call)
     run.to_the_end()
-    trajectory = run.log.finish(run.ended, run.reason)
-    remarks += _hidden(setup, trajectory)
-    if trajectory.fallbacks:
-        remarks.append(f"another QP solver than the one asked for answered in {trajectory.fallbacks} samples")
-    if run.unfounded:
-        remarks.append(f"the law claimed a loss of rank in {run.unfounded} samples in which its rows have full rank")
-    remarks.append(controller.remark(setup.constraints.labels))
-    reason = "; ".join(filter(None, (trajectory.reason, *remarks)))
-    return replace(trajectory, reason=reason, compiled=run.compiled)
+    trajectory = run.trajectory()
+    remarks += _hidden(setup, trajectory) + run.remarks()
+    return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *remarks))))
+
+
+def score_run(setup: Setup, controller: Controller) -> RunScores:
+    """As :func:`simulate`, but keep nothing of a run except its scores: what thousands of trials run on.
+
+    Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start alone.
+
+    Raises
+    ------
+    ConfigurationError
+        if the robot cannot start (see :meth:`Setup.check_start`).
+    """
+    remarks = setup.check_start()
+    run = _Run(setup, controller, whole=False)
+    run.to_the_end()
+    scores = run.scores()
+    return replace(scores, reason="; ".join(filter(None, (scores.reason, *remarks, *run.remarks()))))
 
 
 class _Run:
-    """A controller and a robot, sample by sample."""
+    """A controller and a robot: compiled code goes as far as it can, and asks Python for the rest.
 
-    def __init__(self, setup: Setup, controller: Controller, by_public_call: bool = False) -> None:
-        self.setup, self.controller, self.by_public_call = setup, controller, by_public_call
-        self.baseline = Tracking()
+    Attributes
+    ----------
+    samples
+        How many are done.
+    ended, reason
+        ``"failed"`` or ``"aborted"`` and why, if the loop ended early.
+    fallbacks, unfounded
+        How often another QP solver had to answer, and a law claimed a loss of rank that its rows do not show.
+    """
+
+    def __init__(
+        self, setup: Setup, controller: Controller, *, whole: bool = True, by_public_call: bool = False
+    ) -> None:
+        setup.task.reset()
+        restart(controller, setup.Ts)
+        self.setup, self.controller, self.baseline, self.whole = setup, controller, Tracking(), whole
         self.control = ControlStep(setup.scene, setup.constraints, setup.task)
         self.plant, self.sensor, self.gradient_error = setup.plant(), setup.sensor(), setup.gradient_error()
-        self.log = Log(setup, self.control, self.plant)
+        self.samples = self.fallbacks = self.unfounded = 0
         self.ended, self.reason, self.compiled = "", "", False
-        self.unfounded = 0
+        self.kernels, self.address = load("closed_loop"), 0
+        self._bind(by_public_call)
 
     def to_the_end(self) -> None:
-        k = 0
-        sample = self._compiled() or self._sample
+        """Run all samples, or until something ends it."""
+        N, stage = self.setup.samples, STEP
         try:
-            for k in range(self.setup.samples):
-                sample(k)
-                if self.ended:
-                    break
+            # a sample that has come to a command is finished, also if it is the last one
+            while stage != STEP or (self.samples < N and not self.ended):
+                end = self.samples + 1 if self.ended else min(self.samples + CHUNK, N)
+                self.samples, stage = self._go_on(end, stage)
+                if self.samples < end:
+                    stage = self._answer(self.samples, stage)
         except SceneError as error:
-            self._end("failed", k, str(error))
+            self._end("failed", str(error))
         except Exception as error:  # own constraints and laws may raise anything; what was simulated is kept
-            self._end("failed", k, described(error))
+            self._end("failed", described(error))
 
-    def _end(self, status: str, k: int, reason: str) -> None:
-        self.ended, self.reason = status, f"t = {k * self.setup.Ts:.4g} s: {reason}"
+        if not hasattr(self, "loop"):
+            # not one sample
+            self._begin_in_numpy(0)
 
-    def _sample(self, k: int) -> None:
-        """One sample, whatever is disturbed and whatever the law."""
-        plant, control, log = self.plant, self.control, self.log
-        t, q, qd = k * self.setup.Ts, plant.q, plant.qd
+    def _end(self, status: str, reason: str) -> None:
+        self.ended, self.reason = status, f"t = {self.samples * self.setup.Ts:.4g} s: {reason}"
+
+    def _bind(self, by_public_call: bool) -> None:
+        """Let compiled code do what it can."""
+        setup, self.bound = self.setup, None
+        if setup.disturbances.sensing or self.gradient_error.any:
+            # what is measured wrongly has no compiled form
+            return
+        # what is kept is what is true; where no motion is unknown, that is what controllers are told
+        self.world = self.control
+        if self.sensor.disturbed:
+            self.world = ControlStep(setup.scene, setup.constraints, setup.task, known=True)
+        self.bound, true = self.control.bound(), self.world.bound()
+        if self.bound is None or true is None or self.kernels is None:
+            return
+        believed = self.bound.packed
+        loop = make_loop(setup, self.plant, believed.step, true.packed.step, self.whole)
+        loop.parts[:3] = self.kernels.EVALUATE, believed.address, true.packed.address
+        now, acted, n = self.bound.now, loop.answer.acted, self.plant.x.shape[1]
+        law = self.controller.bind(now.rows, now.task, acted, loop.answer.qdd)
+        alone = self.baseline.bind(now.rows, now.task, np.empty_like(acted), np.empty(n))
+        assert alone is not None  # where there is a compiler
+        self.compiled = law is not None
+        self._laws = [frozen(part.arrays) for part in (alone, law) if part is not None]
+        loop.parts[4] = self._laws[0].ctypes.data
+        if law is not None and not by_public_call:
+            loop.parts[3] = self._laws[1].ctypes.data
+            loop = loop._replace(answer=loop.answer._replace(slack=law.slack))
+        self._begin(loop)
+
+    def _begin(self, loop: Loop) -> None:
+        self.loop = loop
+        if self.kernels is not None:
+            self._frozen = frozen(loop)
+            self.address = int(self._frozen.ctypes.data)
+
+    def _begin_in_numpy(self, features: int) -> None:
+        blank = blank_step(self.setup, features)
+        self._begin(make_loop(self.setup, self.plant, blank, blank, self.whole))
+
+    def _go_on(self, end: int, stage: int) -> tuple[int, int]:
+        """The sample and its stage that Python has to be asked for; ``end`` if there is none before."""
+        if self.address:
+            k, stage = self.kernels.run(self.address, self.samples, end, stage)
+            return k, stage
+        if stage == MOVE:
+            finish(self.loop, self.samples)
+            return self.samples + 1, STEP
+        return self.samples, stage
+
+    def _answer(self, k: int, stage: int) -> int:
+        """Do what compiled code asks for; returns the stage with which it goes on."""
+        if stage == STEP:
+            rows, task = self._evaluate(k)
+        else:
+            assert self.bound is not None
+            step = CompiledEvaluation(self.bound.packed, self.setup.constraints, self.bound.out.copy())
+            rows, task = step.rows, step.task
+        if stage == STEP:
+            # before the law is asked, which may use its rows as it likes
+            self.loop.alone[:] = self.baseline.command(Rows.none(self.plant.x.shape[1]), task).qdd
+        self._ask_law(k, rows, task)
+        return ALONE if stage == LAW else MOVE
+
+    def _evaluate(self, k: int) -> tuple[Rows, Task]:
+        """Rows and task of a sample, whatever is disturbed; what is true is written to the loop."""
+        setup, t, q, qd = self.setup, k * self.setup.Ts, self.plant.q, self.plant.qd
         started = perf_counter()
         if self.sensor.disturbed:
-            state = self.setup.scene.evaluate(t, q, qd)
+            state = setup.scene.evaluate(t, q, qd)
             believed = self.sensor.observe(state)
             # what comes before is the world's part, not the control's
             started = perf_counter()
-            step = control.define(believed)
+            step = self.control.define(believed)
         else:
-            step = control.evaluate(t, q, qd)
+            step = self.control.evaluate(t, q, qd)
         rows = self.gradient_error(step.rows, qd)
         ready = perf_counter()
-        # before the call: a law may use its rows as it likes. What is kept is what is true
-        log.error(k, step.error)
-        true_Lg = step.rows.Lg
+        true, sigma, seen = step.rows, step.sigma, step
         if self.sensor.disturbed:
-            true_rows, sigma = self.setup.constraints.rows(state)
-            true_Lg = true_rows.Lg
-            log.true(k, true_rows.phi, sigma, state.pixels.position, state.robot.points, state.camera)
+            true, sigma = setup.constraints.rows(state)
+        if not hasattr(self, "loop"):
+            self._begin_in_numpy(len(step.error))
+        loop = self.loop
+        loop.true.phi[:], loop.true.Lg[:], loop.true.sigma[:], loop.task.error[:] = true.phi, true.Lg, sigma, step.error
+        if self.sensor.disturbed:
+            loop.pixels[:], loop.points[:] = state.pixels.position, state.robot.points
+            loop.camera_R[:], loop.camera_t[:] = state.camera.R, state.camera.t
         else:
-            log.true(k, step.rows.phi, step.sigma, step.pixels, step.points, Pose(step.camera_R, step.camera_t))
-        true_Lg, task = true_Lg.copy(), Task(step.task.J.copy(), step.task.b.copy())
-        given = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy())
-        called = perf_counter()
-        command = self.controller.command(rows, step.task)
-        ended = perf_counter()
-        log.slowed[k] = true_Lg @ (self.baseline.command(Rows.none(len(q)), task).qdd - command.qdd)
-        self._carry_out(k, command, given, ready - started, ended - called)
+            loop.pixels[:], loop.points[:] = seen.pixels, seen.points
+            loop.camera_R[:], loop.camera_t[:] = seen.camera_R, seen.camera_t
+        loop.kept.rows_time[k % len(loop.kept.rows_time)] = ready - started
+        return rows, step.task
 
-    def _carry_out(self, k: int, command: Command, given: Rows, rows_time: float, step_time: float) -> None:
-        """Go on to the next sample, or end the run.
+    def _ask_law(self, k: int, rows: Rows, task: Task) -> None:
+        """Take the controller's command, or end the run.
 
         A loss of rank that the law claims is believed where the rows that it was given show it.
         """
-        self.plant.begin(command.qdd)
-        self.log.command(k, command, rows_time, step_time)
+        given, times = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy()), self.loop.kept.step_time
+        called = perf_counter()
+        command = self.controller.command(rows, task)
+        times[k % len(times)] = perf_counter() - called
+        self.loop.answer.qdd[:] = command.qdd
+        self.fallbacks += bool(command.fallback)
         claimed = command.status == "rank-loss"
         lost = claimed and loses_rank(given)
         self.unfounded += claimed and not lost
         if command.status == "failed" or (lost and self.setup.on_rank_loss == "abort"):
-            self._end("failed" if command.status == "failed" else "aborted", k, command.reason)
-        else:
-            self.plant.step()
+            self._end("failed" if command.status == "failed" else "aborted", command.reason)
 
-    def _compiled(self) -> Callable[[int], None] | None:
-        """One sample where the step is compiled and measured is what is true; None if that is not so.
+    def remarks(self) -> list[str]:
+        """What a reader of the results should know."""
+        said = []
+        if self.fallbacks:
+            said.append(f"another QP solver than the one asked for answered in {self.fallbacks} samples")
+        if self.unfounded:
+            said.append(f"the law claimed a loss of rank in {self.unfounded} samples in which its rows have full rank")
+        return [*said, self.controller.remark(self.setup.constraints.labels)]
 
-        It works on arrays that stay where they are, and so do compiled laws unless they are asked by the public call:
-        making new arrays takes longer than computing what they hold.
-        """
-        if self.setup.disturbances.sensing or self.gradient_error.any:
-            return None
-        setup, x, log, plant, controller = self.setup, self.plant.x, self.log, self.plant, self.controller
-        Ts, bound = setup.Ts, self.control.bound()
-        # what is kept is what is true; where no motion is unknown, that is what controllers are told
-        true = bound
-        if self.sensor.disturbed:
-            true = ControlStep(setup.scene, setup.constraints, setup.task, known=True).bound()
-        if bound is None or true is None:
-            return None
-        q, qd, acted, qdd = x[0], x[1], np.empty(len(log.labels), dtype=np.bool_), x[-2]
-        now, untouched, alone = bound.now, np.empty(len(log.labels), dtype=np.bool_), np.empty(len(q))
-        tracking = self.baseline.bind(now.rows, now.task, untouched, alone)
-        if tracking is None:
-            return None
-        law = controller.bind(now.rows, now.task, acted, qdd)
-        self.compiled = law is not None
-        solve = None if law is None or self.by_public_call else law.solve
-        evaluate, out, steps, tracked = bound.evaluate, true.out, log.begin_steps(true), log.tracked
-        look, track = None if true is bound else true.evaluate, tracking.solve
-        rows_times, step_times, states, varies = log.rows_times, log.step_times, log.states, plant.varies
+    def scores(self) -> RunScores:
+        """What the run comes to."""
+        outcome = judge(self.setup, self.loop, self.samples, self.ended, self.reason)
+        return RunScores.of(self.setup, self.loop, self.samples, outcome, self.compiled)
 
-        def sample(k: int) -> None:
-            t = k * Ts
-            if look is not None:
-                look(t, q, qd)
-            started = perf_counter()
-            if evaluate(t, q, qd):
-                # for the reason, or for the answer of the definition
-                self._sample(k)
-                return
-            ready = perf_counter()
-            asks = solve is None or solve()
-            ended = perf_counter()
-            i = k % STEPS
-            if i == 0:
-                log.keep_steps(k)
-            steps[i] = out
-            tracked[k] = self.baseline.command(now.rows, now.task).qdd if track() else alone
-            if asks:
-                # a law may use its rows as it likes
-                step = CompiledEvaluation(bound.packed, setup.constraints, bound.out.copy())
-                rows, task = step.rows, step.task
-                called = perf_counter()
-                command = controller.command(rows, task)
-                ended = perf_counter()
-                self._carry_out(k, command, now.rows, ready - started, ended - called)
-                return
-            if varies:
-                plant.begin(qdd)
-            states[k] = x
-            rows_times.append(ready - started)
-            step_times.append(ended - ready)
-            plant.step()
+    def trajectory(self) -> Trajectory:
+        """What was simulated."""
+        setup, N, kept = self.setup, self.samples, self.loop.kept
+        states = kept.states[:N]
+        q, qd, qdd = (np.ascontiguousarray(states[:, i]) for i in (0, 1, -2))
+        t, pixels, points = np.arange(N) * setup.Ts, kept.pixels[:N], kept.points[:N]
+        clearance = setup.clearance(t, q, qd, pixels, points)
+        status, reason = judge(setup, self.loop, N, self.ended, self.reason)
+        return Trajectory(
+            status=status,
+            reason=reason,
+            t=t,
+            q=q,
+            qd=qd,
+            qdd_command=qdd,
+            error=kept.error[:N],
+            camera_error=kept.camera_error[:N],
+            feature_error_px=kept.feature_error[:N],
+            camera_position=kept.camera_t[:N],
+            features_px=pixels,
+            points=points,
+            labels=setup.constraints.labels,
+            phi=kept.phi[:N],
+            sigma=kept.sigma[:N],
+            clearance=clearance,
+            active=kept.active[:N],
+            between_clearance=between_clearance(setup, self.control, self.plant, states, clearance),
+            rows_time=kept.rows_time[:N],
+            step_time=kept.step_time[:N],
+            fallbacks=self.fallbacks,
+            compiled=self.compiled,
+        )
 
-        return sample
+
+def loses_rank(rows: Rows) -> bool:
+    """Whether L_gφ of the rows with φ ≥ 0 has lost full row rank (section 5.2), whatever the rows' units."""
+    reached = rows.phi >= 0.0
+    return bool(dependent_rows(unit_rows(rows, rows.phi, reached)[0], RANK_TOLERANCE).shape[1])
 
 
 def _hidden(setup: Setup, trajectory: Trajectory) -> list[str]:
-    """Which markers the robot's own links hide during a run, looked at in :data:`LOOKS` samples after the first."""
+    """Which markers the robot's own links hide during a run, in :data:`GLANCES` samples after the first."""
     try:
         lines = LinesOfSight(setup.scene)
     except ConfigurationError:
         # said at the start
         return []
     first: dict[tuple[int, str], float] = {}
-    for k in np.unique(np.linspace(1, len(trajectory.t) - 1, LOOKS).astype(int)) if len(trajectory.t) > 1 else ():
+    for k in np.unique(np.linspace(1, len(trajectory.t) - 1, GLANCES).astype(int)) if len(trajectory.t) > 1 else ():
         for hidden in lines.hidden(trajectory.q[k], float(trajectory.t[k])):
             first.setdefault(hidden, float(trajectory.t[k]))
     return [f"marker {number} is hidden by {link}, first seen at {t:.3g} s" for (number, link), t in first.items()]

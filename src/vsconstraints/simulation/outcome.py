@@ -3,66 +3,47 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..geometry import Pose, distances
-from ..rows import Array
+from ..kernels.samples import Loop
+from .arrays import rest
 from .setup import Setup
 from .trajectory import Outcome
 
-REST = 1.0, 10
-"""Seconds, and sampling periods, that a camera must have hardly moved at least to be at rest, however short
-``Tolerances.rest`` is: in less, a motion that is slow, turns back or is sampled rarely looks the same.
-"""
 
-
-def judge(
-    setup: Setup,
-    ended: str,
-    reason: str,
-    t: Array,
-    goal: NDArray[np.int64],
-    camera_error: Array,
-    feature_error: Array,
-    camera_R: Array,
-    camera_t: Array,
-) -> tuple[Outcome, str]:
+def judge(setup: Setup, loop: Loop, samples: int, ended: str, reason: str) -> tuple[Outcome, str]:
     """Status and reason of a run.
 
     Parameters
     ----------
-    setup
-        What was run.
+    setup, loop
+        What was run, and what was kept of it.
+    samples
+        How many there are.
     ended, reason
-        ``"failed"`` or ``"aborted"`` and why, if the loop ended early.
-    t, goal
-        (N,) time [s] and index of the goal.
-    camera_error, feature_error
-        As in :class:`Trajectory`.
-    camera_R, camera_t
-        (N, 3, 3) and (N, 3): poses of the camera in the target's frame.
+        ``"failed"`` or ``"aborted"`` and why, if the loop ended early; else empty.
     """
     if ended == "failed":
         return "failed", reason
     if ended == "aborted":
         return "aborted", reason
-    tolerances = setup.tolerances
-    reached = setup.reached(camera_error, feature_error)
-    last = goal == len(setup.task.goals) - 1
-    dwelling = t >= t[-1] - tolerances.dwell_s
-    if last[dwelling].all() and reached[dwelling].all():
+    tolerances, kept = setup.tolerances, loop.kept
+    t, last = np.arange(samples) * setup.Ts, (samples - 1) % len(kept.camera_error)
+    dwelling = int(np.argmax(t >= t[-1] - tolerances.dwell_s))
+    if setup.task.goal_at(t[dwelling]) == len(setup.task.goals) - 1 and loop.scores.unreached[0] < dwelling:
         return "converged", ""
-    distance_now, angle_now = camera_error[-1]
+    distance_now, angle_now = kept.camera_error[last]
     final = (
         f"ends {_amount(distance_now * 1e3)} mm and {_amount(angle_now * 1e3)} mrad from the goal"
         if np.isfinite(distance_now)
-        else f"ends {_amount(feature_error[-1])} px from the goal"
+        else f"ends {_amount(kept.feature_error[last])} px from the goal"
     )
-    rest = max(tolerances.rest_s, REST[0], REST[1] * setup.Ts)
     # half a period for the rounding of times
-    since = int(np.argmax(t >= t[-1] - rest - 0.5 * setup.Ts))
-    moved, turned = distances(camera_R[since:], camera_t[since:], Pose(camera_R[-1], camera_t[-1])).max(axis=0)
-    if t[-1] >= rest - 0.5 * setup.Ts and moved < tolerances.translation_m and turned < tolerances.rotation_rad:
+    since = np.arange(int(np.argmax(t >= t[-1] - rest(setup) - 0.5 * setup.Ts)), samples) % len(kept.camera_t)
+    camera_R, camera_t = kept.camera_R[since], kept.camera_t[since]
+    moved, turned = distances(camera_R, camera_t, Pose(camera_R[-1], camera_t[-1])).max(axis=0)
+    still = moved < tolerances.translation_m and turned < tolerances.rotation_rad
+    if still and t[-1] >= rest(setup) - 0.5 * setup.Ts:
         return "trapped", f"at rest, {final}"
     return "unfinished", f"still moving, {final}"
 

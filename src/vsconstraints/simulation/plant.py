@@ -9,14 +9,15 @@ import numpy as np
 from scipy.linalg import expm
 
 from ..errors import InvalidInput
-from ..kernels import load
-from ..kernels.entry import entry
-from ..order_filter import OrderFilter
+from ..kernels.samples import PlantArrays, hold
 from ..rows import Array
 from .disturbances import Disturbances
 
 Actuation = Literal["acceleration", "position"]
-"""What the robot's own controller takes: q̈_c, or q_c of an :class:`OrderFilter` (section 5.1)."""
+"""What the robot's own controller takes: q̈_c, or q_c, which integrates it (section 5.1)."""
+
+POSITION_LOOP = 6
+"""Size of the state of an arm that follows q_c."""
 
 
 class Plant:
@@ -25,32 +26,30 @@ class Plant:
     With acceleration control q̈ = a + d_c, where a follows q̈_c with the time constant τ, or at once if τ is zero. With
     position control q̈ = (q_c − q)/τ² + 2 (q̇_c − q̇)/τ + d_c, or q = q_c.
 
+    q_c is what an :class:`vsconstraints.order_filter.OrderFilter` gives, as a part of the state.
+
     Attributes
     ----------
     x
         (s, n) the state at the beginning of the period: q and q̇ first, q̈_c and d_c last.
-    varies
-        Whether anything but the command changes where a period begins.
+    transition
+        (s, s) from there to the end of the period.
     """
 
     def __init__(self, q0: Array, qd0: Array, Ts: float, actuation: Actuation, disturbances: Disturbances) -> None:
-        n, tau = len(q0), disturbances.time_constant
-        self.Ts = Ts
-        self.offset, self.noise = disturbances.per_joint("acceleration", n), disturbances.acceleration_noise
+        tau = disturbances.time_constant
+        self._offset, self._noise = disturbances.per_joint("acceleration", len(q0)), disturbances.acceleration_noise
         self._random = np.random.default_rng((*disturbances.seed, 2))
-        self._filter = OrderFilter(q0, qd0, Ts) if actuation == "position" else None
-        if self._filter is not None and tau == 0.0 and (self.offset.any() or self.noise):
+        if actuation == "position" and tau == 0.0 and (self._offset.any() or self._noise):
             raise InvalidInput(
                 "accelerations disturb a position-controlled arm only through its position loop: give time_constant too"
             )
-        self._follows_filter = self._filter is not None and tau > 0.0
         self._system = _system(actuation, tau)
-        self._over_period = np.ascontiguousarray(_transition(self._system, Ts))
-        self.x = np.zeros((len(self._system), n))
-        self.x[0], self.x[1], self.x[-1] = q0, qd0, self.offset
-        self.varies = self._follows_filter or self.noise > 0.0
-        kernels = load("hold")
-        self._advance = None if kernels is None else entry(kernels.advance)
+        self.transition = np.ascontiguousarray(_transition(self._system, Ts))
+        self.x = np.zeros((len(self._system), len(q0)))
+        self.x[0], self.x[1], self.x[-1] = q0, qd0, self._offset
+        if len(self.x) == POSITION_LOOP:
+            self.x[2], self.x[3] = q0, qd0
 
     @property
     def q(self) -> Array:
@@ -64,22 +63,24 @@ class Plant:
         qd: Array = self.x[1].copy()
         return qd
 
+    def arrays(self, periods: int) -> PlantArrays:
+        """What the loop moves the robot with; d_c of so many periods is drawn beforehand."""
+        return PlantArrays(self.transition, self.x, np.empty_like(self.x), self._pushes(periods))
+
+    def _pushes(self, periods: int) -> Array:
+        """(N, n) d_c of the periods to come; (1, n) if it is always the same."""
+        n = len(self._offset)
+        return self._offset + (
+            self._noise * self._random.standard_normal((periods, n)) if self._noise else np.zeros((1, n))
+        )
+
     def begin(self, qdd: Array) -> None:
         """Begin a period with the command ``qdd`` (n,)."""
-        if self._filter is not None and self._follows_filter:
-            self.x[2], self.x[3] = self._filter.q, self._filter.qd
-        self.x[-2] = qdd
-        if self.noise:
-            self.x[-1] = self.offset + self.noise * self._random.standard_normal(len(qdd))
+        self.x[-2], self.x[-1] = qdd, self._pushes(1)[0]
 
     def step(self) -> None:
         """Go to the end of the period."""
-        if self._filter is not None:
-            self._filter.step(self.x[-2])
-        if self._advance is None:
-            self.x[:] = self._over_period @ self.x
-        else:
-            self._advance(self._over_period, self.x)
+        hold(self.transition, self.x, np.empty_like(self.x))
 
     def inside(self, states: Array, after: float) -> tuple[Array, Array]:
         """Q and q̇ (N, n) ``after`` [s] the beginning of periods that began with states (N, n, s)."""

@@ -7,10 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from ..constraints import ConstraintSet, ImageConstraint
+from ..constraints import ConstraintSet, ImageConstraint, Trace
 from ..control_step import has_unknown_motion
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
 from ..features import CameraPose
+from ..formulas.poses import reached
 from ..renamed import renamed
 from ..rows import Array, BoolArray
 from ..scene import Scene
@@ -159,10 +160,14 @@ class Setup:
         feature_error
             (N,) greatest distance of a marker from the goal [px].
         """
-        tolerances = self.tolerances
-        if isinstance(self.task.feature, CameraPose):
-            return np.asarray((camera_error <= (tolerances.translation_m, tolerances.rotation_rad)).all(axis=1))
-        return np.asarray(feature_error <= tolerances.feature_px)
+        tolerance = self.tolerances.translation_m, self.tolerances.rotation_rad, self.tolerances.feature_px
+        by_pose = isinstance(self.task.feature, CameraPose)
+        there: BoolArray = reached(camera_error[:, 0], camera_error[:, 1], feature_error, tolerance, by_pose)
+        return there
+
+    def clearance(self, t: Array, q: Array, qd: Array, pixels: Array, points: Array) -> Array:
+        """(N, m) of each row at N samples: see :class:`vsconstraints.constraints.Trace` for the arguments."""
+        return self.constraints.clearance(Trace(t, q, qd, pixels, points, self.scene.camera.size))
 
     def check_start(self) -> list[str]:
         """Raise if the robot cannot start; return what a reader of the results should know.

@@ -1,0 +1,105 @@
+"""The closed loop, compiled whole: step, law, tracking alone beside it, robot, and what is kept of a run."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from ..rows import IntArray
+from . import samples
+from .compiler import IN_PLACE, compiled, in_place, know, numba
+from .layout import RELAXED_ROWS
+from .parts import address, ask, thaw_as
+from .samples import ALONE, LAW, STEP, Goals, Kept, Loop, PlantArrays, Running
+from .step import evaluate_step
+from .structures import DONE, Answer, LawArrays, RowArrays, TaskArrays
+
+for function in (
+    samples.put,
+    samples.hold,
+    samples.mark_acting,
+    samples.camera_error,
+    samples.feature_error,
+    samples.score,
+    samples.finish,
+):
+    numba.extending.register_jitable(**IN_PLACE)(function)
+know()
+
+
+def _example() -> Loop:
+    """A loop of the types that all have; the numbers do not matter."""
+    one, two, three = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
+    counts, flag, flags = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.bool_), np.zeros((1, 1), dtype=np.bool_)
+    rows, task = RowArrays(one, two, *(one,) * 6), TaskArrays(two, one, one, one)
+    kept = Kept(three, two, two, one, three, two, three, three, two, two, flags, one, one)
+    scores = Running(one, one, *(counts,) * 6, one, one, one, counts, counts, flag, one)
+    goals, plant = Goals(one, three, three, two, one, flag), PlantArrays(two, two, two, two)
+    answer, seen = Answer(one, flag, one, counts), (two, two, two, one)
+    return Loop(counts, one, counts, rows, task, answer, one, rows, *seen, goals, plant, kept, scores)
+
+
+LOOP = numba.typeof(_example())
+LAW_ARRAYS = numba.typeof(LawArrays(1, 1, 1, 1, 1.0, *(np.zeros(1),) * 3, np.zeros((1, 1))))
+
+thaw, thaw_law = thaw_as(LOOP), thaw_as(LAW_ARRAYS)
+
+EVALUATE = address(evaluate_step)
+"""Where the function begins that evaluates a step."""
+
+_clock_gettime = numba.types.ExternalFunction("clock_gettime", numba.types.int32(numba.types.int32, numba.types.intp))
+_MONOTONIC = time.CLOCK_MONOTONIC
+
+
+@in_place
+def now(clock: IntArray) -> float:
+    """Time of a clock that only goes forward [s]; ``clock`` (2,) is scratch."""
+    _clock_gettime(_MONOTONIC, clock.ctypes.data)
+    seconds: float = clock[0] + 1e-9 * clock[1]
+    return seconds
+
+
+@in_place
+def answered(law_address: int, loop: Loop, answer: Answer) -> bool:
+    """Ask a law for the command; False if Python has to be asked."""
+    law = thaw_law(law_address)
+    code: int = ask(law.resolver, (law, loop.rows, loop.task, answer))
+    return code == DONE or code >= RELAXED_ROWS
+
+
+@compiled("UniTuple(int64, 2)(int64, int64, int64, int64)", IN_PLACE)
+def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
+    """Go on with sample k, from that stage, until sample ``end``.
+
+    Returns
+    -------
+    tuple
+        The sample, and the stage of it that Python has to be asked for; ``end`` and ``STEP`` if all is done.
+    """
+    loop = thaw(loop_address)
+    evaluate, believed, true, law, alone = loop.parts
+    q, qd, kept = loop.plant.x[0], loop.plant.x[1], loop.kept
+    while k < end:
+        at = k % len(kept.rows_time)
+        if stage == STEP:
+            t = k * loop.Ts[0]
+            if evaluate == 0 or (true != believed and ask(evaluate, (true, t, q, qd)) != 0):
+                return k, STEP
+            started = now(loop.clock)
+            if ask(evaluate, (believed, t, q, qd)) != 0:
+                return k, STEP
+            kept.rows_time[at] = now(loop.clock) - started
+            stage = LAW
+        if stage == LAW:
+            started = now(loop.clock)
+            if law == 0 or not answered(law, loop, loop.answer):
+                return k, LAW
+            kept.step_time[at] = now(loop.clock) - started
+            stage = ALONE
+        if stage == ALONE:
+            tracking = thaw_law(alone)
+            ask(tracking.tracking, (loop.task.J, loop.task.b, tracking.options[0], loop.alone))
+        samples.finish(loop, k)
+        k, stage = k + 1, STEP
+    return k, STEP

@@ -1,0 +1,254 @@
+"""What a sample of a closed loop leaves: it is scored and kept, and the robot goes on.
+
+Written once, in operations that compile: the compiled loop calls these functions compiled, any other one as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..formulas.poses import angle, reached
+from ..formulas.tracking import goal_at
+from ..rows import Array, BoolArray, IntArray
+from .structures import Answer, RowArrays, TaskArrays
+
+STEP, LAW, ALONE, MOVE = range(4)
+"""What comes in a sample: rows and task; the law; tracking alone; what is kept, and the robot's motion."""
+
+NOTICED = 1e-3
+"""From which share of u⁺ on a row counts as slowed: less is what solvers' tolerances make."""
+
+
+class Goals(NamedTuple):
+    """What is wanted: when each of g goals begins, its pixels and its pose, NaN where it has none.
+
+    ``tolerance`` (3,) are those of distance [m], angle [rad] and pixels; the first two count if ``by_pose`` (1,).
+    """
+
+    begins: Array
+    pixels: Array
+    R: Array
+    t: Array
+    tolerance: Array
+    by_pose: BoolArray
+
+
+class PlantArrays(NamedTuple):
+    """See :class:`vsconstraints.simulation.plant.Plant`: (s, s), (s, n), the same as scratch, and d_c (N or 1, n)."""
+
+    transition: Array
+    x: Array
+    after: Array
+    push: Array
+
+
+class Kept(NamedTuple):
+    """Samples as :class:`vsconstraints.simulation.Trajectory` has them; shorter arrays are filled round and round.
+
+    ``states`` (N, s, n) are those of the plant at the beginning of each period.
+    """
+
+    states: Array
+    error: Array
+    camera_error: Array
+    feature_error: Array
+    camera_R: Array
+    camera_t: Array
+    pixels: Array
+    points: Array
+    phi: Array
+    sigma: Array
+    active: BoolArray
+    rows_time: Array
+    step_time: Array
+
+
+class Running(NamedTuple):
+    """Scores so far, for m rows and n joints.
+
+    Attributes
+    ----------
+    phi_max, sigma_max
+        (m,) greatest φ and σ.
+    outside, acted
+        (m,) samples with σ > 0, and in which the row acts.
+    first_active, last_active
+        (m,) samples in which it acts first and last; −1 if it never does.
+    positive, longest_positive
+        (m,) samples with φ ≥ 0 in a row until now, and the most of them.
+    acceleration_max
+        (n,) greatest |q̈_c|.
+    variation, squared_variation
+        (1,) Σ‖Δq̈_c‖ and Σ‖Δq̈_c‖².
+    switches
+        (1,) how often the set of acting rows has changed.
+    unreached
+        (1,) last sample in which the goal is not reached; −1 if there is none.
+    active, qdd
+        (m,) and (n,) which rows act, and q̈_c, in the last sample.
+    """
+
+    phi_max: Array
+    sigma_max: Array
+    outside: IntArray
+    acted: IntArray
+    first_active: IntArray
+    last_active: IntArray
+    positive: IntArray
+    longest_positive: IntArray
+    acceleration_max: Array
+    variation: Array
+    squared_variation: Array
+    switches: IntArray
+    unreached: IntArray
+    active: BoolArray
+    qdd: Array
+
+
+class Loop(NamedTuple):
+    """A closed loop.
+
+    Attributes
+    ----------
+    parts
+        (5,) addresses: of the function that evaluates a step, of the step that the control believes in, of the one that
+        is true, of the law, of tracking alone. Where one is 0, Python is asked.
+    Ts
+        (1,) sampling time [s].
+    clock
+        (2,) scratch.
+    rows, task, answer
+        What the law works on, and what it answers: its q̈ is the plant's command. The error that is kept is the task's.
+    alone
+        (n,) q̈ of tracking alone.
+    true, pixels, points, camera_R, camera_t
+        What is true: rows, (M, 2) pixels, (p, 3) robot points, the camera's pose in the target's frame.
+    goals, plant, kept, scores
+        See there.
+    """
+
+    parts: IntArray
+    Ts: Array
+    clock: IntArray
+    rows: RowArrays
+    task: TaskArrays
+    answer: Answer
+    alone: Array
+    true: RowArrays
+    pixels: Array
+    points: Array
+    camera_R: Array
+    camera_t: Array
+    goals: Goals
+    plant: PlantArrays
+    kept: Kept
+    scores: Running
+
+
+def put(numbers: Array, out: Array) -> None:
+    """Copy an array to another one of the same shape, element by element: that needs no memory."""
+    for at in np.ndindex(numbers.shape):
+        out[at] = numbers[at]
+
+
+def hold(transition: Array, x: Array, after: Array) -> None:
+    """Set x ← transition x: the state (s, n) at a period's end, from that at its beginning. ``after`` is scratch."""
+    s, n = x.shape
+    for i in range(s):
+        for j in range(n):
+            total = 0.0
+            for k in range(s):
+                total += transition[i, k] * x[k, j]
+            after[i, j] = total
+    put(after, x)
+
+
+def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) -> None:
+    """Say of rows whether they act: whether they hold the arm back.
+
+    Their φ is slowed: q̈ (n,) makes it rise by less than tracking ``alone`` (n,) would, from the same state. What slows
+    one row slows others as well. Of the slowed rows, those with φ ≥ 0 act; where there is none, the one nearest to it.
+    """
+    nearest = -math.inf
+    for i in range(len(active)):
+        slowed = 0.0
+        for j in range(len(qdd)):
+            slowed += rows.Lg[i, j] * (alone[j] - qdd[j])
+        active[i] = slowed > NOTICED * rows.switching_gain[i]
+        if active[i]:
+            nearest = max(nearest, min(rows.phi[i], 0.0) / rows.scale[i])
+    for i in range(len(active)):
+        active[i] = active[i] and min(rows.phi[i], 0.0) / rows.scale[i] >= nearest
+
+
+def camera_error(R: Array, t: Array, wanted_R: Array, wanted_t: Array) -> tuple[float, float]:
+    """Distance [m] and angle [rad] between two poses."""
+    turned = moved = 0.0
+    for i in range(3):
+        moved += (t[i] - wanted_t[i]) ** 2
+        for j in range(3):
+            turned += (R[i, j] - wanted_R[i, j]) ** 2
+    return math.sqrt(moved), angle(turned)
+
+
+def feature_error(pixels: Array, wanted: Array) -> float:
+    """Greatest distance of a marker (M, 2) from where it is wanted [px]."""
+    greatest = 0.0
+    for i in range(len(pixels)):
+        du, dv = pixels[i, 0] - wanted[i, 0], pixels[i, 1] - wanted[i, 1]
+        greatest = max(greatest, du * du + dv * dv)
+    return math.sqrt(greatest)
+
+
+def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: int) -> None:
+    """Score sample k: its rows, q̈_c (n,), and which rows act (m,)."""
+    squared, changed = 0.0, False
+    for j in range(len(qdd)):
+        squared += (qdd[j] - scores.qdd[j]) ** 2
+        scores.acceleration_max[j] = max(scores.acceleration_max[j], abs(qdd[j]))
+        scores.qdd[j] = qdd[j]
+    for i in range(len(active)):
+        scores.phi_max[i] = max(scores.phi_max[i], rows.phi[i])
+        scores.sigma_max[i] = max(scores.sigma_max[i], rows.sigma[i])
+        scores.outside[i] += rows.sigma[i] > 0.0
+        scores.positive[i] = scores.positive[i] + 1 if rows.phi[i] >= 0.0 else 0
+        scores.longest_positive[i] = max(scores.longest_positive[i], scores.positive[i])
+        changed = changed or active[i] != scores.active[i]
+        scores.active[i] = active[i]
+        if active[i]:
+            scores.acted[i] += 1
+            scores.last_active[i] = k
+            if scores.first_active[i] < 0:
+                scores.first_active[i] = k
+    if k > 0:
+        scores.variation[0] += math.sqrt(squared)
+        scores.squared_variation[0] += squared
+        scores.switches[0] += changed
+
+
+def finish(loop: Loop, k: int) -> None:
+    """Score and keep sample k, and take the robot to the end of its period."""
+    kept, true, goals, x, push = loop.kept, loop.true, loop.goals, loop.plant.x, loop.plant.push
+    at, camera = k % len(kept.states), k % len(kept.camera_t)
+    goal = goal_at(goals.begins, k * loop.Ts[0])
+    distance, turn = camera_error(loop.camera_R, loop.camera_t, goals.R[goal], goals.t[goal])
+    away = feature_error(loop.pixels, goals.pixels[goal])
+    kept.camera_error[at, 0], kept.camera_error[at, 1], kept.feature_error[at] = distance, turn, away
+    if not reached(distance, turn, away, goals.tolerance, goals.by_pose[0]):
+        loop.scores.unreached[0] = k
+    mark_acting(true, loop.answer.qdd, loop.alone, kept.active[at])
+    score(loop.scores, true, loop.answer.qdd, kept.active[at], k)
+    for j in range(x.shape[1]):
+        x[-1, j] = push[k % len(push), j]
+    put(x, kept.states[at])
+    put(loop.task.error, kept.error[at])
+    put(loop.camera_R, kept.camera_R[camera])
+    put(loop.camera_t, kept.camera_t[camera])
+    put(loop.pixels, kept.pixels[at])
+    put(loop.points, kept.points[at])
+    put(true.phi, kept.phi[at])
+    put(true.sigma, kept.sigma[at])
+    hold(loop.plant.transition, x, loop.plant.after)

@@ -1,0 +1,114 @@
+"""The arrays of a closed loop: what it works on, and what it keeps and scores."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..features import CameraPose
+from ..kernels.samples import Goals, Kept, Loop, Running
+from ..kernels.structures import Answer, Size, Step
+from .plant import Plant
+from .setup import Setup
+
+REST = 1.0, 10
+"""Seconds, and sampling periods, that a camera must have hardly moved at least to be at rest, however short
+``Tolerances.rest_s`` is: in less, a motion that is slow, turns back or is sampled rarely looks the same.
+"""
+
+
+def rest(setup: Setup) -> float:
+    """For how long the camera must have hardly moved to be at rest [s]."""
+    return max(setup.tolerances.rest_s, REST[0], REST[1] * setup.Ts)
+
+
+def blank_step(setup: Setup, features: int) -> Step:
+    """A step for Python to write what rows and task come to."""
+    scene = setup.scene
+    size = Size(scene.robot.n, len(scene.markers), len(scene.points), len(setup.constraints.labels), features)
+    step, _ = size.step()
+    step.rows.switching_gain[:], step.rows.scale[:] = setup.constraints.switching_gain, setup.constraints.scale
+    return step
+
+
+def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: bool) -> Loop:
+    """A loop of which Python is asked for all parts.
+
+    Parameters
+    ----------
+    setup, plant
+        What is simulated.
+    believed, true
+        What the control believes, and what is true.
+    whole
+        Whether all samples are kept, or the last poses of the camera alone.
+    """
+    N, (m, n), k = setup.samples, true.rows.Lg.shape, len(believed.task.error)
+    window = min(N, math.ceil(rest(setup) / setup.Ts) + 2)
+    samples, poses = (N, N) if whole else (1, window)
+    none, zeros, one = np.empty(0), np.zeros, np.zeros(1, dtype=np.int64)
+    counts = np.zeros((4, m), dtype=np.int64)
+    kept = Kept(
+        states=zeros((samples, *plant.x.shape)),
+        error=zeros((samples, k)),
+        camera_error=zeros((samples, 2)),
+        feature_error=zeros(samples),
+        camera_R=zeros((poses, 3, 3)),
+        camera_t=zeros((poses, 3)),
+        pixels=zeros((samples, *true.pixels.shape)),
+        points=zeros((samples, *true.points.shape)),
+        phi=zeros((samples, m)),
+        sigma=zeros((samples, m)),
+        active=zeros((samples, m), dtype=np.bool_),
+        rows_time=zeros(samples),
+        step_time=zeros(samples),
+    )
+    scores = Running(
+        phi_max=np.full(m, -np.inf),
+        sigma_max=np.full(m, -np.inf),
+        outside=counts[0],
+        acted=counts[1],
+        first_active=np.full(m, -1),
+        last_active=np.full(m, -1),
+        positive=counts[2],
+        longest_positive=counts[2],
+        acceleration_max=zeros(n),
+        variation=zeros(1),
+        squared_variation=zeros(1),
+        switches=one.copy(),
+        unreached=np.full(1, -1),
+        active=zeros(m, dtype=np.bool_),
+        qdd=zeros(n),
+    )
+    return Loop(
+        parts=np.zeros(5, dtype=np.int64),
+        Ts=np.array([setup.Ts]),
+        clock=np.zeros(2, dtype=np.int64),
+        rows=believed.rows,
+        task=believed.task,
+        answer=Answer(plant.x[-2], zeros(m, dtype=np.bool_), none, one.copy()),
+        alone=zeros(n),
+        true=true.rows,
+        pixels=true.pixels,
+        points=true.points,
+        camera_R=true.camera_R,
+        camera_t=true.camera_t,
+        goals=_goals(setup),
+        plant=plant.arrays(N),
+        kept=kept,
+        scores=scores,
+    )
+
+
+def _goals(setup: Setup) -> Goals:
+    goals, tolerances = setup.task.goals, setup.tolerances
+    nowhere = np.full((3, 3), np.nan)
+    return Goals(
+        begins=np.array([float(goal.from_time) for goal in goals]),
+        pixels=np.array([goal.pixels for goal in goals], dtype=np.float64),
+        R=np.array([nowhere if goal.camera is None else goal.camera.R for goal in goals]),
+        t=np.array([nowhere[0] if goal.camera is None else goal.camera.t for goal in goals]),
+        tolerance=np.array([tolerances.translation_m, tolerances.rotation_rad, tolerances.feature_px]),
+        by_pose=np.array([isinstance(setup.task.feature, CameraPose)]),
+    )
