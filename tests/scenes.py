@@ -14,11 +14,23 @@ from vsconstraints.constraints import Constraint, robot_points
 from vsconstraints.constraints.curves import SHAPES
 from vsconstraints.features import Goal
 from vsconstraints.geometry import Pose
+from vsconstraints.kernels.samples import mark_acting
+from vsconstraints.kernels.structures import RowArrays
 from vsconstraints.motion import Motion, TargetMotion
 from vsconstraints.robots import READY_MADE
 from vsconstraints.rows import Array
 from vsconstraints.scenarios.constraint_types import make_constraint
 from vsconstraints.scene import Scene, State
+
+
+def acting(phi: list[float], slowed: list[float], gain: list[float], scale: list[float]) -> list[bool]:
+    """Which rows act in a sample, of which the command slows φ by so much: those of a robot with one joint."""
+    m, none = len(phi), np.empty(0)
+    rows = RowArrays(np.array(phi), np.array(slowed).reshape(m, 1), *(none,) * 4, np.array(gain), np.array(scale))
+    active = np.zeros(m, dtype=np.bool_)
+    mark_acting(rows, np.zeros(1), np.ones(1), active)
+    found: list[bool] = active.tolist()
+    return found
 
 
 def arm_with_prismatic_joints() -> Robot:

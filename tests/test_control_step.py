@@ -31,7 +31,6 @@ from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import CONSTRAINTS, Scenario, shipped_scenarios
 from vsconstraints.scene import Scene, State
 from vsconstraints.simulation import Setup, simulate
-from vsconstraints.simulation.loop import _Run
 from vsconstraints.tracking import TrackingGains, VisualTask
 
 REGIONS = tuple(f"forbidden-{shape}" for shape in ("sphere", "half-space", "box", "cylinder", "capsule"))
@@ -143,12 +142,13 @@ def test_every_shipped_scenario(name: str) -> None:
 def test_the_compiled_loop_runs_every_shipped_scenario_as_the_other_does(
     name: str, law: Controller, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run = _Run(brief(name), law)
+    setup = brief(name)
+    compiled = simulate(setup, law)
     # what is measured wrongly has no compiled form
-    assert (run._compiled() is not None) == (not run.setup.disturbances.sensing and not run.gradient_error.any)
-    compiled = simulate(brief(name), law)
-    monkeypatch.setattr(_Run, "_compiled", lambda run: None)
+    assert compiled.compiled == (not setup.disturbances.sensing and not setup.gradient_error().any)
+    monkeypatch.setattr("vsconstraints.simulation.loop.load", lambda name: None)
     usual = simulate(brief(name), law)
+    assert not usual.compiled
     assert compiled.reason == usual.reason
     for part in ("q", "qd", "qdd_command", "phi", "sigma", "error", "features_px", "points", "camera_position"):
         mine, theirs = getattr(compiled, part), getattr(usual, part)

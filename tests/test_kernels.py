@@ -412,7 +412,7 @@ def test_compilation_that_numba_is_told_to_leave_out_is_left_out(tmp_path):
 
 @pytest.mark.parametrize("cut", ["nbi", "nbc"])
 def test_a_compiled_file_that_was_cut_short_is_made_again(tmp_path, cut):
-    code = "from vsconstraints import kernels; assert kernels.load('hold')"
+    code = "from vsconstraints import kernels; assert kernels.load('polylines')"
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "VSCONSTRAINTS_COMPILE": "alone"}
     for _ in range(3):
         done = subprocess.run(
@@ -448,7 +448,7 @@ def temporary(*arguments, dir=None, **options):
 # whoever tests may be one to whom every file can be written
 os.access, tempfile.TemporaryFile = access, temporary
 from vsconstraints import kernels
-assert kernels.load("hold") is not None
+assert kernels.load("polylines") is not None
 """
 
 
@@ -456,7 +456,7 @@ def test_a_filled_cache_that_cannot_be_written_is_used(tmp_path):
     """As of an image that one user builds and another one runs."""
     cache = tmp_path / "cache"
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "VSCONSTRAINTS_COMPILE": "alone"}
-    fill = "from vsconstraints import kernels; assert kernels.load('hold')"
+    fill = "from vsconstraints import kernels; assert kernels.load('polylines')"
     subprocess.run([sys.executable, "-c", fill], env=environment, check=True, capture_output=True, timeout=300)
 
     def files():

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scenes import acting
 from vsconstraints.comparisons import RunRecord, score
 from vsconstraints.comparisons.metrics import TIMING_COLUMNS
 from vsconstraints.controllers import Controller, SlidingMode, Tracking, make_controller
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Trajectory, simulate
-from vsconstraints.simulation.acting import acting, loses_rank
+from vsconstraints.simulation.loop import loses_rank
 
 
 def made(
@@ -273,13 +274,15 @@ def test_the_row_with_the_greatest_ratio_gives_the_band() -> None:
 
 
 def test_rows_act_where_the_command_slows_them_and_the_nearest_only() -> None:
-    phi = np.array([[-0.1, -0.2], [-0.1, -0.2], [0.1, 0.2], [0.1, -0.2], [-0.1, -0.2]])
-    slowed = np.array([[0.0, 0.0], [1.0, 1.0], [1.0, 1.0], [-1.0, 1.0], [0.0019, 0.0021]])
-    acts = acting(phi, slowed, np.array([2.0, 2.0]), np.ones(2))
-    assert acts.tolist() == [[False, False], [True, False], [True, True], [False, True], [False, True]]
+    gain, ones = [2.0, 2.0], [1.0, 1.0]
+    assert acting([-0.1, -0.2], [0.0, 0.0], gain, ones) == [False, False]
+    assert acting([-0.1, -0.2], [1.0, 1.0], gain, ones) == [True, False]
+    assert acting([0.1, 0.2], [1.0, 1.0], gain, ones) == [True, True]
+    assert acting([0.1, -0.2], [-1.0, 1.0], gain, ones) == [False, True]
+    assert acting([-0.1, -0.2], [0.0019, 0.0021], gain, ones) == [False, True]
     # nearness is relative to the rows' scales
-    assert acting(phi[1:2], slowed[1:2], np.array([2.0, 2.0]), np.array([1.0, 4.0])).tolist() == [[False, True]]
-    assert acting(np.empty((3, 0)), np.empty((3, 0)), np.empty(0), np.empty(0)).shape == (3, 0)
+    assert acting([-0.1, -0.2], [1.0, 1.0], gain, [1.0, 4.0]) == [False, True]
+    assert acting([], [], [], []) == []
 
 
 @pytest.mark.parametrize("name", ["example-2d-fast", "panda-fov"])

@@ -108,14 +108,6 @@ def test_noise_is_not_that_of_images() -> None:
         assert abs(one.x[-1, 0] - drawn) > 1e-6
 
 
-def test_what_varies_besides_the_command() -> None:
-    assert not plant().varies
-    assert not plant("position").varies
-    assert not plant(time_constant=0.1, acceleration=(4.0,)).varies
-    assert plant(acceleration_noise=0.5).varies
-    assert plant("position", time_constant=0.1).varies
-
-
 @pytest.mark.parametrize("settings", [{"acceleration": (0.0, 0.1)}, {"acceleration_noise": 0.1}])
 def test_what_pushes_an_arm_whose_position_is_given_needs_a_loop(settings: dict[str, Any]) -> None:
     q = np.zeros(2)

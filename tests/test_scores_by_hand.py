@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scenes import acting
 from test_metrics import made
 from vsconstraints.comparisons import RunRecord, score
 from vsconstraints.comparisons.metrics.chattering import longest_run
 from vsconstraints.comparisons.metrics.utilization import held
-from vsconstraints.simulation.acting import acting
 
 CHATTERING = ("phi_band", "phi_band_bound", "sliding_lost_s", "switching_rate_hz", "acceleration_variation", "jerk_rms")
 TIMES = ("step_time_median_us", "step_time_p99_us", "step_time_max_us", "rows_time_median_us", "missed_periods")
@@ -225,9 +225,8 @@ def test_usage_at_speed_is_between_nothing_and_all() -> None:
 
 def test_rows_act_from_beyond_a_thousandth_of_their_gain() -> None:
     """Of equally near rows both act; φ above zero is as near as zero."""
-    phi, gain, scale = np.array([[0.0, 3.0], [-1.0, -2.0]]), np.array([2.0, 4.0]), np.array([1.0, 2.0])
-    assert acting(phi, np.array([[0.002, 0.0041], [0.0021, 0.0041]]), gain, scale).tolist() == [
-        [False, True],
-        [True, True],
-    ]
-    assert acting(phi, np.array([[1.0, 0.004], [1.0, 0.0039]]), gain, scale).tolist() == [[True, False], [True, False]]
+    gain, scale = [2.0, 4.0], [1.0, 2.0]
+    assert acting([0.0, 3.0], [0.002, 0.0041], gain, scale) == [False, True]
+    assert acting([-1.0, -2.0], [0.0021, 0.0041], gain, scale) == [True, True]
+    assert acting([0.0, 3.0], [1.0, 0.004], gain, scale) == [True, False]
+    assert acting([-1.0, -2.0], [1.0, 0.0039], gain, scale) == [True, False]

@@ -13,7 +13,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/reports/best.py",
         "src/vsconstraints/reports/headlines.py",
         "src/vsconstraints/reports/summary.py",
-        "src/vsconstraints/simulation/acting.py",
+        "src/vsconstraints/kernels/samples.py",
     ),
     "verdicts": (
         "src/vsconstraints/reproduction/verdicts.py",

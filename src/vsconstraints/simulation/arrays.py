@@ -72,7 +72,7 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
         first_active=np.full(m, -1),
         last_active=np.full(m, -1),
         positive=counts[2],
-        longest_positive=counts[2],
+        longest_positive=counts[3],
         acceleration_max=zeros(n),
         variation=zeros(1),
         squared_variation=zeros(1),

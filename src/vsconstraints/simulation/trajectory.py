@@ -47,7 +47,7 @@ class Trajectory:
     phi, sigma, clearance
         (N, m) as they are, also where a controller believes otherwise.
     active
-        (N, m) rows that hold the arm back: :func:`vsconstraints.simulation.acting.acting`.
+        (N, m) rows that hold the arm back: :func:`vsconstraints.kernels.samples.mark_acting`.
     between_clearance
         (N, m) least clearance at instants inside the period after each sample; infinite where none was looked at.
     rows_time, step_time
