@@ -1,4 +1,4 @@
-"""The closed loop: simulated steps per second, and trials per second on one and two cores."""
+"""The closed loop: simulated steps per second, with all that is kept or scores alone, and trials per second."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from vsconstraints.controllers import make_controller
 from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation import simulate
+from vsconstraints.simulation import score_run, simulate
 
 from .part import CASE_STUDY, Effort, Part, Table, controllers, digits, microseconds
 from .steps import shortened
@@ -21,8 +21,8 @@ from .timing import unit_subject, without_old_garbage
 
 TEXT = """
 Whole simulations of the case study: the check of the start, every step with everything that is logged, and the scores
-of the run afterwards. Runs of all controllers and blocks of the unit are taken in turn; within both, one step or call
-follows another at once.
+of the run afterwards. *Scores only* is the same without anything that is logged, compiled whole. Runs of all laws
+and blocks of the unit are taken in turn; within both, one step or call follows another at once.
 """
 
 TRIALS = """
@@ -40,8 +40,10 @@ def measure(effort: Effort) -> Part:
     runs = {name: (scenario.setup(), law) for name, law in controllers().items()}
     for setup, law in runs.values():
         simulate(setup, law)
+        score_run(setup, law)
     walls: dict[str, list[float]] = {name: [] for name in runs}
     steps: dict[str, list[float]] = {name: [] for name in runs}
+    scored: dict[str, list[float]] = {name: [] for name in runs}
     units: list[float] = []
     unit, samples = unit_subject(), dict.fromkeys(runs, 0)
     with without_old_garbage():
@@ -51,6 +53,9 @@ def measure(effort: Effort) -> Part:
                 started = perf_counter()
                 run = simulate(setup, law)
                 walls[name].append(perf_counter() - started)
+                started = perf_counter()
+                score_run(setup, law)
+                scored[name].append(perf_counter() - started)
                 samples[name] = len(run.t)
                 steps[name].append(float((run.rows_time + run.step_time).mean()))
     of_unit = float(np.median(units))
@@ -58,6 +63,8 @@ def measure(effort: Effort) -> Part:
     for name in runs:
         step = float(np.median(walls[name])) / samples[name]
         inside = float(np.median(steps[name]))
+        alone = float(np.median(scored[name])) / samples[name]
+        part.numbers[f"{name}, scores: median"], part.numbers[f"{name}, scores: ratio"] = alone, alone / of_unit
         part.numbers[f"{name}: median"], part.numbers[f"{name}: ratio"] = step, step / of_unit
         lines.append(
             [
@@ -66,10 +73,21 @@ def measure(effort: Effort) -> Part:
                 microseconds(step),
                 microseconds(inside),
                 digits(step / of_unit),
+                microseconds(alone),
+                digits(alone / of_unit),
                 f"{scenario.tables['sampling_time'] / step:.0f}",
             ]
         )
-    header = ["controller", "steps per second", "µs a step", "of them rows and command", "ratio", "times real time"]
+    header = [
+        "controller",
+        "steps per second",
+        "µs a step",
+        "of them rows and command",
+        "ratio",
+        "scores only, µs",
+        "ratio",
+    ]
+    header += ["times real time"]
     part.tables.append(Table(header, lines))
     return part
 

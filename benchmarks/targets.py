@@ -46,6 +46,7 @@ TARGETS = (
     Target("hierarchical QP, exact, the same", "steps", f"{CASE_STUDY}, hierarchical-qp: ratio", 0.5),
     Target("hierarchical QP, active rows, the same", "steps", f"{CASE_STUDY}, hierarchical-qp-active: ratio", 0.5),
     Target("one simulated step, logging included, sliding mode", "loop", "sliding-mode: ratio", 0.4),
+    Target("one step of the closed loop, scores only, sliding mode", "loop", "sliding-mode, scores: ratio", 0.2),
     Target("`vsconstraints --help`", "startup", "vsconstraints --help: median", 0.4, "s"),
     Target("default comparison, whole process", "comparison", "whole process", 20.0, "s"),
     Target("first compilation of everything", "first", "compiling: all first calls", 20.0, "s"),
