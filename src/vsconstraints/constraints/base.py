@@ -187,6 +187,7 @@ class PositionConstraint(Constraint):
         super().__init__(K=K, switching_gain=switching_gain)
         if self.formula is None and type(self).sigma is PositionConstraint.sigma:
             raise ConfigurationError(f"{self.kind} needs a formula, or sigma and gradient")
+        by_formula.demand_own_curvature(type(self))
 
     def formula_form(self, rows: str, which: Sequence[int] | IntArray) -> Form | None:
         """The compiled form of rows of that kind for these markers or points, if the formula says all."""

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..errors import ConfigurationError
 from ..formulas.frames import TINY, differences_in_image, differences_in_space, turned_back_in_image, turned_in_image
 from ..formulas.vectors import turned, turned_back
 from ..rows import Array
@@ -43,6 +44,31 @@ class ByFormula(Protocol):
     curvature_formula: Formula | None
     parameters: tuple[float, ...]
     frame: Frame | None
+
+
+REPLACED = ("distance", "outwards", "evaluate", "bending")
+"""Methods that regions and shapes were written by before they had formulas."""
+
+
+def demand_own_curvature(kind: type) -> None:
+    """Raise ConfigurationError if a class gives a formula of its own but inherits another one's curvature.
+
+    Likewise if it gives methods that nobody calls any more: its rows would be those of the class that it derives from.
+    """
+    giver = {
+        name: next((c for c in kind.__mro__ if name in vars(c)), object) for name in ("formula", "curvature_formula")
+    }
+    own, inherited = giver["formula"], giver["curvature_formula"]
+    if own is not inherited and issubclass(own, inherited) and vars(inherited).get("curvature_formula") is not None:
+        raise ConfigurationError(
+            f"{own.__name__} has a formula of its own, but the curvature_formula of {inherited.__name__}: give its own "
+            "too, or None"
+        )
+    old = [name for name in REPLACED if hasattr(kind, name)]
+    if old:
+        raise ConfigurationError(
+            f"{kind.__name__} gives {' and '.join(old)}, which nothing asks for: give formula and curvature_formula"
+        )
 
 
 def value(part: ByFormula, y: Array) -> Array:

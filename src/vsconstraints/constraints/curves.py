@@ -122,6 +122,7 @@ class Curve:
     coordinates = 2
 
     def __init__(self, shape: Shape, centre_px: Vector2 = (0.0, 0.0), rotation: float = 0.0) -> None:
+        by_formula.demand_own_curvature(type(shape))
         self.shape, self.centre = shape, vector(centre_px, 2, f"centre of {shape.name}")
         if not np.isfinite(rotation):
             raise InvalidInput(f"rotation of {shape.name} must be finite")

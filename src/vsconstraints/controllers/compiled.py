@@ -76,7 +76,7 @@ class CompiledLaw:
             # as arguments has it, without a tuple in between, which takes longer
             gain, scale = rows.switching_gain, rows.scale
             code = self.function(
-                self._address, m, rows.phi, rows.Lg, rows.Lf, gain, scale, J, task.b, qdd, acted, slack, count
+                self.address, m, rows.phi, rows.Lg, rows.Lf, gain, scale, J, task.b, qdd, acted, slack, count
             )
         return code, qdd, acted, slack, int(count[0]) if self.measures else 0
 
