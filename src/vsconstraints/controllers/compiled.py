@@ -104,6 +104,9 @@ def compiled_law(
         np.array(demand.parameters, dtype=np.float64),
         resolver.row_weights(labels),
         memory,
+        np.empty(len(labels)),
+        np.empty_like(memory),
+        np.empty(len(labels)),
     )
     whole = bool({"sigma", "sigma_dot", "K"} & {*demand.uses})
     return CompiledLaw(arrays, labels, resolver.remark(labels), resolver.measures, whole)
@@ -135,10 +138,10 @@ class BoundLaw:
         The law as compiled loops take it, with ``slack`` (m,) or (0,) and ``count`` (1,) of iterations.
     """
 
-    __slots__ = ("_code", "_function", "_law", "_made", "acted", "arrays", "count", "qdd", "slack", "solve")
+    __slots__ = ("_code", "_command", "_function", "_law", "_made", "acted", "arrays", "count", "qdd", "slack", "solve")
 
     def __init__(self, law: Law, made: CompiledLaw, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> None:
-        self._law, self._made, self.arrays = law, made, made.arrays
+        self._law, self._made, self.arrays, self._command = law, made, made.arrays, law.resolver.command
         self.acted, self.qdd, self._code = acted, qdd, 0
         self.slack = np.empty(len(made.labels)) if made.measures else NO_SLACK
         self.count: IntArray = np.zeros(1, COUNT)
@@ -163,8 +166,8 @@ class BoundLaw:
     def command(self, code: int | None = None) -> Command | None:
         """The last answer, in arrays of its own, by its code if that is known; None if it is none."""
         code, made = self._code if code is None else code, self._made
-        qdd, acted, slack = self.qdd.copy(), self.acted.copy(), self.slack.copy()
-        command = self._law.resolver.command(code, qdd, acted, made.labels, slack, int(self.count[0]))
+        slack, count = (self.slack.copy(), int(self.count[0])) if made.measures else (NO_SLACK, 0)
+        command = self._command(code, self.qdd.copy(), self.acted.copy(), made.labels, slack, count)
         if made.remark and command is not None:
             command.remark = made.remark
         return command

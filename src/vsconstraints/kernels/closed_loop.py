@@ -9,11 +9,12 @@ import numpy as np
 from ..rows import IntArray
 from . import samples
 from .compiler import IN_PLACE, compiled, in_place, know, numba
+from .laws import thaw as thaw_law
 from .layout import RELAXED_ROWS
 from .parts import address, ask, thaw_as
 from .samples import ALONE, LAW, STEP, Goals, Kept, Loop, PlantArrays, Running
 from .step import evaluate_step
-from .structures import DONE, Answer, LawArrays, RowArrays, TaskArrays
+from .structures import DONE, Answer, RowArrays, TaskArrays
 
 for function in (
     samples.put,
@@ -41,9 +42,8 @@ def _example() -> Loop:
 
 
 LOOP = numba.typeof(_example())
-LAW_ARRAYS = numba.typeof(LawArrays(1, 1, 1, 1, 1.0, *(np.zeros(1),) * 3, np.zeros((1, 1))))
 
-thaw, thaw_law = thaw_as(LOOP), thaw_as(LAW_ARRAYS)
+thaw = thaw_as(LOOP)
 
 EVALUATE = address(evaluate_step)
 """Where the function begins that evaluates a step."""

@@ -28,15 +28,15 @@ def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -
     int
         The code of :func:`vsconstraints.kernels.hierarchy.hierarchy`, or ``ASK``.
     """
-    if not valid(rows, task, answer) or answer.slack.size != rows.phi.size or answer.iterations.size == 0:
+    if not valid(law, rows, task, answer) or answer.slack.size != rows.phi.size or answer.iterations.size == 0:
         return ASK
     tolerance, bound, damping, filters = law.options[0], law.options[1], law.options[2], law.options[3] != 0.0
     m, n, qdd = rows.phi.size, answer.qdd.size, answer.qdd
     J, b = task.J, task.b
     if filters or law.tracks != 0:
         ask(law.tracking, (J, b, tolerance, qdd))
-    c, after = np.empty(m), np.empty(law.memory.shape)
-    if ask(law.demand, (law, rows, rates(law, rows, qdd), BOUND, after, c)):
+    c = law.asked
+    if ask(law.demand, (law, rows, rates(law, rows, qdd), BOUND, law.after, c)):
         return ASK
     if filters:
         J, b = np.eye(n), qdd.copy()
@@ -47,5 +47,5 @@ def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -
         return FAILED
     if not (checkable(rows.Lg, rows.switching_gain, qdd) and finite(answer.slack)):
         return ASK
-    remember(law, after)
+    remember(law)
     return code

@@ -21,7 +21,7 @@ to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not 
 
 _one, _two = np.zeros(1), np.zeros((1, 1))
 
-LAW = numba.typeof(LawArrays(1, 1, 1, 1, 1.0, _one, _one, _one, _two))
+LAW = numba.typeof(LawArrays(1, 1, 1, 1, 1.0, _one, _one, _one, _two, _one, _two, _one))
 ROWS = numba.typeof(RowArrays(_one, _two, *(_one,) * 6))
 TASK = numba.typeof(TaskArrays(_two, _one, _one, _one))
 ANSWER = numba.typeof(Answer(_one, np.zeros(1, dtype=np.bool_), _one, np.zeros(1, dtype=np.int64)))

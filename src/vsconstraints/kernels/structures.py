@@ -169,6 +169,8 @@ class LawArrays(NamedTuple):
         (m,) of the rows' violations, or (0,) where all are 1.
     memory
         (m, f) what the demand remembers of each row, or (0, 0).
+    asked, after, tracked
+        Scratch: (m,) what rows ask for, what is to be remembered, and (m,) L_gφ q̈ of tracking alone.
     """
 
     resolver: int
@@ -180,6 +182,9 @@ class LawArrays(NamedTuple):
     parameters: Array
     weights: Array
     memory: Array
+    asked: Array
+    after: Array
+    tracked: Array
 
 
 class Step(NamedTuple):

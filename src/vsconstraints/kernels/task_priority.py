@@ -18,11 +18,18 @@ from .structures import Answer, LawArrays, RowArrays, TaskArrays
 
 
 @inner
-def valid(rows: RowArrays, task: TaskArrays, answer: Answer) -> bool:
+def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> bool:
     """Whether :func:`vsconstraints.rows.check` has nothing to say, squares are in range, and outputs fit."""
     phi, Lf, gain, scale = rows.phi, rows.Lf, rows.switching_gain, rows.scale
-    m, n = phi.size, answer.qdd.size
-    if rows.Lg.shape[0] != m or Lf.size != m or gain.size != m or scale.size != m or answer.acted.size != m:
+    m, n = law.asked.size, answer.qdd.size
+    if (
+        phi.size != m
+        or rows.Lg.shape[0] != m
+        or Lf.size != m
+        or gain.size != m
+        or scale.size != m
+        or answer.acted.size != m
+    ):
         return False
     if n <= 0 or task.J.shape[1] != n or rows.Lg.shape[1] != n or task.b.size != task.J.shape[0]:
         return False
@@ -36,7 +43,7 @@ def valid(rows: RowArrays, task: TaskArrays, answer: Answer) -> bool:
 @inner
 def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
     """L_gφ q̈ (m,) if the law's demand depends on it, or (0,)."""
-    tracked = np.empty(rows.phi.size if law.tracks else 0)
+    tracked = law.tracked[: rows.phi.size if law.tracks else 0]
     for i in range(tracked.size):
         total = 0.0
         for j in range(qdd.size):
@@ -46,11 +53,11 @@ def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
 
 
 @inner
-def remember(law: LawArrays, after: Array) -> None:
+def remember(law: LawArrays) -> None:
     """Keep what the demand gave back."""
-    for i in range(after.shape[0]):
-        for j in range(after.shape[1]):
-            law.memory[i, j] = after[i, j]
+    for i in range(law.after.shape[0]):
+        for j in range(law.after.shape[1]):
+            law.memory[i, j] = law.after[i, j]
 
 
 @inner
@@ -93,7 +100,7 @@ def priority(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) 
         ``DONE``, or ``ASK`` where rows with φ ≥ 0 have lost full row rank, where input is refused, and where numbers
         leave the range.
     """
-    if not valid(rows, task, answer):
+    if not valid(law, rows, task, answer):
         return ASK
     tolerance, qdd, acted, J, b = law.options[0], answer.qdd, answer.acted, task.J, task.b
     phi, Lg, scale = rows.phi, rows.Lg, rows.scale
@@ -104,8 +111,8 @@ def priority(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) 
     tracked = law.tracks != 0 or J.shape[0] >= n
     if tracked:
         _, F, S, least = resolve(A[:0], J, b, tolerance, qdd)
-    c, after = np.empty(m), np.empty(law.memory.shape)
-    if ask(law.demand, (law, rows, rates(law, rows, qdd), EQUAL, after, c)):
+    c = law.asked
+    if ask(law.demand, (law, rows, rates(law, rows, qdd), EQUAL, law.after, c)):
         return ASK
     for i in range(m):
         acted[i] = c[i] != math.inf
@@ -120,7 +127,7 @@ def priority(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) 
             return ASK
     if not checkable(Lg, rows.switching_gain, qdd):
         return ASK
-    remember(law, after)
+    remember(law)
     return DONE
 
 
@@ -144,13 +151,13 @@ def additive(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) 
     int
         ``DONE``, or ``ASK`` where input is refused, and where numbers leave the range.
     """
-    if not valid(rows, task, answer):
+    if not valid(law, rows, task, answer):
         return ASK
     qdd, acted, Lg = answer.qdd, answer.acted, rows.Lg
     m, n = rows.phi.size, qdd.size
     ask(law.tracking, (task.J, task.b, law.options[0], qdd))
-    push, after = np.empty(m), np.empty(law.memory.shape)
-    if ask(law.demand, (law, rows, rates(law, rows, qdd), PUSH, after, push)):
+    push = law.asked
+    if ask(law.demand, (law, rows, rates(law, rows, qdd), PUSH, law.after, push)):
         return ASK
     for i in range(m):
         acted[i] = push[i] != math.inf
@@ -162,5 +169,5 @@ def additive(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) 
                 qdd[j] += share * Lg[i, j]
     if not checkable(Lg, rows.switching_gain, qdd):
         return ASK
-    remember(law, after)
+    remember(law)
     return DONE
