@@ -212,38 +212,36 @@ class ControlStep:
             law = controller.bind(step.now.rows, step.now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
         if step is None or law is None:
             return in_two
-        kernels, packed = load("from_state"), step.packed
+        kernels, packed, measure = load("from_state"), step.packed, step.measure
         both = partial(entry(kernels.command), packed.address, law.address, *law.outputs)
-        refused, measure, answer = kernels.REFUSED, step.measure, law.command
-        constraints, out, unknown = self.constraints, step.out, np.full(packed.size.M, np.nan)
+        refused, answer, copied = kernels.REFUSED, law.command, step.out.copy
+        constraints, unknown = self.constraints, np.full(packed.size.M, np.nan)
 
-        def in_one(
-            t: float,
-            q: Array,
-            qd: Array,
-            pixels: Array | None = None,
-            depth: Array | None = None,
-            taken: float | None = None,
-            camera: Pose | None = None,
-        ) -> tuple[Evaluation, Command]:
+        def taken_over(
+            t: float, pixels: Any = None, depth: Any = None, taken: float | None = None, camera: Pose | None = None
+        ) -> bool:
+            """Whether the next step takes what is measured; if not, it is asked for, and looked at, in Python."""
+            if pixels is None or camera is not None:
+                return False
+            Z, at = unknown if depth is None else depth, t if taken is None else taken
+            plain = pixels.dtype is FLOAT and Z.dtype is FLOAT and pixels.ndim == 2 and Z.ndim == 1
+            return plain and not measure(pixels, Z, at + 0.0, t + 0.0)
+
+        def in_one(t: float, q: Array, qd: Array, **measured: Any) -> tuple[Evaluation, Command]:
+            code = refused
             try:
                 # the compiled functions take type and dimension for granted, look at the rest by themselves, and would
                 # make a number of a string
-                plain = q.dtype is FLOAT and qd.dtype is FLOAT and q.ndim == 1 and qd.ndim == 1 and camera is None
-                if pixels is not None and plain:
-                    Z, at = unknown if depth is None else depth, t if taken is None else taken
-                    plain = pixels.dtype is FLOAT and Z.dtype is FLOAT and pixels.ndim == 2 and Z.ndim == 1
-                    plain = plain and not measure(pixels, Z, at + 0.0, t + 0.0)
-                elif depth is not None or taken is not None:
-                    plain = False
-                code = both(t + 0.0, q, qd) if plain else refused
-                if code == refused:
-                    return in_two(t, q, qd, pixels=pixels, depth=depth, taken=taken, camera=camera)
+                plain = q.dtype is FLOAT and qd.dtype is FLOAT and q.ndim == 1 and qd.ndim == 1
+                if plain and (not measured or taken_over(t, **measured)):
+                    code = both(t + 0.0, q, qd)
             except (AttributeError, TypeError):
                 # not arrays
-                return in_two(t, q, qd, pixels=pixels, depth=depth, taken=taken, camera=camera)
-            evaluation, command = CompiledEvaluation(packed, constraints, out.copy()), answer(code)
-            return evaluation, command or controller.command(evaluation.rows, evaluation.task)
+                pass
+            if code == refused:
+                return in_two(t, q, qd, **measured)
+            evaluation = CompiledEvaluation(packed, constraints, copied())
+            return evaluation, answer(code) or controller.command(evaluation.rows, evaluation.task)
 
         # only a law that is bound has options that were read beforehand
         self._options, self._to_command = dict(vars(controller)), in_one

@@ -130,7 +130,8 @@ OUTPUTS = "float64[::1], boolean[::1], float64[::1], int64[::1]"
 
 @compiled(
     f"int64(int64, int64, float64[::1], float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, float64[:, ::1], "
-    f"float64[::1], {OUTPUTS})"
+    f"float64[::1], {OUTPUTS})",
+    IN_PLACE,
 )
 def follow(
     law: int,
@@ -158,7 +159,8 @@ def follow(
 
 @compiled(
     f"int64(int64, int64, float64[::1], float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, {CONSTANT}, {CONSTANT}, "
-    f"{CONSTANT}, float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, {OUTPUTS})"
+    f"{CONSTANT}, float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, {OUTPUTS})",
+    IN_PLACE,
 )
 def follow_whole(
     law: int,
