@@ -9,7 +9,6 @@ import numpy as np
 
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller, PotentialField, SlidingMode
-from vsconstraints.kernels import load
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
@@ -119,13 +118,9 @@ def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
     qdd, acted = np.empty(n), np.empty(m, dtype=np.bool_)
     labels = rows.labels
     subjects: dict[str, Callable[[], object]] = {}
-    packed, compiler, step = control._packed, load("compiler"), load("step")
-    if packed is not None:
-        # what numba does with the arguments depends on their types and on its options: both are those of the step
-        nothing = compiler.numba.njit(f"int64{step.ARGUMENTS}", **compiler.IN_PLACE)(_nothing)
-        out = np.empty(packed.size)
-        subjects["compiled function of rows and task"] = lambda: step.evaluate_step(*packed.arguments, out, t, q, qd)
-        subjects["an empty function with the same arguments"] = lambda: nothing(*packed.arguments, out, t, q, qd)
+    bound_step = control.bound()
+    if bound_step is not None:
+        subjects["compiled function of rows and task"] = lambda: bound_step.evaluate(t, q, qd)
         bound = law.bind(rows, task, acted, qdd)
         if bound is not None:
             subjects["compiled function of the sliding mode"] = bound.solve
@@ -143,23 +138,3 @@ def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
         part.keep(name, times[name])
         lines.append([name, median_p99_max(times[name]), ratios(times[name]), digits(times[name].spread)])
     return Table([f"part ({m} rows, {n} joints)", "µs: median / p99 / max", "ratio", "p99/median"], lines)
-
-
-def _nothing(
-    integers: Array,
-    floats: Array,
-    memory: Array,
-    R: Array,
-    motion: Array,
-    matrices: Array,
-    vectors: Array,
-    jacobians: Array,
-    seen: Array,
-    points: Array,
-    rates: Array,
-    out: Array,
-    t: float,
-    q: Array,
-    qd: Array,
-) -> int:
-    return 0

@@ -484,7 +484,9 @@ def test_a_slip_in_the_rotation_vectors_rate_is_noticed(monkeypatch) -> None:
     # the sign of the middle term of L_θu for ω in the fixed frame: the slip that eq. (44) invites
     right = vsconstraints.features.rotation_vector_rate
     monkeypatch.setattr(
-        vsconstraints.features, "rotation_vector_rate", lambda w, omega: tuple(L.T for L in right(w, omega))
+        vsconstraints.features,
+        "rotation_vector_rate",
+        lambda w, omega: tuple(np.array(part).T for part in right(w, omega)),
     )
     with pytest.raises(AssertionError, match="J_s"):
         check_feature("ur5", FEATURES["camera-pose"]())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import pkgutil
 import re
 import runpy
@@ -80,8 +81,7 @@ def test_the_reference_has_every_module() -> None:
         for name in names.split()
     }
     modules = {f"vsconstraints.{module.name}" for module in pkgutil.iter_modules(vsconstraints.__path__)}
-    # suites.md tells of the command line, errors.md of old words
-    assert modules - named == {"vsconstraints.cli", "vsconstraints.listing", "vsconstraints.renamed"}
+    assert modules - named == {"vsconstraints.cli", "vsconstraints.listing"}  # suites.md tells of the command line
     assert named <= modules
 
 
@@ -100,10 +100,11 @@ def test_result_files_are_described_whole() -> None:
 def test_suite_keys_are_described_whole() -> None:
     asked = set()
     for name in ("suite", "variants"):
-        code = (ROOT / f"src/vsconstraints/comparisons/{name}.py").read_text(encoding="utf-8")
-        asked |= set(re.findall(r'(?:section|top)\.take\(\s*"(\w+)"', code))
+        code = ast.parse((ROOT / f"src/vsconstraints/comparisons/{name}.py").read_text(encoding="utf-8"))
+        keys = [part for part in code.body if isinstance(part, ast.ClassDef) and "Keys of" in ast.get_docstring(part)]
+        asked |= {line.target.id for part in keys for line in part.body if isinstance(line, ast.AnnAssign)}
     text = _first_cells((DOCS / "suites.md").read_text(encoding="utf-8"))
-    assert set(re.findall(r"`(\w+)`", text)) == asked - {"type"}  # that of a controller's table is told in the text
+    assert set(re.findall(r"`(\w+)`", text)) == asked
 
 
 def _first_cells(text: str) -> str:

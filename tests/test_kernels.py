@@ -419,7 +419,7 @@ def test_a_compiled_file_that_was_cut_short_is_made_again(tmp_path, cut):
             [sys.executable, "-W", "error", "-c", code], env=environment, capture_output=True, text=True, timeout=120
         )
         assert done.returncode == 0, done.stderr
-        (file,) = tmp_path.rglob(f"hold.advance-*.{cut}")
+        (file,) = tmp_path.rglob(f"polylines.search-*.{cut}")
         assert file.stat().st_size > 100
         os.truncate(file, 40)
 

@@ -43,14 +43,13 @@ class CompiledLaw:
         ``follow`` or, if more than usual is used, ``follow_whole`` of :mod:`vsconstraints.kernels.laws`.
     """
 
-    __slots__ = ("_buffer", "address", "arrays", "function", "labels", "measures", "remark", "whole")
+    __slots__ = ("_frozen", "address", "arrays", "function", "labels", "measures", "remark", "whole")
 
     def __init__(self, arrays: LawArrays, labels: tuple[str, ...], remark: str, measures: bool, whole: bool) -> None:
-        laws, parts = load("laws"), load("parts")
+        laws = load("laws")
         self.arrays, self.labels, self.remark, self.measures, self.whole = arrays, labels, remark, measures, whole
-        self._buffer = np.zeros(parts.BYTES, np.uint8)
-        laws.write_addresses(arrays, self._buffer)
-        self.address = self._buffer.ctypes.data
+        self._frozen = load("structures").frozen(arrays)
+        self.address = int(self._frozen.ctypes.data)
         self.function = laws.follow_whole if whole else laws.follow
 
     def arguments(self, rows: Rows, task: Task) -> tuple[Any, ...]:

@@ -14,7 +14,7 @@ from ..formulas.row import Row, asked_for
 from ..rows import Array, BoolArray, IntArray
 from .compiler import IN_PLACE, compiled, in_place, numba
 from .linear import ASK
-from .parts import INT, VOID, ask, make_part, store, tell_refused, thaw_as
+from .parts import INT, ask, make_part, tell_refused, thaw_as
 from .structures import Answer, LawArrays, RowArrays, TaskArrays
 
 to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not typed
@@ -114,12 +114,6 @@ def fits(x: Array, size: int) -> bool:
     for i in range(x.size):
         wrong |= not abs(x[i]) < math.inf
     return not wrong
-
-
-@compiled(VOID(LAW, numba.types.uint8[::1]), IN_PLACE)
-def write_addresses(law: LawArrays, buffer: Array) -> None:
-    """Write where the arrays of a law are to a buffer of :data:`.BYTES`; its address is then that of the law."""
-    store(law, buffer)
 
 
 CONSTANT = "Array(float64, 1, 'C', readonly=True)"

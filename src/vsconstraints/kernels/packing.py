@@ -17,9 +17,7 @@ from ..rows import Array
 from ..scene import Scene
 from ..tracking import TrackingGains, VisualTask
 from .constraint_parts import NotCompiled, Parts, demand, write_motion
-from .parts import BYTES
-from .structures import Size, Step
-from .thawed import write_addresses
+from .structures import Size, Step, frozen
 from .visual_task import CAMERA_POSE, IMAGE_POINTS
 
 SHARES = {"current": 0.0, "desired": 1.0, "mean": 0.5}
@@ -74,9 +72,8 @@ class Packed:
         self.others = parts.others
         shapes = self.size.outputs
         self.parts = {name: (where, shapes[name]) for name, where in self.size.where().items()}
-        self._buffer = np.zeros(BYTES, dtype=np.uint8)
-        write_addresses(self.step, self._buffer)
-        self.address = int(self._buffer.ctypes.data)
+        self._frozen = frozen(self.step)
+        self.address = int(self._frozen.ctypes.data)
         self.reset()
 
     @property

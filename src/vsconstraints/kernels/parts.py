@@ -16,9 +16,6 @@ from .compiler import IN_PLACE, compiled, numba
 
 VOID, INT = numba.types.void, numba.types.int64
 
-BYTES = 1 << 14
-"""So many are enough for a structure of some two hundred arrays."""
-
 
 def address(function: Any) -> int:
     """Where a compiled function of one signature begins; it stays there as long as the function is kept."""
@@ -138,27 +135,8 @@ def tell_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Excepti
     )
 
 
-def _store(typing_context: Any, structure: Any, buffer: Any) -> Any:
-    """Write where the arrays of a structure are to a buffer of :data:`BYTES` (uint8); returns their number of bytes.
-
-    The arrays are not copied. They, and the buffer, must live as long as its address is used.
-    """
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        kind = context.get_value_type(structure)
-        begin = context.make_array(buffer)(context, builder, values[1]).data
-        builder.store(values[0], builder.bitcast(begin, kind.as_pointer()))
-        return context.get_constant(INT, context.get_abi_sizeof(kind))
-
-    return INT(structure, buffer), generate
-
-
-store = numba.extending.intrinsic(_store)
-"""For compiled code, see :func:`_store`."""
-
-
 def thaw_as(structure: Any) -> Any:
-    """A function for compiled code that gives back the structure of that type which :func:`store` has put there."""
+    """A function for compiled code that gives back the structure of that type which :func:`.frozen` has put there."""
 
     def thaw(typing_context: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
