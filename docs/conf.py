@@ -48,7 +48,9 @@ other_packages = (
     "abc",
     "coal",
     "collections",
+    "inspect",
     "matplotlib",
+    "msgspec",
     "multiprocessing",
     "np",
     "numpy",
@@ -70,4 +72,8 @@ nitpick_ignore = [
     ("py:class", "tuple[int | None"),
     ("py:class", "vsconstraints.plugins.Base"),  # type variables
     ("py:class", "vsconstraints.runs.pool.Key"),
+    ("py:class", "vsconstraints.formulas.F"),
+    ("py:class", "vsconstraints.renamed.Made"),
+    ("py:class", "vsconstraints.scenarios.reading.Made"),
+    ("py:class", "LawArrays"),  # of vsconstraints.kernels, as above
 ]

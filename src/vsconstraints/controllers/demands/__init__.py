@@ -1,4 +1,7 @@
-"""Demands: what rows ask of the acceleration, L_gφ q̈ ≤ c. One half of a law; :mod:`..resolvers` are the other."""
+"""Demands: what rows ask of the acceleration, L_gφ q̈ ≤ c.
+
+One half of a law; :mod:`vsconstraints.controllers.resolvers` are the other.
+"""
 
 from .barrier import Barrier
 from .base import USES, Demand

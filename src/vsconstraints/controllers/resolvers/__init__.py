@@ -1,4 +1,7 @@
-"""Resolvers: ways to share q̈ among demands and task. One half of a law; :mod:`..demands` are the other."""
+"""Resolvers: ways to share q̈ among demands and task.
+
+One half of a law; :mod:`vsconstraints.controllers.demands` are the other.
+"""
 
 from .additive import Additive
 from .base import Resolver
