@@ -8,7 +8,7 @@ from time import perf_counter_ns
 import numpy as np
 
 from vsconstraints.control_step import ControlStep
-from vsconstraints.controllers import Controller, PotentialField, SlidingMode
+from vsconstraints.controllers import Controller, PotentialField, SlidingMode, Tracking
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
@@ -21,7 +21,8 @@ from .timing import UNIT, Array, Subject, Times, compare, in_turn
 TEXT = """
 The same samples of the case study, state in, command out, in several forms taken in turn. *NumPy form* is the
 definition, which runs where there is no compiler (`VSCONSTRAINTS_COMPILE=0`). *Appendix B* is the paper's algorithm in
-plain NumPy with two pseudoinverses (`benchmarks/appendix_b.py`).
+plain NumPy with two pseudoinverses (`benchmarks/appendix_b.py`). Some milliseconds of NumPy lie between two calls of a
+compiled form, which finds the processor's caches empty: it takes longer here than among its equals above.
 
 The second table shows where the time goes: parts of one step, at one sample of the case study with three rows made
 active.
@@ -112,7 +113,7 @@ def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
     rows, task, (t, q, qd) = three_active(setup, run)
     control, both = (ControlStep(setup.scene, setup.constraints, setup.task) for _ in range(2))
     to_command = ControlStep(setup.scene, setup.constraints, setup.task).bind(SlidingMode())
-    law, hierarchy, field = SlidingMode(), hierarchical_qp("auto"), PotentialField()
+    law, hierarchy, field, tracking = SlidingMode(), hierarchical_qp("auto"), PotentialField(), Tracking()
     m, n = len(rows.labels), task.J.shape[1]
     phi, Lg, Lf, gain, scale, J, b = rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b
     qdd, acted = np.empty(n), np.empty(m, dtype=np.bool_)
@@ -129,6 +130,7 @@ def _where(part: Part, setup: Setup, run: Trajectory, effort: Effort) -> Table:
     subjects["ControlStep.evaluate"] = lambda: control.evaluate(t, q, qd)
     subjects["SlidingMode.command"] = lambda: law.command(rows, task)
     subjects["PotentialField.command"] = lambda: field.command(rows, task)
+    subjects["Tracking.command"] = lambda: tracking.command(rows, task)
     subjects["HierarchicalQP.command"] = lambda: hierarchy.command(rows, task)
     subjects["making Rows and Task"] = lambda: (Rows(phi, Lg, Lf, gain, labels, scale), Task(J, b))
     subjects["making a Command"] = lambda: Command(qdd, "ok", acted, labels)

@@ -17,10 +17,10 @@ from .timing import UNIT, Subject, Times, in_turn
 TEXT = """
 State in, command out, along the controller's own run of the scenario, at samples evenly spread over it, so that rows
 act where they act in the run. *rows* is `ControlStep.evaluate` (kinematics, features, rows and task), *command* is
-`controller.command` of these, *total* is the function of `ControlStep.bind`, which does both in one: with arrays of its
-own, and in a turn of its own. Times are median / p99 / max in µs; *ratio* is the total's median / p99 / max in units,
-measured in turn with it; *first* is the first total in µs, with the making of the `ControlStep`, in a process that has
-its code loaded. Of long runs, the first 60 s.
+`controller.command` of these, with the making of `Rows` and `Task`, *total* is the function of `ControlStep.bind`,
+which does both compiled in one, in a turn of its own. Times are median / p99 / max in µs; *ratio* is the total's median
+/ p99 / max in units, measured in turn with it; *first* is the first total in µs, with the making of the `ControlStep`,
+in a process that has its code loaded. Of long runs, the first 60 s.
 """
 
 
@@ -44,8 +44,7 @@ class Walk:
         """Whether rows and task are computed by the compiled step."""
         if self.control.not_compiled:
             return f"NumPy: {self.control.not_compiled}"
-        packed = self.control._packed
-        others = sorted({constraint.kind for constraint, _, _ in packed.others}) if packed else []
+        others = sorted({constraint.kind for constraint in self.control.in_numpy})
         return f"compiled, but {', '.join(others)}" if others else "compiled"
 
     def in_two(self, turn: int) -> tuple[float, float]:
