@@ -9,11 +9,15 @@ import numpy as np
 import pinocchio as pin
 
 from ..constraints import Body, link_bodies
+from ..errors import ConfigurationError
 from ..rows import Array
 from ..scene import Scene
 
 THIN = 1e-6
 """Radius of a line of sight [m]."""
+
+GLANCES = 100
+"""How often in a run lines of sight are checked."""
 
 
 class LinesOfSight:
@@ -61,3 +65,19 @@ class LinesOfSight:
                 if coal.distance(line, middle, solid, there, coal.DistanceRequest(), coal.DistanceResult()) <= 0.0:
                     return body.name
         return ""
+
+
+def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
+    """Which markers the robot's own links hide at times t (N,) [s] and q (N, n), in :data:`GLANCES` after the first."""
+    try:
+        lines = LinesOfSight(scene)
+    except ConfigurationError:
+        # said at the start
+        return []
+    first: dict[tuple[int, str], float] = {}
+    for k in np.unique(np.linspace(1, len(t) - 1, GLANCES).astype(int)) if len(t) > 1 else ():
+        for hidden in lines.hidden(q[k], float(t[k])):
+            first.setdefault(hidden, float(t[k]))
+    return [
+        f"marker {number} is hidden by {link}, first seen at {since:.3g} s" for (number, link), since in first.items()
+    ]

@@ -12,7 +12,7 @@ from ..controllers import Controller, Tracking
 from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
-from ..errors import ConfigurationError, SceneError, described
+from ..errors import SceneError, described
 from ..evaluation import CompiledEvaluation
 from ..kernels import load
 from ..kernels.samples import ALONE, LAW, MOVE, STEP, Loop, finish
@@ -20,7 +20,7 @@ from ..kernels.structures import frozen
 from ..rows import Rows, Task
 from .arrays import blank_step, make_loop
 from .between import between_clearance
-from .line_of_sight import LinesOfSight
+from .line_of_sight import hidden_markers
 from .outcome import judge
 from .scores import RunScores
 from .setup import Setup
@@ -28,9 +28,6 @@ from .trajectory import Trajectory
 
 CHUNK = 512
 """Samples that compiled code takes at once: in between, signals are heard."""
-
-GLANCES = 100
-"""How often in a run lines of sight are checked."""
 
 
 def simulate(setup: Setup, controller: Controller, *, by_public_call: bool = False) -> Trajectory:
@@ -62,7 +59,7 @@ def simulate(setup: Setup, controller: Controller, *, by_public_call: bool = Fal
     run = _Run(setup, controller, whole=True, by_public_call=by_public_call)
     run.to_the_end()
     trajectory = run.trajectory()
-    remarks += _hidden(setup, trajectory) + run.remarks()
+    remarks += hidden_markers(setup.scene, trajectory.t, trajectory.q) + run.remarks()
     return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *remarks))))
 
 
@@ -107,7 +104,7 @@ class _Run:
         self.samples = self.fallbacks = self.unfounded = 0
         self.ended, self.reason, self.compiled = "", "", False
         self.kernels, self.address = load("closed_loop"), 0
-        self._bind(by_public_call)
+        self._begin(self._compiled_loop(by_public_call) or self._numpy_loop())
 
     def to_the_end(self) -> None:
         """Run all samples, or until something ends it."""
@@ -124,26 +121,22 @@ class _Run:
         except Exception as error:  # own constraints and laws may raise anything; what was simulated is kept
             self._end("failed", described(error))
 
-        if not hasattr(self, "loop"):
-            # not one sample
-            self._begin_in_numpy(0)
-
     def _end(self, status: str, reason: str) -> None:
         self.ended, self.reason = status, f"t = {self.samples * self.setup.Ts:.4g} s: {reason}"
 
-    def _bind(self, by_public_call: bool) -> None:
-        """Let compiled code do what it can."""
+    def _compiled_loop(self, by_public_call: bool) -> Loop | None:
+        """A loop in which compiled code does what it can; None where the step has no compiled form."""
         setup, self.bound = self.setup, None
         if setup.disturbances.sensing or self.gradient_error.any:
             # what is measured wrongly has no compiled form
-            return
+            return None
         # what is kept is what is true; where no motion is unknown, that is what controllers are told
         self.world = self.control
         if self.sensor.disturbed:
             self.world = ControlStep(setup.scene, setup.constraints, setup.task, known=True)
         self.bound, true = self.control.bound(), self.world.bound()
         if self.bound is None or true is None or self.kernels is None:
-            return
+            return None
         believed = self.bound.packed
         loop = make_loop(setup, self.plant, believed.step, true.packed.step, self.whole)
         loop.parts[:3] = self.kernels.EVALUATE, believed.address, true.packed.address
@@ -157,7 +150,7 @@ class _Run:
         if law is not None and not by_public_call:
             loop.parts[3] = self._laws[1].ctypes.data
             loop = loop._replace(answer=loop.answer._replace(slack=law.slack))
-        self._begin(loop)
+        return loop
 
     def _begin(self, loop: Loop) -> None:
         self.loop = loop
@@ -165,9 +158,10 @@ class _Run:
             self._frozen = frozen(loop)
             self.address = int(self._frozen.ctypes.data)
 
-    def _begin_in_numpy(self, features: int) -> None:
+    def _numpy_loop(self, features: int = 0) -> Loop:
+        """A loop of which Python does all but the robot; how many features there are, the first sample tells."""
         blank = blank_step(self.setup, features)
-        self._begin(make_loop(self.setup, self.plant, blank, blank, self.whole))
+        return make_loop(self.setup, self.plant, blank, blank, self.whole)
 
     def _go_on(self, end: int, stage: int) -> tuple[int, int]:
         """The sample and its stage that Python has to be asked for; ``end`` if there is none before."""
@@ -183,13 +177,12 @@ class _Run:
         """Do what compiled code asks for; returns the stage with which it goes on."""
         if stage == STEP:
             rows, task = self._evaluate(k)
+            # before the law is asked, which may use its rows as it likes
+            self.loop.alone[:] = self.baseline.command(Rows.none(self.plant.x.shape[1]), task).qdd
         else:
             assert self.bound is not None
             step = CompiledEvaluation(self.bound.packed, self.setup.constraints, self.bound.out.copy())
             rows, task = step.rows, step.task
-        if stage == STEP:
-            # before the law is asked, which may use its rows as it likes
-            self.loop.alone[:] = self.baseline.command(Rows.none(self.plant.x.shape[1]), task).qdd
         self._ask_law(k, rows, task)
         return ALONE if stage == LAW else MOVE
 
@@ -207,19 +200,19 @@ class _Run:
             step = self.control.evaluate(t, q, qd)
         rows = self.gradient_error(step.rows, qd)
         ready = perf_counter()
-        true, sigma, seen = step.rows, step.sigma, step
+        true, sigma = step.rows, step.sigma
         if self.sensor.disturbed:
             true, sigma = setup.constraints.rows(state)
-        if not hasattr(self, "loop"):
-            self._begin_in_numpy(len(step.error))
+        if k == 0 and len(step.error) != len(self.loop.task.error):
+            self._begin(self._numpy_loop(len(step.error)))
         loop = self.loop
         loop.true.phi[:], loop.true.Lg[:], loop.true.sigma[:], loop.task.error[:] = true.phi, true.Lg, sigma, step.error
         if self.sensor.disturbed:
             loop.pixels[:], loop.points[:] = state.pixels.position, state.robot.points
             loop.camera_R[:], loop.camera_t[:] = state.camera.R, state.camera.t
         else:
-            loop.pixels[:], loop.points[:] = seen.pixels, seen.points
-            loop.camera_R[:], loop.camera_t[:] = seen.camera_R, seen.camera_t
+            loop.pixels[:], loop.points[:] = step.pixels, step.points
+            loop.camera_R[:], loop.camera_t[:] = step.camera_R, step.camera_t
         loop.kept.rows_time[k % len(loop.kept.rows_time)] = ready - started
         return rows, step.task
 
@@ -292,17 +285,3 @@ def loses_rank(rows: Rows) -> bool:
     """Whether L_gφ of the rows with φ ≥ 0 has lost full row rank (section 5.2), whatever the rows' units."""
     reached = rows.phi >= 0.0
     return bool(dependent_rows(unit_rows(rows, rows.phi, reached)[0], RANK_TOLERANCE).shape[1])
-
-
-def _hidden(setup: Setup, trajectory: Trajectory) -> list[str]:
-    """Which markers the robot's own links hide during a run, in :data:`GLANCES` samples after the first."""
-    try:
-        lines = LinesOfSight(setup.scene)
-    except ConfigurationError:
-        # said at the start
-        return []
-    first: dict[tuple[int, str], float] = {}
-    for k in np.unique(np.linspace(1, len(trajectory.t) - 1, GLANCES).astype(int)) if len(trajectory.t) > 1 else ():
-        for hidden in lines.hidden(trajectory.q[k], float(trajectory.t[k])):
-            first.setdefault(hidden, float(trajectory.t[k]))
-    return [f"marker {number} is hidden by {link}, first seen at {t:.3g} s" for (number, link), t in first.items()]
