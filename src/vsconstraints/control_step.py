@@ -13,8 +13,7 @@ from .constraints import Constraint, ConstraintSet, RowBlock
 from .errors import InvalidInput, SceneError
 from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
 from .geometry import Pose
-from .kernels import load
-from .kernels.entry import entry
+from .kernels import entry, load
 from .measurement import Measurement
 from .renamed import renamed
 from .rows import Array, BoolArray, Command

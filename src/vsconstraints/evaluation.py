@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
-from .kernels.entry import entry
+from .kernels import entry
 from .rows import Array, Rows, Task
 
 if TYPE_CHECKING:

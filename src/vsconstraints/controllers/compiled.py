@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..kernels import load
-from ..kernels.entry import entry
+from ..kernels import entry, load
 from ..rows import ARRAYS, Array, BoolArray, Command, IntArray, Rows, Task
 from .demands import Demand
 from .resolvers import Resolver

@@ -10,11 +10,10 @@ from ..rows import IntArray
 from . import samples
 from .compiler import IN_PLACE, compiled, in_place, know, numba
 from .laws import thaw as thaw_law
-from .layout import RELAXED_ROWS
 from .parts import address, ask, thaw_as
 from .samples import ALONE, LAW, STEP, Goals, Kept, Loop, PlantArrays, Running
 from .step import evaluate_step
-from .structures import DONE, Answer, RowArrays, TaskArrays
+from .structures import DONE, RELAXED_ROWS, Answer, RowArrays, TaskArrays
 
 for function in (
     samples.put,

@@ -8,11 +8,9 @@ from ..formulas.row import BOUND
 from .compiler import compiled
 from .hierarchy import Demands, Priorities, Resolved, hierarchy
 from .laws import RESOLVER
-from .layout import RELAXED_ROWS, RELAXED_SHORT, SHORT  # noqa: F401 - codes of its answers
-from .least_distance import FAILED
-from .linear import ASK, DONE, finite  # noqa: F401
+from .linear import finite
 from .parts import ask
-from .structures import Answer, LawArrays, RowArrays, TaskArrays
+from .structures import ASK, FAILED, Answer, LawArrays, RowArrays, TaskArrays
 from .task_priority import checkable, rates, remember, valid
 
 

@@ -17,8 +17,7 @@ import numpy as np
 from ..qp.lexicographic import DEPENDENT, MET, PULLING, ZERO_GRADIENT
 from ..rows import Array, BoolArray
 from .compiler import inner
-from .layout import RELAXED_ROWS, RELAXED_SHORT, SHORT
-from .least_distance import FAILED, KINDS, MULTIPLIER, POINT, SIDE, nearest
+from .least_distance import KINDS, MULTIPLIER, POINT, SIDE, nearest
 from .least_residual import cut, least_residual
 from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import least_violation
@@ -35,7 +34,8 @@ from .levels import (
     settle,
     with_room,
 )
-from .linear import DONE, ONE, S_ROWS, START, apply, constant, copy, dot
+from .linear import ONE, S_ROWS, START, apply, constant, copy, dot
+from .structures import DONE, FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT
 
 HARD, RELAXING, STRICT_TASK = constant(0), constant(1), constant(2)
 """Stages: all rows; the points that violate least; level 2 by itself."""

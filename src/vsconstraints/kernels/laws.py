@@ -13,9 +13,8 @@ import numpy as np
 from ..formulas.row import Row, asked_for
 from ..rows import Array, BoolArray, IntArray
 from .compiler import IN_PLACE, compiled, in_place, numba
-from .linear import ASK
 from .parts import INT, ask, make_part, tell_refused, thaw_as
-from .structures import Answer, LawArrays, RowArrays, TaskArrays
+from .structures import ASK, Answer, LawArrays, RowArrays, TaskArrays
 
 to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not typed
 

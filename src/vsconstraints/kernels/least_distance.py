@@ -9,7 +9,6 @@ import numpy as np
 from ..rows import Array
 from .compiler import inner
 from .linear import (
-    DONE,
     S_ROWS,
     START,
     add,
@@ -22,12 +21,7 @@ from .linear import (
     solve_lower,
     solve_upper,
 )
-
-FAILED = 2
-"""No answer that passes the check."""
-
-INCOMPATIBLE = 3
-"""The rows contradict each other."""
+from .structures import DONE, FAILED, INCOMPATIBLE
 
 EXCEEDED = 1e-12
 """A row exceeded by less than this fraction of its terms is met."""
@@ -37,7 +31,6 @@ DEPENDENT = 1e-11
 
 OPTIMAL = 1e-9
 """Largest error in the optimality conditions, relative to the size of the answer."""
-
 
 NONE = constant(-1)
 """No row."""

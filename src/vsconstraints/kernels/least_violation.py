@@ -9,9 +9,9 @@ import numpy as np
 from ..qp.least_violation import CONVERGED, RANK, ROUNDING
 from ..rows import Array, BoolArray
 from .compiler import inner
-from .least_distance import FAILED
 from .least_squares import WELL, pseudoinverse
-from .linear import DONE, ONE, START, dot
+from .linear import ONE, START, dot
+from .structures import DONE, FAILED
 
 
 @inner

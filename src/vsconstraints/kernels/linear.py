@@ -26,12 +26,6 @@ START, ONE, WORK, S_ROWS = constant(0), constant(1), constant(2), constant(3)
 LARGE = 1e280
 """Squares beyond this are for the definition."""
 
-DONE = 0
-"""The outputs hold the answer."""
-
-ASK = 1
-"""Not for this function: ask the definition."""
-
 
 @inner
 def finite(x: Array) -> bool:

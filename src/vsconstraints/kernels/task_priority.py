@@ -12,9 +12,9 @@ from ..rows import ROUNDING, Array, BoolArray
 from .compiler import compiled, inner, numba
 from .laws import MATRIX, RESOLVER, VECTOR
 from .least_squares import bring, resolve
-from .linear import ASK, DONE, START, dot, finite, in_range
+from .linear import START, dot, finite, in_range
 from .parts import INT, ask
-from .structures import Answer, LawArrays, RowArrays, TaskArrays
+from .structures import ASK, DONE, Answer, LawArrays, RowArrays, TaskArrays
 
 
 @inner

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import ConfigurationError, InvalidInput, SolverError, shown
 from ...formulas.row import BOUND
-from ...kernels.layout import RELAXED_ROWS, RELAXED_SHORT, SHORT
+from ...kernels.structures import DONE, RELAXED_ROWS, RELAXED_SHORT, SHORT
 from ...qp import Cost, SolverChain, lexicographic
 from ...qp.lexicographic import MET, ZERO_GRADIENT
 from ...rows import Array, BoolArray, Command, Rows, Task
@@ -32,7 +32,7 @@ COMPILED = "compiled"
 HEAVIEST = 1e10
 """Largest weight of a row, and the inverse of the least: those without one have 1."""
 
-ANSWERS = {0: (False, False), RELAXED_ROWS: (True, False), SHORT: (False, True), RELAXED_SHORT: (True, True)}
+ANSWERS = {DONE: (False, False), RELAXED_ROWS: (True, False), SHORT: (False, True), RELAXED_SHORT: (True, True)}
 """Codes of answers: whether demands are unmet, and whether levels 2 and 3 may be."""
 
 UNPROVED = "rounding does not allow to prove that the task and the accelerations are the least that the rows allow"
