@@ -12,7 +12,7 @@ from . import formula
 @formula
 def power(x: Any, n: float) -> Any:
     """Power xⁿ, x ≥ 0 and n a number: by products for small whole n."""
-    count = int(n) if 0.0 <= n <= 64.0 else -1
+    count = int(n) if 0.0 <= n <= 64.0 else 0
     if count != n:
         return x**n
     result = x**0.0
