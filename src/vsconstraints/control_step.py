@@ -212,7 +212,7 @@ class ControlStep:
         if step is None or law is None:
             return in_two
         kernels, packed, measure = load("from_state"), step.packed, step.measure
-        both = partial(entry(kernels.command), packed.address, law.address, *law.outputs)
+        both = partial(entry(kernels.command), packed.address, law.address, law.answer)
         refused, answer, copied = kernels.REFUSED, law.command, step.out.copy
         constraints, unknown = self.constraints, np.full(packed.size.M, np.nan)
 

@@ -134,17 +134,25 @@ class BoundLaw:
         ``command`` has to be asked.
     arrays
         The law as compiled loops take it, with ``slack`` (m,) or (0,) and ``count`` (1,) of iterations.
+    answer
+        Where compiled code finds what it writes: see :class:`vsconstraints.kernels.structures.Answer`.
     """
 
-    __slots__ = ("_code", "_command", "_function", "_law", "_made", "acted", "arrays", "count", "qdd", "slack", "solve")
+    __slots__ = (
+        "_code", "_command", "_frozen", "_function", "_law", "_made", "acted", "answer", "arrays", "count", "qdd",
+        "slack", "solve",
+    )  # fmt: skip
 
     def __init__(self, law: Law, made: CompiledLaw, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> None:
         self._law, self._made, self.arrays, self._command = law, made, made.arrays, law.resolver.command
         self.acted, self.qdd, self._code = acted, qdd, 0
         self.slack = np.empty(len(made.labels)) if made.measures else NO_SLACK
         self.count: IntArray = np.zeros(1, COUNT)
-        given = made.arguments(rows, task)
-        self._function = partial(entry(made.function), *given, qdd, acted, self.slack, self.count)
+        structures = load("structures")
+        answer = structures.Answer(qdd, acted, self.slack, self.count)
+        self._frozen = structures.frozen(answer)
+        self.answer = int(self._frozen.ctypes.data)
+        self._function = partial(entry(made.function), *made.arguments(rows, task), *answer)
         self.solve: Callable[[], int] = self._solve if made.measures else self._function
 
     def _solve(self) -> int:
@@ -155,11 +163,6 @@ class BoundLaw:
     def address(self) -> int:
         """Where compiled code finds the law."""
         return self._made.address
-
-    @property
-    def outputs(self) -> tuple[Array, BoolArray, Array, IntArray]:
-        """What it writes: see :class:`vsconstraints.kernels.structures.Answer`."""
-        return self.qdd, self.acted, self.slack, self.count
 
     def command(self, code: int | None = None) -> Command | None:
         """The last answer, in arrays of its own, by its code if that is known; None if it is none."""

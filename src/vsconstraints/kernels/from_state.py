@@ -2,37 +2,26 @@
 
 from __future__ import annotations
 
-from ..rows import Array, BoolArray, IntArray
+from ..rows import Array
 from .compiler import IN_PLACE, compiled
-from .laws import OUTPUTS
 from .laws import thaw as thaw_law
+from .laws import thaw_answer
 from .parts import ask
 from .step import evaluate_step
-from .structures import Answer
 from .thawed import thaw
 
 REFUSED = -1
 """The step cannot be evaluated: the definition says why."""
 
 
-@compiled(f"int64(int64, int64, {OUTPUTS}, float64, float64[::1], float64[::1])", IN_PLACE)
-def command(
-    step: int,
-    law: int,
-    qdd: Array,
-    acted: BoolArray,
-    slack: Array,
-    iterations: IntArray,
-    t: float,
-    q: Array,
-    qd: Array,
-) -> int:
+@compiled("int64(int64, int64, int64, float64, float64[::1], float64[::1])", IN_PLACE)
+def command(step: int, law: int, answer: int, t: float, q: Array, qd: Array) -> int:
     """Evaluate a step at time t [s], q and q̇ (n,), and carry out a law; returns the law's code, or ``REFUSED``.
 
-    The outputs are those of :class:`.Answer`.
+    What it writes is the :class:`.Answer` at that address.
     """
     if evaluate_step(step, t, q, qd):
         return REFUSED
     now, arrays = thaw(step), thaw_law(law)
-    code: int = ask(arrays.resolver, (arrays, now.rows, now.task, Answer(qdd, acted, slack, iterations)))
+    code: int = ask(arrays.resolver, (arrays, now.rows, now.task, thaw_answer(answer)))
     return code

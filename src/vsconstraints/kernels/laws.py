@@ -32,8 +32,8 @@ RESOLVER = INT(LAW, ROWS, TASK, ANSWER)
 DEMAND = INT(LAW, ROWS, VECTOR, INT, MATRIX, VECTOR)
 """Signature of a demand: see :func:`demand_part`."""
 
-thaw = thaw_as(LAW)
-"""For compiled code: the law at an address."""
+thaw, thaw_answer = thaw_as(LAW), thaw_as(ANSWER)
+"""For compiled code: the law at an address, and the answer at one."""
 
 
 @in_place
