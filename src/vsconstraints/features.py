@@ -126,10 +126,12 @@ class CameraPose(Feature):
         E, e, w = pose_error(wanted.R, wanted.t, camera.R, camera.t, near, previous is not None)
         v, omega, drift = state.camera_twist[:3], state.camera_twist[3:], state.camera_drift
         w_dot, L, L_dot = rotation_vector_rate(w, omega)
-        rate, bend, w_ddot = pose_rates(E, L, L_dot, v, omega, drift[:3], drift[3:])
+        t_dot, t_ddot, w_ddot = pose_rates(E, L, L_dot, v, omega, drift[:3], drift[3:])
         J: Array = np.concatenate((turned(E, state.camera_J[:3]), turned(L, state.camera_J[3:])))
-        velocity = np.array((*rate, *w_dot))
-        return FeatureMotion(np.array((*e, *w)), J, velocity, np.array((*bend, *w_ddot)), velocity - J @ state.robot.qd)
+        velocity = np.array((*t_dot, *w_dot))
+        return FeatureMotion(
+            np.array((*e, *w)), J, velocity, np.array((*t_ddot, *w_ddot)), velocity - J @ state.robot.qd
+        )
 
 
 class ImagePoints(Feature):

@@ -1,4 +1,8 @@
-"""Where a robot is and how it moves: evaluated on Pinocchio for one configuration at a time."""
+"""Where a robot is and how it moves: evaluated on Pinocchio for one configuration at a time.
+
+This and :mod:`vsconstraints.kernels.kinematics`, which does the same for compiled code, are a pair:
+``test_every_robot_and_constraint_in_every_world`` in ``tests/test_control_step.py`` holds it together.
+"""
 
 from __future__ import annotations
 

@@ -225,8 +225,8 @@ class Scene:
         turning: Array = np.zeros(3)
         away: Array = np.zeros(3)
         if motion is not None:
-            rate, bend = motion.translation.rates(t)
-            velocity, acceleration = minus(velocity, rate), minus(acceleration, bend)
+            d_dot, d_ddot = motion.translation.rates(t)
+            velocity, acceleration = minus(velocity, d_dot), minus(acceleration, d_ddot)
             turning, away = motion.angular_velocity, tip.t + r - motion.centre - motion.translation.displacement(t)
         parts = relative_twist(velocity, acceleration, omega, tip.R @ drift[3:], turning, away)
         moving = (1.0 if fixed is None else -1.0) * (np.array(parts) @ R)

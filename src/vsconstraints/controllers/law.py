@@ -145,9 +145,9 @@ class Law(Controller):
             row = Row(
                 phi=rows.phi,
                 Lf=rows.Lf,
-                sigma=known(rows.sigma),
-                sigma_dot=known(rows.sigma_dot),
-                K=known(rows.K),
+                sigma=given(rows.sigma),
+                sigma_dot=given(rows.sigma_dot),
+                K=given(rows.K),
                 switching_gain=rows.switching_gain,
                 scale=rows.scale,
                 tracked=tracked,
@@ -234,6 +234,6 @@ class Law(Controller):
         return None if law is None else BoundLaw(self, law, rows, task, acted, qdd)
 
 
-def known(array: Array) -> Array | float:
+def given(array: Array) -> Array | float:
     """The array, or NaN where nothing is given."""
     return array if len(array) else math.nan

@@ -17,6 +17,10 @@ def resolve(A1: Array, b1: Array, A2: Array, b2: Array, rank_tolerance: float) -
     pure rounding. The rank of A₁ is therefore decided on A₁; the null space is spanned by an orthonormal basis Z; and
     A₂Z is cut relative to the largest singular value of A₂.
 
+    This and :func:`vsconstraints.kernels.least_squares.resolve` are a pair: here singular values by LAPACK, there
+    reflections, which compiled code can do on its own arrays. ``test_every_law_answers_alike_in_both_forms`` in
+    ``tests/test_laws.py`` holds it together.
+
     Parameters
     ----------
     A1, b1

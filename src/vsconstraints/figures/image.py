@@ -24,8 +24,8 @@ BOUNDARY: dict[str, Any] = {"color": INK, "linewidth": 0.9}
 MOMENTS = 5
 """How often a boundary that moves is drawn."""
 
-LOOKS = 200
-"""How often it is looked at to find when it is in the image."""
+INSTANTS = 200
+"""At how many instants it is asked whether it is in the image."""
 
 GRID_STEP = 2.0
 """Of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is exact."""
@@ -150,10 +150,10 @@ def _moments(
     moving: list[ImageConstraint], duration: float, size: tuple[float, float]
 ) -> tuple[tuple[float, list[Array]], ...]:
     """The moving boundaries at :data:`MOMENTS` instants from when the first is in the image to when the last is."""
-    every = np.linspace(0.0, duration, LOOKS)
+    every = np.linspace(0.0, duration, INSTANTS)
     lines = [(c.motion.displacement(every), line) for c in moving if c.motion for line in c.boundary(size, every)]
     half = 0.5 * np.asarray(size)
-    seen = np.array([any((np.abs(line + d[k]) < half).all(axis=1).any() for d, line in lines) for k in range(LOOKS)])
+    seen = np.array([any((np.abs(line + d[k]) < half).all(axis=1).any() for d, line in lines) for k in range(INSTANTS)])
     if not seen.any():
         return ()
     first, last = np.flatnonzero(seen)[[0, -1]]

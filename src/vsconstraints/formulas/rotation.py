@@ -117,24 +117,24 @@ def rotation_vector_rate(w: Any, omega: Any) -> tuple[Vector, Matrix, Matrix]:
     w_dot = turned(L, omega)
     along = dot(w, w_dot)
     c_dot = slope * along
-    bend, turn = (c_dot * w[0], c_dot * w[1], c_dot * w[2]), c_dot * theta2 + 2.0 * c * along
+    c_dot_w, turn = (c_dot * w[0], c_dot * w[1], c_dot * w[2]), c_dot * theta2 + 2.0 * c * along
     x, y, z = w[0], w[1], w[2]
     u, v, r = w_dot[0], w_dot[1], w_dot[2]
     outer_dot = (
         (
-            bend[0] * x + c * (u * x + x * u) - turn,
-            bend[0] * y + c * (u * y + x * v),
-            bend[0] * z + c * (u * z + x * r),
+            c_dot_w[0] * x + c * (u * x + x * u) - turn,
+            c_dot_w[0] * y + c * (u * y + x * v),
+            c_dot_w[0] * z + c * (u * z + x * r),
         ),
         (
-            bend[1] * x + c * (v * x + y * u),
-            bend[1] * y + c * (v * y + y * v) - turn,
-            bend[1] * z + c * (v * z + y * r),
+            c_dot_w[1] * x + c * (v * x + y * u),
+            c_dot_w[1] * y + c * (v * y + y * v) - turn,
+            c_dot_w[1] * z + c * (v * z + y * r),
         ),
         (
-            bend[2] * x + c * (r * x + z * u),
-            bend[2] * y + c * (r * y + z * v),
-            bend[2] * z + c * (r * z + z * r) - turn,
+            c_dot_w[2] * x + c * (r * x + z * u),
+            c_dot_w[2] * y + c * (r * y + z * v),
+            c_dot_w[2] * z + c * (r * z + z * r) - turn,
         ),
     )
     return w_dot, L, with_half_cross(outer_dot, w_dot)

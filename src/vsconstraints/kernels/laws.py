@@ -37,7 +37,7 @@ thaw, thaw_answer = thaw_as(LAW), thaw_as(ANSWER)
 
 
 @in_place
-def known(x: Array, i: int) -> float:
+def given(x: Array, i: int) -> float:
     """x[i], or NaN where nothing is given."""
     return x[i] if i < x.size else math.nan
 
@@ -59,12 +59,12 @@ def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: 
             row = Row(
                 rows.phi[i],
                 rows.Lf[i],
-                known(rows.sigma, i),
-                known(rows.sigma_dot, i),
-                known(rows.K, i),
+                given(rows.sigma, i),
+                given(rows.sigma_dot, i),
+                given(rows.K, i),
                 rows.switching_gain[i],
                 rows.scale[i],
-                known(tracked, i),
+                given(tracked, i),
                 math.sqrt(squared),
                 law.period,
                 law.memory[i],

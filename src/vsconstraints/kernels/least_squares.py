@@ -194,6 +194,9 @@ def pseudoinverse(
 def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> tuple[int, Array, Array, float]:
     """q̈ ← A₁†b₁ + (A₂(I − A₁†A₁))†(b₂ − A₂A₁†b₁), as :func:`vsconstraints.controllers.task_priority.resolve`.
 
+    The two are a pair: reflections here, singular values by LAPACK there. One contract test holds it together:
+    ``test_every_law_answers_alike_in_both_forms`` in ``tests/test_laws.py``.
+
     Parameters
     ----------
     A1

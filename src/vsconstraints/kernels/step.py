@@ -82,9 +82,9 @@ def move_camera(address: int, t: float) -> None:
     away, omega = origin, (0.0, 0.0, 0.0)
     if target.moves:
         known = 1.0 * target.known
-        moved, rate, bend = displaced(target.motion, t)
-        away, omega = minus(minus(origin, vector(target.centre)), moved), times(known, vector(target.angular_velocity))
-        velocity, acceleration = along_with(velocity, -known, rate), along_with(acceleration, -known, bend)
+        d, d_dot, d_ddot = displaced(target.motion, t)
+        away, omega = minus(minus(origin, vector(target.centre)), d), times(known, vector(target.angular_velocity))
+        velocity, acceleration = along_with(velocity, -known, d_dot), along_with(acceleration, -known, d_ddot)
     v, w, v_dot, w_dot = relative_twist(
         velocity, acceleration, vector(tip.angular_velocity), vector(tip.angular_acceleration), omega, away
     )

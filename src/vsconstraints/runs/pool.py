@@ -30,8 +30,8 @@ THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
 DIED = "the process that ran it died"
 
-LOOK = 1.0
-"""How often processes are looked after that say nothing [s]."""
+CHECK = 1.0
+"""How often processes that say nothing are checked [s]."""
 
 PATIENCE = 5.0
 """How long processes may take to end by themselves when there is nothing left to do [s]."""
@@ -152,9 +152,9 @@ class Pool(Generic[Answer]):
             )
 
     def _wait(self) -> None:
-        """Until a process says something, a call is overdue, or it is time to look whether one has died."""
-        nearest = min((worker.overdue_in() for worker in self._workers), default=LOOK)
-        wait([worker.connection for worker in self._workers], max(0.0, min(LOOK, nearest)))
+        """Until a process says something, a call is overdue, or it is time to check whether one has died."""
+        nearest = min((worker.overdue_in() for worker in self._workers), default=CHECK)
+        wait([worker.connection for worker in self._workers], max(0.0, min(CHECK, nearest)))
 
 
 def carry_out(
