@@ -13,7 +13,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from scenes import second_slope, slope
-from vsconstraints.formulas import curves, features, frames, image, motion, polylines, poses, rotation, row, vectors
+from vsconstraints.formulas import (
+    curves,
+    features,
+    frames,
+    image,
+    motion,
+    polylines,
+    poses,
+    regions,
+    rotation,
+    row,
+    vectors,
+)
 from vsconstraints.rows import Array
 
 RNG = np.random.default_rng(7)
@@ -225,26 +237,26 @@ def test_powers_are_pythons(n: float) -> None:
 
 
 BY_HAND = [
-    # name, (u, v), parameters: value, derivatives, and (u̇, v̇) H (u̇, v̇)ᵀ along (1, 2)
-    ("superellipse", (-1.0, 3.0), (2.0, 6.0, 4.0), -7 / 8, (-1 / 4, 1 / 12), 12 * (1 / 16 + 1 / 36)),
-    ("superellipse", (4.0, -3.0), (2.0, 6.0, 3.0), 8 + 1 / 8 - 1, (6.0, -1 / 8), 6 * (2 / 4 + 1 / 2 / 9)),
-    ("superellipse", (-4.0, 0.0), (2.0, 6.0, 3.0), 7.0, (-6.0, 0.0), 6 * 2 / 4),
+    # name, (u, v), parameters: value, derivatives, and (u̇, v̇) H (u̇, v̇)ᵀ along (3, 2)
+    ("superellipse", (-1.0, 3.0), (2.0, 6.0, 4.0), -7 / 8, (-1 / 4, 1 / 12), 3 * (9 / 4 + 1 / 9)),
+    ("superellipse", (4.0, -3.0), (2.0, 6.0, 3.0), 8 + 1 / 8 - 1, (6.0, -1 / 8), 6 * (2 * 9 / 4 + 1 / 2 / 9)),
+    ("superellipse", (-4.0, 0.0), (2.0, 6.0, 3.0), 7.0, (-6.0, 0.0), 6 * 2 * 9 / 4),
     ("superellipse", (0.0, -3.0), (2.0, 6.0, 3.0), -7 / 8, (0.0, -1 / 8), 6 / 2 / 9),
-    ("hyperellipse", (-1.0, 3.0), (2.0, 6.0, 4.0), 7 / 8, (1 / 4, -1 / 12), -12 * (1 / 16 + 1 / 36)),
-    ("circle", (-1.0, 3.0), (2.0,), -3 / 2, (1 / 2, -3 / 2), -5 / 2),
-    # d = v − u² = 1, and ∂d²/∂u = −4 u d; ḋ = −2 and d̈ = −2
-    ("bowl", (2.0, 5.0), (4.0, 3.0), -21 / 16, (-(36 - 8) / 16, -2 / 16), -(18 + 8 - 4) / 16),
-    # d = v − |u| = 3
-    ("heart", (-2.0, 5.0), (4.0, 3.0), -29 / 16, (-(-36 + 6) / 16, -6 / 16), -(18 + 18) / 16),
-    ("heart", (2.0, 5.0), (4.0, 3.0), -29 / 16, (-(36 - 6) / 16, -6 / 16), -(18 + 2) / 16),
-    ("heart", (0.0, 5.0), (4.0, 3.0), -9 / 16, (0.0, -10 / 16), -(18 + 8) / 16),
+    ("hyperellipse", (-1.0, 3.0), (2.0, 6.0, 4.0), 7 / 8, (1 / 4, -1 / 12), -3 * (9 / 4 + 1 / 9)),
+    ("circle", (-3.0, 2.0), (4.0,), 3 / 16, (6 / 16, -4 / 16), -26 / 16),
+    # d = v − u² = 3 and ∂d²/∂u = −4 u d; ḋ = 2 − 12 and d̈ = −18
+    ("bowl", (2.0, 7.0), (4.0, 3.0), -29 / 16, (-(36 - 24) / 16, -6 / 16), -2 * (81 + 100 - 54) / 16),
+    # d = v − |u| = 3, ḋ = 5, −1 and, where |u| is bent, 2
+    ("heart", (-2.0, 5.0), (4.0, 3.0), -29 / 16, (-(-36 + 6) / 16, -6 / 16), -2 * (81 + 25) / 16),
+    ("heart", (2.0, 5.0), (4.0, 3.0), -29 / 16, (-(36 - 6) / 16, -6 / 16), -2 * (81 + 1) / 16),
+    ("heart", (0.0, 5.0), (4.0, 3.0), -9 / 16, (0.0, -10 / 16), -2 * (81 + 4) / 16),
 ]
 
 
 @pytest.mark.parametrize(("name", "at", "parameters", "value", "slopes", "bend"), BY_HAND)
 def test_curves_by_hand(name: str, at: Any, parameters: Any, value: float, slopes: Any, bend: float) -> None:
     same(getattr(curves, name)(*at, *parameters), [value, *slopes])
-    same(getattr(curves, f"{name}_curvature")(*at, *parameters, 1.0, 2.0), bend)
+    same(getattr(curves, f"{name}_curvature")(*at, *parameters, 3.0, 2.0), bend)
 
 
 @pytest.mark.parametrize(
@@ -267,6 +279,32 @@ def test_differences_of_a_gradient(differences: Any, size: int, far: float) -> N
     ahead, behind = looked[:2]
     same(ahead - x, far * v / np.linalg.norm(v), rtol=1e-8)
     same(behind - x, -far * v / np.linalg.norm(v), rtol=1e-8)
+
+
+# --- regions ---
+
+
+def test_spheres_by_hand() -> None:
+    """At (2, −3, 6), 7 from the centre; along (1, 2, 2), of which 8/7 lead out."""
+    same(regions.sphere(2.0, -3.0, 6.0, 2.5), [-4.5, -2 / 7, 3 / 7, -6 / 7])
+    same(regions.sphere_curvature(2.0, -3.0, 6.0, 2.5, 1.0, 2.0, 2.0), -(9 - (8 / 7) ** 2) / 7)
+    # at the centre the way out is up, and the curvature that at 1e-9 m
+    assert np.array_equal(regions.sphere(0.0, 0.0, 0.0, 2.5), [2.5, 0.0, 0.0, -1.0])
+    same(regions.sphere_curvature(0.0, 0.0, 0.0, 2.5, 1.0, 2.0, 2.0), -9e9)
+    same(regions.sphere(0.0, 0.5, 0.0, 2.5), [2.0, 0.0, -1.0, 0.0])
+
+
+def test_what_is_exactly_beside_a_side_is_not_beyond_it() -> None:
+    """Along a side of a box, and of a cylinder, nothing bends: motions along x, y and z in turn."""
+    for at, along in (
+        ((1.0, 4.0, 0.5), (5.0, 7.0, 0.0)),
+        ((0.5, 2.0, 5.0), (0.0, 5.0, 7.0)),
+        ((3.0, 0.5, 3.0), (7.0, 0.0, 5.0)),
+    ):
+        assert regions.box_curvature(*at, 1.0, 2.0, 3.0, *along) == 0.0
+    assert regions.cylinder_curvature(4.0, 0.0, 3.0, 1.0, 3.0, 5.0, 0.0, 7.0) == 0.0
+    assert regions.cylinder_curvature(1.0, 0.0, 4.0, 1.0, 3.0, 5.0, 0.0, 7.0) == 0.0
+    same(regions.capsule_curvature(4.0, 0.0, 3.0, 1.0, 3.0, 5.0, 6.0, 7.0), -36 / 4)
 
 
 # --- polylines ---

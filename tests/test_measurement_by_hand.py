@@ -96,6 +96,8 @@ def test_what_is_checked_becomes_arrays() -> None:
     np.testing.assert_array_equal(some.pixels, [[1.0, 2.0], [np.nan, 3.0]])
     np.testing.assert_array_equal(some.depth, [np.nan, 1e-9])
     assert some.taken == T + 0.9e-9
+    # 1e-9 s itself is rounding
+    assert Measurement(taken=1e-9).checked(2, 0.0).taken == 1e-9
 
 
 BAD = {

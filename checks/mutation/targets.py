@@ -79,6 +79,7 @@ TESTS = (
     "tests/test_moving_claims_by_hand.py",
     "tests/test_reports.py",
     "tests/test_reproduction.py",
+    "tests/test_samples_by_hand.py",
     "tests/test_scene_claims_by_hand.py",
     "tests/test_scores_by_hand.py",
     "tests/test_simulation.py",
