@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -41,4 +40,3 @@ class BoundaryLayer(Field):
     formula = staticmethod(boundary_layer)
     uses: ClassVar[tuple[str, ...]] = ("tracked",)
     everywhere: ClassVar[bool] = True
-    ranges: ClassVar[Mapping[str, tuple[float, float]]] = Field.ranges

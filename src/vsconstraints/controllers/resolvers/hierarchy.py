@@ -44,17 +44,7 @@ IntArray = NDArray[np.intp]
 class Hierarchy(Resolver):
     """Strict priorities: (1) rows, (2) task, (3) least acceleration, as a lexicographic quadratic program.
 
-    With the demands A q̈ ≤ c of the rows, of all q̈ in the box |q̈| ≤ q̈_max (level 0, always met)
-
-    1. those with the least ‖W max(0, A q̈ − c)‖;
-    2. of these, those with the least ‖J q̈ − b‖;
-    3. of these, the one with the least ‖q̈‖.
-
-    Where no row resists, the command is that of :class:`~vsconstraints.controllers.Tracking`, bit by bit.
-    Where rows contradict each other the command has the status ``relaxed`` and says which demands are unmet
-    and by how much. Level 1 measures every demand in the unit of its φ per second: how rows of different
-    kinds share an unavoidable violation depends on these units; nothing is normalised silently, ``weights``
-    change it.
+    What the levels are: see :class:`vsconstraints.controllers.HierarchicalQP`.
 
     How it is computed: levels 2 and 3 are one strictly convex QP, min ½Σⱼ(gⱼ² + damping)vⱼ² in the
     coordinates v = Vᵀ(q̈ − J†b) of the singular vectors of J with relative gains g, with hard rows. Only if the hard
