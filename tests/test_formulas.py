@@ -285,13 +285,21 @@ def test_differences_of_a_gradient(differences: Any, size: int, far: float) -> N
 
 
 def test_spheres_by_hand() -> None:
-    """At (2, −3, 6), 7 from the centre; along (1, 2, 2), of which 8/7 lead out."""
+    """At (2, −3, 6), 7 from the centre; along (4, 2, −2), of which −10/7 lead out."""
     same(regions.sphere(2.0, -3.0, 6.0, 2.5), [-4.5, -2 / 7, 3 / 7, -6 / 7])
-    same(regions.sphere_curvature(2.0, -3.0, 6.0, 2.5, 1.0, 2.0, 2.0), -(9 - (8 / 7) ** 2) / 7)
+    same(regions.sphere_curvature(2.0, -3.0, 6.0, 2.5, 4.0, 2.0, -2.0), -(24 - (10 / 7) ** 2) / 7)
     # at the centre the way out is up, and the curvature that at 1e-9 m
     assert np.array_equal(regions.sphere(0.0, 0.0, 0.0, 2.5), [2.5, 0.0, 0.0, -1.0])
     same(regions.sphere_curvature(0.0, 0.0, 0.0, 2.5, 1.0, 2.0, 2.0), -9e9)
     same(regions.sphere(0.0, 0.5, 0.0, 2.5), [2.0, 0.0, -1.0, 0.0])
+
+
+def test_in_the_middle_the_way_out_of_a_box_leads_through_the_first_of_the_nearest_sides() -> None:
+    for half, out in (((1.0, 1.0, 1.0), (1.0, 0.0, 0.0)), ((2.0, 1.0, 1.0), (0.0, 1.0, 0.0)), ((2, 3, 1), (0, 0, 1))):
+        depth, *inwards = regions.box(0.0, 0.0, 0.0, *half)
+        assert depth == 1.0
+        assert np.array_equal(inwards, -np.array(out))
+    assert regions.half_space_curvature(1.0, 1.0, 1.0, 1.0, 1.0, 0.0) == 0.0
 
 
 def test_what_is_exactly_beside_a_side_is_not_beyond_it() -> None:
@@ -330,3 +338,31 @@ def test_distances_to_polylines_are_those_to_the_nearest_of_all_segments() -> No
         found, vertex = np.empty(len(points)), np.zeros(len(points), dtype=np.int64)
         polylines.search(points, polylines.prepared(lines), 2, vertex, found)
         same(found, np.minimum.reduce([nearest(points, line) for line in lines]), rtol=1e-10)
+
+
+def test_chords_are_those_of_blocks_of_vertices() -> None:
+    """Of two lines with 30 and 26 vertices: blocks of 24, the second across both lines, the last of 8."""
+    rng = np.random.default_rng(5)
+    lines = [rng.uniform(-9.0, 9.0, (30, 2)), rng.uniform(-9.0, 9.0, (26, 2))]
+    vertices, blocks, groups, spans, before, after, longest = polylines.prepared(lines)
+    same(vertices, np.concatenate(lines))
+    same(longest, max((np.diff(line, axis=0) ** 2).sum(axis=1).max() for line in lines) / 4.0)
+    assert before.tolist() == [0, *range(29), 30, *range(30, 55)]
+    assert after.tolist() == [*range(1, 30), 29, *range(31, 56), 55]
+    for chords, size in ((blocks, 24), (groups, 24**2), (spans, 24**3)):
+        assert len(chords) == -(-56 // size)
+        for i, chord in enumerate(chords):
+            block = vertices[i * size : (i + 1) * size]
+            first, last = block[0], block[-1]
+            far = nearest(block, np.array([first, last])).max()
+            same(chord, [*first, *(last - first), 1.0 / ((last - first) ** 2).sum(), far])
+
+
+@pytest.mark.parametrize(
+    ("at", "away"), [((6.5, 0.0), 5.0), ((-2.0, -3.0), 5.0), ((7.0, 9.0), 5.0), ((-1.5, 6.0), 5.0)]
+)
+def test_a_block_may_hold_what_is_within_the_bound_of_its_chord(at: tuple[float, float], away: float) -> None:
+    """The chord leads from (1, 1) by (3, 4), and its vertices are up to 0.5 beside it."""
+    chords = np.array([[9.0] * 6, [1.0, 1.0, 3.0, 4.0, 1.0 / 25.0, 0.5]])
+    assert polylines.may_hold(chords, 1, *at, away - 0.5 + 1e-6)
+    assert not polylines.may_hold(chords, 1, *at, away - 0.5 - 1e-6)
