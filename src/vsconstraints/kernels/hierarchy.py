@@ -186,7 +186,7 @@ def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, reso
             for j in range(n):
                 point[0, j] = qdd[j]
             with_room(walls, limits, point)
-            proved = least_residual(G, X, CENTER, E, walls, limits, point, held, cut(G, n, damping, tolerance))
+            proved = least_residual(G, X, E, walls, limits, point, held, cut(G, n, damping, tolerance))
             for j in range(n):
                 X[ORIGIN, j] = qdd[j] = min(max(point[0, j], -bound), bound)
                 X[OFFSET, j] = qdd[j] - X[CENTER, j]

@@ -12,6 +12,7 @@ from ..rows import Array, BoolArray
 from .compiler import inner
 from .least_distance import DEPENDENT
 from .least_squares import CERTAIN, orthogonalise, pseudoinverse
+from .levels import CENTER
 from .linear import ONE, S_ROWS, START, WORK, apply, apply_transposed, constant, dot, make_reflection, solve_upper
 
 ROW = constant(0)
@@ -36,7 +37,7 @@ def take(F: Array, T: Array, q: int, A: Array, i: int) -> int:
 
 @inner
 def least_residual(
-    G: Array, C: Array, center: int, E: Array, walls: Array, sides: Array, X: Array, active: BoolArray, tolerance: float
+    G: Array, C: Array, E: Array, walls: Array, sides: Array, X: Array, active: BoolArray, tolerance: float
 ) -> bool:
     """As :func:`vsconstraints.qp.least_residual.least_residual`, from the first row of X, which becomes the answer.
 
@@ -44,8 +45,8 @@ def least_residual(
     ----------
     G
         (k, n) or more columns: the task.
-    C, center
-        Its minimiser without rows is the row ``center`` of C.
+    C
+        Its minimiser without rows is the row ``CENTER`` of this.
     E
         (e, n) or more columns: what stays as it is.
     walls, sides
@@ -88,12 +89,12 @@ def least_residual(
         count = left
         # the step of least norm within the null space of the active rows, and the force of the task
         reach = (
-            REACHED * size * (math.sqrt(dot(X, ROW, X, ROW, START, n)) + math.sqrt(dot(C, center, C, center, START, n)))
+            REACHED * size * (math.sqrt(dot(X, ROW, X, ROW, START, n)) + math.sqrt(dot(C, CENTER, C, CENTER, START, n)))
         )
         for j in range(n):
             Y[ONE, j] = Y[WORK, j] = 0.0
         for i in range(k):
-            rest = dot(G, i, C, center, START, n) - dot(G, i, X, ROW, START, n)
+            rest = dot(G, i, C, CENTER, START, n) - dot(G, i, X, ROW, START, n)
             for j in range(n):
                 W[i, j] = G[i, j]
                 Y[WORK, j] += rest * G[i, j]
