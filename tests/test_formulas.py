@@ -299,6 +299,8 @@ def test_in_the_middle_the_way_out_of_a_box_leads_through_the_first_of_the_neare
         depth, *inwards = regions.box(0.0, 0.0, 0.0, *half)
         assert depth == 1.0
         assert np.array_equal(inwards, -np.array(out))
+    # out of a cylinder through its side, where its end is as near
+    assert regions.rectangle(0.5, -2.5, 1.0, 3.0) == (-0.5, 1.0, 0.0)
     assert regions.half_space_curvature(1.0, 1.0, 1.0, 1.0, 1.0, 0.0) == 0.0
 
 
