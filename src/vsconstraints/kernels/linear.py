@@ -12,7 +12,7 @@ from typing import cast
 import numpy as np
 
 from ..rows import Array
-from .compiler import inner
+from .compiler import in_place
 
 
 def constant(value: int) -> int:
@@ -27,7 +27,7 @@ LARGE = 1e280
 """Squares beyond this are for the definition."""
 
 
-@inner
+@in_place
 def finite(x: Array) -> bool:
     """Whether every number of a vector is finite."""
     wrong = 0
@@ -36,7 +36,7 @@ def finite(x: Array) -> bool:
     return wrong == 0
 
 
-@inner
+@in_place
 def in_range(X: Array) -> bool:
     """Whether every row of X is finite, and far from where squares leave the range of floating point, or zero."""
     wrong = 0
@@ -48,7 +48,7 @@ def in_range(X: Array) -> bool:
     return wrong == 0
 
 
-@inner
+@in_place
 def dot(X: Array, i: int, Y: Array, j: int, first: int, last: int) -> float:
     """Σ x y of the rows X[i] and Y[j], from entry ``first`` up to ``last``."""
     total = 0.0
@@ -57,21 +57,21 @@ def dot(X: Array, i: int, Y: Array, j: int, first: int, last: int) -> float:
     return total
 
 
-@inner
+@in_place
 def add(X: Array, i: int, scale: float, Y: Array, j: int, first: int, last: int) -> None:
     """X[i] ← X[i] + scale Y[j], from entry ``first`` up to ``last``."""
     for a in range(first, last):
         X[i, a] += scale * Y[j, a]
 
 
-@inner
+@in_place
 def copy(X: Array, i: int, Y: Array, j: int, last: int) -> None:
     """X[i] ← Y[j] up to entry ``last``."""
     for a in range(last):
         X[i, a] = Y[j, a]
 
 
-@inner
+@in_place
 def reflect(F: Array, S: Array, j: int, X: Array, row: int) -> None:
     """Reflect a row of X by the j-th reflection of :func:`factor`."""
     last = F.shape[1]
@@ -83,7 +83,7 @@ def reflect(F: Array, S: Array, j: int, X: Array, row: int) -> None:
         X[row, i] -= scale * F[j, i]
 
 
-@inner
+@in_place
 def make_reflection(F: Array, S: Array, j: int) -> None:
     """Turn F[j], which the reflections before have been applied to, into the j-th column of R and its reflection."""
     squared = 0.0
@@ -98,21 +98,21 @@ def make_reflection(F: Array, S: Array, j: int) -> None:
     S[1, j] = beta
 
 
-@inner
+@in_place
 def apply_transposed(F: Array, S: Array, c: int, X: Array, row: int) -> None:
     """Apply x ← Qᵀ x, Q being the first c reflections of :func:`factor` and x a row of X."""
     for j in range(c):
         reflect(F, S, j, X, row)
 
 
-@inner
+@in_place
 def apply(F: Array, S: Array, c: int, X: Array, row: int) -> None:
     """Apply x ← Q x, Q being the first c reflections of :func:`factor` and x a row of X."""
     for j in range(c - 1, -1, -1):
         reflect(F, S, j, X, row)
 
 
-@inner
+@in_place
 def solve_upper(F: Array, S: Array, c: int, X: Array, row: int) -> None:
     """Solve x ← R⁻¹ x for the first c columns of R of :func:`factor`, x being the beginning of a row of X."""
     for j in range(c - 1, -1, -1):
@@ -121,7 +121,7 @@ def solve_upper(F: Array, S: Array, c: int, X: Array, row: int) -> None:
             X[row, i] -= F[j, i] * X[row, j]
 
 
-@inner
+@in_place
 def solve_lower(F: Array, S: Array, c: int, X: Array, row: int) -> None:
     """Solve x ← R⁻ᵀ x for the first c columns of R of :func:`factor`, x being the beginning of a row of X."""
     for j in range(c):
@@ -131,7 +131,7 @@ def solve_lower(F: Array, S: Array, c: int, X: Array, row: int) -> None:
         X[row, j] = total * S[0, j]
 
 
-@inner
+@in_place
 def factor(F: Array, S: Array) -> float:
     """Householder QR in place of the (r, c) matrix whose columns are the rows of F (c, r), c ≤ r.
 

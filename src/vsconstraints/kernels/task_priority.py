@@ -9,7 +9,7 @@ import numpy as np
 from ..formulas.row import EQUAL, PUSH
 from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import ROUNDING, Array, BoolArray
-from .compiler import compiled, inner, numba
+from .compiler import compiled, in_place, inner, numba
 from .laws import MATRIX, RESOLVER, VECTOR
 from .least_squares import bring, resolve
 from .linear import START, dot, finite, in_range
@@ -17,7 +17,7 @@ from .parts import INT, ask
 from .structures import ASK, DONE, Answer, LawArrays, RowArrays, TaskArrays
 
 
-@inner
+@in_place
 def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> bool:
     """Whether :func:`vsconstraints.rows.check` has nothing to say, squares are in range, and outputs fit."""
     phi, Lf, gain, scale = rows.phi, rows.Lf, rows.switching_gain, rows.scale
@@ -52,7 +52,7 @@ def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
     return tracked
 
 
-@inner
+@in_place
 def remember(law: LawArrays) -> None:
     """Keep what the demand gave back."""
     for i in range(law.after.shape[0]):
@@ -60,7 +60,7 @@ def remember(law: LawArrays) -> None:
             law.memory[i, j] = law.after[i, j]
 
 
-@inner
+@in_place
 def checkable(Lg: Array, gain: Array, qdd: Array) -> bool:
     """Whether the accelerations are finite, and :func:`vsconstraints.rows.beyond_rounding` has nothing to say."""
     n = qdd.size
@@ -74,7 +74,7 @@ def checkable(Lg: Array, gain: Array, qdd: Array) -> bool:
     return wrong == 0 and size < math.inf
 
 
-@inner
+@in_place
 def gather(Lg: Array, demand: Array, scale: Array, phi: Array, acted: BoolArray, least: float, A: Array) -> int:
     """Copy the rows that act and have φ ≥ least, with their demands, divided by their lengths; their number."""
     n = Lg.shape[1]
