@@ -85,6 +85,12 @@ def test_the_cotangents_coefficient_is_its_sum_of_partial_fractions(theta: float
     same(found[1], (4.0 / (poles - theta**2) ** 2).sum(), rtol=1e-9)
 
 
+def test_whole_turns_are_kept_as_often_as_they_were_made() -> None:
+    axis = a / np.linalg.norm(a)
+    for turns in (1, 2, 3):
+        same(rotation.rotation_vector(np.eye(3), (2.0 * np.pi * turns + 0.1) * axis, True), 2.0 * np.pi * turns * axis)
+
+
 # --- motion ---
 
 
