@@ -25,7 +25,7 @@ from vsconstraints.simulation import Trajectory, simulate
 NOT_RUN: dict[tuple[str, str], str] = {
     (
         "checks.md",
-        "python -m checks.mutation                        # every mutant: about an hour on two cores",
+        "python -m checks.mutation                        # every mutant: some hours on two cores",
     ): "takes an hour; `.ci/run` runs a sample",
 }
 """Blocks of the language ``text``, which cannot be run, by page and first line, and why they cannot."""
