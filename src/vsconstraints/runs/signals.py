@@ -46,6 +46,13 @@ def exit_code(number: int) -> int:
     return 128 + number
 
 
+class _Held:
+    """Signals that are held: how often, and which one waits (0 if none)."""
+
+    depth = 0
+    waiting = 0
+
+
 def obey_signals() -> None:
     """From now on each of :data:`SIGNALS` raises :class:`Stopped` in the main thread; those ignored stay ignored."""
     terminals = [stream.fileno() for stream in (sys.stdout, sys.stderr) if stream.isatty()]
@@ -57,7 +64,10 @@ def obey_signals() -> None:
             _forget(terminals)
         if time.monotonic() - obeyed >= SAME_REQUEST:
             obeyed = time.monotonic()
-            raise Stopped(number)
+            if not _Held.depth:
+                raise Stopped(number)
+            # the mask is that of one thread: another one, such as that of a progress bar, has let it through
+            _Held.waiting = number
 
     for number in SIGNALS:
         # `nohup`, and shells that start something in the background, ignore some on purpose
@@ -69,10 +79,15 @@ def obey_signals() -> None:
 def signals_held() -> Iterator[None]:
     """What arrives meanwhile is delivered at the end; a process that is started inherits that it is held."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    _Held.depth += 1
     try:
         yield
     finally:
+        _Held.depth -= 1
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        waiting, _Held.waiting = _Held.waiting, 0
+        if waiting:
+            raise Stopped(waiting)
 
 
 def _forget(terminals: list[int]) -> None:
