@@ -13,12 +13,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from vsconstraints.comparisons import RunRecord, Suite
 from vsconstraints.figures import Figure, Sheet, decades, line, logarithmic, looks, plain, shortened
 from vsconstraints.figures.decimate import extremes, window_means, zigzag
 from vsconstraints.figures.image import Plane
 from vsconstraints.figures.sheet import DPI, FOOT
 from vsconstraints.figures.style import OWN_COLOURS
+from vsconstraints.reports.figures.tracks import draw_tracks
+from vsconstraints.reports.figures.view import View
 from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
 
 
 def grid() -> Sheet:
@@ -143,3 +147,17 @@ def test_a_moving_boundary_is_drawn_while_it_is_in_the_image() -> None:
     for _, lines in moving:
         assert any((np.abs(line) < 0.5 * size).all(axis=1).any() for line in lines)
     assert Plane.of(Scenario.load("example-2d-fov").setup()).moving == ()
+
+
+@pytest.mark.parametrize("name", ["panda-fov", "case-study-6r"])
+def test_a_legend_beside_tracks_covers_no_panel_and_no_label(name, tmp_path):
+    """Of a wide image and of a square one: the last place of the grid is free."""
+    setup = Scenario.load(name).setup()
+    runs = {law.name: RunRecord.of(setup, simulate(setup, law.make()), "") for law in Suite.load().controllers}
+    sheet = draw_tracks(View(setup, runs, tuple(runs), phi_rows=setup.constraints.labels))
+    sheet.save(tmp_path / "tracks.png")
+    (legend,) = sheet.figure.legends
+    assert len(legend.get_texts()) >= 8  # long enough to need care
+    placed = legend.get_window_extent()
+    for ax in sheet.figure.axes:
+        assert not placed.overlaps(ax.get_tightbbox()), ax.get_title(loc="left")

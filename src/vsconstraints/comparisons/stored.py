@@ -9,7 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ..errors import ConfigurationError, shown
+from ..controllers import CONTROLLERS, make_controller
+from ..errors import ConfigurationError, VsconstraintsError, shown
 from ..scenarios import SHIPPED, Scenario
 from ..scenarios.reading import Table, checked, demand_table, made, parameters
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
@@ -103,8 +104,19 @@ def _manifest(path: Path) -> dict[str, Any]:
         tables = _part(_StoredScenario, scenario, f"{where}.scenarios.{name}").tables
         checked(tables.get("constraints", []), Sequence[Table], f"{where}.scenarios.{name}.tables", "constraints")
     for name, controller in configuration.controllers.items():
-        demand_table(controller, f"{where}.controllers.{name}")
+        _known_options(name, demand_table(controller, f"{where}.controllers.{name}"), f"{where}.controllers.{name}")
     return dict(manifest)
+
+
+def _known_options(name: str, controller: Table, where: str) -> None:
+    """Raise ConfigurationError if a registered law cannot be made with these options; own laws may be elsewhere."""
+    kind = controller.get("type", name)
+    if kind not in CONTROLLERS:
+        return
+    try:
+        make_controller(kind, {key: value for key, value in controller.items() if key != "type"})
+    except VsconstraintsError as error:
+        raise ConfigurationError(f"{where}: {error}") from error
 
 
 def _part(kind: type[Part], value: object, where: str) -> Part:

@@ -46,10 +46,11 @@ def draw_tracks(view: View) -> Sheet | None:
         view.title(ax, name)
         ax.set_title(view.runs[name].trajectory.status, loc="right", color=FAINT, fontsize=8, pad=4)
     # a legend stands in a free place of the grid, or below it
-    taken, needed = (len(names) - 1) % COLUMNS + 1, 0.21 * len(entries)
-    if taken < COLUMNS and height > needed:
+    taken, needed, room = (len(names) - 1) % COLUMNS + 1, 0.21 * len(entries), TITLE + height
+    if taken < COLUMNS and room > needed:
+        # above that place are the numbers and the label of a panel
         left = LEFT + taken * (width + GAP) + 0.2
-        sheet.legend(entries, 1, (left, sheet.at - 0.45 - 0.5 * (height + needed)), labelspacing=0.7)
+        sheet.legend(entries, 1, (left, sheet.at - 0.5 * (room + needed)), labelspacing=0.7)
     else:
         sheet.legend(entries)
     return sheet
