@@ -23,10 +23,11 @@ from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.figures import Figure
-from vsconstraints.reports import drawing, scenario_section, write_report
+from vsconstraints.figures import Figure, looks
+from vsconstraints.reports import drawing, groups, scenario_section, write_report
 from vsconstraints.reports.best import Cell, comparable, marked
 from vsconstraints.reports.figures import FIGURES
+from vsconstraints.reports.groups import MOST, grouped
 from vsconstraints.reports.markdown import code, plain, table
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.results import Results
@@ -590,6 +591,102 @@ def test_a_line_in_the_table_is_enough_for_a_figure(copy: Path, monkeypatch: pyt
     assert "![example-2d-fov: mine](figures/example-2d-fov--mine.png)\n\n*What is mine.*" in text
     assert "- **Mine** is read like this." in text
     assert (copy / "figures" / "example-2d-fov--mine.png").exists()
+
+
+MANY = {
+    "tracking": {},
+    **{f"field-{k}": {"type": "potential-field"} for k in range(9)},
+    "barrier": {"type": "hierarchical-qp"},
+    "mine": {"type": "elsewhere:Mine"},
+    "active": {"type": "hierarchical-qp", "rows": "active"},
+}
+
+
+def test_many_laws_stand_together_by_what_they_use() -> None:
+    found = {group.suffix: group.controllers for group in grouped(MANY)}
+    fields = [f"field-{k}" for k in range(9)]
+    assert found == {
+        "--plain-1": ("tracking", *fields[:5]),
+        "--plain-2": ("tracking", *fields[5:], "active"),
+        "--drift": ("tracking", "barrier"),
+        "--own": ("tracking", "mine"),
+    }
+    (only,) = grouped(dict(list(MANY.items())[: MOST + 1]))
+    assert only.controllers == ("tracking", *fields[:MOST])
+    assert only.title == only.suffix == ""
+
+
+@pytest.mark.parametrize(
+    ("used", "suffix"),
+    [
+        ((), "--plain"),
+        (("σ", "K"), "--plain"),
+        (("T_s", "σ"), "--period"),
+        (("L_fφ", "T_s"), "--drift"),
+        (("T_s", "memory"), "--memory"),
+        (("model", "memory"), "--model"),
+        (None, "--own"),
+    ],
+)
+def test_a_law_stands_by_the_last_that_it_uses(monkeypatch: pytest.MonkeyPatch, used: Any, suffix: str) -> None:
+    monkeypatch.setattr(groups, "uses", lambda name, entry: used if name == "it" else ("L_fφ",))
+    found = grouped({name: {} for name in ("a", "b", "c", "d", "e", "f", "g", "it")} | {"tracking": {}, "h": {}})
+    (own,) = (group for group in found if "it" in group.controllers)
+    assert own.suffix.removesuffix("-1").removesuffix("-2") == suffix
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.sampled_from(["sliding-mode", "hierarchical-qp", "own:Law"]), max_size=40))
+def test_groups_are_small_and_their_colours_differ(kinds: list[str]) -> None:
+    entries = {"tracking": {}} | {f"{kind}-{k}": {"type": kind} for k, kind in enumerate(kinds)}
+    found = grouped(entries)
+    assert sorted(name for group in found for name in group.controllers[1:]) == sorted(list(entries)[1:])
+    for group in found:
+        assert group.controllers[0] == "tracking"
+        assert len(group.controllers) <= MOST + 1
+        assert len({look.colour for look in looks(group.controllers).values()}) == len(group.controllers)
+
+
+def test_a_report_of_many_laws_has_figures_and_tables_of_few(copy: Path) -> None:
+    manifest = json.loads((copy / "manifest.json").read_text(encoding="utf-8"))
+    few = dict(manifest["configuration"]["controllers"])
+    stored = StoredComparison.load(copy)
+
+    def write(controllers: dict[str, Any], lines: Any, rows: Any) -> str:
+        manifest["configuration"]["controllers"] = controllers
+        (copy / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+        write_table(copy / "results.csv", RESULT_COLUMNS, lines)
+        write_table(copy / "constraints.csv", CONSTRAINT_COLUMNS, rows)
+        return write_report(copy).read_text(encoding="utf-8")
+
+    def like(lines: list[dict[str, Any]], name: str) -> list[dict[str, Any]]:
+        source = "tracking" if name == "tracking" else "sliding-mode"
+        return [{**line, "controller": name} for line in lines if line["controller"] == source]
+
+    for name in list(MANY)[1:]:
+        source = run_file(copy, "example-2d-fov", "sliding-mode", 0)
+        shutil.copy(source, run_file(copy, "example-2d-fov", name, 0))
+    lines = [line for name in MANY for line in like(stored.results, name)]
+    rows = [line for name in MANY for line in like(stored.constraints, name)]
+    text = write(MANY, lines, rows)
+    suffixes = [group.suffix for group in grouped(MANY)]
+    drawn = [f"example-2d-fov--{figure.name}" for figure in FIGURES]
+    assert links(text) == {f"figures/{name}{suffix}.png" for name in ("trade-off", *drawn) for suffix in suffixes}
+    assert {f"figures/{path.name}" for path in (copy / "figures").iterdir()} == links(text)
+    for group in grouped(MANY):
+        assert text.count(f"{group.title}:") >= 4
+        assert text.count(f"{group.title}.*") == len(FIGURES) + 1
+    wide = [t for t in tables_of(text) if "tracking" in t[0]]
+    assert max(len(t[0]) for t in wide) <= 2 + 1 + MOST
+    for first in ("scenario", "challenged row", "row that held the arm back"):
+        cells = {name: cell for t in wide if first in t[0] for name, cell in t[0].items()}
+        assert cells.keys() >= MANY.keys()
+        # the same run has the same cell in every table, bold where it is the best of all
+        assert len({cells[name] for name in MANY if name != "tracking"}) == 1
+    # a report of few laws leaves none of these figures
+    text = write(few, stored.results, stored.constraints)
+    assert {f"figures/{path.name}" for path in (copy / "figures").iterdir()} == links(text)
+    assert links(text) == {f"figures/{name}.png" for name in ("trade-off", *drawn)}
 
 
 def test_a_folder_without_a_comparison_is_an_error(tmp_path: Path) -> None:

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 
 from .best import Cell, comparable, marked
-from .markdown import code, table
+from .groups import by_controller
+from .markdown import code
 from .numbers import DASH, error, median, number, over_trials, percent
 from .results import Line, Results
 from .rows_shown import lane_rows
@@ -34,8 +35,8 @@ def challenges(results: Results, scenario: str) -> str:
             for ok, own in zip(may, rows.values(), strict=True)
         ]
         cells = [_cell(own, factor) for own in rows.values()]
-        lines.append([code(label), shown, *marked(cells, kept, "less")])
-    return table(["challenged row", "unit", *names], lines, text_columns=2)
+        lines.append(([code(label), shown], dict(zip(names, marked(cells, kept, "less"), strict=True))))
+    return by_controller(results.groups, ["challenged row", "unit"], lines)
 
 
 def held_rows(results: Results, scenario: str) -> str:
@@ -44,10 +45,10 @@ def held_rows(results: Results, scenario: str) -> str:
     if not labels:
         return ""
     lines = [
-        [code(label), *(_usage(results.rows(scenario, name, label)) for name in results.controllers)]
+        ([code(label)], {name: _usage(results.rows(scenario, name, label)) for name in results.controllers})
         for label in labels
     ]
-    return table(["row that held the arm back", *results.controllers], lines, text_columns=1)
+    return by_controller(results.groups, ["row that held the arm back"], lines)
 
 
 def _usage(lines: Sequence[Line]) -> str:

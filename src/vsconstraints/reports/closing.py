@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..comparisons.metrics import DEFINITIONS
-from ..controllers import CONTROLLERS, make_controller
+from .groups import uses
 from .markdown import bullets, code, enumeration, plain, table
 from .numbers import DASH, number
 from .results import Results
@@ -68,14 +68,11 @@ def _options(manifest: dict[str, Any]) -> str:
     for name, entry in manifest["configuration"]["controllers"].items():
         options = [f"{key} = {value}" for key, value in entry.items() if key != "type"]
         kind = str(entry.get("type", name))
-        uses = "said by its code" if kind not in CONTROLLERS else ", ".join(_uses(kind, entry)) or "no more"
-        lines.append([name, plain(kind), plain(", ".join(options)) or "defaults", plain(uses)])
+        used = uses(name, entry)
+        told = "said by its code" if used is None else ", ".join(used) or "no more"
+        lines.append([name, plain(kind), plain(", ".join(options)) or "defaults", plain(told)])
     text = "*Uses* is what a law needs beside φ, L_gφ, u⁺ and the scale of rows, and J and b of the task."
     return table(["controller", "type", "options", "uses"], lines, text_columns=4) + f"\n\n{text}"
-
-
-def _uses(kind: str, entry: dict[str, Any]) -> tuple[str, ...]:
-    return make_controller(kind, {key: value for key, value in entry.items() if key != "type"}).uses
 
 
 def _forms(results: Results) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 
 from ..comparisons import RunRecord
@@ -15,6 +16,7 @@ from ..scenarios import Scenario
 from ..simulation import Setup
 from .figures import FIGURES, OVERVIEW, View
 from .figures.trade_off import shown_runs
+from .groups import Group
 from .results import Results
 from .rows_shown import lane_rows, phi_rows
 
@@ -35,8 +37,8 @@ class ScenarioJob:
         The comparison's.
     scenario
         As it was run.
-    controllers
-        All, in order.
+    groups
+        The controllers that figures show together.
     finished
         Those that have a line in results.csv for this trial.
     seed
@@ -47,7 +49,7 @@ class ScenarioJob:
 
     folder: Path
     scenario: Scenario
-    controllers: tuple[str, ...]
+    groups: tuple[Group, ...]
     finished: tuple[str, ...]
     seed: int
     phi_rows: tuple[str, ...]
@@ -61,14 +63,14 @@ class Drawn:
     Attributes
     ----------
     files
-        File names below ``figures``, by the figure's name.
+        File names below ``figures``, by the figure's name and the suffix of the group.
     problems
         Sentences on what is missing.
     first_outside
         When a controller's run is first outside a row [s], for rows it violates.
     """
 
-    files: dict[str, str] = field(default_factory=dict)
+    files: dict[tuple[str, str], str] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
     first_outside: dict[tuple[str, str], float] = field(default_factory=dict)
 
@@ -80,7 +82,7 @@ def scenario_jobs(results: Results) -> list[ScenarioJob]:
         ScenarioJob(
             stored.folder,
             scenario,
-            results.controllers,
+            results.groups,
             tuple(
                 controller
                 for controller in results.controllers
@@ -124,12 +126,15 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
     runs = stored_runs(job, drawn)
     if not runs:
         return drawn
-    view = View(_setup(job, drawn), runs, job.controllers, job.phi_rows, job.lane_rows)
-    for figure in FIGURES:
-        file = f"{job.scenario.name}--{figure.file}"
+    setup = _setup(job, drawn)
+    views = {group: View(setup, runs, group.controllers, job.phi_rows, job.lane_rows) for group in job.groups}
+    for figure, (group, view) in product(FIGURES, views.items()):
+        if len(views) > 1 and not view.competitors:
+            continue
+        file = f"{job.scenario.name}--{figure.name}{group.suffix}.png"
         try:
             if figure.write(job.folder / "figures" / file, view):
-                drawn.files[figure.name] = file
+                drawn.files[figure.name, group.suffix] = file
         except Exception as error:  # one bad run or figure must not cost the report
             drawn.problems.append(f"The figure of {figure.title} could not be drawn: {type(error).__name__}: {error}")
     return drawn
@@ -137,15 +142,21 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
 
 def draw_overview(results: Results, folder: Path) -> str:
     """Draw the figure of a whole comparison into ``folder``, and say what it shows; nothing if there is nothing."""
-    path = folder / OVERVIEW.file
-    path.unlink(missing_ok=True)
+    for path in (folder / OVERVIEW.file, *folder.glob(f"{OVERVIEW.name}--*.png")):
+        path.unlink(missing_ok=True)
+    return "\n\n".join(text for group in results.groups if (text := _overview_of(results, group, folder)))
+
+
+def _overview_of(results: Results, group: Group, folder: Path) -> str:
+    file = f"{OVERVIEW.name}{group.suffix}.png"
     try:
-        if not OVERVIEW.write(path, results):
+        if not OVERVIEW.write(folder / file, results, group.controllers):
             return ""
     except Exception as error:  # a figure must not cost the report
         return f"The figure of {OVERVIEW.title} could not be drawn: {type(error).__name__}: {error}"
-    text = f"![{OVERVIEW.title.capitalize()}](figures/{OVERVIEW.file})\n\n*{OVERVIEW.caption}"
-    left_out = sum(len(results.all_runs(name)) - len(own) for name, own in shown_runs(results).items())
+    text = f"![{OVERVIEW.title.capitalize()}](figures/{file})\n\n*{OVERVIEW.caption}{group.sentence}"
+    own = shown_runs(results, group.controllers)
+    left_out = sum(len(results.all_runs(name)) - len(runs) for name, runs in own.items())
     if left_out:
         text += f" Left out are runs that did not converge, or that no row held back: {left_out}."
     return text + "*"
@@ -154,7 +165,7 @@ def draw_overview(results: Results, folder: Path) -> str:
 def remove_stale(folder: Path, kept: set[str]) -> None:
     """Remove figures of scenarios that an earlier report of the same folder left and this one does not show."""
     for figure in FIGURES:
-        for path in folder.glob(f"*--{figure.file}"):
+        for path in (*folder.glob(f"*--{figure.file}"), *folder.glob(f"*--{figure.name}--*.png")):
             if path.name not in kept:
                 path.unlink()
 
@@ -193,5 +204,5 @@ def _setup(job: ScenarioJob, drawn: Drawn) -> Setup | None:
 
 
 def _stored_size(job: ScenarioJob) -> int:
-    files = (run_file(job.folder, job.scenario.name, name, TRIAL_SHOWN) for name in job.controllers)
+    files = (run_file(job.folder, job.scenario.name, name, TRIAL_SHOWN) for name in job.finished)
     return sum(path.stat().st_size for path in files if path.is_file())

@@ -8,6 +8,7 @@ from urllib.parse import quote
 from ..comparisons.metrics import METRICS, Metric
 from ..comparisons.suite import BASELINE
 from .best import keeps_rows, shown
+from .groups import listed
 from .markdown import bold, bullets, code, enumeration, plain
 from .numbers import FORMATS, median, number
 from .results import CARRIED_THROUGH, Line, Results, violated, within_band
@@ -46,6 +47,9 @@ def opening(results: Results) -> str:
             f"**Incomplete: {results.finished} of {results.planned} runs finished.** What is missing is blank below; "
             "counts and means are over the runs that finished."
         )
+    if len(results.groups) > 1:
+        shown_by = "Figures, and tables with a column for each law, show laws by the last of these that they use:"
+        parts.append(f"{shown_by}\n\n{bullets(listed(results.groups))}")
     parts += ["## Findings", bullets(_findings(results))]
     return "\n\n".join(parts)
 

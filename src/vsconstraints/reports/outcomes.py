@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from .groups import by_controller
 from .headlines import anchor
-from .markdown import table
 from .results import Line, Results, violated, within_band
 
 OUTSIDE, WITHIN = "†", "‡"
@@ -12,19 +12,14 @@ OUTSIDE, WITHIN = "†", "‡"
 def outcomes(results: Results) -> str:
     """One line per scenario, one column per controller."""
     lines = [
-        [f"[{name}](#{anchor(name)})", *(_outcome(list(results.runs(name, one))) for one in results.controllers)]
+        ([f"[{name}](#{anchor(name)})"], {one: _outcome(list(results.runs(name, one))) for one in results.controllers})
         for name in results.scenarios
     ]
     legend = f"{OUTSIDE} a row was violated. {WITHIN} none was, but one was outside within the sampling band."
     if results.trials > 1:
         legend += " Counts are of trials."
-    return "\n\n".join(
-        (
-            "## Outcomes",
-            table(["scenario", *results.controllers], lines, text_columns=1 + len(results.controllers)),
-            legend,
-        )
-    )
+    table = by_controller(results.groups, ["scenario"], lines, left=1 + len(results.controllers))
+    return "\n\n".join(("## Outcomes", table, legend))
 
 
 def _outcome(lines: list[Line]) -> str:

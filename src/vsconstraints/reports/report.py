@@ -78,7 +78,7 @@ def _write(folder: Path, results: Results, on_drawn: Callable[[int, int], None] 
 def _draw(results: Results, on_drawn: Callable[[int, int], None]) -> tuple[dict[str, Drawn], str]:
     folder = results.stored.folder / "figures"
     folder.mkdir(exist_ok=True)
-    drawn = draw_all(scenario_jobs(results), on_drawn)
     overview = draw_overview(results, folder)
+    drawn = draw_all(scenario_jobs(results), on_drawn)
     remove_stale(folder, {name for one in drawn.values() for name in one.files.values()})
     return drawn, overview

@@ -9,6 +9,7 @@ from typing import Any
 
 from ..comparisons import StoredComparison
 from ..comparisons.suite import BASELINE
+from .groups import grouped
 
 Line = dict[str, Any]
 
@@ -23,15 +24,18 @@ class Results:
     ----------
     stored
         Where they come from.
+    groups
+        The controllers that figures and wide tables show together.
     controllers
-        All, in the suite's order, tracking alone first.
+        All, in the suite's order and that of the groups, tracking alone first.
     competitors
         Those that are compared: all but tracking alone.
     """
 
     def __init__(self, stored: StoredComparison) -> None:
         self.stored = stored
-        self.controllers = stored.controllers
+        self.groups = grouped(stored.manifest["configuration"]["controllers"])
+        self.controllers = tuple(dict.fromkeys(name for group in self.groups for name in group.controllers))
         self.competitors = tuple(name for name in self.controllers if name != BASELINE)
         self._runs: dict[tuple[str, str], list[Line]] = defaultdict(list)
         self._rows: dict[tuple[str, str], list[Line]] = defaultdict(list)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any
 from urllib.parse import quote
 
@@ -61,10 +62,10 @@ def scenario_section(results: Results, name: str, drawn: Drawn) -> str:
         return "\n\n".join([*parts, "No run of this scenario finished."])
     parts += [metric_table(results, name, group) for group in ("task", "chattering")]
     parts += [text for text in (challenges(results, name), held_rows(results, name)) if text]
-    for figure in FIGURES:
-        if figure.name in drawn.files:
-            caption = f"{figure.caption}{_addition(results, name, figure.name)}"
-            parts.append(f"![{name}: {figure.name}](figures/{quote(drawn.files[figure.name])})\n\n*{caption}*")
+    for figure, group in product(FIGURES, results.groups):
+        if file := drawn.files.get((figure.name, group.suffix)):
+            caption = f"{figure.caption}{group.sentence}{_addition(results, name, figure.name)}"
+            parts.append(f"![{name}: {figure.name}](figures/{quote(file)})\n\n*{caption}*")
     if drawn.problems:
         parts.append(bullets([plain(problem) for problem in drawn.problems]))
     return "\n\n".join(parts)

@@ -70,7 +70,7 @@ def close_up(view: View, plane: Plane) -> CloseUp | None:
     if found is None:
         return None
     centre, depth = found
-    tracks = np.concatenate([view.runs[name].trajectory.features_px.reshape(-1, 2) for name in view.competitors])
+    tracks = np.concatenate([run.trajectory.features_px.reshape(-1, 2) for run in view.compared])
     return CloseUp(centre, max(SHARE * size, 1.6 * depth), _free_corner(tracks, centre, plane.half))
 
 
@@ -82,8 +82,7 @@ def _shown(view: View, run: RunRecord) -> list[tuple[int, int]]:
 def _deepest(view: View, most: float) -> tuple[Array, float] | None:
     """Where a competitor is farthest outside, and how far [px]; violations by more than ``most`` are plain anyway."""
     found, worst = None, NEGLIGIBLE
-    for name in view.competitors:
-        run = view.runs[name]
+    for run in view.compared:
         for i, marker in _shown(view, run):
             clearance = run.trajectory.clearance[:, i]
             k = int(np.argmin(clearance))
@@ -95,8 +94,7 @@ def _deepest(view: View, most: float) -> tuple[Array, float] | None:
 
 def _nearest(view: View) -> tuple[Array, float] | None:
     """Where the first controller that acts on a row in the image comes nearest to the boundary of such a row."""
-    for name in view.competitors:
-        run = view.runs[name]
+    for run in view.compared:
         acting = [(i, m) for i, m in _shown(view, run) if run.trajectory.active[:, i].any()]
         if acting:
             i, marker = min(acting, key=lambda pair: float(run.trajectory.clearance[:, pair[0]].min()))

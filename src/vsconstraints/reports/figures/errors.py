@@ -58,11 +58,10 @@ def _quantities(view: View) -> list[_Quantity]:
 
 def _panel(ax: Any, view: View, quantity: _Quantity) -> None:
     floor = FLOOR * quantity.tolerance
-    top = 10.0 * floor
+    top = max(10.0 * floor, *(float(np.nanmax(quantity.values(run), initial=0.0)) for run in view.runs.values()))
     for _, run, look in view.lines():
         t, y = zigzag(run.trajectory.t, quantity.values(run), BINS)
         ax.plot(t, np.maximum(y, 1e-3 * floor), **look)
-        top = max(top, float(np.nanmax(y, initial=top)))
     if quantity.decides:
         ax.axhline(quantity.tolerance, color=INK, linestyle=":", linewidth=1.0, zorder=1.6)
         note(ax, "tolerance", quantity.tolerance, above=False)

@@ -44,17 +44,19 @@ def _panel(ax: Any, view: View, label: str) -> None:
     band(ax, -1.0, 1.0)
     zero_line(ax)
     low, high = -3.0, 3.0
+    relative = {}
+    for name, run in view.runs.items():
+        if label in run.trajectory.labels:
+            i = run.trajectory.labels.index(label)
+            values = relative[name] = run.trajectory.phi[:, i] / (run.Ts * run.switching_gain[i])
+            low = min(low, float(np.nanmin(values, initial=low)))
+            high = high if name == BASELINE else max(high, float(np.nanmax(values, initial=high)))
     for name, run, look in view.lines():
-        if label not in run.trajectory.labels:
-            continue
-        i = run.trajectory.labels.index(label)
-        relative = run.trajectory.phi[:, i] / (run.Ts * run.switching_gain[i])
-        t, least, greatest = extremes(run.trajectory.t, relative, BINS)
-        ax.plot(t, greatest, **look)
-        low = min(low, float(np.nanmin(least, initial=low)))
-        if name != BASELINE:
-            ax.fill_between(t, least, greatest, color=look["color"], alpha=0.15, linewidth=0.0, zorder=3)
-            high = max(high, float(np.nanmax(greatest, initial=high)))
+        if name in relative:
+            t, least, greatest = extremes(run.trajectory.t, relative[name], BINS)
+            ax.plot(t, greatest, **look)
+            if name != BASELINE:
+                ax.fill_between(t, least, greatest, color=look["color"], alpha=0.15, linewidth=0.0, zorder=3)
     low, high = 1.3 * max(low, -CLIP), 1.5 * min(high, CLIP)
     ax.set_ylim(low, high)
     logarithmic(ax.yaxis, decades(low, high), 2.0, 1.2)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from ...comparisons.suite import BASELINE
 from ...figures import WIDTH, Look, Sheet, darker, decades, logarithmic, looks, shortened
 from ...figures.image import symbol
 from ..numbers import mean
@@ -20,9 +21,10 @@ SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999)
 COLUMNS = ("utilization", "acceleration_variation", "violation_depth")
 RIGHT, HEIGHT = 2.25, 3.6
 GREY = "#666666"
+OTHER = symbol("o", "#D0D0D0", "none", 4.0)
 
 
-def shown_runs(results: Results) -> dict[str, list[Line]]:
+def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[Line]]:
     """By controller, lines of the runs that were held back and moved: the others have no place in the figure."""
     return {
         name: [
@@ -30,31 +32,40 @@ def shown_runs(results: Results) -> dict[str, list[Line]]:
             for line in results.all_runs(name)
             if math.isfinite(line["utilization"]) and line["acceleration_variation"] > 0.0
         ]
-        for name in results.competitors
+        for name in controllers
+        if name != BASELINE
     }
 
 
-def draw_trade_off(results: Results) -> Sheet | None:
-    """A small marker for each run and a large one for the mean of each controller that has several."""
-    found = {name: own for name, own in shown_runs(results).items() if own}
+def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None:
+    """A small marker for each run and a large one for the mean of each controller that has several.
+
+    The runs of those that are not among these controllers stand behind them, in grey.
+    """
+    every = shown_runs(results, results.competitors)
+    found = {name: own for name, own in every.items() if own and name in controllers}
     if not found:
         return None
-    look = looks(results.controllers)
+    others = [run for name, own in every.items() if name not in controllers for run in own]
+    look = looks(controllers)
     sheet = Sheet(left=0.72, right=RIGHT)
     (ax,) = sheet.panels(1, height=HEIGHT, above=0.02)
+    for run in others:
+        ax.plot([_unused(run)], [run["acceleration_variation"]], **OTHER, clip_on=False, zorder=2.2)
     for name, own in found.items():
         for run in own:
             _mark(ax, run, look[name], size=5.0, alpha=0.75, zorder=3)
         if len(own) > 1:
             means = {column: mean([run[column] for run in own]) for column in COLUMNS}
             _mark(ax, means, look[name], size=12.0, alpha=0.9, zorder=2.5)
-    _axes(ax, [run for own in found.values() for run in own])
+    _axes(ax, [run for own in every.values() for run in own])
     entries = [symbol(look[n].marker, look[n].colour, look[n].colour, 8.0, label=shortened(n)) for n in found]
     entries += [
         symbol("o", GREY, GREY, 12.0, label="mean of a controller's runs"),
         symbol("o", GREY, GREY, 5.0, label="one run"),
         symbol("o", "white", GREY, 7.0, label="hollow: a row was violated") | {"markeredgewidth": 1.5},
     ]
+    entries += [OTHER | {"label": "runs of other laws"}] * bool(others)
     sheet.legend(entries, 1, (WIDTH - RIGHT + 0.15, 0.15), labelspacing=0.85)
     return sheet
 

@@ -23,9 +23,9 @@ class View:
     setup
         What was run; None if it cannot be built any more.
     runs
-        The runs with at least two samples, by controller.
+        The runs with at least two samples, by controller; also those of other figures, for the same axes in all.
     controllers
-        All controllers, in order.
+        Those of the figure, in order.
     phi_rows
         Labels of the rows whose φ is drawn.
     lane_rows
@@ -44,13 +44,18 @@ class View:
         return looks(self.controllers)
 
     @property
+    def compared(self) -> list[RunRecord]:
+        """All runs, those of other figures too, without tracking alone."""
+        return [run for name, run in self.runs.items() if name != BASELINE]
+
+    @property
     def competitors(self) -> list[str]:
-        """Controllers that have a run, without tracking alone."""
+        """Controllers of the figure that have a run, without tracking alone."""
         return [name for name in self.shown if name != BASELINE]
 
     @property
     def shown(self) -> list[str]:
-        """Controllers that have a run."""
+        """Controllers of the figure that have a run."""
         return [name for name in self.controllers if name in self.runs]
 
     @property

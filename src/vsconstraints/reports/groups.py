@@ -1,0 +1,121 @@
+"""Which laws stand together in figures and wide tables: all of a few, of many those that know the same."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..comparisons.suite import BASELINE
+from ..controllers import CONTROLLERS, make_controller
+from ..controllers.demands import USES
+from .markdown import enumeration, table
+
+MOST = 8
+"""How many laws a figure shows beside tracking alone."""
+
+KINDS: dict[str, tuple[str, str]] = {
+    "": ("plain", f"Laws without {USES['period']}, {USES['Lf']}, memory or model"),
+    USES["period"]: ("period", f"Laws that use {USES['period']}"),
+    USES["Lf"]: ("drift", f"Laws that use {USES['Lf']}"),
+    "memory": ("memory", "Laws with memory"),
+    "model": ("model", "Laws with a model"),
+    "own": ("own", "Own laws"),
+}
+"""Names in files, and titles, of laws by the last of these that they use."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Laws that are shown together.
+
+    Attributes
+    ----------
+    controllers
+        Their names, behind tracking alone where that was run.
+    title
+        What they have in common; empty where all laws stand together.
+    suffix
+        Of the names of their figures; empty where all laws stand together.
+    """
+
+    controllers: tuple[str, ...]
+    title: str = ""
+    suffix: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """The title behind a caption."""
+        return f" {self.title}." if self.title else ""
+
+
+def uses(name: str, entry: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """What the law of a suite's entry uses beside rows and task; None for an own law, whose code says it."""
+    kind = str(entry.get("type", name))
+    if kind not in CONTROLLERS:
+        return None
+    return make_controller(kind, {key: value for key, value in entry.items() if key != "type"}).uses
+
+
+def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
+    """The groups of a suite's controllers, each with at most :data:`MOST` laws beside tracking alone."""
+    laws = [name for name in entries if name != BASELINE]
+    if len(laws) <= MOST:
+        return (Group(tuple(entries)),)
+    known = {name: uses(name, entries[name]) for name in laws}
+    last = {name: "own" if all_ is None else max(all_, key=_rank, default="") for name, all_ in known.items()}
+    groups = []
+    for rank, (file, title) in enumerate(KINDS.values()):
+        members = [name for name in laws if _rank(last[name]) == rank]
+        parts = -(-len(members) // MOST)
+        for k, own in enumerate(np.array_split(members, parts) if parts else (), start=1):
+            of, number = (f" ({k} of {parts})", f"-{k}") if parts > 1 else ("", "")
+            names = tuple(name for name in entries if name == BASELINE or name in own)
+            groups.append(Group(names, f"{title}{of}", f"--{file}{number}"))
+    return tuple(groups)
+
+
+def listed(groups: Sequence[Group]) -> list[str]:
+    """For each group what it holds; nothing where all laws stand together."""
+    return [
+        f"{group.title}: {enumeration([name for name in group.controllers if name != BASELINE])}."
+        for group in groups
+        if group.title
+    ]
+
+
+def by_controller(
+    groups: Sequence[Group],
+    header: Sequence[str],
+    lines: Sequence[tuple[Sequence[str], Mapping[str, str]]],
+    left: int | None = None,
+) -> str:
+    """A table with one column per controller behind those of the header; of several groups one table each.
+
+    Parameters
+    ----------
+    groups
+        Of the controllers.
+    header
+        Of the first columns.
+    lines
+        The first cells of each line, and one cell for each controller.
+    left
+        How many columns stand to the left; those of the header if None.
+    """
+    left = len(header) if left is None else left
+    return "\n\n".join(
+        (f"{group.title}:\n\n" if group.title else "")
+        + table(
+            [*header, *group.controllers],
+            [[*first, *(cells[name] for name in group.controllers)] for first, cells in lines],
+            left,
+        )
+        for group in groups
+    )
+
+
+def _rank(used: str) -> int:
+    return list(KINDS).index(used) if used in KINDS else 0
