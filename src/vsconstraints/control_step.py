@@ -15,6 +15,7 @@ from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
 from .geometry import Pose
 from .kernels import entry, load
 from .measurement import Measurement
+from .model import Believe, Model, Present, Spoil
 from .renamed import renamed
 from .rows import Array, BoolArray, Command
 from .scene import Scene, State
@@ -54,12 +55,18 @@ class ControlStep:
     ----------
     not_compiled
         Why the NumPy form runs for all; empty if the compiled one does.
+    known
+        As given.
+    believes
+        Whether something moves that controllers are not told of.
     """
 
     def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask, *, known: bool = False) -> None:
         self.scene, self.constraints, self.visual_task = scene, constraints, task
-        self.not_compiled, self._known = "", known
-        self._believes = not known and has_unknown_motion(scene, constraints)
+        self.not_compiled, self.known = "", known
+        self.believes = not known and has_unknown_motion(scene, constraints)
+        n = scene.robot.n
+        self._now: tuple[Array, Array, Array] = np.zeros(1), np.zeros(n), np.zeros(n)
         self._correction = np.zeros((len(scene.markers), 2))
         self._packed: Packed | None = None
         self._controller: Controller | None = None
@@ -70,6 +77,8 @@ class ControlStep:
             return
         try:
             self._packed = packing.Packed(scene, constraints, task, known)
+            step = self._packed.step
+            self._now = step.time, step.q, step.qd
         except packing.NotCompiled as reason:
             self.not_compiled = str(reason)
 
@@ -84,11 +93,11 @@ class ControlStep:
     def __getstate__(self) -> dict[str, Any]:
         """What it is made of, and what it remembers; the compiled form is made again where it is needed."""
         memory = None if self._packed is None else [array.copy() for array in self._packed.memory]
-        made = {name: getattr(self, name) for name in ("scene", "constraints", "visual_task", "_known", "_correction")}
+        made = {name: getattr(self, name) for name in ("scene", "constraints", "visual_task", "known", "_correction")}
         return {**made, "memory": memory}
 
     def __setstate__(self, made: dict[str, Any]) -> None:
-        self.__init__(made["scene"], made["constraints"], made["visual_task"], known=made["_known"])  # type: ignore[misc]
+        self.__init__(made["scene"], made["constraints"], made["visual_task"], known=made["known"])  # type: ignore[misc]
         self._correction[:] = made["_correction"]
         if self._packed is not None and made["memory"] is not None:
             for array, kept in zip(self._packed.memory, made["memory"], strict=True):
@@ -100,6 +109,24 @@ class ControlStep:
         self._correction[:] = 0.0
         if self._packed is not None:
             self._packed.reset()
+
+    def remember(self, other: ControlStep) -> None:
+        """Remember what another step of the same scene, constraints and features remembers."""
+        self.visual_task.memory = other.visual_task.memory
+        self._correction[:] = other._correction
+        if self._packed is not None and other._packed is not None:
+            for array, kept in zip(self._packed.memory, other._packed.memory, strict=True):
+                array[...] = kept
+
+    @property
+    def present(self) -> Present:
+        """What rows and task were made of last; at first zeros."""
+        t, q, qd = self._now
+        return Present(float(t[0]), q.copy(), qd.copy())
+
+    def model(self, believe: Believe | None = None, spoil: Spoil | None = None) -> Model:
+        """Rows and task at states to come, for laws that use a model: see :class:`vsconstraints.model.Model`."""
+        return Model(self, believe, spoil)
 
     def evaluate(
         self,
@@ -160,7 +187,7 @@ class ControlStep:
         state = self.scene.evaluate(*self._checked(t, q, qd))
         if measured is not None:
             return measured.believed(self.scene, state, self._correction)
-        return self.scene.believed(state) if self._believes else state
+        return self.scene.believed(state) if self.believes else state
 
     def _checked(self, t: float, q: Array, qd: Array) -> tuple[float, Array, Array]:
         robot = self.scene.robot
@@ -196,8 +223,11 @@ class ControlStep:
         """Make a function for loops that does as :meth:`command`, for this controller with the options that it has now.
 
         Where step and law are compiled, they run on arrays that stay where they are, and only what they come to is
-        copied.
+        copied. A law that uses a model is given one, by a reset; it belongs to this step from then on.
         """
+        if "model" in controller.uses and controller is not self._controller:
+            reset: Callable[..., None] = controller.reset
+            reset(model=self.model())
 
         def in_two(t: float, q: Array, qd: Array, **measured: Any) -> tuple[Evaluation, Command]:
             evaluation = self.evaluate(t, q, qd, **measured)
@@ -294,6 +324,8 @@ class ControlStep:
 
     def define(self, state: State) -> Evaluation:
         """The NumPy form, from a state, which may be a believed one."""
+        t, q, qd = self._now
+        t[:], q[:], qd[:] = state.t, state.robot.q, state.robot.qd
         rows, sigma = self.constraints.rows(state)
         task, error = self.visual_task.evaluate(state)
         camera = state.camera

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, ClassVar, get_args
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from ..errors import SolverError, shown
 from ..rows import Array, BoolArray, Command, Rows, Status, Task, beyond_rounding, check
 
 if TYPE_CHECKING:
+    from ..model import Model
     from .compiled import BoundLaw
 
 
@@ -75,6 +77,9 @@ class Controller(ABC):
     def reset(self, period: float | None = None) -> None:
         """Forget everything kept between calls (warm starts); a law without memory has nothing to do.
 
+        A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a :class:`vsconstraints.model.Model`, which gives
+        rows and task of states to come. Control steps and simulations give it one; no other law has one made.
+
         Parameters
         ----------
         period
@@ -109,10 +114,16 @@ class Controller(ABC):
         )
 
 
-def restart(controller: Controller, period: float) -> None:
-    """Reset a controller, and tell it the sampling period [s] if it takes one: own ones may not."""
+def restart(controller: Controller, period: float, model: Callable[[], Model] | None = None) -> None:
+    """Reset a controller, tell it the sampling period [s] if it takes one, and give it a model if it uses one.
+
+    Own ones may take less.
+    """
     parameters = inspect.signature(controller.reset).parameters.values()
-    if any(parameter.name == "period" or parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
-        controller.reset(period=period)
-    else:
-        controller.reset()
+    names = {parameter.name for parameter in parameters}
+    given: dict[str, Any] = {}
+    if "period" in names or any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+        given["period"] = period
+    if model is not None and "model" in controller.uses:
+        given["model"] = model()
+    controller.reset(**given)

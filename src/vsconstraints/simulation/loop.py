@@ -17,6 +17,7 @@ from ..evaluation import CompiledEvaluation
 from ..kernels import load
 from ..kernels.samples import ALONE, LAW, MOVE, STEP, Loop, finish
 from ..kernels.structures import frozen
+from ..model import Model
 from ..rows import Rows, Task
 from .arrays import blank_step, make_loop
 from .between import between_clearance
@@ -97,14 +98,19 @@ class _Run:
         self, setup: Setup, controller: Controller, *, whole: bool = True, by_public_call: bool = False
     ) -> None:
         setup.task.reset()
-        restart(controller, setup.Ts)
         self.setup, self.controller, self.baseline, self.whole = setup, controller, Tracking(), whole
         self.control = ControlStep(setup.scene, setup.constraints, setup.task)
         self.plant, self.sensor, self.gradient_error = setup.plant(), setup.sensor(), setup.gradient_error()
+        restart(controller, setup.Ts, self._model)
         self.samples = self.fallbacks = self.unfounded = 0
         self.ended, self.reason, self.compiled = "", "", False
         self.kernels, self.address = load("closed_loop"), 0
         self._begin(self._compiled_loop(by_public_call) or self._numpy_loop())
+
+    def _model(self) -> Model:
+        """What the control believes of states to come."""
+        believe = self.sensor.expected if self.setup.disturbances.sensing else None
+        return self.control.model(believe, self.gradient_error if self.gradient_error.any else None)
 
     def to_the_end(self) -> None:
         """Run all samples, or until something ends it."""

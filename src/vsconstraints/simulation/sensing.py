@@ -108,6 +108,11 @@ class Sensor:
                 raise SceneError(f"the measured image is explained by no pose that sees it: {error}") from error
         return self.scene.believed(state, camera, (self.camera, pixels, settings.depth_factor * Z))
 
+    def expected(self, state: State) -> State:
+        """What would be believed of a state to come: seen through the believed camera, at once and without noise."""
+        seen = self.camera.pixels(state.normalised.position)
+        return self.scene.believed(state, None, (self.camera, seen, self.disturbances.depth_factor * state.depth))
+
     def _image(self, pixels: Array) -> Array:
         """(m, 2) the measured pixels that can be used now."""
         if self._sample % self._every == 0:
