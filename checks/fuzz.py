@@ -24,7 +24,8 @@ from typing import Any, get_args
 
 import numpy as np
 
-from vsconstraints.controllers import CONTROLLERS, Controller, make_controller
+from vsconstraints.controllers import CONTROLLERS, DEMANDS, RESOLVERS, Controller, make_controller
+from vsconstraints.controllers.base import restart
 from vsconstraints.errors import VsconstraintsError
 from vsconstraints.rows import Command, Status
 
@@ -38,6 +39,9 @@ DEFINITION = 0.3
 
 LIMIT = 20.0
 """Seconds that the calls on one input may take; usual are milliseconds, on a machine that does nothing else."""
+
+PERIOD = 0.01
+"""Sampling period that laws are told [s]."""
 
 PATIENCE = 300.0
 """Seconds until the first answer: compiling takes a while."""
@@ -150,8 +154,17 @@ def warm_up() -> None:
     sound = make_input(np.random.default_rng(0))
     while not sound.sound:
         sound = make_input(np.random.default_rng(1))
-    for name in CONTROLLERS:
-        make_controller(name).command(sound.rows, sound.task)
+    pairs = [{"demand": demand.name, "resolver": "filter"} for demand in DEMANDS]
+    pairs += [{"demand": "switch", "resolver": resolver.name} for resolver in RESOLVERS]
+    for name, options in (*((name, {}) for name in CONTROLLERS), *(("law", pair) for pair in pairs)):
+        ready(name, options).command(sound.rows, sound.task)
+
+
+def ready(name: str, options: dict[str, Any]) -> Controller:
+    """The law of that name, told a sampling period."""
+    law = make_controller(name, options)
+    restart(law, PERIOD)
+    return law
 
 
 def findings(seed: int, number: int, outcomes: Counter[str]) -> Iterator[Finding]:
@@ -169,7 +182,12 @@ def findings(seed: int, number: int, outcomes: Counter[str]) -> Iterator[Finding
         if rng.random() < 0.02:
             outcome, what = refuses(name, options, rng)
         else:
-            outcome, what = answers(make_controller(name, options), question, form)
+            try:
+                asked = ready(name, options)
+            except VsconstraintsError:  # a parameter outside what its demand takes
+                outcome, what = "options refused", ""
+            else:
+                outcome, what = answers(asked, question, form)
         outcomes[outcome] += 1
         if what:
             yield Finding(number, law, form, what)

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from vsconstraints.controllers import DEMANDS, RESOLVERS
 from vsconstraints.qp import solver_names
-from vsconstraints.rows import Array, Rows, Task
+from vsconstraints.rows import OPTIONAL, Array, Rows, Task
 
-ROWS = ("phi", "Lg", "Lf", "switching_gain", "scale")
+ROWS = ("phi", "Lg", "Lf", "switching_gain", "scale", *OPTIONAL)
 TASK = ("J", "b")
 
 MALFORMED = 0.2
@@ -55,7 +56,8 @@ def problem(rng: np.random.Generator) -> tuple[Rows, Task]:
     if rng.random() < 0.2:
         phi = rng.choice((0.0, -0.0, 1.0, -1e-12, 1e-12), m)
     labels = tuple(f"row[{i}]" for i in range(m))
-    rows = Rows(phi, Lg, rng.normal(size=m), gain, labels, scale)
+    K, sigma_dot = rng.uniform(0.1, 2.0, m), rng.normal(size=m)
+    rows = Rows(phi, Lg, rng.normal(size=m), gain, labels, scale, phi - K * sigma_dot, sigma_dot, K)
     task = Task(J, rng.normal(size=k))
     if rng.random() < 0.5:
         rows, task = scaled(rng, rows, task)
@@ -89,7 +91,7 @@ def scaled(rng: np.random.Generator, rows: Rows, task: Task) -> tuple[Rows, Task
     def finite(array: Array, least: float = -np.inf) -> Array:
         return np.clip(np.nan_to_num(array), max(least, -1.79e308), 1.79e308)
 
-    chosen = rng.random(7) < rng.choice((0.2, 0.5, 1.0))
+    chosen = rng.random(len(ROWS) + len(TASK)) < rng.choice((0.2, 0.5, 1.0))
     values = {name: getattr(rows, name) for name in ROWS} | {name: getattr(task, name) for name in TASK}
     with np.errstate(over="ignore"):
         for name, change in zip(values, chosen, strict=True):
@@ -135,7 +137,8 @@ def malformed(rng: np.random.Generator, rows: Rows, task: Task) -> Input:
             changed, sound = not_finite(rng, rows.scale), None if not rows.scale.size else sound
             rows = replace(rows, scale=changed)
         else:
-            changed, sound = wrong(rng, getattr(rows, name), sound)
+            # laws that do not use σ, σ̇ and K need not look at them
+            changed, sound = wrong(rng, getattr(rows, name), None if name in OPTIONAL else sound)
             rows = replace(rows, **{name: changed})
     kind = rng.random()
     if kind < 0.1:
@@ -233,9 +236,18 @@ def hierarchy(rng: np.random.Generator) -> dict[str, Any]:
     return options
 
 
+def pair(rng: np.random.Generator) -> dict[str, Any]:
+    """Any demand with any resolver, and parameters of the demand."""
+    demand, resolver = DEMANDS[int(rng.integers(len(DEMANDS)))], RESOLVERS[int(rng.integers(len(RESOLVERS)))]
+    usual = {name: float(np.sqrt(low * high)) for name, (low, high) in demand.ranges.items()}
+    parameters = {name: power(rng, value, 2.0) for name, value in usual.items() if rng.random() < 0.5}
+    return {"demand": demand.name, "resolver": resolver.name, **parameters}
+
+
 OPTIONS: dict[str, Callable[[np.random.Generator], dict[str, Any]]] = {
     "potential-field": field,
     "hierarchical-qp": hierarchy,
+    "law": pair,
 }
 """Options by the name of the controller; others are made with what they have by themselves."""
 

@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 
 from vsconstraints.controllers import (
     CONTROLLERS,
+    DEMANDS,
+    RESOLVERS,
     Controller,
     HierarchicalQP,
     PotentialField,
@@ -22,6 +24,7 @@ from vsconstraints.controllers import (
     Tracking,
     make_controller,
 )
+from vsconstraints.controllers.base import restart
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
 from vsconstraints.rows import Array, Command, Rows, Task
 
@@ -35,8 +38,14 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     ],
     "hierarchical-qp": [{"rows": "barrier"}, {"rows": "active"}, {"rows": "barrier", "max_acceleration": 5.0}],
     "tracking": [{}],
+    "implicit-switch": [{}, {"periods": 1.0, "max_acceleration": 5.0}],
+    "boundary-layer": [{}],
+    "law": [
+        *({"demand": demand.name, "resolver": "hierarchy"} for demand in DEMANDS),
+        *({"demand": "implicit-switch", "resolver": resolver.name} for resolver in RESOLVERS),
+    ],
 }
-"""Options with which each registered controller is put through the contract."""
+"""Options with which each registered controller is put through the contract; all pairs: see tests/test_laws.py."""
 
 LAWS = [
     pytest.param(name, options, id="-".join([name, *(f"{key}={value}" for key, value in options.items())]))
@@ -50,6 +59,13 @@ def test_every_registered_controller_has_variants(name: str) -> None:
     assert name in VARIANTS, (
         f"the controller {name!r} is registered in CONTROLLERS: list the options it is to be tested with in VARIANTS"
     )
+
+
+def ready(name: str, options: dict[str, Any] | None = None) -> Controller:
+    """The controller of that name, told the sampling period."""
+    law = make_controller(name, options)
+    restart(law, 0.01)
+    return law
 
 
 # --- problems ---
@@ -78,13 +94,17 @@ def problem(size: Size) -> tuple[Rows, Task]:
             Lg[i] = (Lg[i], np.zeros(n), Lg[i - 1], -Lg[i - 1], Lg[i] * 1e-9)[int(rng.integers(5))]
         for i in range(k):
             J[i] = (J[i], np.zeros(n), J[i - 1])[int(rng.integers(3))]
+    sigma, sigma_dot, K = *rng.normal(size=(2, m)) * size.rows_scale, rng.uniform(0.1, 2.0, m)
     rows = Rows(
-        phi=rng.normal(size=m) * size.rows_scale,
+        phi=sigma + K * sigma_dot,
         Lg=Lg * size.rows_scale,
         Lf=rng.normal(size=m) * size.rows_scale,
         switching_gain=rng.uniform(0.1, 10.0, m) * size.rows_scale,
         labels=tuple(f"row[{i}]" for i in range(m)),
         scale=rng.uniform(0.1, 2.0, m) * size.rows_scale,
+        sigma=sigma,
+        sigma_dot=sigma_dot,
+        K=K,
     )
     return rows, Task(J * size.task_scale, rng.normal(size=k) * size.task_scale)
 
@@ -103,7 +123,8 @@ sizes = st.builds(
 
 def far_inside(rows: Rows) -> Rows:
     """The same rows with φ so far below zero that none can act."""
-    return replace(rows, phi=-1e9 * np.maximum(1.0, rows.scale))
+    phi = -1e9 * np.maximum(1.0, rows.scale)
+    return replace(rows, phi=phi, sigma=phi, sigma_dot=np.zeros(len(phi)))
 
 
 # --- the contract ---
@@ -127,7 +148,7 @@ def assert_is_an_answer(command: Command, rows: Rows, task: Task) -> None:
 @given(size=sizes)
 def test_any_finite_problem_has_a_finite_answer(name: str, options: dict[str, Any], size: Size) -> None:
     rows, task = problem(size)
-    command = make_controller(name, options).command(rows, task)
+    command = ready(name, options).command(rows, task)
     assert_is_an_answer(command, rows, task)
     if size.rows_scale == size.task_scale == 1.0 and not size.singular:
         assert command.status != "failed", command.reason
@@ -145,11 +166,11 @@ def test_rows_that_do_not_act_leave_the_tracking_command_as_it_is(
     limit = options.get("max_acceleration", np.inf)
     if np.abs(expected).max() > limit or (options.get("rows") == "barrier" and np.abs(expected).max() > 1e6):
         return  # the box acts, or a singular task asks for more than even distant rows allow
-    command = make_controller(name, options).command(rows, task)
+    command = ready(name, options).command(rows, task)
     assert command.status == "ok"
     assert command.active == ()
     np.testing.assert_array_equal(command.qdd, expected)
-    without = make_controller(name, options).command(Rows.none(size.n), task)
+    without = ready(name, options).command(Rows.none(size.n), task)
     np.testing.assert_array_equal(without.qdd, expected)
 
 
@@ -158,7 +179,7 @@ def test_rows_that_do_not_act_leave_the_tracking_command_as_it_is(
 def test_answers_are_repeatable_and_leave_the_question_alone(name: str, options: dict[str, Any], size: Size) -> None:
     rows, task = problem(size)
     kept = [array.copy() for array in (rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, task.J, task.b)]
-    law = make_controller(name, options)
+    law = ready(name, options)
     first = law.command(rows, task)
     law.reset()
     again = law.command(rows, task)
@@ -188,13 +209,13 @@ def test_a_row_that_is_not_finite_is_named(name: str, options: dict[str, Any], w
     rows, task = sound()
     broken = replace(rows, **{what: with_entry(getattr(rows, what), value, 1)})
     with pytest.raises(InvalidInput, match=rf"rows\.{what} is not finite for range\[joint 6\]\.upper$"):
-        make_controller(name, options).command(broken, task)
+        ready(name, options).command(broken, task)
 
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
 def test_a_task_that_is_not_finite_is_named(name: str, options: dict[str, Any]) -> None:
     rows, task = sound()
-    law = make_controller(name, options)
+    law = ready(name, options)
     with pytest.raises(InvalidInput, match=r"task\.b is not finite in row 4"):
         law.command(rows, replace(task, b=with_entry(task.b, np.nan, 4)))
     with pytest.raises(InvalidInput, match=r"task\.J is not finite in row 2"):
@@ -226,7 +247,7 @@ def test_rows_of_the_wrong_shape_are_refused(changes: dict[str, Any], words: str
     rows, task = sound()
     for name in CONTROLLERS:
         with pytest.raises(InvalidInput, match=words):
-            make_controller(name).command(replace(rows, **changes), task)
+            ready(name).command(replace(rows, **changes), task)
 
 
 WRONG_TASKS = [(np.ones(6), np.ones(1)), (np.ones((2, 6)), np.ones(3)), (np.ones((2, 6)), np.ones((2, 1)))]
@@ -237,7 +258,7 @@ def test_tasks_of_the_wrong_shape_are_refused(J: Array, b: Array) -> None:
     rows, _ = sound()
     for name in CONTROLLERS:
         with pytest.raises(InvalidInput, match=r"task\.J must be \(k, n\) and task\.b \(k,\)"):
-            make_controller(name).command(rows, Task(J, b))
+            ready(name).command(rows, Task(J, b))
 
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
@@ -253,7 +274,7 @@ def test_finite_numbers_whose_products_are_not_end_in_time(
     whole = {"J": np.tile(huge, (2, 1)), "b": np.full(6, size), "Lg": huge}.get(what, np.full(3, size))
     rows = replace(rows, **{what: whole}) if hasattr(rows, what) else rows
     task = replace(task, **{what: whole}) if hasattr(task, what) else task
-    law = make_controller(name, options)
+    law = ready(name, options)
     law.command(*sound())  # compiling is not what is timed
     for answer in (law.command, law.define):
         with ends_within(60.0):
@@ -295,7 +316,7 @@ def ends_within(seconds: float) -> Iterator[None]:
 
 @pytest.mark.parametrize(("name", "options"), LAWS)
 def test_without_joints_there_is_nothing_to_command(name: str, options: dict[str, Any]) -> None:
-    law = make_controller(name, options)
+    law = ready(name, options)
     for rows in (Rows.none(0), replace(sound()[0], Lg=np.empty((3, 0)))):
         for k in (0, 2):
             with pytest.raises(InvalidInput, match=r"task\.J has no column: there is no joint"):
@@ -313,7 +334,7 @@ NO_ARRAYS: list[Any] = [
 @pytest.mark.parametrize("what", ["phi", "Lg", "Lf", "switching_gain", "J", "b"])
 def test_what_is_no_array_of_floats_is_refused(name: str, options: dict[str, Any], what: str) -> None:
     rows, task = sound()
-    law = make_controller(name, options)
+    law = ready(name, options)
     for value in NO_ARRAYS:
         changed = {what: value}
         pair = (rows, replace(task, **changed)) if what in ("J", "b") else (replace(rows, **changed), task)
@@ -321,10 +342,19 @@ def test_what_is_no_array_of_floats_is_refused(name: str, options: dict[str, Any
             law.command(*pair)
 
 
+@pytest.mark.parametrize("what", ["sigma", "sigma_dot", "K"])
+def test_what_rows_need_not_say_is_nothing_or_an_array_of_floats(what: str) -> None:
+    rows, task = sound()
+    assert Tracking().define(replace(rows, **{what: np.empty(0)}), task).status == "ok"
+    for value in NO_ARRAYS:
+        with pytest.raises(InvalidInput, match=rf"rows\.{what}"):
+            Tracking().define(replace(rows, **{what: value}), task)
+
+
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_what_is_no_rows_and_no_task_is_refused(name: str) -> None:
     rows, task = sound()
-    law: Any = make_controller(name)
+    law: Any = ready(name)
     for pair in ((None, task), (rows, None), (task, rows), (rows, (task.J, task.b))):
         with pytest.raises(InvalidInput, match="Rows and a Task"):
             law.command(*pair)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 from vsconstraints.controllers import (
+    DEMANDS,
+    NAMED,
+    RESOLVERS,
     Additive,
     Barrier,
     BoundaryLayer,
@@ -18,13 +21,16 @@ from vsconstraints.controllers import (
     Filter,
     HierarchicalQP,
     Hierarchy,
+    ImplicitSwitch,
     Law,
+    Pair,
     PotentialField,
     Priority,
     Repulsion,
     SlidingMode,
     Switch,
     Tracking,
+    make_controller,
 )
 from vsconstraints.controllers.base import restart
 from vsconstraints.controllers.demands import Nothing
@@ -53,23 +59,6 @@ class NotFaster(Demand):
 
 
 @formula
-def implicit(row: Row, periods: float) -> Any:
-    """The switch, solved for the end of the period: max(−u⁺, −φ/(p T_s))."""
-    return np.maximum(-row.switching_gain, -row.phi / (periods * row.period))
-
-
-@dataclass(frozen=True)
-class Implicit(Demand):
-    """The implicit switch."""
-
-    periods: float = 1.0
-
-    name = "implicit"
-    formula = implicit
-    uses: ClassVar[tuple[str, ...]] = ("period",)
-
-
-@formula
 def high_order(row: Row, alpha: float) -> Any:
     """K times the bound on σ̈ of the barrier function h = −σ with the rates 1/K and α, and then σ̇ of φ̇ = σ̇ + K σ̈."""
     second = -alpha * (row.sigma_dot + row.sigma / row.K) - row.sigma_dot / row.K
@@ -87,18 +76,10 @@ class HighOrder(Demand):
     uses: ClassVar[tuple[str, ...]] = ("sigma", "sigma_dot", "K", "Lf")
 
 
-DEMANDS = (
-    Switch(),
-    BoundaryLayer(),
-    Repulsion(exponent=2.0),
-    Barrier(),
-    Nothing(),
-    NotFaster(),
-    Implicit(),
-    HighOrder(),
-)
-RESOLVERS = (Priority(), Additive(), Hierarchy(), Filter())
-PAIRS = [pytest.param(d, r, id=f"{d.name}-{r.name}") for d in DEMANDS for r in RESOLVERS]
+ASKING = (*(demand() for demand in DEMANDS), Repulsion(exponent=2.0), NotFaster(), HighOrder())
+"""Every registered demand, and own ones."""
+
+PAIRS = [pytest.param(d, r(), id=f"{d.name}-{r.name}") for d in ASKING for r in RESOLVERS]
 
 
 def problem(seed: int, m: int = 5, n: int = 6, k: int = 6) -> tuple[Rows, Task]:
@@ -174,6 +155,58 @@ def test_named_laws_are_pairs() -> None:
     same(Tracking(), Law(Nothing(), Hierarchy()))
 
 
+def test_laws_by_name_are_pairs_too() -> None:
+    layer = make_controller("boundary-layer", {"region": 0.3})
+    same(layer, PotentialField(blend="priority", region=0.3))
+    same(make_controller("law"), SlidingMode())
+    same(
+        make_controller("law", {"demand": "barrier", "resolver": "hierarchy", "alpha": 7.0}), HierarchicalQP(alpha=7.0)
+    )
+    options = {"demand": "implicit-switch", "resolver": "hierarchy", "periods": 5, "max_acceleration": 2.0}
+    named, pair = make_controller("implicit-switch", {"max_acceleration": 2.0}), make_controller("law", options)
+    for law in (named, pair):
+        restart(law, 0.01)
+    same(named, pair)
+    assert (named.periods, named.uses, pair.uses) == (5.0, ("T_s",), ("T_s",))  # type: ignore[attr-defined]
+    assert repr(layer).startswith("boundary-layer(region=0.3, exponent=1.0, strength=1.0, rank_tolerance=")
+    assert repr(Pair(demand="nothing")).startswith("Pair(demand=Nothing(), resolver=Priority(")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"demand": "barier"}, "unknown demand 'barier'. Did you mean 'barrier'"),
+        ({"demand": None}, "unknown demand None. Available: .*barrier"),
+        ({"resolver": "Filter"}, "unknown resolver 'Filter'. Did you mean 'filter'"),
+        ({"demand": "barrier", "alfa": 1.0}, "unknown option of law 'alfa'. Did you mean 'alpha'"),
+        ({"demand": "switch", "alpha": 1.0}, "unknown option of law 'alpha'. Available: rank_tolerance"),
+        ({"demand": "barrier", "alpha": -1.0}, "alpha must be a positive, finite number, not -1.0"),
+        ({"demand": "implicit-switch", "periods": 0.5}, "periods of implicit-switch must be at least 1, not 0.5"),
+    ],
+)
+def test_pairs_that_are_none_are_refused(options: dict[str, Any], words: str) -> None:
+    with pytest.raises((ConfigurationError, InvalidInput), match=words):
+        make_controller("law", options)
+
+
+def test_named_laws_go_to_another_process() -> None:
+    for kind in NAMED:
+        law = kind()
+        law.reset(period=0.01)
+        copy = pickle.loads(pickle.dumps(law))
+        assert (type(copy), copy.period, repr(copy)) == (kind, 0.01, repr(law))
+
+
+def test_no_demand_and_no_resolver_share_a_name_for_an_option() -> None:
+    """They stand flat beside each other, and beside what a law has."""
+    of_demands = {field.name for demand in DEMANDS for field in fields(demand)}
+    of_resolvers = {field.name for resolver in RESOLVERS for field in fields(resolver)}
+    of_laws = {"demand", "resolver", "type", *vars(Law(Switch(), Priority())), *dir(Law)}
+    assert not of_demands & of_resolvers
+    assert not (of_demands | of_resolvers) & of_laws
+    assert len({part.name for part in (*DEMANDS, *RESOLVERS)}) == len(DEMANDS) + len(RESOLVERS)
+
+
 def test_an_option_that_is_set_makes_the_pair_anew() -> None:
     field = PotentialField()
     field.blend, field.exponent = "priority", 2
@@ -232,8 +265,8 @@ def test_a_demand_remembers(form: str) -> None:
 
 def test_a_law_says_what_it_lacks_before_anything_moves() -> None:
     rows, task = problem(0)
-    law = Law(Implicit(), Priority())
-    with pytest.raises(InvalidInput, match="'implicit' uses the sampling period: tell it by reset"):
+    law = Law(ImplicitSwitch(), Priority())
+    with pytest.raises(InvalidInput, match="'implicit-switch' uses the sampling period: tell it by reset"):
         law.command(rows, task)
     with pytest.raises(InvalidInput, match=r"positive number of seconds, not 0\.0"):
         law.reset(period=0.0)
@@ -267,8 +300,8 @@ def test_parts_that_are_none_are_refused() -> None:
         Law(nonsense, Priority())
     with pytest.raises(ConfigurationError, match="a law needs a Resolver, not 3"):
         Law(Switch(), nonsense)
-    with pytest.raises(InvalidInput, match="periods of implicit must be positive, not 0"):
-        Implicit(periods=0)
+    with pytest.raises(InvalidInput, match="periods of implicit-switch must be positive, not 0"):
+        ImplicitSwitch(periods=0)
 
 
 def strange(row: Row) -> Any:
@@ -307,7 +340,7 @@ def ranges(demand: Demand) -> dict[str, tuple[float, float]]:
     return dict(demand.ranges)
 
 
-@pytest.mark.parametrize("demand", [Switch(), BoundaryLayer(), Repulsion(), Barrier()], ids=lambda demand: demand.name)
+@pytest.mark.parametrize("demand", [demand() for demand in DEMANDS], ids=lambda demand: demand.name)
 def test_every_parameter_has_a_range_that_holds_its_default(demand: Demand) -> None:
     values: Array = np.array(demand.parameters)
     assert len(ranges(demand)) == len(values)

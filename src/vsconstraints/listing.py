@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable, Iterable
 
 from rich.console import Console
 from rich.table import Table
 
 from .comparisons.metrics import METRICS
 from .constraints.curves import SHAPES
-from .controllers import CONTROLLERS
+from .controllers import CONTROLLERS, DEMANDS, RESOLVERS
+from .controllers.demands import USES
 from .errors import ConfigurationError
 from .features import FEATURES
 from .qp import make_solver, solver_names
@@ -18,10 +20,13 @@ from .scenarios import CONSTRAINTS, Scenario, shipped_scenarios
 
 
 def print_listing(console: Console) -> None:
-    """Print tables of scenarios, controllers, solvers, robots, constraints, features, metrics and shapes."""
+    """Print tables of all that has a name, scenarios first."""
     scenarios = [Scenario.load(name) for name in shipped_scenarios()]
     _print(console, "Scenarios", [(scenario.name, scenario.title) for scenario in scenarios])
     _print(console, "Controllers", [(name, _controller_line(name)) for name in CONTROLLERS])
+    demands = [(demand.name, _part_line(demand, [USES[name] for name in demand.uses])) for demand in DEMANDS]
+    _print(console, "Demands (of laws)", demands)
+    _print(console, "Resolvers (of laws)", [(resolver.name, _part_line(resolver)) for resolver in RESOLVERS])
     _print(console, "QP solvers (for hierarchical-qp)", [(name, _solver_line(name)) for name in solver_names()])
     _print(console, "Robots", [(name, _first_line(make)) for name, make in READY_MADE.items()])
     _print(console, "Constraints", [(name, _first_line(make)) for name, make in CONSTRAINTS.items()])
@@ -33,9 +38,14 @@ def print_listing(console: Console) -> None:
 
 def _controller_line(name: str) -> str:
     law = CONTROLLERS[name]
-    options = ", ".join(f"{p.name}={p.default!r}" for p in inspect.signature(law).parameters.values())
-    uses = ", ".join(law().uses)
-    return f"{_first_line(law)}\noptions: {options}" + (f"\nuses: {uses}" if uses else "")
+    return _part_line(law, law().uses)
+
+
+def _part_line(part: Callable[..., object], uses: Iterable[str] = ()) -> str:
+    """What a law, a demand or a resolver is, its options with their defaults, and what it uses."""
+    options = ", ".join(str(p.replace(annotation=p.empty)) for p in inspect.signature(part).parameters.values())
+    lines = {"options": options, "uses": ", ".join(uses)}
+    return "\n".join([_first_line(part), *(f"{what}: {text}" for what, text in lines.items() if text)])
 
 
 def _solver_line(name: str) -> str:

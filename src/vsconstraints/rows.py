@@ -210,7 +210,7 @@ def check(rows: Rows, task: Task) -> None:
         ("Lf", rows.Lf, (m,)),
         ("switching_gain", rows.switching_gain, (m,)),
         ("scale", rows.scale, (m,)),
-        *((name, getattr(rows, name), (m,)) for name in OPTIONAL if len(getattr(rows, name))),
+        *((name, getattr(rows, name), (m,)) for name in OPTIONAL if getattr(rows, name).shape != (0,)),
     ):
         if array.shape != shape:
             raise InvalidInput(

@@ -11,16 +11,20 @@ from typing import Any
 from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
 from ..plugins import beside, imported_class
 from .base import Controller
-from .demands import Barrier, BoundaryLayer, Demand, Repulsion, Switch
+from .demands import DEMANDS, Barrier, BoundaryLayer, Demand, ImplicitSwitch, Repulsion, Switch
 from .hierarchical_qp import HierarchicalQP
 from .law import Law
+from .named import NAMED, Pair
 from .potential_field import PotentialField
-from .resolvers import Additive, Filter, Hierarchy, Priority, Resolver
+from .resolvers import RESOLVERS, Additive, Filter, Hierarchy, Priority, Resolver
 from .sliding_mode import SlidingMode
 from .tracking import Tracking
 
 __all__ = [
     "CONTROLLERS",
+    "DEMANDS",
+    "NAMED",
+    "RESOLVERS",
     "Additive",
     "Barrier",
     "BoundaryLayer",
@@ -29,7 +33,9 @@ __all__ = [
     "Filter",
     "HierarchicalQP",
     "Hierarchy",
+    "ImplicitSwitch",
     "Law",
+    "Pair",
     "PotentialField",
     "Priority",
     "Repulsion",
@@ -41,9 +47,9 @@ __all__ = [
     "make_controller",
 ]
 
-CONTROLLERS: dict[str, type[Controller]] = {
-    law.name: law for law in (SlidingMode, PotentialField, HierarchicalQP, Tracking)
-}
+LAWS: tuple[type[Controller], ...] = (SlidingMode, PotentialField, HierarchicalQP, Tracking, *NAMED, Pair)
+
+CONTROLLERS: dict[str, type[Controller]] = {law.name: law for law in LAWS}
 """Controllers by the name files and the command line use."""
 
 
@@ -75,10 +81,11 @@ def make_controller(name: str, options: Mapping[str, Any] | None = None, folder:
         Keyword arguments of the controller.
     """
     law, options = controller_class(name, folder), options or {}
-    known = list(inspect.signature(law).parameters)
-    for key in options:
-        if key not in known:
-            raise unknown_name(f"option of {name}", key, known)
+    parameters = inspect.signature(law).parameters
+    if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
+        for key in options:
+            if key not in parameters:
+                raise unknown_name(f"option of {name}", key, parameters)
     try:
         with chdir("."), beside(folder):  # an own law may change the working directory
             return law(**options)

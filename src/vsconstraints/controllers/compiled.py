@@ -11,8 +11,6 @@ import numpy as np
 
 from ..kernels import entry, load
 from ..rows import ARRAYS, Array, BoolArray, Command, IntArray, Rows, Task
-from .demands import Demand
-from .resolvers import Resolver
 
 if TYPE_CHECKING:
     from ..kernels.structures import LawArrays
@@ -79,10 +77,9 @@ class CompiledLaw:
         return code, qdd, acted, slack, int(count[0]) if self.measures else 0
 
 
-def compiled_law(
-    demand: Demand, resolver: Resolver, labels: tuple[str, ...], period: float | None, memory: Array
-) -> CompiledLaw | None:
-    """The law of a demand and a resolver; None where there is no compiler or no compiled form."""
+def compiled_law(law: Law, labels: tuple[str, ...]) -> CompiledLaw | None:
+    """A law for rows of some labels; None where there is no compiler or no compiled form."""
+    demand, resolver, period = law.demand, law.resolver, law.period
     function, laws = resolver.loaded(), load("laws")
     if function is None or laws is None:
         return None
@@ -101,10 +98,12 @@ def compiled_law(
         resolver.options,
         np.array(demand.parameters, dtype=np.float64),
         resolver.row_weights(labels),
-        memory,
+        law.memory,
+        law.last_rates,
         np.empty(len(labels)),
-        np.empty_like(memory),
+        np.empty_like(law.memory),
         np.empty(len(labels)),
+        np.full(1, math.nan),
     )
     whole = bool({"sigma", "sigma_dot", "K"} & {*demand.uses})
     return CompiledLaw(arrays, labels, resolver.remark(labels), resolver.measures, whole)

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from ..errors import unknown_name
 from .demands import Barrier, Demand, Switch
-from .law import Law, Option
+from .law import Law
 from .least_norm import RANK_TOLERANCE
 from .resolvers.hierarchy import AUTO, Hierarchy
 
@@ -68,9 +68,6 @@ class HierarchicalQP(Law):
     """
 
     name = "hierarchical-qp"
-
-    solver, max_acceleration = Option("resolver"), Option("resolver")
-    weights, damping, rank_tolerance = Option("resolver"), Option("resolver"), Option("resolver")
 
     def __init__(
         self,

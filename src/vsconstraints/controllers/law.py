@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import inspect
 import math
-from dataclasses import replace
-from typing import Any, ClassVar
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -21,27 +21,12 @@ from .resolvers import Resolver
 from .resolvers.hierarchy import COMPILED
 
 
-class Option:
-    """An option of a law that is one of its demand or its resolver: it is checked there whenever it is set."""
-
-    def __init__(self, part: str) -> None:
-        self.part = part
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    def __get__(self, law: Any, owner: type) -> Any:
-        return self if law is None else getattr(getattr(law, self.part), self.name)
-
-    def __set__(self, law: Any, value: Any) -> None:
-        setattr(law, self.part, replace(getattr(law, self.part), **{self.name: value}))
-
-
 class Law(Controller):
     """Rows ask L_gφ q̈ ≤ c by a demand; a resolver shares q̈ among them and the task.
 
-    It runs compiled where its parts have that form, and there is a compiler. A subclass with a ``solve`` of its own is
-    a controller like any other.
+    The parameters of the demand and the options of the resolver are attributes of the law too: set there, they are
+    checked, and the part is made anew. It runs compiled where its parts have that form, and there is a compiler. A
+    subclass with a ``solve`` of its own is a controller like any other.
 
     Parameters
     ----------
@@ -56,17 +41,20 @@ class Law(Controller):
         The sampling period [s] that :meth:`reset` was told last; None before.
     memory
         (m, f) what the demand remembers of each row of the last call; :meth:`reset` clears it.
+    last_rates
+        (m,) L_gφ q̈ of the last call, or (0,) if the demand does not use it; :meth:`reset` clears it.
     solvers
         The QP solver asked and those behind it, with their warm starts and the count of their failures, if the resolver
         needs any; :meth:`reset` clears both.
     """
 
-    name: ClassVar[str] = "law"
+    name = "law"
 
     demand: Demand
     resolver: Resolver
     period: float | None
     memory: Array
+    last_rates: Array
     solvers: SolverChain | None
 
     def __init__(self, demand: Demand, resolver: Resolver) -> None:
@@ -76,23 +64,40 @@ class Law(Controller):
         self.period = None
         self.demand, self.resolver = demand, resolver
 
+    def __getattr__(self, name: str) -> Any:
+        part = self._part_of(name)
+        if part is None:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+        return getattr(vars(self)[part], name)
+
     def __setattr__(self, name: str, value: Any) -> None:
+        part = None if hasattr(type(self), name) else self._part_of(name)
+        if part is not None:
+            name, value = part, replace(vars(self)[part], **{name: value})
         if name == "resolver":
             super().__setattr__("solvers", value.solvers())
         if name in ("demand", "resolver", "period"):
             self._forget()
         super().__setattr__(name, value)
 
+    def _part_of(self, option: str) -> str | None:
+        """Which of the two parts has an option of that name, if any has."""
+        for part in ("demand", "resolver"):
+            if part in vars(self) and any(field.name == option for field in fields(vars(self)[part])):
+                return part
+        return None
+
     def __getstate__(self) -> dict[str, Any]:
         """All but addresses, which are those of one process."""
         return {**vars(self), "_compiled": None}
 
     def __repr__(self) -> str:
-        names = inspect.signature(type(self)).parameters
+        parameters = inspect.signature(type(self)).parameters.values()
+        names = [parameter.name for parameter in parameters if parameter.kind is not parameter.VAR_KEYWORD]
         return f"{type(self).__name__}({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
 
     def _forget(self) -> None:
-        self.memory = np.empty((0, 0))
+        self.memory, self.last_rates = np.empty((0, 0)), np.empty(0)
         self._compiled: CompiledLaw | None = None
 
     def reset(self, period: float | None = None) -> None:
@@ -152,6 +157,9 @@ class Law(Controller):
                 scale=rows.scale,
                 tracked=tracked,
                 norm=np.linalg.norm(rows.Lg, axis=1),
+                norm_1=np.abs(rows.Lg).sum(axis=1),
+                effort=math.nan if tracking is None else np.linalg.norm(tracking),
+                last_rate=given(self.last_rates),
                 period=math.nan if self.period is None else self.period,
                 memory=kept.T,
             )
@@ -168,6 +176,8 @@ class Law(Controller):
 
         command = self.resolver.solve(rows, task, asked, self.resolver.tracks(demand), self.solvers)
         self.memory[:] = remembered
+        if self.last_rates.size:
+            self.last_rates[:] = rows.Lg @ command.qdd
         remark = self.remark(rows.labels)
         return replace(command, remark=remark) if remark else command
 
@@ -184,6 +194,8 @@ class Law(Controller):
             )
         if demand.remembers and len(self.memory) != m:
             self.memory = np.tile(np.array(demand.remembers), (m, 1))
+        if "last_rate" in demand.uses and len(self.last_rates) != m:
+            self.last_rates = np.full(m, math.nan)
 
     # --- compiled ---
 
@@ -223,7 +235,7 @@ class Law(Controller):
             law.labels = rows.labels
             return law
         self._prepare(rows)
-        self._compiled = compiled_law(self.demand, self.resolver, rows.labels, self.period, self.memory)
+        self._compiled = compiled_law(self, rows.labels)
         return self._compiled
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from ..errors import unknown_name
 from .demands import BoundaryLayer, Demand, Repulsion
-from .law import Law, Option
+from .law import Law
 from .least_norm import RANK_TOLERANCE
 from .resolvers import Additive, Priority, Resolver
 
@@ -47,9 +47,6 @@ class PotentialField(Law):
     """
 
     name = "potential-field"
-
-    region, exponent, strength = Option("demand"), Option("demand"), Option("demand")
-    rank_tolerance = Option("resolver")
 
     def __init__(
         self,

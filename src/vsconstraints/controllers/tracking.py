@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .demands import Nothing
-from .law import Law, Option
+from .law import Law
 from .least_norm import RANK_TOLERANCE
 from .resolvers import Priority
 
@@ -23,8 +23,6 @@ class Tracking(Law):
     """
 
     name = "tracking"
-
-    rank_tolerance = Option("resolver")
 
     def __init__(self, *, rank_tolerance: float = RANK_TOLERANCE) -> None:
         super().__init__(Nothing(), Priority(rank_tolerance))

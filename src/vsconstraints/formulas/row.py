@@ -18,8 +18,12 @@ class Row(NamedTuple):
         As in :class:`vsconstraints.rows.Rows`; NaN where it is not known.
     tracked
         L_gφ q̈ of the command that tracks and heeds no row; NaN if the demand does not use it.
-    norm
-        ‖L_gφ‖.
+    norm, norm_1
+        ‖L_gφ‖, and the sum ‖L_gφ‖₁ of the magnitudes of its entries.
+    effort
+        ‖q̈‖ of the command that tracks and heeds no row, the same for all rows; NaN if the demand does not use it.
+    last_rate
+        L_gφ q̈ as this law commanded it at the last sample; NaN at the first one.
     period
         The sampling period T_s [s]; NaN if it is not known.
     memory
@@ -35,6 +39,9 @@ class Row(NamedTuple):
     scale: Any
     tracked: Any
     norm: Any
+    norm_1: Any
+    effort: Any
+    last_rate: Any
     period: float
     memory: Any
 

@@ -45,5 +45,5 @@ def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -
         return FAILED
     if not (checkable(rows.Lg, rows.switching_gain, qdd) and finite(answer.slack)):
         return ASK
-    remember(law)
+    remember(law, rows, qdd)
     return code

@@ -20,7 +20,7 @@ to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not 
 
 _one, _two = np.zeros(1), np.zeros((1, 1))
 
-LAW = numba.typeof(LawArrays(1, 1, 1, 1, 1.0, _one, _one, _one, _two, _one, _two, _one))
+LAW = numba.typeof(LawArrays(1, 1, 1, 1, 1.0, _one, _one, _one, _two, _one, _one, _two, _one, _one))
 ROWS = numba.typeof(RowArrays(_one, _two, *(_one,) * 6))
 TASK = numba.typeof(TaskArrays(_two, _one, _one, _one))
 ANSWER = numba.typeof(Answer(_one, np.zeros(1, dtype=np.bool_), _one, np.zeros(1, dtype=np.int64)))
@@ -53,9 +53,10 @@ def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: 
     def demands(law: LawArrays, rows: RowArrays, tracked: Array, purpose: int, after: Array, c: Array) -> int:
         wrong = 0
         for i in range(c.size):
-            squared = 0.0
+            squared = total = 0.0
             for j in range(rows.Lg.shape[1]):
                 squared += rows.Lg[i, j] * rows.Lg[i, j]
+                total += abs(rows.Lg[i, j])
             row = Row(
                 rows.phi[i],
                 rows.Lf[i],
@@ -66,6 +67,9 @@ def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: 
                 rows.scale[i],
                 given(tracked, i),
                 math.sqrt(squared),
+                total,
+                law.effort[0],
+                given(law.last_rates, i),
                 law.period,
                 law.memory[i],
             )

@@ -86,8 +86,10 @@ class LawArrays(NamedTuple):
         (m,) of the rows' violations, or (0,) where all are 1.
     memory
         (m, f) what the demand remembers of each row, or (0, 0).
-    asked, after, tracked
-        Scratch: (m,) what rows ask for, what is to be remembered, and (m,) L_gφ q̈ of tracking alone.
+    last_rates
+        (m,) L_gφ q̈ of the answer before, or (0,) where the demand does not use it.
+    asked, after, tracked, effort
+        Scratch: (m,) what rows ask for, what is to be remembered, and of tracking alone (m,) L_gφ q̈ and (1,) ‖q̈‖.
     """
 
     resolver: int
@@ -99,9 +101,11 @@ class LawArrays(NamedTuple):
     parameters: Array
     weights: Array
     memory: Array
+    last_rates: Array
     asked: Array
     after: Array
     tracked: Array
+    effort: Array
 
 
 class Step(NamedTuple):

@@ -40,21 +40,32 @@ def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     return wrong == 0 and in_range(rows.Lg) and in_range(task.J) and finite(task.b)
 
 
-@inner
-def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
-    """L_gφ q̈ (m,) if the law's demand depends on it, or (0,)."""
-    tracked = law.tracked[: rows.phi.size if law.tracks else 0]
-    for i in range(tracked.size):
+@in_place
+def write_rates(Lg: Array, qdd: Array, out: Array) -> None:
+    """Write L_gφ q̈, as many as there is room for."""
+    for i in range(out.size):
         total = 0.0
         for j in range(qdd.size):
-            total += rows.Lg[i, j] * qdd[j]
-        tracked[i] = total
+            total += Lg[i, j] * qdd[j]
+        out[i] = total
+
+
+@inner
+def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
+    """L_gφ q̈ (m,) of the command that tracks if the law's demand depends on it, or (0,); its ‖q̈‖ is kept."""
+    tracked = law.tracked[: rows.phi.size if law.tracks else 0]
+    squared = 0.0
+    for j in range(qdd.size):
+        squared += qdd[j] * qdd[j]
+    law.effort[0] = math.sqrt(squared) if law.tracks else math.nan
+    write_rates(rows.Lg, qdd, tracked)
     return tracked
 
 
 @in_place
-def remember(law: LawArrays) -> None:
-    """Keep what the demand gave back."""
+def remember(law: LawArrays, rows: RowArrays, qdd: Array) -> None:
+    """Keep what the demand gave back, and L_gφ q̈ of the answer."""
+    write_rates(rows.Lg, qdd, law.last_rates)
     for i in range(law.after.shape[0]):
         for j in range(law.after.shape[1]):
             law.memory[i, j] = law.after[i, j]
@@ -127,7 +138,7 @@ def priority(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) 
             return ASK
     if not checkable(Lg, rows.switching_gain, qdd):
         return ASK
-    remember(law)
+    remember(law, rows, qdd)
     return DONE
 
 
@@ -169,5 +180,5 @@ def additive(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) 
                 qdd[j] += share * Lg[i, j]
     if not checkable(Lg, rows.switching_gain, qdd):
         return ASK
-    remember(law)
+    remember(law, rows, qdd)
     return DONE

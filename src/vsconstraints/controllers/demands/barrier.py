@@ -37,6 +37,6 @@ class Barrier(Demand):
     uses: ClassVar[tuple[str, ...]] = ("Lf",)
     ranges: ClassVar[Mapping[str, tuple[float, float]]] = {"alpha": (1.0, 200.0)}
 
-    def refusal(self, name: str) -> Exception:
+    def refusal(self, name: str, wanted: str = "a positive, finite number") -> Exception:
         """See :class:`.Demand`."""
-        return ConfigurationError(f"{name} must be a positive, finite number, not {shown(getattr(self, name))}")
+        return ConfigurationError(f"{name} must be {wanted}, not {shown(getattr(self, name))}")

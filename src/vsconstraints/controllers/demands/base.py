@@ -17,6 +17,9 @@ USES: dict[str, str] = {
     "K": "K",
     "tracked": "L_gφ q̈ of tracking",
     "norm": "‖L_gφ‖",
+    "norm_1": "‖L_gφ‖₁",
+    "effort": "‖q̈‖ of tracking",
+    "last_rate": "L_gφ q̈ of the last sample",
     "period": "T_s",
 }
 """What a demand may use beside φ, u⁺ and the scale: fields of :class:`vsconstraints.formulas.row.Row`, as printed."""
@@ -64,9 +67,9 @@ class Demand(ABC):
                 raise self.refusal(field.name)
             object.__setattr__(self, field.name, number)
 
-    def refusal(self, name: str) -> Exception:
-        """What is raised for a parameter that is no positive number."""
-        return InvalidInput(f"{name} of {self.name} must be positive, not {shown(getattr(self, name))}")
+    def refusal(self, name: str, wanted: str = "positive") -> Exception:
+        """What is raised for a parameter that is not as wanted."""
+        return InvalidInput(f"{name} of {self.name} must be {wanted}, not {shown(getattr(self, name))}")
 
     @property
     def parameters(self) -> tuple[float, ...]:
@@ -74,6 +77,11 @@ class Demand(ABC):
         return tuple(getattr(self, field.name) for field in fields(self))
 
     @property
+    def sees_tracking(self) -> bool:
+        """Whether the formula uses what tracking alone does."""
+        return "tracked" in self.uses or "effort" in self.uses
+
+    @property
     def tracks(self) -> bool:
         """Whether c depends on what tracking alone does."""
-        return self.relative or not self.everywhere or "tracked" in self.uses
+        return self.relative or self.sees_tracking

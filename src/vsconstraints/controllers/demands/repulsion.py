@@ -42,9 +42,9 @@ class Field(Demand):
         "strength": (0.1, 10.0),
     }
 
-    def refusal(self, name: str) -> Exception:
+    def refusal(self, name: str, wanted: str = "positive") -> Exception:
         """See :class:`.Demand`."""
-        return InvalidInput(f"{name} of a potential field must be positive, not {shown(getattr(self, name))}")
+        return InvalidInput(f"{name} of a potential field must be {wanted}, not {shown(getattr(self, name))}")
 
 
 @dataclass(frozen=True)

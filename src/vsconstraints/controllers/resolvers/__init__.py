@@ -9,4 +9,7 @@ from .filter import Filter
 from .hierarchy import Hierarchy
 from .priority import Priority
 
-__all__ = ["Additive", "Filter", "Hierarchy", "Priority", "Resolver"]
+__all__ = ["RESOLVERS", "Additive", "Filter", "Hierarchy", "Priority", "Resolver"]
+
+RESOLVERS: tuple[type[Resolver], ...] = (Priority, Hierarchy, Filter, Additive)
+"""Resolvers that files can name, by their ``name``."""

@@ -39,4 +39,4 @@ class Additive(Priority):
 
     def tracks(self, demand: Demand) -> bool:
         """See :class:`.Resolver`."""
-        return not demand.relative
+        return not demand.relative or demand.sees_tracking

@@ -113,7 +113,7 @@ class Hierarchy(Resolver):
 
     def tracks(self, demand: Demand) -> bool:
         """See :class:`.Resolver`."""
-        return demand.relative or "tracked" in demand.uses
+        return demand.tracks
 
     def row_weights(self, labels: tuple[str, ...]) -> Array:
         """See :class:`.Resolver`."""

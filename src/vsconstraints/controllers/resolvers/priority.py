@@ -45,7 +45,7 @@ class Priority(Resolver):
 
     def tracks(self, demand: Demand) -> bool:
         """See :class:`.Resolver`."""
-        return demand.relative or not demand.everywhere or "tracked" in demand.uses
+        return demand.tracks or not demand.everywhere
 
     @property
     def options(self) -> Array:
