@@ -276,12 +276,33 @@ def constraint_tables(type_name: str, robot: Robot) -> list[dict[str, Any]]:
         "self-collision": [
             {"bodies": bodies, "pairs": [["tip", "flag"]], "K": 0.2, "switching_gain": 0.2},
         ],
+        "performance-funnel": [
+            {"feature_px": 300.0, "final": 0.05, "decay": 2.0, "K": 0.2, "switching_gain": 1.0},
+            {"feature_px": 90.0, "final": 1.0, "decay": 0.3, "markers": [3, 1], "K": 0.2, "switching_gain": 1.0},
+            {
+                "translation_m": 0.5,
+                "rotation_rad": 3.0,
+                "final": 0.1,
+                "decay": 0.7,
+                "K": 0.1,
+                "switching_gain": 1.0,
+            },
+            {"rotation_rad": 2.0, "final": 0.1, "decay": 0.7, "K": 0.3, "switching_gain": 1.0},
+        ],
     }.get(type_name, [])
 
 
 def build_constraint(type_name: str, table: dict[str, Any], robot: Robot) -> Constraint:
     """The constraint that a scenario file's table describes."""
-    return make_constraint({**table, "type": type_name}, f"example of {type_name}", robot, camera(), Path())
+    goals = [funnel_goal(-1.0, [0.3, -0.2, 0.5], 7.0), funnel_goal(0.4, [-0.2, 0.4, 0.6], 31.0)]
+    return make_constraint({**table, "type": type_name}, f"example of {type_name}", robot, camera(), Path(), goals)
+
+
+def funnel_goal(from_time: float, xyz: list[float], shift: float) -> Goal:
+    """A goal that funnels are about, somewhere."""
+    pixels = np.array([[-80.0, 20.0], [60.0, -90.0], [10.0, 120.0]]) + shift
+    pose = Pose(rotation_matrix(np.array([0.4, -0.9, 0.7])), np.array(xyz))
+    return Goal(from_time, pixels, camera().normalised(pixels), pose)
 
 
 # --- numerical derivatives ---

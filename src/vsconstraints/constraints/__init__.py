@@ -19,6 +19,7 @@ from .joint_speed import JointSpeed
 from .link_points import LinkPoints, link_points
 from .manipulability import Manipulability
 from .occlusion import Occlusion
+from .performance_funnel import PerformanceFunnel
 from .point_constraint import PointConstraint
 
 __all__ = [
@@ -46,6 +47,7 @@ __all__ = [
     "LinkPoints",
     "Manipulability",
     "Occlusion",
+    "PerformanceFunnel",
     "PointConstraint",
     "RowBlock",
     "SelfCollision",

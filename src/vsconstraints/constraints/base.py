@@ -55,6 +55,8 @@ class Trace:
         (T, k, 3) the scene's robot points in the base frame [m].
     image_size
         (W, H) of the image [px].
+    scene
+        In which it is; None if nothing is asked that needs it.
     """
 
     t: Array
@@ -63,6 +65,7 @@ class Trace:
     pixels: Array
     points: Array
     image_size: tuple[float, float]
+    scene: Scene | None = None
 
 
 class Constraint(ABC):
@@ -115,6 +118,10 @@ class Constraint(ABC):
     @abstractmethod
     def characteristic_length(self, scene: Scene) -> Array:
         """(r,) length L by which usage is 1 − clearance/L: half an allowed range, or an obstacle's radius."""
+
+    def refusal(self, sigma: Array, labels: tuple[str, ...]) -> str:
+        """Why a run cannot start with σ (r,) of rows of these labels; empty if it can, as outside most constraints."""
+        return ""
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """What the compiled step needs to make the rows itself; None if they are made in NumPy.

@@ -90,16 +90,18 @@ def build(
     qd0 = robot.configuration([0.0] * robot.n if file.qd0 is None else file.qd0, "qd0")
     if deviation is not None:
         q0 = q0 + file.start_deviation * deviation.uniform(-1.0, 1.0, robot.n)
+    disturbances = _disturbances(file.disturbances, f"{where}.disturbances", seed)
+    bare = Scene(robot, camera, markers, (), motion)
+    task = _task(file.task, f"{where}.task", bare, believed_camera(camera, disturbances))
     constraints = [
-        make_constraint(table, f"{where}.constraints[{i}]", robot, camera, folder)
+        make_constraint(table, f"{where}.constraints[{i}]", robot, camera, folder, task.goals)
         for i, table in enumerate(file.constraints)
     ]
     scene = Scene(robot, camera, markers, robot_points(constraints), motion)
-    disturbances = _disturbances(file.disturbances, f"{where}.disturbances", seed)
     return Setup(
         scene,
         ConstraintSet(constraints, scene),
-        _task(file.task, f"{where}.task", scene, believed_camera(camera, disturbances)),
+        task,
         q0,
         qd0,
         file.sampling_time,

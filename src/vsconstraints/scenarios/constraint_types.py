@@ -26,6 +26,7 @@ from ..constraints import (
     JointSpeed,
     Manipulability,
     Occlusion,
+    PerformanceFunnel,
     SelfCollision,
     attached_body,
     fixed_body,
@@ -36,6 +37,7 @@ from ..constraints import (
 from ..constraints.base import PositionConstraint
 from ..constraints.curves import SHAPES, Shape
 from ..errors import ConfigurationError, VsconstraintsError, described, shown
+from ..features import Goal
 from ..geometry import Pose
 from ..kinematics import RobotPoint
 from ..motion import Motion
@@ -68,11 +70,17 @@ CONSTRAINTS: dict[str, Callable[..., Constraint]] = {
     "manipulability": Manipulability,
     "collision": Collision,
     "self-collision": SelfCollision,
+    "performance-funnel": PerformanceFunnel,
 }
 """What makes a constraint of each type that scenario files know; others are named as ``module:Class``."""
 
+GIVEN = ("robot", "camera", "folder", "goals")
+"""Arguments of constraints that are no keys of their tables."""
 
-def make_constraint(table: object, where: str, robot: Robot, camera: Camera, folder: Path) -> Constraint:
+
+def make_constraint(
+    table: object, where: str, robot: Robot, camera: Camera, folder: Path, goals: Sequence[Goal] = ()
+) -> Constraint:
     """The constraint that a table describes; raises ConfigurationError for unknown types and keys."""
     values = demand_table(table, where)
     motion = made(Motion, values.pop("motion"), f"{where}.motion") if "motion" in values else None
@@ -82,7 +90,7 @@ def make_constraint(table: object, where: str, robot: Robot, camera: Camera, fol
         make: Callable[..., Constraint] = imported_class(values.pop("type"), Constraint, folder)
     else:
         make = chosen(values, "type", CONSTRAINTS, where, others=["module:Class"])
-    given = {"robot": robot, "camera": camera, "folder": folder}
+    given = {"robot": robot, "camera": camera, "folder": folder, "goals": goals}
     try:
         constraint = _made(make, values, where, given)
     except VsconstraintsError:
@@ -107,7 +115,7 @@ def keys(make: Callable[..., Constraint]) -> dict[str, Any]:
     for name, step in _steps(make).items():
         if not step.required:
             found[name] = found[name].replace(default=())
-    return {name: key for name, key in found.items() if name not in ("robot", "camera", "folder")}
+    return {name: key for name, key in found.items() if name not in GIVEN}
 
 
 def _made(make: Callable[..., Constraint], table: Table, where: str, given: Given) -> Constraint:

@@ -167,20 +167,21 @@ class Setup:
 
     def clearance(self, t: Array, q: Array, qd: Array, pixels: Array, points: Array) -> Array:
         """(N, m) of each row at N samples: see :class:`vsconstraints.constraints.Trace` for the arguments."""
-        return self.constraints.clearance(Trace(t, q, qd, pixels, points, self.scene.camera.size))
+        return self.constraints.clearance(Trace(t, q, qd, pixels, points, self.scene.camera.size, self.scene))
 
     def check_start(self) -> list[str]:
         """Raise if the robot cannot start; return what a reader of the results should know.
 
-        A constraint violated at the start is no error: every controller is built to come back. Nor is a goal that puts
-        markers where a constraint forbids them, which no controller can reach. Both are returned, one sentence each,
-        so that reports can say so.
+        A constraint violated at the start is no error, unless it is a funnel: every controller is built to come back.
+        Nor is a goal that puts markers where a constraint forbids them, which no controller can reach. Both are
+        returned, one sentence each, so that reports can say so.
 
         Raises
         ------
         ConfigurationError
             if a joint is outside its range, a marker is behind the camera, outside the image, or hidden by the
-            robot's own links as far as the robot has collision geometry, or the rows cannot be evaluated.
+            robot's own links as far as the robot has collision geometry, an error outside its funnel, or the rows
+            cannot be evaluated.
         """
         robot = self.scene.robot
         outside = robot.outside_ranges(self.q0)
@@ -210,6 +211,12 @@ class Setup:
             )
         remarks = self._check_sight()
         rows, sigma = self.constraints.rows(state)
+        first = 0
+        for constraint, count, _ in self.constraints.blocks():
+            own = slice(first, first := first + count)
+            refusal = constraint.refusal(sigma[own], rows.labels[own])
+            if refusal:
+                raise ConfigurationError(refusal)
         violated = [
             f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in np.flatnonzero(sigma > 0.0)
         ]
