@@ -24,7 +24,8 @@ def renamed(**words: str | tuple[str, dict[Any, Any]]) -> Callable[[Made], Made]
             for old in words.keys() & options.keys():
                 word = words[old]
                 new, values = (word, {}) if isinstance(word, str) else word
-                note = f"{make.__name__}: the argument {old} is now called {new}"
+                name = type(arguments[0]).__name__ if isinstance(make, type) else make.__name__
+                note = f"{name}: the argument {old} is now called {new}"
                 warnings.warn(note, DeprecationWarning, stacklevel=2)
                 value = options.pop(old)
                 options[new] = values[value] if values else value

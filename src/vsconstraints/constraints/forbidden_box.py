@@ -60,12 +60,8 @@ class ForbiddenBox(ForbiddenRegion):
             raise ConfigurationError(f"size of a box must be three positive lengths, not {self.size}")
         half = 0.5 * self.size
         self.parameters = tuple(half.tolist())
+        pose = Pose(Pose.from_xyz_rpy((0.0, 0.0, 0.0), rpy).R, vector(centre, 3, "centre of a box"))
+        length = float(half.min())
         super().__init__(
-            Pose(Pose.from_xyz_rpy((0.0, 0.0, 0.0), rpy).R, vector(centre, 3, "centre of a box")),
-            length=float(half.min()),
-            K=K,
-            switching_gain=switching_gain,
-            margin=margin,
-            points=points,
-            name=name,
+            pose, length=length, K=K, switching_gain=switching_gain, margin=margin, points=points, name=name
         )

@@ -60,12 +60,7 @@ class ForbiddenHalfSpace(ForbiddenRegion):
         if size < SMALL:
             raise ConfigurationError(f"normal of a half-space must have a direction, not {n}")
         self.point, self.normal = vector(point, 3, "point of a half-space"), n / size
+        pose = Pose(frame_along(self.normal), self.point)
         super().__init__(
-            Pose(frame_along(self.normal), self.point),
-            length=length,
-            K=K,
-            switching_gain=switching_gain,
-            margin=margin,
-            points=points,
-            name=name,
+            pose, length=length, K=K, switching_gain=switching_gain, margin=margin, points=points, name=name
         )

@@ -8,10 +8,11 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..formulas.regions import SMALL
-from ..geometry import Pose
+from ..geometry import Pose, Vector3, vector
 from ..kinematics import RobotPoint
 from ..renamed import renamed
 from ..rows import Array
+from .base import demand_positive
 from .point_constraint import PointConstraint
 
 
@@ -69,13 +70,55 @@ class ForbiddenRegion(PointConstraint):
         self.frame = pose.R, pose.t
 
 
-def axis_pose(start: Array, end: Array, what: str) -> tuple[Pose, float]:
-    """Frame at the middle between two points whose z axis leads from the first to the second, and their distance."""
-    along = end - start
-    length = float(np.sqrt(along @ along))
-    if length < SMALL:
-        raise ConfigurationError(f"start and end of a {what} must be different points, not both {start}")
-    return Pose(frame_along(along / length), 0.5 * (start + end)), length
+@renamed(robot_points="points")
+class RegionAroundAxis(ForbiddenRegion):
+    """A region of a radius around the axis from one point to another, which is the z axis of its frame.
+
+    Parameters
+    ----------
+    start, end
+        (3,) ends of the axis in the base frame [m].
+    radius
+        [m].
+    K, switching_gain
+        Approach time constant [s] and u⁺ [m/s].
+    margin
+        Safety margin [m].
+    points
+        Points that must stay out; the tip if not given.
+    name
+        Name of the obstacle, for labels when there are several.
+    """
+
+    def __init__(
+        self,
+        *,
+        start: Vector3,
+        end: Vector3,
+        radius: float,
+        K: float,
+        switching_gain: float,
+        margin: float = 0.0,
+        points: Sequence[RobotPoint] = (RobotPoint(),),
+        name: str = "",
+    ) -> None:
+        demand_positive(radius, f"radius of a {self.kind}")
+        self.start, self.end = vector(start, 3, f"start of a {self.kind}"), vector(end, 3, f"end of a {self.kind}")
+        along = self.end - self.start
+        size = float(np.sqrt(along @ along))
+        if size < SMALL:
+            raise ConfigurationError(f"start and end of a {self.kind} must be different points, not both {self.start}")
+        pose = Pose(frame_along(along / size), 0.5 * (self.start + self.end))
+        self.radius = float(radius)
+        self.parameters = self.radius, 0.5 * size
+        super().__init__(
+            pose, length=self.half_width, K=K, switching_gain=switching_gain, margin=margin, points=points, name=name
+        )
+
+    @property
+    def half_width(self) -> float:
+        """Half of the least width [m], the characteristic length."""
+        return self.radius
 
 
 def frame_along(z: Array) -> Array:

@@ -57,14 +57,9 @@ class ForbiddenSphere(ForbiddenRegion):
         demand_positive(radius, "radius of a sphere")
         self.radius = float(radius)
         self.parameters = (self.radius,)
+        pose = Pose(np.eye(3), vector(centre, 3, "centre of a sphere"))
         super().__init__(
-            Pose(np.eye(3), vector(centre, 3, "centre of a sphere")),
-            length=self.radius,
-            K=K,
-            switching_gain=switching_gain,
-            margin=margin,
-            points=points,
-            name=name,
+            pose, length=self.radius, K=K, switching_gain=switching_gain, margin=margin, points=points, name=name
         )
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +17,44 @@ from .base import demand_numbers
 from .joint_constraint import JointConstraint
 
 
-class JointRange(JointConstraint):
+class OfJoints:
+    """What rows on single joints share: one row for each joint's upper side, then one for each lower side.
+
+    Attributes
+    ----------
+    joints
+        Numbers of the joints concerned, counted from 1.
+    prismatic_unit
+        Instead of ``unit`` for prismatic joints.
+    """
+
+    kind: ClassVar[str]
+    unit: ClassVar[str]
+    prismatic_unit: ClassVar[str]
+    linear = True
+
+    def _select(self, joints: tuple[int, ...], margin: float, upper: Array, lower: Array, n: int) -> None:
+        """Keep the joints, the margin, and the gradient: ``upper`` in the upper rows and −``lower`` in the others."""
+        if not 0.0 <= margin < 1.0:
+            raise ConfigurationError(f"margin of {self.kind} must be in [0, 1), not {margin}")
+        self.joints, self.margin, self._at = joints, float(margin), np.array(joints) - 1
+        chosen = np.eye(n, dtype=np.bool_)[self._at]
+        self._gradient: Array = np.concatenate([np.where(chosen, a[:, None], 0.0) for a in (upper, -lower)])
+
+    def labels(self, scene: Scene) -> tuple[str, ...]:
+        """All upper rows, then all lower ones."""
+        return tuple(f"{self.kind}[joint {i}].{side}" for side in ("upper", "lower") for i in self.joints)
+
+    def units(self, scene: Scene) -> tuple[str, ...]:
+        """Those of revolute or of prismatic joints."""
+        return tuple(self.prismatic_unit if scene.robot.prismatic[i] else self.unit for i in self._at) * 2
+
+    def gradient(self, y: Array) -> Array:
+        """The same everywhere."""
+        return self._gradient
+
+
+class JointRange(OfJoints, JointConstraint):
     """Joints stay in their ranges, the robot's or given ones.
 
     ±q̃_i − 1 + margin ≤ 0 with q̃_i = (q_i − mid) / half the range (eqs. 25 to 27), one row for each side.
@@ -39,7 +77,7 @@ class JointRange(JointConstraint):
     """
 
     kind = "range"
-    linear = True
+    prismatic_unit = "m"
 
     def __init__(
         self,
@@ -53,33 +91,14 @@ class JointRange(JointConstraint):
         margin: float = 0.0,
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
-        self.joints, lower_limits, upper_limits = select_limits(
-            robot, joints, (lower, robot.q_min), (upper, robot.q_max), self.kind
-        )
-        if not 0.0 <= margin < 1.0:
-            raise ConfigurationError(f"margin of {self.kind} must be in [0, 1), not {margin}")
-        self.margin = float(margin)
-        self.mid = 0.5 * (lower_limits + upper_limits)
-        self.half = 0.5 * (upper_limits - lower_limits)
-        self._at = np.array(self.joints) - 1
-        self._gradient = signed_selector(self._at, 1.0 / self.half, 1.0 / self.half, robot.n)
-
-    def labels(self, scene: Scene) -> tuple[str, ...]:
-        """All upper rows, then all lower ones."""
-        return two_sided_labels(self.kind, self.joints)
-
-    def units(self, scene: Scene) -> tuple[str, ...]:
-        """Radians, or metres for prismatic joints."""
-        return joint_units(scene.robot, self.joints, "rad", "m")
+        numbers, low, high = select_limits(robot, joints, (lower, robot.q_min), (upper, robot.q_max), self.kind)
+        self.mid, self.half = 0.5 * (low + high), 0.5 * (high - low)
+        self._select(numbers, margin, 1.0 / self.half, 1.0 / self.half, robot.n)
 
     def sigma(self, q: Array) -> Array:
         """Eq. (25), one row for each side."""
         x = (q[..., self._at] - self.mid) / self.half
         return np.concatenate((x, -x), axis=-1) - (1.0 - self.margin)
-
-    def gradient(self, q: Array) -> Array:
-        """±1/half range."""
-        return self._gradient
 
     def characteristic_length(self, scene: Scene) -> Array:
         """Half the allowed range [rad or m]."""
@@ -124,22 +143,3 @@ def limit_array(value: ArrayLike, what: str) -> Array:
         return np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise ConfigurationError(f"{what} must be numbers, not {shown(value)}") from None
-
-
-def two_sided_labels(kind: str, joints: Sequence[int]) -> tuple[str, ...]:
-    """All upper rows, then all lower ones."""
-    return tuple(f"{kind}[joint {i}].{side}" for side in ("upper", "lower") for i in joints)
-
-
-def joint_units(robot: Robot, joints: Sequence[int], revolute: str, prismatic: str) -> tuple[str, ...]:
-    """Units of two-sided rows on these joints."""
-    return tuple(prismatic if robot.prismatic[i - 1] else revolute for i in joints) * 2
-
-
-def signed_selector(at: Array, upper: Array, lower: Array, n: int) -> Array:
-    """(2k, n) rows that pick k joints, times ``upper`` in the first k rows and −``lower`` in the others."""
-    rows = np.zeros((2 * len(at), n))
-    k = np.arange(len(at))
-    rows[k, at] = upper
-    rows[len(at) + k, at] = -lower
-    return rows

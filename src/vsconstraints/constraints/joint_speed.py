@@ -12,10 +12,10 @@ from ..robot import Robot
 from ..rows import Array
 from ..scene import Scene
 from .joint_constraint import SpeedConstraint
-from .joint_range import joint_units, limit_array, select_limits, signed_selector, two_sided_labels
+from .joint_range import OfJoints, limit_array, select_limits
 
 
-class JointSpeed(SpeedConstraint):
+class JointSpeed(OfJoints, SpeedConstraint):
     """Joints stay below their speeds, the robot's or given ones.
 
     q̇_i/q̇_max,i − 1 + margin ≤ 0 and q̇_i/q̇_min,i − 1 + margin ≤ 0 (eqs. 28 and 29, split as footnote 4 says).
@@ -35,7 +35,7 @@ class JointSpeed(SpeedConstraint):
     """
 
     kind = "speed"
-    linear = True
+    prismatic_unit = "m/s"
 
     def __init__(
         self,
@@ -50,35 +50,19 @@ class JointSpeed(SpeedConstraint):
         super().__init__(switching_gain=switching_gain)
         if lower is None and upper is not None:
             lower = -limit_array(upper, "upper of speed")
-        self.joints, self.lower, self.upper = select_limits(
+        numbers, self.lower, self.upper = select_limits(
             robot, joints, (lower, robot.qd_min), (upper, robot.qd_max), self.kind
         )
         if (self.lower >= 0.0).any() or (self.upper <= 0.0).any():
             raise ConfigurationError(
                 f"speed limits must be lower < 0 < upper, so that the arm can rest: {self.lower} and {self.upper}"
             )
-        if not 0.0 <= margin < 1.0:
-            raise ConfigurationError(f"margin of {self.kind} must be in [0, 1), not {margin}")
-        self.margin = float(margin)
-        self._at = np.array(self.joints) - 1
-        self._gradient = signed_selector(self._at, 1.0 / self.upper, -1.0 / self.lower, robot.n)
-
-    def labels(self, scene: Scene) -> tuple[str, ...]:
-        """All upper rows, then all lower ones."""
-        return two_sided_labels(self.kind, self.joints)
-
-    def units(self, scene: Scene) -> tuple[str, ...]:
-        """Radians or, for prismatic joints, metres per second."""
-        return joint_units(scene.robot, self.joints, "rad/s", "m/s")
+        self._select(numbers, margin, 1.0 / self.upper, -1.0 / self.lower, robot.n)
 
     def phi(self, qd: Array) -> Array:
         """Eq. (28), one row for each side."""
         x = qd[..., self._at]
         return np.concatenate((x / self.upper, x / self.lower), axis=-1) - (1.0 - self.margin)
-
-    def gradient(self, qd: Array) -> Array:
-        """1/q̇_max and 1/q̇_min."""
-        return self._gradient
 
     def characteristic_length(self, scene: Scene) -> Array:
         """The allowed speed [rad/s or m/s]."""
