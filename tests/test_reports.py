@@ -624,6 +624,7 @@ def test_many_laws_stand_together_by_what_they_use() -> None:
         (("T_s", "σ"), "--period"),
         (("L_fφ", "T_s"), "--drift"),
         (("T_s", "memory"), "--memory"),
+        (("L_gφ q̈ of the last sample", "T_s"), "--memory"),
         (("model", "memory"), "--model"),
         (None, "--own"),
     ],

@@ -16,15 +16,15 @@ from .markdown import enumeration, table
 MOST = 8
 """How many laws a figure shows beside tracking alone."""
 
-KINDS: dict[str, tuple[str, str]] = {
-    "": ("plain", f"Laws without {USES['period']}, {USES['Lf']}, memory or model"),
-    USES["period"]: ("period", f"Laws that use {USES['period']}"),
-    USES["Lf"]: ("drift", f"Laws that use {USES['Lf']}"),
-    "memory": ("memory", "Laws with memory"),
-    "model": ("model", "Laws with a model"),
-    "own": ("own", "Own laws"),
-}
-"""Names in files, and titles, of laws by the last of these that they use."""
+KINDS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("plain", f"Laws without {USES['period']}, {USES['Lf']}, memory or model", ()),
+    ("period", f"Laws that use {USES['period']}", (USES["period"],)),
+    ("drift", f"Laws that use {USES['Lf']}", (USES["Lf"],)),
+    ("memory", "Laws with memory", ("memory", USES["last_rate"])),
+    ("model", "Laws with a model", ("model",)),
+    ("own", "Own laws", ("own",)),
+)
+"""Name in files, title, and what laws use that belong there: a law belongs to the last kind of which it uses any."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,10 @@ def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
     laws = [name for name in entries if name != BASELINE]
     if len(laws) <= MOST:
         return (Group(tuple(entries)),)
-    known = {name: uses(name, entries[name]) for name in laws}
-    last = {name: "own" if all_ is None else max(all_, key=_rank, default="") for name, all_ in known.items()}
+    kinds = {name: _kind(uses(name, entries[name])) for name in laws}
     groups = []
-    for rank, (file, title) in enumerate(KINDS.values()):
-        members = [name for name in laws if _rank(last[name]) == rank]
+    for file, title, _ in KINDS:
+        members = [name for name in laws if kinds[name] == file]
         parts = -(-len(members) // MOST)
         for k, own in enumerate(np.array_split(members, parts) if parts else (), start=1):
             of, number = (f" ({k} of {parts})", f"-{k}") if parts > 1 else ("", "")
@@ -117,5 +116,6 @@ def by_controller(
     )
 
 
-def _rank(used: str) -> int:
-    return list(KINDS).index(used) if used in KINDS else 0
+def _kind(used: Sequence[str] | None) -> str:
+    used = ("own",) if used is None else used
+    return [file for file, _, any_of in KINDS if not any_of or not set(any_of).isdisjoint(used)][-1]
