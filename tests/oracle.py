@@ -21,7 +21,7 @@ RANK = 1e-7
 
 @dataclass(frozen=True)
 class Problem:
-    """Rows A x ≤ c with level-1 weights, a task J x = b, and the box |x| ≤ bound (None: no box)."""
+    """Rows A x ≤ c with level-1 weights, a task J x = b, and the box |x| ≤ bound, or box[0] ≤ x ≤ box[1], or none."""
 
     A: np.ndarray
     c: np.ndarray
@@ -29,6 +29,16 @@ class Problem:
     J: np.ndarray
     b: np.ndarray
     bound: float | None = None
+    box: np.ndarray | None = None
+
+    def ends(self):
+        """The box as rows and their sides."""
+        n = self.J.shape[1]
+        box = np.array([[-np.inf], [np.inf]]) * np.ones(n) if self.box is None else self.box
+        if self.bound is not None:
+            box = np.clip(box, -self.bound, self.bound)
+        sides = np.concatenate([box[1], -box[0]])
+        return np.vstack([np.eye(n), -np.eye(n)])[sides < np.inf], sides[sides < np.inf]
 
     def objectives(self, x):
         """Norm of the weighted violation, norm of the task's residual, norm of x."""
@@ -39,12 +49,9 @@ class Problem:
 def lexicographic_optimum(problem):
     """Return the (n,) optimum of the three levels."""
     n = problem.J.shape[1]
-    bound = problem.bound
-    walls, sides = problem.A, problem.c
-    if bound is not None:
-        walls = np.vstack([walls, np.eye(n), -np.eye(n)])
-        sides = np.concatenate([sides, np.full(2 * n, bound)])
-    x, Z = np.zeros(n), np.eye(n)
+    ends, end_sides = problem.ends()
+    walls, sides = np.vstack([problem.A, ends]), np.concatenate([problem.c, end_sides])
+    x, Z = np.zeros(n) if problem.box is None else np.clip(np.zeros(n), *problem.box), np.eye(n)
 
     def minimise(objective, free_rows):
         """Minimise over x + Z y, y meeting the free rows as far as x does; return the new x."""
@@ -79,7 +86,7 @@ def lexicographic_optimum(problem):
         problem.c / np.where(size > 1e-300, size, 1.0),
     )
     if len(problem.c):
-        x = minimise(lambda y: cp.norm(cp.multiply(metric, cp.pos(unit_rows @ y - unit_sides))), box)
+        x = minimise(lambda y: cp.norm(cp.multiply(metric, cp.pos(unit_rows @ (x + y) - unit_sides))), box)
     excess = unit_rows @ x - unit_sides
     violated = excess > 1e-6 * (1.0 + np.abs(unit_sides))
     Z = Z @ _null_space(unit_rows[violated] @ Z)
@@ -170,7 +177,7 @@ def random_problem(kind, seed):
     n = int(rng.integers(2, 9))
     m = int(rng.integers(1, 16))
     k = int(rng.integers(1, 10))
-    bound = None
+    bound = box = None
     if kind == "many rows":
         m = int(rng.integers(40, 101))
     if kind == "large":
@@ -208,8 +215,14 @@ def random_problem(kind, seed):
         A, c = np.vstack([A, -A]), np.concatenate([c, -c])
     if kind == "box":
         bound = 0.5
+    if kind == "box of each joint":  # some joints without a bound, some that must move
+        middle, half = rng.normal(size=n), rng.uniform(0.05, 1.0, n)
+        c = A @ middle + rng.uniform(0.0, 1.0, m) if seed % 2 else c
+        box = np.array([middle - half, middle + half])
+        box[rng.random((2, n)) < 0.2] *= np.inf
+        box = np.array([np.where(np.isinf(box[0]), -np.inf, box[0]), np.where(np.isinf(box[1]), np.inf, box[1])])
     weights = rng.uniform(0.5, 2.0, len(c)) if kind in ("random", "conflicting") else np.ones(len(c))
-    return Problem(A, c, weights, J, b, bound)
+    return Problem(A, c, weights, J, b, bound, box)
 
 
 KINDS = (
@@ -225,6 +238,7 @@ KINDS = (
     "zero rows",
     "opposite",
     "box",
+    "box of each joint",
     "large",
 )
 

@@ -26,7 +26,9 @@ from vsconstraints.scene import Scene, State
 def acting(phi: list[float], slowed: list[float], gain: list[float], scale: list[float]) -> list[bool]:
     """Which rows act in a sample, of which the command slows φ by so much: those of a robot with one joint."""
     m, none = len(phi), np.empty(0)
-    rows = RowArrays(np.array(phi), np.array(slowed).reshape(m, 1), *(none,) * 4, np.array(gain), np.array(scale))
+    rows = RowArrays(
+        np.array(phi), np.array(slowed).reshape(m, 1), *(none,) * 4, np.array(gain), np.array(scale), none, none
+    )
     active = np.zeros(m, dtype=np.bool_)
     mark_acting(rows, np.zeros(1), np.ones(1), active)
     found: list[bool] = active.tolist()

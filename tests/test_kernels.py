@@ -226,6 +226,8 @@ def test_the_two_descents_agree(kind, form):
         gain = np.abs(given.c) + 0.1
         labels = tuple(f"row[{i}]" for i in range(m))
         rows = Rows(-sign * np.abs(given.c) if form == "active" else -given.c, given.A, np.zeros(m), gain, labels)
+        if given.box is not None:
+            rows.qdd_min, rows.qdd_max = np.ascontiguousarray(given.box)
         weights = dict(zip(labels, given.weights, strict=True))
         law = HierarchicalQP(alpha=1.0, rows=form, weights=weights, max_acceleration=given.bound)
         agree_hierarchy(law, rows, Task(np.ascontiguousarray(given.J), given.b))

@@ -512,6 +512,11 @@ def test_least_distance_is_zero_where_no_row_excludes_the_center():
 # --- level 1 ---
 
 
+def box_of(n, bound):
+    """(2, n) least and greatest x with |x| ≤ bound."""
+    return np.array([[-bound], [bound]]) * np.ones(n)
+
+
 @pytest.mark.parametrize("bound", [np.inf, 0.4], ids=["free", "box"])
 @pytest.mark.parametrize("kind", ["random", "feasible", "opposite", "duplicate", "scaled", "many"])
 def test_the_least_violation_is_stationary_and_unique(kind, bound):
@@ -531,7 +536,7 @@ def test_the_least_violation_is_stationary_and_unique(kind, bound):
             weights = 10.0 ** rng.uniform(-2.0, 2.0, m)
         found = []
         for start in (np.zeros(n), rng.normal(size=n), 10.0 * rng.normal(size=n)):
-            x = least_violation(A, c, weights, start, bound)
+            x = least_violation(A, c, weights, start, box_of(n, bound))
             assert (np.abs(x) <= bound).all()
             violation = np.maximum(A @ x - c, 0.0)
             gradient = A.T @ (weights**2 * violation)
@@ -570,7 +575,7 @@ def test_badly_scaled_rows_lose_accuracy_only_as_rounding_demands(decades, accur
         A, c, starts = badly_scaled(seed, decades)
         values = []
         for start in starts:
-            x = least_violation(A, c, np.ones(len(c)), start, bound)
+            x = least_violation(A, c, np.ones(len(c)), start, box_of(len(start), bound))
             values.append(np.linalg.norm(np.maximum(A @ x - c, 0.0)))
         assert values[0] == pytest.approx(values[1], rel=1e-9, abs=accuracy * np.abs(c).max()), seed
 
@@ -582,12 +587,12 @@ def compiled_least_violation():
     from vsconstraints.kernels.least_violation import least_violation as kernel
 
     @numba.njit(error_model="numpy")
-    def descend(A, c, weights, bound, x):
-        return kernel(A, c, weights, bound, x)
+    def descend(A, c, weights, box, x):
+        return kernel(A, c, weights, box, x)
 
     def call(A, c, weights, start):
         x = start.copy()
-        assert descend(A, c, weights, np.inf, x) == 0
+        assert descend(A, c, weights, box_of(len(x), np.inf), x) == 0
         return x
 
     return call
@@ -613,13 +618,13 @@ def test_the_least_violation_of_two_opposite_rows_is_their_weighted_mean():
     A, c = np.array([[1.0], [-1.0]]), np.array([-1.0, -1.0])
     x = least_violation(A, c, np.array([2.0, 1.0]), np.array([4.0]))
     assert x[0] == pytest.approx(-0.6, abs=1e-14)
-    assert least_violation(A, c, np.array([2.0, 1.0]), np.array([4.0]), bound=0.25)[0] == -0.25
+    assert least_violation(A, c, np.array([2.0, 1.0]), np.array([4.0]), box_of(1, 0.25))[0] == -0.25
 
 
 def test_the_least_violation_releases_what_the_box_should_not_hold():
     # From the corner (1, 1) the first coordinate must come back in, the second stays.
     A, c = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, -1.0]]), np.array([-0.5, 0.4, -3.0])
-    x = least_violation(A, c, np.ones(3), np.array([9.0, 9.0]), bound=1.0)
+    x = least_violation(A, c, np.ones(3), np.array([9.0, 9.0]), box_of(2, 1.0))
     np.testing.assert_allclose(x, [-0.45, 1.0], atol=1e-14)
 
 

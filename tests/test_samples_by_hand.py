@@ -27,7 +27,7 @@ NONE = np.empty(0)
 
 def rows(phi: Any, sigma: Any = (0.0, 0.0), Lg: Any = ((0.0, 0.0), (0.0, 0.0))) -> RowArrays:
     """Of u⁺ = 1 and scale 1."""
-    return RowArrays(np.array(phi), np.array(Lg), NONE, np.array(sigma), NONE, NONE, np.ones(2), np.ones(2))
+    return RowArrays(np.array(phi), np.array(Lg), NONE, np.array(sigma), NONE, NONE, np.ones(2), np.ones(2), NONE, NONE)
 
 
 def running() -> Running:
@@ -71,7 +71,7 @@ def test_scores_of_five_samples() -> None:
 def acting(phi: Any, scale: Any, gain: Any, Lg: Any) -> list[bool]:
     """Which rows act where tracking alone gives (4, 1) and the command is (1, 2)."""
     active = np.zeros(len(phi), dtype=np.bool_)
-    given = RowArrays(np.array(phi), np.array(Lg), *(NONE,) * 4, np.array(gain), np.array(scale))
+    given = RowArrays(np.array(phi), np.array(Lg), *(NONE,) * 4, np.array(gain), np.array(scale), NONE, NONE)
     mark_acting(given, np.array([1.0, 2.0]), np.array([4.0, 1.0]), active)
     return [bool(acts) for acts in active]
 

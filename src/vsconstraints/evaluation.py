@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from .kernels import entry
-from .rows import Array, Rows, Task
+from .rows import UNKNOWN, Array, Rows, Task
 
 if TYPE_CHECKING:
     from .constraints import ConstraintSet
@@ -91,6 +91,7 @@ class CompiledEvaluation:
             self._part("sigma"),
             self._part("sigma_dot"),
             constraints.approach_time,
+            *((self._part("qdd_min"), self._part("qdd_max")) if self._packed.size.limited else (UNKNOWN, UNKNOWN)),
         )
 
     @property

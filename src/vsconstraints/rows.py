@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InvalidInput, shown
+from .formulas.limits import at_end
 
 Array = NDArray[np.floating[Any]]
 """Floats; the docstring says of what shape."""
@@ -28,6 +29,9 @@ ARRAYS = (np.ndarray, np.memmap)
 
 UNKNOWN: Array = np.empty(0)
 """What is not given."""
+
+NOT_LIMITED: BoolArray = np.empty(0, dtype=np.bool_)
+"""No joint has bounds."""
 
 Status = Literal["ok", "relaxed", "suboptimal", "rank-loss", "failed"]
 """What a controller says of its command.
@@ -62,6 +66,9 @@ class Rows:
     sigma, sigma_dot, K
         (m,) σ, σ̇ with ∂σ/∂t [units of φ per second], and K [s]; (0,) where they are not given, for laws that do not
         use them. Of a row on φ itself, such as a speed, σ = φ.
+    qdd_min, qdd_max
+        (n,) box that q̈ must be in now, infinite where there is no bound; (0,) where none is stated. Braking may demand
+        a box without zero. No command leaves it: a law that does not keep it is brought back joint by joint.
     """
 
     phi: Array
@@ -73,6 +80,8 @@ class Rows:
     sigma: Array = field(default_factory=lambda: UNKNOWN)
     sigma_dot: Array = field(default_factory=lambda: UNKNOWN)
     K: Array = field(default_factory=lambda: UNKNOWN)
+    qdd_min: Array = field(default_factory=lambda: UNKNOWN)
+    qdd_max: Array = field(default_factory=lambda: UNKNOWN)
 
     def __post_init__(self) -> None:
         try:
@@ -133,6 +142,8 @@ class Command:
         Why another solver than the one asked for gave the answer. Empty otherwise.
     remark
         What else should be known, such as an option that concerns none of the rows. Empty otherwise.
+    saturated
+        (n,) joints whose acceleration is at an end of the box of the rows; (0,) where none is stated.
     """
 
     qdd: Array
@@ -145,6 +156,7 @@ class Command:
     iterations: int = 0
     fallback: str = ""
     remark: str = ""
+    saturated: BoolArray = field(default_factory=lambda: NOT_LIMITED)
 
     @property
     def active(self) -> tuple[str, ...]:
@@ -178,8 +190,26 @@ def beyond_rounding(rows: Rows, qdd: Array) -> str:
     return f"accelerations of {size:.1e} are beyond what rows can be checked at: rounding exceeds the gain of {names}"
 
 
+GIVEN = ("phi", "Lg", "Lf", "switching_gain", "scale")
+"""What rows say, m of each."""
+
 OPTIONAL = ("sigma", "sigma_dot", "K")
-"""What rows need not say."""
+"""What rows need not say, (m,) each."""
+
+BOX = ("qdd_min", "qdd_max")
+"""Bounds of q̈, (n,) each, likewise."""
+
+
+def in_box(rows: Rows, qdd: Array) -> Array:
+    """What is nearest to q̈ (n,) in the box of the rows, if they have one."""
+    return np.clip(qdd, rows.qdd_min, rows.qdd_max) if len(rows.qdd_max) else qdd
+
+
+def keep_box(rows: Rows, command: Command) -> None:
+    """Bring a command into the box of the rows, if they have one, and say which joints are at an end of it."""
+    if len(rows.qdd_max) and command.status != "failed":
+        command.qdd = in_box(rows, command.qdd)
+        command.saturated = at_end(command.qdd, rows.qdd_min, rows.qdd_max)
 
 
 def check(rows: Rows, task: Task) -> None:
@@ -191,7 +221,7 @@ def check(rows: Rows, task: Task) -> None:
     for name, array in (
         ("task.J", task.J),
         ("task.b", task.b),
-        *((f"rows.{name}", getattr(rows, name)) for name in ("phi", "Lg", "Lf", "switching_gain", "scale", *OPTIONAL)),
+        *((f"rows.{name}", getattr(rows, name)) for name in (*GIVEN, *OPTIONAL, *BOX)),
         ("task.error", task.error),
         ("task.error_rate", task.error_rate),
     ):
@@ -219,6 +249,8 @@ def check(rows: Rows, task: Task) -> None:
         if not np.isfinite(array).all():
             at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
             raise InvalidInput(f"rows.{name} is not finite for {', '.join(rows.labels[i] for i in at)}")
+    if len(rows.qdd_min) or len(rows.qdd_max):
+        _check_box(rows, n)
     k = len(task.b)
     for name, array in (("error", task.error), ("error_rate", task.error_rate)):
         if array.shape not in ((0,), (k,)):
@@ -230,3 +262,16 @@ def check(rows: Rows, task: Task) -> None:
     if (rows.switching_gain <= 0.0).any() or (rows.scale <= 0.0).any():
         at = np.flatnonzero((rows.switching_gain <= 0.0) | (rows.scale <= 0.0))
         raise InvalidInput(f"switching gain and scale must be positive: {', '.join(rows.labels[i] for i in at)} is not")
+
+
+def _check_box(rows: Rows, n: int) -> None:
+    low, high = rows.qdd_min, rows.qdd_max
+    if low.shape != (n,) or high.shape != (n,):
+        raise InvalidInput(
+            f"rows.qdd_min and rows.qdd_max must both be {(n,)}, or neither be given: they have the shapes {low.shape} "
+            f"and {high.shape}"
+        )
+    at = np.flatnonzero(~((low <= high) & (low < np.inf) & (high > -np.inf)))
+    if len(at):
+        boxes = "; ".join(f"joint {j + 1}: [{low[j]:g}, {high[j]:g}]" for j in at)
+        raise InvalidInput(f"rows.qdd_min and rows.qdd_max leave no acceleration: {boxes}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, get_args
 import numpy as np
 
 from ..errors import SolverError, shown
-from ..rows import Array, BoolArray, Command, Rows, Status, Task, beyond_rounding, check
+from ..rows import Array, BoolArray, Command, Rows, Status, Task, beyond_rounding, check, keep_box
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -22,7 +22,8 @@ class Controller(ABC):
 
     A new controller gives :attr:`name` and :meth:`solve`. Input is checked before and the answer after, so that
     ``solve`` may assume finite arrays of matching shapes, and no number that is not finite ever reaches a robot. Nor
-    does one so large that rounding alone of a row exceeds its switching gain.
+    does one so large that rounding alone of a row exceeds its switching gain. What is outside the box of the rows is
+    brought into it joint by joint.
     """
 
     name: ClassVar[str]
@@ -68,7 +69,10 @@ class Controller(ABC):
         if not (slack is None or (isinstance(slack, np.ndarray) and slack.shape == (m,) and np.isfinite(slack).all())):
             return self._failure(rows, task, f"slack must be None or {m} finite numbers, not {shown(slack)}")
         beyond = beyond_rounding(rows, command.qdd)
-        return self._failure(rows, task, beyond) if beyond else command
+        if beyond:
+            return self._failure(rows, task, beyond)
+        keep_box(rows, command)
+        return command
 
     @abstractmethod
     def solve(self, rows: Rows, task: Task) -> Command:

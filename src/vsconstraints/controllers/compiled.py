@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..kernels import entry, load
-from ..rows import ARRAYS, Array, BoolArray, Command, IntArray, Rows, Task
+from ..rows import ARRAYS, UNKNOWN, Array, BoolArray, Command, IntArray, Rows, Task, keep_box
 
 if TYPE_CHECKING:
     from ..kernels.structures import LawArrays
@@ -36,29 +36,28 @@ class CompiledLaw:
         The law as compiled loops take it, and where they find it.
     labels, remark
         Of the rows; and what is to be said of them and the options.
-    function
-        ``follow`` or, if more than usual is used, ``follow_whole`` of :mod:`vsconstraints.kernels.laws`.
+    measures, whole
+        Whether it tells what it leaves unmet, and whether it uses more than usual of the rows.
     """
 
-    __slots__ = ("_frozen", "address", "arrays", "function", "labels", "measures", "remark", "whole")
+    __slots__ = ("_frozen", "_laws", "address", "arrays", "labels", "measures", "remark", "whole")
 
     def __init__(self, arrays: LawArrays, labels: tuple[str, ...], remark: str, measures: bool, whole: bool) -> None:
-        laws = load("laws")
+        self._laws = load("laws")
         self.arrays, self.labels, self.remark, self.measures, self.whole = arrays, labels, remark, measures, whole
         self._frozen = load("structures").frozen(arrays)
         self.address = int(self._frozen.ctypes.data)
-        self.function = laws.follow_whole if whole else laws.follow
 
-    def arguments(self, rows: Rows, task: Task) -> tuple[Any, ...]:
-        """What the function takes before its outputs."""
-        phi, gain, scale = rows.phi, rows.switching_gain, rows.scale
-        if self.whole:
-            known = rows.sigma, rows.sigma_dot, rows.K, gain, scale
+    def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
+        """The function that answers, of :mod:`vsconstraints.kernels.laws`, and what it takes before its outputs."""
+        phi, gain, scale, box = rows.phi, rows.switching_gain, rows.scale, (rows.qdd_min, rows.qdd_max)
+        if self.whole or rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN:
+            known = rows.sigma, rows.sigma_dot, rows.K, gain, scale, *box
             return (
-                self.address, len(rows.labels), phi, rows.Lg, rows.Lf, *known, task.J, task.b, task.error,
-                task.error_rate,
+                self._laws.follow_whole, self.address, len(rows.labels), phi, rows.Lg, rows.Lf, *known, task.J, task.b,
+                task.error, task.error_rate,
             )  # fmt: skip
-        return self.address, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
+        return self._laws.follow, self.address, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
 
     def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
         """Its code, q̈ (n,), the rows that acted (m,), slack (m,) or (0,), and iterations."""
@@ -66,12 +65,13 @@ class CompiledLaw:
         m = len(rows.labels)
         qdd, acted = EMPTY(J.shape[1]), EMPTY(m, BOOL)
         slack, count = (EMPTY(m), EMPTY(1, COUNT)) if self.measures else (NO_SLACK, NO_COUNT)
-        if self.whole:
-            code = self.function(*self.arguments(rows, task), qdd, acted, slack, count)
+        if self.whole or rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN:
+            function, *arguments = self.call(rows, task)
+            code = function(*arguments, qdd, acted, slack, count)
         else:
-            # as arguments has it, without a tuple in between, which takes longer
+            # as call has it, without a tuple in between, which takes longer
             gain, scale = rows.switching_gain, rows.scale
-            code = self.function(
+            code = self._laws.follow(
                 self.address, m, rows.phi, rows.Lg, rows.Lf, gain, scale, J, task.b, qdd, acted, slack, count
             )
         return code, qdd, acted, slack, int(count[0]) if self.measures else 0
@@ -114,13 +114,13 @@ def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         return None
     arrays = [rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, rows.sigma, rows.sigma_dot, rows.K]
-    arrays += [task.J, task.b, task.error, task.error_rate]
+    arrays += [rows.qdd_min, rows.qdd_max, task.J, task.b, task.error, task.error_rate]
     if not all(type(array) in ARRAYS and array.dtype == np.float64 for array in arrays):
         return None
     if all(type(array) is np.ndarray and array.flags.carray for array in arrays):
         return None
-    phi, Lg, Lf, gain, scale, sigma, sigma_dot, K, *of_task = (np.array(array, order="C") for array in arrays)
-    return Rows(phi, Lg, Lf, gain, rows.labels, scale, sigma, sigma_dot, K), Task(*of_task)
+    phi, Lg, Lf, gain, *others = (np.array(array, order="C") for array in arrays)
+    return Rows(phi, Lg, Lf, gain, rows.labels, *others[:6]), Task(*others[6:])
 
 
 class BoundLaw:
@@ -138,20 +138,21 @@ class BoundLaw:
     """
 
     __slots__ = (
-        "_code", "_command", "_frozen", "_function", "_law", "_made", "acted", "answer", "arrays", "count", "qdd",
-        "slack", "solve",
+        "_code", "_command", "_frozen", "_function", "_law", "_made", "_rows", "acted", "answer", "arrays", "count",
+        "qdd", "slack", "solve",
     )  # fmt: skip
 
     def __init__(self, law: Law, made: CompiledLaw, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> None:
         self._law, self._made, self.arrays, self._command = law, made, made.arrays, law.resolver.command
-        self.acted, self.qdd, self._code = acted, qdd, 0
+        self.acted, self.qdd, self._rows, self._code = acted, qdd, rows, 0
         self.slack = np.empty(len(made.labels)) if made.measures else NO_SLACK
         self.count: IntArray = np.zeros(1, COUNT)
         structures = load("structures")
         answer = structures.Answer(qdd, acted, self.slack, self.count)
         self._frozen = structures.frozen(answer)
         self.answer = int(self._frozen.ctypes.data)
-        self._function = partial(entry(made.function), *made.arguments(rows, task), *answer)
+        function, *arguments = made.call(rows, task)
+        self._function = partial(entry(function), *arguments, *answer)
         self.solve: Callable[[], int] = self._solve if made.measures else self._function
 
     def _solve(self) -> int:
@@ -168,6 +169,8 @@ class BoundLaw:
         code, made = self._code if code is None else code, self._made
         slack, count = (self.slack.copy(), int(self.count[0])) if made.measures else (NO_SLACK, 0)
         command = self._command(code, self.qdd.copy(), self.acted.copy(), made.labels, slack, count)
+        if command is not None and self._rows.qdd_max is not UNKNOWN:
+            keep_box(self._rows, command)
         if made.remark and command is not None:
             command.remark = made.remark
         return command

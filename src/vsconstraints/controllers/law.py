@@ -13,7 +13,7 @@ from ..errors import ConfigurationError, InvalidInput, SolverError, shown
 from ..formulas.row import Row, asked_for
 from ..kernels.structures import ASK
 from ..qp import SolverChain
-from ..rows import OPTIONAL, Array, BoolArray, Command, Rows, Task
+from ..rows import OPTIONAL, UNKNOWN, Array, BoolArray, Command, Rows, Task, in_box, keep_box
 from .base import Controller
 from .compiled import NOT_FOR_COMPILED, BoundLaw, CompiledLaw, compiled_law, in_usual_layout
 from .demands import USES, Demand
@@ -177,7 +177,7 @@ class Law(Controller):
         command = self.resolver.solve(rows, task, asked, self.resolver.tracks(demand), self.solvers)
         self.memory[:] = remembered
         if self.last_rates.size:
-            self.last_rates[:] = rows.Lg @ command.qdd
+            self.last_rates[:] = rows.Lg @ in_box(rows, command.qdd)
         remark = self.remark(rows.labels)
         return replace(command, remark=remark) if remark else command
 
@@ -217,6 +217,8 @@ class Law(Controller):
             usual = in_usual_layout(rows, task)
             return usual and self.compute(*usual)
         if command is not None:
+            if rows.qdd_max is not UNKNOWN:
+                keep_box(rows, command)
             if law.remark:
                 command.remark = law.remark
             return command

@@ -9,6 +9,7 @@ import numpy as np
 from ..rows import IntArray
 from . import samples
 from .compiler import IN_PLACE, compiled, in_place, know, numba
+from .laws import carry_out
 from .laws import thaw as thaw_law
 from .parts import address, ask, thaw_as
 from .samples import ALONE, LAW, STEP, Goals, Kept, Loop, PlantArrays, Running
@@ -32,7 +33,7 @@ def _example() -> Loop:
     """A loop of the types that all have; the numbers do not matter."""
     one, two, three = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     counts, flag, flags = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.bool_), np.zeros((1, 1), dtype=np.bool_)
-    rows, task = RowArrays(one, two, *(one,) * 6), TaskArrays(two, one, one, one)
+    rows, task = RowArrays(one, two, *(one,) * 8), TaskArrays(two, one, one, one)
     kept = Kept(three, two, two, one, three, two, three, three, two, two, flags, one, one)
     scores = Running(one, one, *(counts,) * 6, one, one, one, counts, counts, flag, one)
     goals, plant = Goals(one, three, three, two, one, flag), PlantArrays(two, two, two, two)
@@ -63,7 +64,7 @@ def now(clock: IntArray) -> float:
 def answered(law_address: int, loop: Loop, answer: Answer) -> bool:
     """Ask a law for the command; False if Python has to be asked."""
     law = thaw_law(law_address)
-    code: int = ask(law.resolver, (law, loop.rows, loop.task, answer))
+    code = carry_out(law, loop.rows, loop.task, answer)
     return code == DONE or code >= RELAXED_ROWS
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from ..rows import Array
 from .compiler import IN_PLACE, compiled
+from .laws import carry_out, thaw_answer
 from .laws import thaw as thaw_law
-from .laws import thaw_answer
-from .parts import ask
 from .step import evaluate_step
 from .thawed import thaw
 
@@ -23,5 +22,5 @@ def command(step: int, law: int, answer: int, t: float, q: Array, qd: Array) -> 
     if evaluate_step(step, t, q, qd):
         return REFUSED
     now, arrays = thaw(step), thaw_law(law)
-    code: int = ask(arrays.resolver, (arrays, now.rows, now.task, thaw_answer(answer)))
+    code: int = carry_out(arrays, now.rows, now.task, thaw_answer(answer))
     return code

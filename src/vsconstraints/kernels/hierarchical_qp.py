@@ -7,7 +7,8 @@ import numpy as np
 from ..formulas.row import BOUND
 from .compiler import compiled
 from .hierarchy import Demands, Priorities, Resolved, hierarchy
-from .laws import RESOLVER
+from .laws import RESOLVER, within
+from .least_violation import GREATEST, LEAST
 from .linear import finite
 from .parts import ask
 from .structures import ASK, FAILED, Answer, LawArrays, RowArrays, TaskArrays
@@ -18,8 +19,8 @@ from .task_priority import checkable, rates, remember, valid
 def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.resolvers.Hierarchy` and ``Filter``.
 
-    Their options are the rank tolerance, half the width of the box or infinity, the damping, and 1 for the filter,
-    whose task is to stay at the command that tracks.
+    Their options are the rank tolerance, half the width of their own box or infinity, the damping, and 1 for the
+    filter, whose task is to stay at the command that tracks.
 
     Returns
     -------
@@ -30,6 +31,9 @@ def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -
         return ASK
     tolerance, bound, damping, filters = law.options[0], law.options[1], law.options[2], law.options[3] != 0.0
     m, n, qdd = rows.phi.size, answer.qdd.size, answer.qdd
+    box = np.empty((2, n))
+    for j in range(n):
+        box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
     J, b = task.J, task.b
     if filters or law.tracks != 0:
         ask(law.tracking, (J, b, tolerance, qdd))
@@ -39,7 +43,7 @@ def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -
     if filters:
         J, b = np.eye(n), qdd.copy()
     weights = law.weights if law.weights.size == m else np.ones(m)
-    demands, priorities = Demands(rows.Lg, c, rows.scale, weights), Priorities(bound, damping, tolerance)
+    demands, priorities = Demands(rows.Lg, c, rows.scale, weights), Priorities(box, damping, tolerance)
     code, answer.iterations[0] = hierarchy(demands, J, b, priorities, Resolved(qdd, answer.slack, answer.acted))
     if code == FAILED:
         return FAILED

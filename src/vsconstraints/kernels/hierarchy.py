@@ -20,7 +20,7 @@ from .compiler import inner
 from .least_distance import KINDS, MULTIPLIER, POINT, SIDE, nearest
 from .least_residual import cut, least_residual
 from .least_squares import CERTAIN, pseudoinverse
-from .least_violation import least_violation
+from .least_violation import GREATEST, LEAST, least_violation
 from .levels import (
     CENTER,
     OFFSET,
@@ -65,15 +65,15 @@ class Priorities(NamedTuple):
 
     Attributes
     ----------
-    bound
-        Half the width of the box |q̈| ≤ bound of level 0, or infinity.
+    box
+        (2, n) least and greatest q̈, the box of level 0; infinite where there is no bound.
     damping
         Weight of level 3 within the QP, relative to ‖J‖².
     tolerance
         Singular values of J below this fraction of the largest one count as zero.
     """
 
-    bound: float
+    box: Array
     damping: float
     tolerance: float
 
@@ -112,7 +112,7 @@ def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, reso
         needed.
     """
     A, c, scale, weights = demands
-    bound, damping, tolerance = priorities
+    box, damping, tolerance = priorities
     qdd, slack, acted = resolved
     m = c.size
     n, k = qdd.size, J.shape[0]
@@ -126,7 +126,7 @@ def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, reso
     below = within = tracks = True
     for j in range(n):
         qdd[j] = X[ORIGIN, j] = X[CENTER, j]
-        within = within and abs(qdd[j]) <= bound
+        within = within and box[LEAST, j] <= qdd[j] <= box[GREATEST, j]
     length = math.sqrt(dot(X, CENTER, X, CENTER, START, n))
     free = 0
     for i in range(m):
@@ -145,7 +145,9 @@ def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, reso
             acted[i] = False
         return DONE, 0
 
-    w = free + (2 * n if bound < math.inf else 0)
+    w = free
+    for j in range(n):
+        w += (box[GREATEST, j] < math.inf) + (box[LEAST, j] > -math.inf)
     walls, sides, W, index = np.zeros((w, n)), np.empty(w), np.empty(free), np.empty(free, np.int64)
     violation, rows = np.empty(free), np.empty((KINDS, w))
     at = START
@@ -160,10 +162,11 @@ def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, reso
                 sides[at], W[at], index[at], violation[at] = c[i], weights[i], i, 0.0
                 copy(walls, at, A, i, n)
                 at += 1
-    for i in range(free, w):
-        j = i - free
-        walls[i, j % n] = 1.0 if j < n else -1.0
-        sides[i] = bound
+    for end, sign in ((GREATEST, 1.0), (LEAST, -1.0)):
+        for j in range(n):
+            if sign * box[end, j] < math.inf:
+                walls[at, j], sides[at] = sign, sign * box[end, j]
+                at += 1
 
     # x = origin + Z y, in all directions first; if that is in vain in those which the least violations leave; and in
     # those which level 2 leaves, where the damping has cost it something or no answer has passed the check
@@ -174,13 +177,13 @@ def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, reso
     short = False
     while True:
         if stage == RELAXING:
-            code = least_violation(walls[:free], sides[:free], W, bound, qdd)
+            code = least_violation(walls[:free], sides[:free], W, box, qdd)
             if code != DONE:
                 return code, steps
             for j in range(n):
                 X[ORIGIN, j] = qdd[j]
                 X[OFFSET, j] = qdd[j] - X[CENTER, j]
-            equal = settle(walls, sides, W, bound, X, limits, violation)
+            equal = settle(walls, sides, W, box, X, limits, violation)
             E = equal.copy()
         elif stage == STRICT_TASK:
             for j in range(n):
@@ -188,7 +191,7 @@ def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, reso
             with_room(walls, limits, point)
             proved = least_residual(G, X, E, walls, limits, point, held, cut(G, n, damping, tolerance))
             for j in range(n):
-                X[ORIGIN, j] = qdd[j] = min(max(point[0, j], -bound), bound)
+                X[ORIGIN, j] = qdd[j] = min(max(point[0, j], box[LEAST, j]), box[GREATEST, j])
                 X[OFFSET, j] = qdd[j] - X[CENTER, j]
             short = not proved
             if short:
@@ -231,7 +234,7 @@ def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, reso
                 point[0, j] = X[POINT, j] if p == n else 0.0
                 for d in range(p if p < n else START):
                     point[0, j] += X[POINT, d] * Z[d, j]
-                point[0, j] = min(max(X[ORIGIN, j] + point[0, j], -bound), bound)
+                point[0, j] = min(max(X[ORIGIN, j] + point[0, j], box[LEAST, j]), box[GREATEST, j])
         good = code == DONE and meets(walls, sides, violation, point)
         good = good and optimal(G, damping, Z, walls, limits, rows, X, point)
         if good:

@@ -21,7 +21,7 @@ to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not 
 _one, _two = np.zeros(1), np.zeros((1, 1))
 
 LAW = numba.typeof(LawArrays(1, 1, 1, 1, 1.0, _one, _one, _one, _two, _one, _one, _two, _one, _one))
-ROWS = numba.typeof(RowArrays(_one, _two, *(_one,) * 6))
+ROWS = numba.typeof(RowArrays(_one, _two, *(_one,) * 8))
 TASK = numba.typeof(TaskArrays(_two, _one, _one, _one))
 ANSWER = numba.typeof(Answer(_one, np.zeros(1, dtype=np.bool_), _one, np.zeros(1, dtype=np.int64)))
 VECTOR, MATRIX = numba.types.float64[::1], numba.types.float64[:, ::1]
@@ -111,6 +111,42 @@ def demand(formula: Callable[..., Any], count: int, memory: int, relative: bool,
 
 
 @in_place
+def within(rows: RowArrays, j: int, x: float) -> float:
+    """The acceleration of joint j that is nearest to x of those that the rows allow."""
+    return min(max(x, rows.qdd_min[j]), rows.qdd_max[j]) if rows.qdd_max.size else x
+
+
+@in_place
+def write_rates(Lg: Array, qdd: Array, out: Array) -> None:
+    """Write L_gφ q̈, as many as there is room for."""
+    for i in range(out.size):
+        total = 0.0
+        for j in range(qdd.size):
+            total += Lg[i, j] * qdd[j]
+        out[i] = total
+
+
+@in_place
+def carry_out(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """Ask the law's resolver, and bring what it answers into the box of the rows; its code."""
+    code: int = ask(law.resolver, (law, rows, task, answer))
+    if rows.qdd_max.size and code != ASK:
+        for j in range(answer.qdd.size):
+            answer.qdd[j] = within(rows, j, answer.qdd[j])
+        write_rates(rows.Lg, answer.qdd, law.last_rates)
+    return code
+
+
+@in_place
+def bounds(least: Array, greatest: Array, n: int) -> bool:
+    """Whether these are bounds of q̈ (n,) that leave room, or none is given."""
+    wrong = least.size != greatest.size or (least.size != n and least.size != 0)
+    for j in range(0 if wrong else least.size):
+        wrong |= not (least[j] <= greatest[j] and least[j] < math.inf and greatest[j] > -math.inf)
+    return not wrong
+
+
+@in_place
 def fits(x: Array, size: int) -> bool:
     """Whether it has that size, or is not given, and holds finite numbers."""
     wrong = x.size != size and x.size != 0
@@ -149,14 +185,15 @@ def follow(
     arrays, none = thaw(law), phi[:0]
     if phi.size != m or acted.size != m:
         return ASK
-    rows, task = RowArrays(phi, Lg, Lf, none, none, none, gain, scale), TaskArrays(J, b, none, none)
+    rows = RowArrays(phi, Lg, Lf, none, none, none, gain, scale, none, none)
+    task = TaskArrays(J, b, none, none)
     code: int = ask(arrays.resolver, (arrays, rows, task, Answer(qdd, acted, slack, iterations)))
     return code
 
 
 @compiled(
     f"int64(int64, int64, float64[::1], float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, {CONSTANT}, {CONSTANT}, "
-    f"{CONSTANT}, float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, {OUTPUTS})",
+    f"{CONSTANT}, {CONSTANT}, {CONSTANT}, float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, {OUTPUTS})",
     IN_PLACE,
 )
 def follow_whole(
@@ -170,6 +207,8 @@ def follow_whole(
     K: Array,
     gain: Array,
     scale: Array,
+    qdd_min: Array,
+    qdd_max: Array,
     J: Array,
     b: Array,
     error: Array,
@@ -182,9 +221,10 @@ def follow_whole(
     """As :func:`follow`, with all that rows and task may say."""
     if phi.size != m or acted.size != m or not (fits(sigma, m) and fits(sigma_dot, m) and fits(K, m)):
         return ASK
-    if not (fits(error, b.size) and fits(error_rate, b.size)):
+    if not (fits(error, b.size) and fits(error_rate, b.size) and bounds(qdd_min, qdd_max, qdd.size)):
         return ASK
     arrays = thaw(law)
-    rows, task = RowArrays(phi, Lg, Lf, sigma, sigma_dot, K, gain, scale), TaskArrays(J, b, error, error_rate)
-    code: int = ask(arrays.resolver, (arrays, rows, task, Answer(qdd, acted, slack, iterations)))
+    rows = RowArrays(phi, Lg, Lf, sigma, sigma_dot, K, gain, scale, qdd_min, qdd_max)
+    task = TaskArrays(J, b, error, error_rate)
+    code: int = carry_out(arrays, rows, task, Answer(qdd, acted, slack, iterations))
     return code

@@ -10,18 +10,22 @@ from ..qp.least_violation import CONVERGED, RANK, ROUNDING
 from ..rows import Array, BoolArray
 from .compiler import inner
 from .least_squares import WELL, pseudoinverse
-from .linear import ONE, START, dot
+from .linear import ONE, START, constant, dot
 from .structures import DONE, FAILED
+
+LEAST, GREATEST = constant(0), constant(1)
+"""Rows of a box: (2, n) least and greatest x, infinite where there is no bound."""
 
 
 @inner
-def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) -> int:
+def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array) -> int:
     """As :func:`vsconstraints.qp.least_violation.least_violation`, beginning at x, which becomes the minimiser."""
     m, n = A.shape
     B, d, rounding, sizes = np.empty((m, n)), np.empty(m), np.empty(m), np.empty(m)
     residual, change = np.empty(m), np.empty(m)
     X, step, Y, longest = np.empty((ONE, n)), np.empty((ONE, n)), np.empty((ONE, n)), np.empty(n)
-    held, violated = np.zeros(n, np.bool_), np.zeros(m, np.bool_)
+    # at which end the box holds a coordinate: −1, 1, or 0 if at none
+    held, violated = np.zeros(n), np.zeros(m, np.bool_)
     reached, pulled = np.zeros(m, np.bool_), np.zeros(m, np.bool_)
     for i in range(m):
         for j in range(n):
@@ -29,7 +33,7 @@ def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) 
         d[i] = weights[i] * c[i]
         sizes[i] = math.sqrt(dot(B, i, B, i, START, n))
     for j in range(n):
-        x[j] = X[0, j] = min(max(x[j], -bound), bound)
+        x[j] = X[0, j] = min(max(x[j], box[LEAST, j]), box[GREATEST, j])
     last = released_at = math.inf
     fruitless = 0
     for _ in range(20 + 10 * (m + n)):
@@ -53,8 +57,8 @@ def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) 
         pseudoinverse(M, START, WELL, RANK, M, Y, START)
         free = 0
         for j in range(n):
-            step[0, j] = 0.0 if held[j] else Y[0, free]
-            free += not held[j]
+            step[0, j] = 0.0 if held[j] != 0.0 else Y[0, free]
+            free += held[j] == 0.0
         still = CONVERGED * math.sqrt(value)
         stationary, blocked = True, False
         for i in range(m):
@@ -74,7 +78,7 @@ def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) 
                     if violated[i]:
                         pull += residual[i] * B[i, j]
                         noise += abs(B[i, j]) * (still + rounding[i])
-                pull *= math.copysign(1.0, x[j]) if held[j] else 0.0
+                pull *= held[j] if box[LEAST, j] < box[GREATEST, j] else 0.0
                 if pull > strongest:
                     worst, strongest, threshold = j, pull, noise
             # in a corner several releases may be needed before there is descent; more than n are a cycle of rounding
@@ -82,41 +86,42 @@ def least_violation(A: Array, c: Array, weights: Array, bound: float, x: Array) 
             if strongest <= threshold or fruitless > n:
                 return DONE
             released_at = value
-            held[worst] = False
+            held[worst] = 0.0
             last = math.inf
             continue
         limit = math.inf
         for j in range(n):
             moves = step[0, j]
-            longest[j] = (bound - math.copysign(1.0, moves) * x[j]) / abs(moves) if moves != 0.0 else math.inf
+            room = box[GREATEST, j] - x[j] if moves > 0.0 else x[j] - box[LEAST, j]
+            longest[j] = room / abs(moves) if moves != 0.0 else math.inf
             limit = min(limit, max(0.0, longest[j]))
         t = line_search(residual, change, limit)
         last = math.inf if t >= limit else value
         for j in range(n):
             x[j] += t * step[0, j]
             if t >= limit and longest[j] <= limit:
-                held[j] = True
-                x[j] = math.copysign(bound, step[0, j])
+                held[j] = math.copysign(1.0, step[0, j])
+                x[j] = box[GREATEST if step[0, j] > 0.0 else LEAST, j]
             X[0, j] = x[j]
     return FAILED
 
 
 @inner
-def newton_system(B: Array, residual: Array, pulled: BoolArray, held: BoolArray) -> Array:
+def newton_system(B: Array, residual: Array, pulled: BoolArray, held: Array) -> Array:
     """The rows that take part and what they ask of the coordinates that are not held: [M | target]."""
     m, n = B.shape
     rows = columns = 0
     for i in range(m):
         rows += pulled[i]
     for j in range(n):
-        columns += not held[j]
+        columns += held[j] == 0.0
     M = np.empty((rows, columns + 1))
     at = 0
     for i in range(m):
         if pulled[i]:
             to = 0
             for j in range(n):
-                if not held[j]:
+                if held[j] == 0.0:
                     M[at, to] = B[i, j]
                     to += 1
             M[at, to] = -residual[i]

@@ -10,6 +10,7 @@ from ..qp.lexicographic import MET, MISSED, NEGLIGIBLE, RELAXED, SIGNIFICANT, ST
 from ..rows import Array, BoolArray
 from .compiler import inner
 from .least_distance import MULTIPLIER, NEW, SCALE
+from .least_violation import GREATEST, LEAST
 from .linear import S_ROWS, START, add, constant, copy, dot
 
 CHECKED = 1e-5
@@ -72,9 +73,7 @@ def metric(G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array) -> 
 
 
 @inner
-def settle(
-    walls: Array, sides: Array, weights: Array, bound: float, X: Array, relaxed: Array, violation: Array
-) -> Array:
+def settle(walls: Array, sides: Array, weights: Array, box: Array, X: Array, relaxed: Array, violation: Array) -> Array:
     """What every point that violates least has in common with a given one: rows A of equalities, as [A | 0].
 
     Parameters
@@ -83,8 +82,8 @@ def settle(
         (w, n) and (w,).
     weights
         (m,) of level 1; the rows of the box, from m on, have none.
-    bound
-        Half the width of the box.
+    box
+        (2, n) least and greatest x.
     X
         (8, n): its row ``ORIGIN`` is a point that violates least.
     relaxed, violation
@@ -111,7 +110,8 @@ def settle(
             at += 1
     # where the violations pull a coordinate against the box, every point that violates least has it at that bound
     for j in range(n):
-        if abs(pull[0, j]) > SIGNIFICANT * pull[1, j] and abs(X[ORIGIN, j]) >= bound:
+        pinned = X[ORIGIN, j] <= box[LEAST, j] or X[ORIGIN, j] >= box[GREATEST, j]
+        if pinned and abs(pull[0, j]) > SIGNIFICANT * pull[1, j]:
             A[at, j] = 1.0
             at += 1
     return A[:at]

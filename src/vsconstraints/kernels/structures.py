@@ -32,7 +32,7 @@ rows contradict each other. And of answers of the hierarchy: demands are unmet; 
 
 
 class RowArrays(NamedTuple):
-    """Rows as compiled laws take them; see :class:`vsconstraints.rows.Rows`. (m,) each, L_gφ (m, n)."""
+    """See :class:`vsconstraints.rows.Rows`: (m,) each, L_gφ (m, n), and the box (n,) or (0,)."""
 
     phi: Array
     Lg: Array
@@ -42,6 +42,8 @@ class RowArrays(NamedTuple):
     K: Array
     switching_gain: Array
     scale: Array
+    qdd_min: Array
+    qdd_max: Array
 
 
 class TaskArrays(NamedTuple):
@@ -180,7 +182,7 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Size:
-    """How many joints n, markers M, robot points P, rows m, features k, goals, and constraints there are."""
+    """How many joints n, markers M, robot points P, rows m, features k, goals, constraints; and whether q̈ has a box."""
 
     n: int = 1
     M: int = 0
@@ -190,12 +192,14 @@ class Size:
     goals: int = 1
     parts: int = 0
     parameters: int = 0
+    limited: bool = False
 
     @property
     def outputs(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of what a step comes to, in the order in which they stand in one array."""
-        n, m, k = self.n, self.m, self.k
+        n, m, k, limits = self.n, self.m, self.k, self.n if self.limited else 0
         return {
+            "qdd_min": (limits,), "qdd_max": (limits,),
             "phi": (m,), "Lg": (m, n), "Lf": (m,), "sigma": (m,), "sigma_dot": (m,),
             "J": (k, n), "b": (k,), "error": (k,), "error_rate": (k,),
             "pixels": (self.M, 2), "points": (self.P, 3), "camera_R": (3, 3), "camera_t": (3,),
@@ -221,6 +225,8 @@ class Size:
             K=zeros(m),
             switching_gain=zeros(m),
             scale=zeros(m),
+            qdd_min=view["qdd_min"],
+            qdd_max=view["qdd_max"],
         )
         task = TaskArrays(J=view["J"], b=view["b"], error=view["error"], error_rate=view["error_rate"])
         step = Step(

@@ -10,7 +10,7 @@ from ..formulas.row import EQUAL, PUSH
 from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import ROUNDING, Array, BoolArray
 from .compiler import compiled, in_place, inner, numba
-from .laws import MATRIX, RESOLVER, VECTOR
+from .laws import MATRIX, RESOLVER, VECTOR, write_rates
 from .least_squares import bring, resolve
 from .linear import START, dot, finite, in_range
 from .parts import INT, ask
@@ -38,16 +38,6 @@ def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
         wrong |= not ((abs(phi[i]) < math.inf) & (abs(Lf[i]) < math.inf))
         wrong |= not ((gain[i] > 0.0) & (gain[i] < math.inf) & (scale[i] > 0.0) & (scale[i] < math.inf))
     return wrong == 0 and in_range(rows.Lg) and in_range(task.J) and finite(task.b)
-
-
-@in_place
-def write_rates(Lg: Array, qdd: Array, out: Array) -> None:
-    """Write L_gφ q̈, as many as there is room for."""
-    for i in range(out.size):
-        total = 0.0
-        for j in range(qdd.size):
-            total += Lg[i, j] * qdd[j]
-        out[i] = total
 
 
 @inner

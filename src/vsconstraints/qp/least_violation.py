@@ -20,8 +20,8 @@ LOST = 1e-7
 """Fraction of the largest term below which a violation may be lost where rows differ most."""
 
 
-def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: float = np.inf) -> Array:
-    """Find a minimiser of ½‖max(0, W(Ax − c))‖² in the box |x| ≤ bound, W = diag(weights).
+def least_violation(A: Array, c: Array, weights: Array, start: Array, box: Array | None = None) -> Array:
+    """Find a minimiser of ½‖max(0, W(Ax − c))‖² in a box, W = diag(weights).
 
     The function is convex and piecewise quadratic: Newton's method on the rows that are violated, with an
     exact line search, ends after finitely many steps with an exact minimiser. Coordinates that the box holds
@@ -41,8 +41,8 @@ def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: flo
         (m,) positive.
     start
         (n,) where to begin; clipped to the box.
-    bound
-        Half the width of the box.
+    box
+        (2, n) least and greatest x, the first nowhere above the second; None for no bounds.
 
     Returns
     -------
@@ -60,8 +60,10 @@ def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: flo
     if not (np.isfinite(B).all() and np.isfinite(d).all()):
         raise SolverError("weighted rows are beyond the range of floating point")
     row_norms = np.sqrt(np.einsum("ij,ij->i", B, B))
-    x = np.clip(start, -bound, bound)
-    held, reached = np.zeros(x.size, dtype=np.bool_), np.zeros(c.size, dtype=np.bool_)
+    lower, upper = (-np.inf, np.inf) if box is None else box
+    x = np.clip(start, lower, upper)
+    # at which end the box holds a coordinate: −1, 1, or 0 if at none
+    held, reached = np.zeros(x.size), np.zeros(c.size, dtype=np.bool_)
     last = released_at = np.inf
     fruitless = 0
     for _ in range(20 + 10 * (x.size + c.size)):
@@ -74,7 +76,7 @@ def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: flo
         excess = residual[violated]
         touching = residual >= -rounding
         reached &= touching
-        pulled, free = violated | reached, ~held
+        pulled, free = violated | reached, held == 0.0
         step = np.zeros(x.size)
         step[free] = np.linalg.lstsq(B[pulled][:, free], -residual[pulled], rcond=RANK)[0]
         change = B @ step
@@ -87,20 +89,18 @@ def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: flo
         still = CONVERGED * np.sqrt(value) + rounding[violated]
         if (np.abs(change[violated]) <= still).all() or value >= last:
             # Stationary on this face of the box. Which held coordinate is pulled inward the most?
-            pull = np.where(held, np.sign(x) * (excess @ B[violated]), 0.0)
+            pull = np.where((held != 0.0) & (lower < upper), held * (excess @ B[violated]), 0.0)
             worst = int(np.argmax(pull))
             # In a corner several releases may be needed before there is descent; more than n are a cycle of rounding.
             fruitless = fruitless + 1 if value >= released_at else 0
             if pull[worst] <= np.abs(B[violated, worst]) @ still or fruitless > x.size:
                 return x
             released_at = value
-            held[worst] = False
+            held[worst] = 0.0
             last = np.inf
             continue
         longest = np.full(x.size, np.inf)
-        moving = step != 0.0
-        if np.isfinite(bound):
-            longest[moving] = (bound - np.sign(step[moving]) * x[moving]) / np.abs(step[moving])
+        np.divide(np.where(step > 0.0, upper - x, x - lower), np.abs(step), out=longest, where=step != 0.0)
         limit = max(0.0, float(longest.min()))
         length = _exact_line_search(residual, change, limit)
         x = x + length * step
@@ -109,8 +109,8 @@ def least_violation(A: Array, c: Array, weights: Array, start: Array, bound: flo
         if length >= limit:
             last = np.inf
             blocked = longest <= limit
-            held |= blocked
-            x[blocked] = np.sign(step[blocked]) * bound
+            held[blocked] = np.sign(step[blocked])
+            x[blocked] = np.where(step > 0.0, upper, lower)[blocked]
     raise SolverError("the least violation of the rows was not found within the limit of iterations")
 
 

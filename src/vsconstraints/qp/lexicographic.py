@@ -125,10 +125,8 @@ class Optimum:
     fallback: str = ""
 
 
-def lexicographic(
-    A: Array, c: Array, weights: Array, cost: Cost, solvers: SolverChain, bound: float = np.inf
-) -> Optimum:
-    """Of all x in the box |x| ≤ bound with the least ‖W max(0, Ax − c)‖, find the one with the least cost.
+def lexicographic(A: Array, c: Array, weights: Array, cost: Cost, solvers: SolverChain, box: Array) -> Optimum:
+    """Of all x in the box with the least ‖W max(0, Ax − c)‖, find the one with the least cost.
 
     Hard rows are tried first. Only if they are incompatible (by the word of an exact solver, which is then
     proved by computing the least violation, or at once for a solver whose word means little) the violated
@@ -148,16 +146,17 @@ def lexicographic(
         What is minimised in second place.
     solvers
         Who solves the QPs.
-    bound
-        Half the width of the box.
+    box
+        (2, n) least and greatest x, the first nowhere above the second; infinite where there is no bound.
 
     Raises
     ------
     SolverError
         if the least violation is not found.
     """
-    box, box_sides = _box(cost.center.size, bound)
-    walls, sides = np.vstack((A, box)), np.concatenate((c, box_sides))
+    lower, upper = box
+    ends, end_sides = _ends(box)
+    walls, sides = np.vstack((A, ends)), np.concatenate((c, end_sides))
     T: Array = cost.directions / cost.stiffness
     if solvers.preferred.recognises_infeasibility:
         try:
@@ -168,14 +167,14 @@ def lexicographic(
             if cost.damped(found.x):
                 found = _strictly(found, cost, np.empty((0, cost.center.size)), walls, sides, solvers)
             return Optimum(
-                np.clip(found.x, -bound, bound),
+                np.clip(found.x, lower, upper),
                 np.zeros(c.size),
                 found.holding[: c.size],
                 found.verified,
                 found.shortfall,
             )
 
-    x = least_violation(A, c, weights, cost.center, bound)
+    x = least_violation(A, c, weights, cost.center, box)
     excess = A @ x - c
     terms = np.linalg.norm(A, axis=1) * np.linalg.norm(x) + np.abs(c)
     violated = excess > SIGNIFICANT * terms
@@ -185,7 +184,7 @@ def lexicographic(
     # Where the violations pull a coordinate against the box, every point that violates least has it at that bound.
     forces = A[violated] * (weights[violated] ** 2 * excess[violated])[:, None]
     pinned = np.abs(forces.sum(axis=0)) > SIGNIFICANT * np.abs(forces).sum(axis=0)
-    pinned &= np.abs(x) >= bound
+    pinned &= (x <= lower) | (x >= upper)
     equal, Z = _split(np.vstack((A[violated], np.eye(x.size)[pinned])))
     # Rows within the span of the violated ones are settled by the equalities.
     others = np.linalg.norm(walls @ Z, axis=1) > DEPENDENT * np.linalg.norm(walls, axis=1)
@@ -206,7 +205,7 @@ def lexicographic(
             found = found._replace(shortfall=str(error), failed=str(error))
         if found.shortfall or cost.damped(found.x):
             found = _strictly(found, cost, equal, walls[others], sides[others], solvers)
-    x = np.clip(found.x, -bound, bound)
+    x = np.clip(found.x, lower, upper)
     held = np.zeros(len(walls), dtype=np.bool_)
     held[others] = found.holding
     violation = np.where(violated, np.maximum(A @ x - c, 0.0), 0.0)
@@ -264,11 +263,12 @@ def _nearest(center: Array, T: Array, A: Array, c: Array, solvers: SolverChain, 
     return Found(x, verified, multipliers > PULLING * multipliers.max())
 
 
-def _box(n: int, bound: float) -> tuple[Array, Array]:
-    """Rows of |x| ≤ bound; none for an infinite bound."""
-    if not np.isfinite(bound):
-        return np.empty((0, n)), np.empty(0)
-    return np.vstack((np.eye(n), -np.eye(n))), np.full(2 * n, bound)
+def _ends(box: Array) -> tuple[Array, Array]:
+    """Rows of the bounds of a box (2, n); none for infinite ones."""
+    one = np.eye(box.shape[1])
+    sides = np.concatenate((box[1], -box[0]))
+    bounded = np.isfinite(sides)
+    return np.vstack((one, -one))[bounded], sides[bounded]
 
 
 def _with_room(walls: Array, sides: Array, x: Array, room: float) -> Array:

@@ -99,13 +99,18 @@ class Hierarchy(Resolver):
 
     @property
     def bound(self) -> float:
-        """Half the width of the box, or infinity."""
+        """Half the width of the box that this is an option of, or infinity."""
         return math.inf if self.max_acceleration is None else self.max_acceleration
 
     @property
     def options(self) -> Array:
         """See :class:`.Resolver`."""
         return np.array([self.rank_tolerance, self.bound, self.damping, float(self.filters)])
+
+    def box(self, rows: Rows, n: int) -> Array:
+        """(2, n) least and greatest q̈: what ``max_acceleration`` leaves of what the rows allow, or what is nearest."""
+        box: Array = np.array([[-self.bound], [self.bound]]) * np.ones(n)
+        return np.clip(box, rows.qdd_min, rows.qdd_max) if len(rows.qdd_max) else box
 
     def solvers(self) -> SolverChain:
         """See :class:`.Resolver`."""
@@ -148,9 +153,10 @@ class Hierarchy(Resolver):
             n = tracking.qdd.size
             tracking = LeastNorm(tracking.qdd, np.eye(n), np.ones(n))
         which = np.flatnonzero(c < np.inf)
-        A, c, bound = rows.Lg[which], c[which], self.bound
+        A, c = rows.Lg[which], c[which]
         excess = A @ tracking.qdd - c
-        inside = bound == math.inf or bool(np.abs(tracking.qdd).max() <= bound)
+        lower, upper = self.box(rows, tracking.qdd.size)
+        inside = bool(((lower <= tracking.qdd) & (tracking.qdd <= upper)).all())
         if inside and (excess <= 0.0).all():
             return self._tracks(rows, tracking)
         norms = np.sqrt(np.einsum("ij,ij->i", A, A))
@@ -181,7 +187,8 @@ class Hierarchy(Resolver):
         weights = row_weights(labels, self.weights or {})
         cost = task_cost(tracking, self.damping, self.rank_tolerance)
         try:
-            optimum = lexicographic(A[~fixed], c[~fixed], weights, cost, solvers, self.bound)
+            box = self.box(rows, tracking.qdd.size)
+            optimum = lexicographic(A[~fixed], c[~fixed], weights, cost, solvers, box)
         except InvalidInput as error:
             raise SolverError(f"beyond the range of floating point: {error}") from error
         acted = np.zeros(len(rows.labels), dtype=np.bool_)
