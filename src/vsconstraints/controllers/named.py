@@ -8,9 +8,18 @@ from dataclasses import fields
 from typing import Any, ClassVar, Literal, TypeVar
 
 from ..errors import unknown_name
-from .demands import DEMANDS, BoundaryLayer, Demand, ImplicitSwitch
+from .demands import (
+    DEMANDS,
+    Barrier,
+    BoundaryLayer,
+    Demand,
+    ImplicitSuperTwisting,
+    ImplicitSwitch,
+    ImplicitSwitchWithDrift,
+    SuperTwisting,
+)
 from .law import Law
-from .resolvers import RESOLVERS, Hierarchy, Priority, Resolver
+from .resolvers import RESOLVERS, Filter, Hierarchy, Priority, Resolver
 
 Part = TypeVar("Part", Demand, Resolver)
 
@@ -115,10 +124,34 @@ NAMED: tuple[type[Named], ...] = (
         periods=5.0,
     ),
     named(
+        "implicit-switch-with-drift",
+        ImplicitSwitchWithDrift,
+        Hierarchy,
+        "The implicit switch, less the drift that was seen a sample ago.",
+    ),
+    named(
         "boundary-layer",
         BoundaryLayer,
         Priority,
         "Sliding mode with a boundary layer, laid inside (the potential field with priority).",
+    ),
+    named(
+        "super-twisting",
+        SuperTwisting,
+        Priority,
+        "Sliding mode of second order, which learns the drift.",
+    ),
+    named(
+        "implicit-super-twisting",
+        ImplicitSuperTwisting,
+        Hierarchy,
+        "Sliding mode of second order, solved for the end of the period, with strict priorities.",
+    ),
+    named(
+        "cbf-filter",
+        Barrier,
+        Filter,
+        "The safety filter of control barrier functions: the command nearest to tracking that meets the barrier.",
     ),
 )
 """Laws that have a name of their own, beside those that are classes."""

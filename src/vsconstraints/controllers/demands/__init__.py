@@ -6,12 +6,57 @@ One half of a law; :mod:`vsconstraints.controllers.resolvers` are the other.
 from .barrier import Barrier
 from .base import USES, Demand
 from .boundary_layer import BoundaryLayer
+from .high_order_barrier import HighOrderBarrier
 from .implicit_switch import ImplicitSwitch
+from .implicit_switch_with_drift import ImplicitSwitchWithDrift
+from .margins import GradientRobustBarrier, InputToStateSafeBarrier, RobustBarrier, SampledBarrier
+from .nonlinear_barriers import FiniteTimeBarrier, ReciprocalBarrier
 from .nothing import Nothing
+from .outer_layer import OuterLayer
 from .repulsion import Repulsion
+from .super_twisting import ImplicitSuperTwisting, SuperTwisting
 from .switch import Switch
 
-__all__ = ["DEMANDS", "USES", "Barrier", "BoundaryLayer", "Demand", "ImplicitSwitch", "Nothing", "Repulsion", "Switch"]
+__all__ = [
+    "DEMANDS",
+    "USES",
+    "Barrier",
+    "BoundaryLayer",
+    "Demand",
+    "FiniteTimeBarrier",
+    "GradientRobustBarrier",
+    "HighOrderBarrier",
+    "ImplicitSuperTwisting",
+    "ImplicitSwitch",
+    "ImplicitSwitchWithDrift",
+    "InputToStateSafeBarrier",
+    "Nothing",
+    "OuterLayer",
+    "ReciprocalBarrier",
+    "Repulsion",
+    "RobustBarrier",
+    "SampledBarrier",
+    "SuperTwisting",
+    "Switch",
+]
 
-DEMANDS: tuple[type[Demand], ...] = (Switch, ImplicitSwitch, BoundaryLayer, Repulsion, Barrier, Nothing)
+DEMANDS: tuple[type[Demand], ...] = (
+    Switch,
+    ImplicitSwitch,
+    ImplicitSwitchWithDrift,
+    BoundaryLayer,
+    OuterLayer,
+    SuperTwisting,
+    ImplicitSuperTwisting,
+    Repulsion,
+    Barrier,
+    ReciprocalBarrier,
+    FiniteTimeBarrier,
+    HighOrderBarrier,
+    RobustBarrier,
+    InputToStateSafeBarrier,
+    GradientRobustBarrier,
+    SampledBarrier,
+    Nothing,
+)
 """Demands that files can name, by their ``name``."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -33,7 +33,7 @@ class Barrier(Demand):
     alpha: float = 20.0
 
     name = "barrier"
-    formula = staticmethod(barrier)
+    formula: ClassVar[Callable[..., Any]] = staticmethod(barrier)
     uses: ClassVar[tuple[str, ...]] = ("Lf",)
     ranges: ClassVar[Mapping[str, tuple[float, float]]] = {"alpha": (1.0, 200.0)}
 
