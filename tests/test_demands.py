@@ -1,0 +1,416 @@
+"""What each demand promises, held against brute force, differences, and scalar systems that are simulated here."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenes import second_slope, slope
+from vsconstraints.control_step import ControlStep
+from vsconstraints.controllers import Barrier, BoundaryLayer, Demand, Hierarchy, Law, Priority, Resolver, SlidingMode
+from vsconstraints.controllers.demands import (
+    FiniteTimeBarrier,
+    GradientRobustBarrier,
+    HighOrderBarrier,
+    ImplicitSuperTwisting,
+    ImplicitSwitch,
+    ImplicitSwitchWithDrift,
+    InputToStateSafeBarrier,
+    OuterLayer,
+    ReciprocalBarrier,
+    RobustBarrier,
+    SampledBarrier,
+    SuperTwisting,
+    Switch,
+)
+from vsconstraints.controllers.task_priority import resolve
+from vsconstraints.formulas.row import Row
+from vsconstraints.rows import Array, Rows, Task
+from vsconstraints.scenarios import Scenario
+
+BARRIERS: list[type[Demand]] = [
+    Barrier, ReciprocalBarrier, FiniteTimeBarrier, HighOrderBarrier, RobustBarrier, InputToStateSafeBarrier,
+    GradientRobustBarrier, SampledBarrier,
+]  # fmt: skip
+
+
+def asked(demand: Demand, **known: Any) -> Any:
+    """What a demand asks of a row of which only these are known."""
+    row = Row(**{name: known.get(name, math.nan) for name in Row._fields})
+    return type(demand).formula(row, *demand.parameters)
+
+
+# --- implicit switch ---
+
+
+@pytest.mark.parametrize("resolver", [Priority(), Hierarchy()], ids=lambda resolver: resolver.name)
+def test_the_implicit_switch_solves_its_complementarity_problem(resolver: Resolver) -> None:
+    """Of v in [−u⁺, v_track] the one with 0 ≤ v_track − v ⟂ −(φ + T_s v) ≥ 0, or −u⁺; found by trying thousands."""
+    rng, period, m, tries = np.random.default_rng(5), 0.01, 20, 4001
+    law = Law(ImplicitSwitch(), resolver)
+    law.reset(period=period)
+    for _ in range(500):
+        gain, tracked = rng.uniform(0.5, 3.0, m), rng.normal(0.0, 3.0, m)
+        phi = rng.normal(0.0, 2.0, m) * period
+        rows = Rows(phi, np.eye(m), rng.normal(size=m), gain, tuple(f"row[{i}]" for i in range(m)))
+        v = law.command(rows, Task(np.eye(m), tracked)).qdd
+        top = np.maximum(tracked, -gain)
+        tried = np.linspace(-gain, top, tries)
+        best = np.where(phi + period * tried <= 0.0, tried, -gain).max(axis=0)
+        # below −u⁺ nothing is taken from tracking
+        best = np.where(tracked < -gain, tracked, best)
+        assert (np.abs(v - best) <= (top + gain) / (tries - 1) + 1e-6).all()
+        end, taken = phi + period * v, tracked - v
+        assert (taken > -1e-6).all()
+        assert ((end < 1e-9) | (np.abs(v + gain) < 1e-6) | (tracked < -gain)).all()
+        assert ((taken < 1e-6) | (end > -1e-8)).all()
+
+
+def held(
+    demand: Demand,
+    period: float,
+    drift: Callable[[float], float],
+    tracked: float = 2.5,
+    gain: float = 5.0,
+    seconds: float = 6.0,
+) -> tuple[float, float]:
+    """The band of φ and the mean |Δv| of a row that tracking pushes outwards, with a drift that nobody knows.
+
+    φ̇ = d(t) + v, one joint, L_gφ = 1; the first third of the time is left out.
+    """
+    law = Law(demand, Priority())
+    law.reset(period=period)
+    phi, phis, vs = -0.1, [], []
+    for k in range(round(seconds / period)):
+        rows = Rows(np.array([phi]), np.eye(1), np.zeros(1), np.array([gain]), ("wall",))
+        v = float(law.command(rows, Task(np.eye(1), np.array([tracked]))).qdd[0])
+        at = (k + np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15)])) * period
+        phi += period * (v + sum(weight * drift(t) for weight, t in zip((5 / 18, 8 / 18, 5 / 18), at, strict=True)))
+        phis.append(phi)
+        vs.append(v)
+    late = len(phis) // 3
+    return float(np.abs(phis[late:]).max()), float(np.abs(np.diff(vs[late:])).mean())
+
+
+def wave(t: float) -> float:
+    return 1.2 * math.sin(2.0 * t)
+
+
+PERIODS = (0.01, 0.005, 0.0025)
+
+
+def test_a_drift_that_is_seen_is_held_in_a_band_of_the_square_of_the_period() -> None:
+    bands = [held(ImplicitSwitchWithDrift(), period, wave) for period in PERIODS]
+    np.testing.assert_allclose([band for band, _ in bands], [2.4e-4, 6e-5, 1.5e-5], rtol=0.05)
+    assert bands[0][1] < 0.02
+    # without it the rest is T_s times the drift; the paper's switch sweeps T_s (u⁺ + v_track), up or down
+    unseen = [held(ImplicitSwitch(), period, wave)[0] for period in PERIODS]
+    np.testing.assert_allclose(unseen, [1.2e-2, 6e-3, 3e-3], rtol=0.05)
+    switched = [held(Switch(), period, wave) for period in PERIODS]
+    for (band, change), period in zip(switched, PERIODS, strict=True):
+        assert 0.5 * 7.5 * period < band <= 7.5 * period
+        assert change > 3.0
+
+
+@pytest.mark.parametrize("periods", [1.0, 4.0])
+def test_the_implicit_switch_rests_at_the_drift_times_p_periods(periods: float) -> None:
+    band, change = held(ImplicitSwitch(periods), 0.005, lambda t: -0.6)
+    assert band == pytest.approx(periods * 0.005 * 0.6, rel=1e-3)
+    assert change < 1e-9
+
+
+def test_a_drift_beyond_the_gain_is_not_believed() -> None:
+    """φ has jumped, as by a measurement: no more than u⁺ of it is taken for drift."""
+    row = {"phi": -1.0, "period": 0.01, "switching_gain": 2.0, "last_rate": 0.0}
+    assert asked(ImplicitSwitchWithDrift(), **row, memory=[-2.0])[0] == pytest.approx(100.0 - 2.0)
+    assert asked(ImplicitSwitchWithDrift(), **row, memory=[9.0])[0] == pytest.approx(100.0 + 2.0)
+    assert asked(ImplicitSwitchWithDrift(), **row, memory=[np.nan])[0] == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize("form", ["command", "define"])
+def test_what_was_commanded_is_what_the_resolver_gave(form: str) -> None:
+    """Not the bound: where tracking stays below it, v₋ is that of tracking; at the sample after reset there is none."""
+    law = Law(ImplicitSwitchWithDrift(), Priority())
+    law.reset(period=0.01)
+    Lg = np.array([[2.0, 0.0], [0.0, 1.0]])
+
+    def at(phi: list[float]) -> Array:
+        rows = Rows(np.array(phi), Lg, np.zeros(2), np.full(2, 3.0), ("near", "far"))
+        qdd: Array = getattr(law, form)(rows, Task(np.eye(2), np.array([1.0, 1.0]))).qdd
+        return qdd
+
+    np.testing.assert_allclose(at([0.0, -1.0]), [0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(law.last_rates, [0.0, 1.0], atol=1e-12)
+    # the near row moved by 0.004 with nothing commanded: a drift of 0.4
+    np.testing.assert_allclose(at([0.004, -0.99]), [(-0.4 - 0.4) / 2.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(law.last_rates, [-0.8, 1.0], atol=1e-12)
+    law.reset()
+    np.testing.assert_allclose(at([0.004, -0.99]), [-0.2, 1.0], atol=1e-12)
+
+
+# --- super-twisting ---
+
+
+def test_super_twisting_holds_a_changing_drift_in_a_band_of_the_square_of_the_period() -> None:
+    """L = 10 exceeds the 2.4 a second by which the drift changes."""
+    periods = np.array([0.02, 0.01, 0.005, 0.0025])
+    bands = [held(SuperTwisting(2.0), period, wave)[0] for period in periods]
+    order = np.polyfit(np.log(periods), np.log(bands), 1)[0]
+    assert 1.8 < order < 2.2
+    assert bands[1] < 2.0 * 10.0 * periods[1] ** 2
+
+
+def test_the_implicit_form_at_rest_is_the_implicit_switch() -> None:
+    """It takes φ + T_s v, which knows no drift, to zero: φ is T_s times the drift, of the first order."""
+    for period in PERIODS:
+        expected = held(ImplicitSwitch(), period, wave)
+        np.testing.assert_allclose(held(ImplicitSuperTwisting(2.0), period, wave), expected, rtol=1e-6)
+        assert expected[0] == pytest.approx(1.2 * period, rel=0.05)
+
+
+def test_the_implicit_form_switches_less() -> None:
+    explicit, implicit = (held(kind(20.0), 0.005, wave)[1] for kind in (SuperTwisting, ImplicitSuperTwisting))
+    assert implicit < 0.05 * explicit
+    # once L suffices, a larger one changes nothing
+    assert held(ImplicitSuperTwisting(2.0), 0.005, wave)[0] == pytest.approx(
+        held(ImplicitSuperTwisting(20.0), 0.005, wave)[0], rel=1e-6
+    )
+
+
+@given(phi=st.floats(-0.1, 0.1), w=st.floats(-1.0, 1.0), rate=st.floats(0.5, 50.0), period=st.floats(1e-3, 0.05))
+def test_the_implicit_form_solves_its_inclusion(phi: float, w: float, rate: float, period: float) -> None:
+    """x + T_s k₁ √|x| sign x + T_s² k₂ sign x ∋ φ + T_s w, by bisection: its left side grows with x."""
+    gain = 1e6  # so that nothing is cut off
+    k1, k2 = 1.5 * math.sqrt(rate * gain), 1.1 * rate * gain
+    c, after = asked(
+        ImplicitSuperTwisting(rate), phi=phi, memory=[w], period=period, switching_gain=gain, tracked=math.inf
+    )
+    low, high = -1.0, 1.0
+    for _ in range(200):
+        x = 0.5 * (low + high)
+        side = math.copysign(1.0, x)
+        value = x + period * k1 * math.sqrt(abs(x)) * side + period * period * k2 * side
+        low, high = (x, high) if value < phi + period * w else (low, x)
+    x = 0.5 * (low + high)
+    assert c == pytest.approx((x - phi) / period, abs=1e-9 / period)
+    # what √ and integral leave is the bound: v = −k₁ √|x| sign x + w₊
+    assert after - k1 * math.sqrt(abs(x)) * math.copysign(1.0, x) == pytest.approx(c, abs=1e-5 * (1.0 + k1) + 1e-8 * k2)
+
+
+def test_what_super_twisting_learns_is_kept_in_bounds_and_forgotten_without_contact() -> None:
+    row = {"phi": 1.0, "period": 0.01, "switching_gain": 2.0}
+    for kind in (SuperTwisting, ImplicitSuperTwisting):
+        assert asked(kind(), **row, memory=[-1.99], tracked=5.0) == (-2.0, -2.0)
+        assert asked(kind(), **row, memory=[-1.99], tracked=-5.0)[1] == 0.0
+
+
+# --- layers ---
+
+
+def problem(seed: int, m: int = 3, n: int = 6) -> tuple[Rows, Task]:
+    rng = np.random.default_rng(seed)
+    sigma, sigma_dot, K = rng.normal(-0.2, 0.5, m), rng.normal(0.0, 0.3, m), rng.uniform(0.2, 1.0, m)
+    rows = Rows(
+        sigma + K * sigma_dot, rng.normal(size=(m, n)), rng.normal(size=m), rng.uniform(0.5, 3.0, m),
+        tuple(f"row[{i}]" for i in range(m)), rng.uniform(0.5, 1.5, m), sigma, sigma_dot, K,
+    )  # fmt: skip
+    return rows, Task(rng.normal(size=(n, n)), rng.normal(size=n))
+
+
+def test_a_layer_inside_is_sat_between_tracking_and_the_switch() -> None:
+    """v = (1 − s) v_track − s u⁺ with s = sat(1 + φ/δ), held with equality above the task: Slotine's law, inside."""
+    for seed in range(100):
+        rows, task = problem(seed)
+        free = np.linalg.solve(task.J, task.b)
+        share = np.clip(1.0 + rows.phi / (0.3 * rows.scale), 0.0, 1.0)
+        v = (1.0 - share) * (rows.Lg @ free) - share * rows.switching_gain
+        within = share > 0.0
+        found = Law(BoundaryLayer(region=0.3), Priority()).command(rows, task).qdd
+        expected = resolve(rows.Lg[within], v[within], task.J, task.b, 1e-6)[0] if within.any() else free
+        np.testing.assert_allclose(found, expected, atol=1e-9 * (1.0 + np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("layer", [BoundaryLayer(region=1e-9), OuterLayer(layer=1e-9)], ids=lambda layer: layer.name)
+def test_a_layer_that_shrinks_becomes_the_papers_law(layer: Demand) -> None:
+    for seed in range(100):
+        rows, task = problem(seed)
+        found, expected = Law(layer, Priority()).command(rows, task), SlidingMode().command(rows, task)
+        assert found.active == expected.active
+        np.testing.assert_allclose(found.qdd, expected.qdd, rtol=1e-9, atol=1e-9)
+
+
+def test_an_implicit_switch_of_a_short_period_becomes_the_papers_demand() -> None:
+    phi, gain = np.array([-1.0, -1e-6, 1e-6, 1.0]), np.array([1.0, 2.0, 3.0, 4.0])
+    c = asked(ImplicitSwitch(), phi=phi, switching_gain=gain, period=1e-12)
+    np.testing.assert_array_equal(np.where(c > 1e5, np.inf, c), [np.inf, np.inf, -3.0, -4.0])
+
+
+def test_a_layer_outside_rests_where_it_balances_tracking() -> None:
+    """0 = (1 − s) 2.5 − 5 s at s = 1/3, a third of δ beyond the boundary."""
+    assert held(OuterLayer(layer=0.3), 0.005, lambda t: 0.0)[0] == pytest.approx(0.1, rel=1e-3)
+
+
+# --- barriers ---
+
+
+def test_the_barrier_is_one_of_second_order_at_states_of_the_case_study() -> None:
+    """K (ψ̇₁ + αψ₁), ψ₁ = ḣ + h/K, h = −σ, of σ along motions, is what the barrier leaves of L_gφ q̈."""
+    setup = Scenario.load("case-study-6r").setup()
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    rng, alpha, compared = np.random.default_rng(2), 7.0, 0
+    for _ in range(20):
+        q = setup.q0 + rng.uniform(-0.05, 0.05, 6)
+        qd, qdd = rng.uniform(-0.1, 0.1, 6), rng.uniform(-1.0, 1.0, 6)
+        # copies: the step writes its arrays anew
+        rows = replace(step.evaluate(0.0, q, qd).rows)
+        phi, Lg, Lf, K = (np.array(array) for array in (rows.phi, rows.Lg, rows.Lf, rows.K))
+
+        def sigma(t: float, q: Array = q, qd: Array = qd, qdd: Array = qdd) -> Array:
+            there: Array = step.evaluate(0.0, q + t * qd + 0.5 * t * t * qdd, np.zeros(6)).rows.phi.copy()
+            return there
+
+        high = K > 0.0
+        h, h_dot, h_ddot = -sigma(0.0), -slope(sigma, 1e-3), -second_slope(sigma, 1e-3)
+        K1 = np.where(high, K, 1.0)
+        psi, psi_dot = h_dot + h / K1, h_ddot + h_dot / K1
+        left = asked(Barrier(alpha), phi=phi, Lf=Lf) - Lg @ qdd
+        expected = (K * (psi_dot + alpha * psi))[high]
+        np.testing.assert_allclose(left[high], expected, atol=1e-5 * (1.0 + np.abs(expected).max()))
+        compared += int(high.sum())
+    assert compared > 100
+
+
+def test_a_high_order_barrier_that_brakes_at_will_is_the_barrier() -> None:
+    for seed in range(50):
+        rows, _ = problem(seed)
+        known = {name: getattr(rows, name) for name in ("phi", "Lf", "sigma", "sigma_dot", "K", "scale")}
+        expected = asked(Barrier(9.0), **known)
+        np.testing.assert_allclose(asked(HighOrderBarrier(9.0, 1e12), **known), expected, rtol=1e-8, atol=1e-8)
+        speeds = known | {"sigma": rows.phi, "sigma_dot": np.zeros(3), "K": np.zeros(3)}
+        np.testing.assert_array_equal(asked(HighOrderBarrier(9.0, 0.5), **speeds), expected)
+    resting = {"phi": 0.0, "Lf": 0.25, "sigma": 0.0, "sigma_dot": 0.0, "K": 0.0, "scale": 1.0}
+    assert asked(HighOrderBarrier(), **resting) == -0.25
+
+
+def alpha_1(h: float, a: float, K: float) -> float:
+    return math.copysign(math.sqrt((a * K) ** 2 + 2.0 * a * abs(h)) - a * K, h)
+
+
+@given(
+    sigma=st.floats(-2.0, 2.0), sigma_dot=st.floats(-1.0, 1.0), K=st.floats(0.1, 1.0), braking=st.floats(0.5, 5.0),
+    drift=st.floats(-1.0, 1.0),
+)  # fmt: skip
+def test_a_high_order_barrier_is_met_where_psi_decays(
+    sigma: float, sigma_dot: float, K: float, braking: float, drift: float
+) -> None:
+    """ψ̇₁ = −αψ₁ along the motion with v = c, with ψ₁ = −σ̇ + α₁(−σ) differentiated numerically."""
+    scale, alpha = 1.5, 4.0
+    a = braking * scale
+    Lf = sigma_dot + K * drift
+    known = {"phi": sigma + K * sigma_dot, "sigma": sigma, "sigma_dot": sigma_dot, "K": K, "Lf": Lf, "scale": scale}
+    second = drift + asked(HighOrderBarrier(alpha, braking), **known) / K
+
+    def psi(t: float) -> Array:
+        return np.array(-sigma_dot - t * second + alpha_1(-(sigma + t * sigma_dot + 0.5 * t * t * second), a, K))
+
+    if abs(sigma) > 1e-2:  # α₁ has a second derivative everywhere else
+        assert slope(psi, 1e-5) == pytest.approx(-alpha * psi(0.0), abs=1e-5 * (1.0 + abs(second)))
+
+
+def test_an_approach_on_a_high_order_barrier_never_brakes_harder_than_promised() -> None:
+    """ψ₁ = 0: σ̇ = α₁(−σ), from far away to rest on the boundary; with α₁ = h/K it brakes by 1/K² of the distance."""
+    K, braking, period = 0.2, 1.5, 1e-3
+    sigma, fastest = -10.0, 0.0
+    sigma_dot = alpha_1(10.0, braking, K)
+    for _ in range(8000):
+        known = {"phi": sigma + K * sigma_dot, "sigma": sigma, "sigma_dot": sigma_dot, "K": K, "scale": 1.0}
+        second = asked(HighOrderBarrier(20.0, braking), **known, Lf=sigma_dot) / K
+        sigma, sigma_dot = sigma + period * sigma_dot + 0.5 * period**2 * second, sigma_dot + period * second
+        fastest = max(fastest, -second)
+        assert sigma <= 1e-9
+    assert 0.9 * braking < fastest < 1.01 * braking
+    assert sigma > -1e-3
+
+
+def decayed(demand: Demand, phi: float, seconds: float, period: float = 1e-3) -> float:
+    """φ after some time of φ̇ = c with L_fφ = 0."""
+    for _ in range(round(seconds / period)):
+        phi += period * float(asked(demand, phi=phi, Lf=0.0, scale=2.0))
+    return phi
+
+
+def test_nonlinear_barriers_decay_as_their_functions_say() -> None:
+    # −1/φ grows by no more than α/s² |φ|: φ = −1/√(1/φ₀² + 2αt/s²)
+    assert decayed(ReciprocalBarrier(3.0), -1.0, 5.0) == pytest.approx(-1.0 / math.sqrt(1.0 + 30.0 / 4.0), rel=1e-3)
+    # from outside it restarts, exponentially
+    assert decayed(ReciprocalBarrier(3.0), 1.0, 1.0) == pytest.approx(math.exp(-3.0), rel=1e-2)
+    # φ = 0 after 2 √|φ₀| / (α √s), from either side
+    reached = 2.0 / (1.5 * math.sqrt(2.0))
+    for side in (1.0, -1.0):
+        halfway = decayed(FiniteTimeBarrier(1.5), side, 0.5 * reached)
+        assert halfway == pytest.approx(0.25 * side, rel=5e-3)
+        assert abs(decayed(FiniteTimeBarrier(1.5), side, reached + 0.05)) < (1.5 * 1e-3) ** 2 * 2.0
+
+
+def test_a_robust_barrier_holds_at_every_corner_of_the_disturbance() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        Lg, phi, Lf, D = rng.normal(size=4), rng.normal(), rng.normal(), 0.7
+        c = asked(RobustBarrier(5.0, D), phi=phi, Lf=Lf, norm_1=float(np.abs(Lg).sum()))
+        worst = max(Lg @ np.array(corner) for corner in itertools.product((-D, D), repeat=4))
+        assert Lf + c + worst == pytest.approx(-5.0 * phi)
+
+
+def test_an_input_to_state_safe_barrier_is_exceeded_by_a_quarter_of_epsilon_d_squared() -> None:
+    rng = np.random.default_rng(1)
+    exceeded = []
+    for _ in range(500):
+        Lg, phi, Lf, size = rng.normal(size=3), rng.normal(), rng.normal(), rng.uniform(0.1, 2.0)
+        c = asked(InputToStateSafeBarrier(5.0, 0.8), phi=phi, Lf=Lf, norm=float(np.linalg.norm(Lg)))
+        d = size * Lg / np.linalg.norm(Lg)
+        exceeded.append((Lf + c + Lg @ d + 5.0 * phi) / (0.8 * size**2 / 4.0))
+    assert 0.95 < max(exceeded) <= 1.0 + 1e-12
+
+
+def test_a_gradient_robust_barrier_holds_for_wrong_gradients_if_the_law_commands_no_more_than_tracking() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(500):
+        Lg, phi, Lf, share, effort = rng.normal(size=3), rng.normal(), rng.normal(), 0.3, rng.uniform(0.1, 3.0)
+        known = {"phi": phi, "Lf": Lf, "norm": float(np.linalg.norm(Lg)), "effort": effort}
+        c = asked(GradientRobustBarrier(5.0, share), **known)
+        qdd = rng.normal(size=3)
+        qdd *= effort / np.linalg.norm(qdd)
+        if Lg @ qdd <= c:
+            true = Lg * (1.0 + share * rng.uniform(-1.0, 1.0, 3))
+            assert Lf + true @ qdd <= -5.0 * phi + 1e-12
+
+
+@pytest.mark.parametrize("alpha", [3.0, 50.0])
+def test_a_sampled_barrier_holds_between_samples(alpha: float) -> None:
+    """With the largest φ̈ that is allowed for, φ touches its bound at most; with no margin it would cross it."""
+    period, curvature, scale = 0.1, 2.0, 1.5
+    t = np.linspace(0.0, period, 101)
+    highest = []
+    for phi in (-1.0, -0.1, -0.01, 0.0):
+        rate = asked(SampledBarrier(alpha, curvature), phi=phi, Lf=0.3, scale=scale, period=period) + 0.3
+        highest.append((phi + rate * t + 0.5 * curvature * scale * t**2).max())
+        assert highest[-1] <= 1e-12
+        without = asked(Barrier(min(alpha, 1.0 / period)), phi=phi, Lf=0.3) + 0.3
+        assert (phi + without * t + 0.5 * curvature * scale * t**2).max() > highest[-1]
+    assert max(highest) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", BARRIERS, ids=lambda kind: kind.name)
+def test_barriers_ask_the_less_of_a_row_the_farther_inside_it_is(kind: type[Demand]) -> None:
+    known = {"Lf": 0.1, "scale": 2.0, "norm": 1.0, "norm_1": 1.5, "effort": 2.0, "period": 0.01, "K": 0.3}
+    c = [float(asked(kind(), **known, phi=phi, sigma=phi, sigma_dot=0.0)) for phi in (0.5, 0.1, 0.0, -0.1, -0.5, -2.0)]
+    assert c == sorted(c)
+    assert len({*c}) == len(c)
