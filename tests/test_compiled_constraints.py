@@ -28,7 +28,7 @@ from vsconstraints.features import Goal, ImagePoints
 from vsconstraints.kernels import available
 from vsconstraints.motion import Motion
 from vsconstraints.rows import Array
-from vsconstraints.scenarios import CONSTRAINTS
+from vsconstraints.scenarios import CONSTRAINTS, Scenario
 from vsconstraints.scene import Scene
 from vsconstraints.tracking import TrackingGains, VisualTask
 
@@ -258,3 +258,10 @@ def test_a_formula_that_the_compiler_refuses_runs_in_numpy_and_is_named() -> Non
 def test_a_constraint_without_a_formula_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="empty needs a formula, or sigma and gradient"):
         type("Empty", (ImageConstraint,), {"kind": "empty"})(length=1.0, **GAINS)
+
+
+@pytest.mark.skipif(not available(), reason="there is no compiler")
+def test_rows_on_joints_are_compiled() -> None:
+    setup = Scenario.load("ur5-fov").setup()
+    assert {type(c).__name__ for c in setup.constraints.constraints} == {"FieldOfView", "JointRange", "JointSpeed"}
+    assert ControlStep(setup.scene, setup.constraints, setup.task).in_numpy == ()

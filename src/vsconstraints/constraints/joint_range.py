@@ -31,7 +31,6 @@ class OfJoints:
     kind: ClassVar[str]
     unit: ClassVar[str]
     prismatic_unit: ClassVar[str]
-    linear = True
 
     def _select(self, joints: tuple[int, ...], margin: float, upper: Array, lower: Array, n: int) -> None:
         """Keep the joints, the margin, and the gradient: ``upper`` in the upper rows and −``lower`` in the others."""
@@ -77,6 +76,7 @@ class JointRange(OfJoints, JointConstraint):
     """
 
     kind = "range"
+    linear = True
     prismatic_unit = "m"
 
     def __init__(

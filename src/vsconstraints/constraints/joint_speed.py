@@ -35,6 +35,7 @@ class JointSpeed(OfJoints, SpeedConstraint):
     """
 
     kind = "speed"
+    linear = True
     prismatic_unit = "m/s"
 
     def __init__(
