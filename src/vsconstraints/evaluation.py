@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from .kernels import entry
 from .rows import UNKNOWN, Array, Rows, Task
@@ -15,45 +15,25 @@ if TYPE_CHECKING:
     from .kernels.packing import Packed
 
 
-class Evaluation(Protocol):
-    """What one step came to; the arrays are its own."""
-
-    @property
-    def rows(self) -> Rows:
-        """The rows, as a controller takes them."""
-
-    @property
-    def task(self) -> Task:
-        """The task, likewise."""
-
-    @property
-    def error(self) -> Array:
-        """(k,) of the visual feature."""
-
-    @property
-    def sigma(self) -> Array:
-        """(m,) of each row."""
-
-    @property
-    def pixels(self) -> Array:
-        """(M, 2) markers from the image's centre [px]."""
-
-    @property
-    def points(self) -> Array:
-        """(p, 3) the scene's robot points in the base frame [m]."""
-
-    @property
-    def camera_R(self) -> Array:  # noqa: N802 - the pose's R
-        """(3, 3) orientation of the camera in the target's frame."""
-
-    @property
-    def camera_t(self) -> Array:
-        """(3,) position of the camera in the target's frame [m]."""
-
-
 @dataclass(slots=True)
 class DefinedEvaluation:
-    """An :class:`Evaluation` by the NumPy form."""
+    """What one step came to, by the NumPy form; the arrays are its own.
+
+    Attributes
+    ----------
+    rows, task
+        As a controller takes them.
+    error
+        (k,) of the visual feature.
+    sigma
+        (m,) of each row.
+    pixels
+        (M, 2) markers from the image's centre [px].
+    points
+        (p, 3) the scene's robot points in the base frame [m].
+    camera_R, camera_t
+        (3, 3) orientation and (3,) position [m] of the camera in the target's frame.
+    """
 
     rows: Rows
     task: Task
@@ -65,8 +45,13 @@ class DefinedEvaluation:
     camera_t: Array
 
 
+def _view(name: str) -> property:
+    """A part of the array that the compiled step writes."""
+    return property(lambda evaluation: evaluation._part(name))
+
+
 class CompiledEvaluation:
-    """An :class:`Evaluation` as the array that the compiled step writes: its parts are views, made when asked for."""
+    """The same as the array that the compiled step writes: its parts are views, made when asked for."""
 
     __slots__ = ("_constraints", "_out", "_packed")
 
@@ -79,7 +64,7 @@ class CompiledEvaluation:
 
     @property
     def rows(self) -> Rows:
-        """See :class:`Evaluation`."""
+        """The rows, as a controller takes them."""
         constraints = self._constraints
         return Rows(
             self._part("phi"),
@@ -96,38 +81,15 @@ class CompiledEvaluation:
 
     @property
     def task(self) -> Task:
-        """See :class:`Evaluation`."""
+        """The task, likewise."""
         return Task(*map(self._part, ("J", "b", "error", "error_rate")))
 
-    @property
-    def error(self) -> Array:
-        """See :class:`Evaluation`."""
-        return self._part("error")
+    error, sigma, pixels, points = _view("error"), _view("sigma"), _view("pixels"), _view("points")
+    camera_R, camera_t = _view("camera_R"), _view("camera_t")
 
-    @property
-    def sigma(self) -> Array:
-        """See :class:`Evaluation`."""
-        return self._part("sigma")
 
-    @property
-    def pixels(self) -> Array:
-        """See :class:`Evaluation`."""
-        return self._part("pixels")
-
-    @property
-    def points(self) -> Array:
-        """See :class:`Evaluation`."""
-        return self._part("points")
-
-    @property
-    def camera_R(self) -> Array:  # noqa: N802 - the pose's R
-        """See :class:`Evaluation`."""
-        return self._part("camera_R")
-
-    @property
-    def camera_t(self) -> Array:
-        """See :class:`Evaluation`."""
-        return self._part("camera_t")
+Evaluation = DefinedEvaluation | CompiledEvaluation
+"""What one step came to."""
 
 
 class Bound:

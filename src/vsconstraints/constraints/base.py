@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import ClassVar, Self
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -29,8 +29,7 @@ FOLLOWING = ("sigma", "gradient", "curvature", "rows", "relative", "chain_rule")
 """Methods that follow from a formula; a class that gives one of them may compute anything."""
 
 
-@dataclass(frozen=True, slots=True)
-class RowBlock:
+class RowBlock(NamedTuple):
     """The rows of one constraint: σ, φ and L_fφ (r,), L_gφ (r, n)."""
 
     sigma: Array
@@ -249,6 +248,19 @@ class PositionConstraint(Constraint):
         if self.formula is not None and self.says("formula", ("gradient",)):
             return by_formula.curvature(self, y, velocity)
         return by_formula.curvature_by_differences(self.gradient, y, velocity)
+
+
+def to_first_order(value: Array, gradient: Array) -> Array:
+    """(...) clearance −σ / ‖∂σ/∂y‖ where σ is 0 at the boundary: exact where σ is linear or a signed distance."""
+    clearance: Array = -value / np.sqrt((gradient * gradient).sum(axis=-1))
+    return clearance
+
+
+def demand_margin(margin: float, kind: str) -> float:
+    """The margin; raises ConfigurationError that names ``kind`` unless it is zero or more metres."""
+    if not (np.isfinite(margin) and margin >= 0.0):
+        raise ConfigurationError(f"margin of {kind} must be zero or more metres, not {margin}")
+    return float(margin)
 
 
 def demand_positive(value: object, what: str) -> None:

@@ -14,7 +14,7 @@ from ..errors import ConfigurationError, SceneError, unknown_name
 from ..robot import Robot
 from ..rows import Array
 from ..scene import Scene, State
-from .base import Constraint, RowBlock, Trace, demand_positive
+from .base import Constraint, RowBlock, Trace, demand_margin, demand_positive
 from .bodies import Body, disabled_pairs
 from .by_formula import differences_along
 
@@ -61,10 +61,8 @@ class BodyDistance(Constraint):
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
         demand_positive(length, f"length of {self.kind}")
-        if not (np.isfinite(margin) and margin >= 0.0):
-            raise ConfigurationError(f"margin of {self.kind} must be zero or more metres, not {margin}")
         self.robot, self.pairs = robot, tuple(pairs)
-        self.margin, self.length = float(margin), float(length)
+        self.margin, self.length = demand_margin(margin, self.kind), float(length)
         self.scale = self.length
         self._model, self._data = robot.model, robot.model.createData()
         # bodies without repetition, and their numbers in each pair

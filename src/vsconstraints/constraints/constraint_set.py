@@ -86,7 +86,7 @@ class ConstraintSet:
             return Rows.none(self._n), np.empty(0)
         blocks = [c.rows(state, at) for c, at in zip(self.constraints, self._points, strict=True)]
         try:
-            sigma, phi, Lg, Lf = (np.concatenate(parts) for parts in zip(*map(_parts, blocks), strict=True))
+            sigma, phi, Lg, Lf = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
         except ValueError as error:
             raise self._misshapen(blocks) from error
         m = len(self.labels)
@@ -99,10 +99,8 @@ class ConstraintSet:
     def _misshapen(self, blocks: Sequence[RowBlock]) -> InvalidInput:
         wrong = [
             f"{constraint.kind} has {r} labels for {self._n} joints, but the shapes {shapes}"
-            for constraint, r, shapes in zip(
-                self.constraints, self._counts, ([part.shape for part in _parts(b)] for b in blocks), strict=True
-            )
-            if shapes != [(r,), (r,), (r, self._n), (r,)]
+            for constraint, r, block in zip(self.constraints, self._counts, blocks, strict=True)
+            if (shapes := [part.shape for part in block]) != [(r,), (r,), (r, self._n), (r,)]
         ]
         return InvalidInput(f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {'; '.join(wrong)}")
 
@@ -131,7 +129,3 @@ def _known(clearance: Callable[[Trace, slice], Array], trace: Trace, points: sli
     except Exception:  # what an own constraint raises here must not cost the run that was simulated
         return np.full(shape, np.nan)
     return found if found.shape == shape else np.full(shape, np.nan)
-
-
-def _parts(block: RowBlock) -> tuple[Array, Array, Array, Array]:
-    return block.sigma, block.phi, block.Lg, block.Lf

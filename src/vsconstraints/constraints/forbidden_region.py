@@ -12,7 +12,7 @@ from ..geometry import Pose, Vector3, vector
 from ..kinematics import RobotPoint
 from ..renamed import renamed
 from ..rows import Array
-from .base import demand_positive
+from .base import demand_margin, demand_positive
 from .point_constraint import PointConstraint
 
 
@@ -55,9 +55,7 @@ class ForbiddenRegion(PointConstraint):
         name: str,
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain, length=length, points=points, name=name)
-        if not (np.isfinite(margin) and margin >= 0.0):
-            raise ConfigurationError(f"margin of a {self.kind} must be zero or more metres, not {margin}")
-        self.pose, self.margin = pose, float(margin)
+        self.pose, self.margin = pose, demand_margin(margin, f"a {self.kind}")
 
     @property
     def pose(self) -> Pose:

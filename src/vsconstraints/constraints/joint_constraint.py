@@ -9,7 +9,7 @@ import numpy as np
 
 from ..rows import Array
 from ..scene import Scene, State
-from .base import Constraint, RowBlock, Trace
+from .base import Constraint, RowBlock, Trace, to_first_order
 from .by_formula import differences_along
 from .form import Form
 
@@ -51,9 +51,7 @@ class JointConstraint(Constraint):
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """−σ / ‖∂σ/∂q‖: exact for linear rows, to first order elsewhere [rad]."""
-        g = self.gradient(trace.q)
-        clearance: Array = -self.sigma(trace.q) / np.sqrt((g * g).sum(axis=-1))
-        return clearance
+        return to_first_order(self.sigma(trace.q), self.gradient(trace.q))
 
 
 class SpeedConstraint(Constraint):
@@ -92,9 +90,7 @@ class SpeedConstraint(Constraint):
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """−φ / ‖∂φ/∂q̇‖: exact for linear rows, to first order elsewhere [rad/s]."""
-        g = self.gradient(trace.qd)
-        clearance: Array = -self.phi(trace.qd) / np.sqrt((g * g).sum(axis=-1))
-        return clearance
+        return to_first_order(self.phi(trace.qd), self.gradient(trace.qd))
 
     def sampling_band(self, scene: Scene, Ts: float) -> Array:
         """T_s u⁺ / ‖∂φ/∂q̇‖, of the gradient at rest: φ is the clearance itself, and (43) lets it switch by T_s u⁺."""

@@ -11,7 +11,7 @@ from ..kinematics import RobotPoint
 from ..renamed import renamed
 from ..rows import Array
 from ..scene import PointMotion, Scene, State
-from .base import PositionConstraint, RowBlock, Trace, demand_positive
+from .base import PositionConstraint, RowBlock, Trace, demand_positive, to_first_order
 from .form import Form
 
 
@@ -76,9 +76,7 @@ class PointConstraint(PositionConstraint):
     def clearance(self, trace: Trace, points: slice) -> Array:
         """−σ / ‖∂σ/∂p‖: exact where σ is a signed distance, to first order elsewhere [m]."""
         y = self.displaced(trace.points[:, points], trace.t)
-        g = self.gradient(y)
-        clearance: Array = -self.sigma(y) / np.sqrt((g * g).sum(axis=-1))
-        return clearance
+        return to_first_order(self.sigma(y), self.gradient(y))
 
     def characteristic_length(self, scene: Scene) -> Array:
         """The same length for every point."""

@@ -1,25 +1,7 @@
 """The paper's claims, one function for each sentence: importing this package registers all of them."""
 
-from . import (
-    case_study,
-    erroneous_gradients,
-    every_scene,
-    experiments,
-    first_example,
-    general,
-    moving_and_time,
-    studied,
-    trap_and_corners,
-)
+from importlib import import_module
+from pkgutil import iter_modules
 
-__all__ = [
-    "case_study",
-    "erroneous_gradients",
-    "every_scene",
-    "experiments",
-    "first_example",
-    "general",
-    "moving_and_time",
-    "studied",
-    "trap_and_corners",
-]
+for _module in iter_modules(__path__, f"{__name__}."):
+    import_module(_module.name)
