@@ -15,13 +15,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
 
-from . import beside_peers, forms, growth, loop, measured, own, startup, steps
+from . import beside_peers, forms, growth, laws, loop, measured, own, startup, steps
 from .part import FULL, QUICK, Effort, Part
 from .report import write
 
 PARTS: dict[str, Callable[[Effort], Part]] = {
     "steps": steps.measure,
     "forms": forms.measure,
+    "laws": laws.measure,
     "measured": measured.measure,
     "own": own.measure,
     "growth": growth.measure,
