@@ -128,6 +128,7 @@ NAMED: tuple[type[Named], ...] = (
         ImplicitSwitchWithDrift,
         Hierarchy,
         "The implicit switch, less the drift that was seen a sample ago.",
+        periods=5.0,
     ),
     named(
         "boundary-layer",
