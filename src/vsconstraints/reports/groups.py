@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ..comparisons.suite import BASELINE
 from ..controllers import CONTROLLERS, make_controller
 from ..controllers.demands import USES
@@ -39,16 +37,28 @@ class Group:
         What they have in common; empty where all laws stand together.
     suffix
         Of the names of their figures; empty where all laws stand together.
+    listed
+        The title with the names of the laws.
     """
 
     controllers: tuple[str, ...]
     title: str = ""
     suffix: str = ""
+    listed: str = ""
 
     @property
     def sentence(self) -> str:
         """The title behind a caption."""
         return f" {self.title}." if self.title else ""
+
+    def and_also(self, other: Group) -> Group:
+        """The laws of both."""
+        controllers = tuple(dict.fromkeys((*self.controllers, *other.controllers)))
+        title, listed = (
+            f"{own}; {more[0].lower()}{more[1:]}"
+            for own, more in ((self.title, other.title), (self.listed, other.listed))
+        )
+        return Group(controllers, title, f"{self.suffix}-{other.suffix.removeprefix('--')}", listed)
 
 
 def uses(name: str, entry: Mapping[str, Any]) -> tuple[str, ...] | None:
@@ -60,29 +70,28 @@ def uses(name: str, entry: Mapping[str, Any]) -> tuple[str, ...] | None:
 
 
 def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
-    """The groups of a suite's controllers, each with at most :data:`MOST` laws beside tracking alone."""
+    """The groups of a suite's controllers, each with at most :data:`MOST` laws beside tracking alone.
+
+    Where there are more laws, those of a kind stay together, several kinds where they fit.
+    """
     laws = [name for name in entries if name != BASELINE]
     if len(laws) <= MOST:
         return (Group(tuple(entries)),)
-    kinds = {name: _kind(uses(name, entries[name])) for name in laws}
-    groups = []
+    kinds, baseline = {name: _kind(uses(name, entries[name])) for name in laws}, set(entries) - set(laws)
+    groups: list[Group] = []
     for file, title, _ in KINDS:
         members = [name for name in laws if kinds[name] == file]
         parts = -(-len(members) // MOST)
-        for k, own in enumerate(np.array_split(members, parts) if parts else (), start=1):
-            of, number = (f" ({k} of {parts})", f"-{k}") if parts > 1 else ("", "")
-            names = tuple(name for name in entries if name == BASELINE or name in own)
-            groups.append(Group(names, f"{title}{of}", f"--{file}{number}"))
+        for k in range(parts):
+            own = members[k * len(members) // parts : (k + 1) * len(members) // parts]
+            of, number = (f" ({k + 1} of {parts})", f"-{k + 1}") if parts > 1 else ("", "")
+            new = Group((*baseline, *own), title + of, f"--{file}{number}", f"{title}{of}: {enumeration(own)}")
+            both = groups[-1].and_also(new) if groups else new
+            if groups and len(both.controllers) - len(baseline) <= MOST:
+                groups[-1] = both
+            else:
+                groups.append(new)
     return tuple(groups)
-
-
-def listed(groups: Sequence[Group]) -> list[str]:
-    """For each group what it holds; nothing where all laws stand together."""
-    return [
-        f"{group.title}: {enumeration([name for name in group.controllers if name != BASELINE])}."
-        for group in groups
-        if group.title
-    ]
 
 
 def by_controller(

@@ -8,7 +8,6 @@ from urllib.parse import quote
 from ..comparisons.metrics import METRICS, Metric
 from ..comparisons.suite import BASELINE
 from .best import keeps_rows, shown
-from .groups import listed
 from .markdown import bold, bullets, code, enumeration, plain
 from .numbers import FORMATS, median, number
 from .results import CARRIED_THROUGH, Line, Results, violated, within_band
@@ -49,7 +48,7 @@ def opening(results: Results) -> str:
         )
     if len(results.groups) > 1:
         shown_by = "Figures, and tables with a column for each law, show laws by the last of these that they use:"
-        parts.append(f"{shown_by}\n\n{bullets(listed(results.groups))}")
+        parts.append(f"{shown_by}\n\n{bullets([f'{group.listed}.' for group in results.groups])}")
     parts += ["## Findings", bullets(_findings(results))]
     return "\n\n".join(parts)
 
