@@ -22,6 +22,9 @@ BOOL, COUNT, EMPTY = np.dtype(np.bool_), np.dtype(np.int64), np.empty
 NO_SLACK, NO_COUNT = np.empty(0), np.zeros(1, COUNT)
 """What is handed to laws that write neither."""
 
+SCRATCH = 4096
+"""Numbers of scratch of a law: enough for 30 rows, seven joints and eight features. Beyond that arrays are made."""
+
 NOT_FOR_COMPILED = Exception
 """Raised for arrays of other types, layouts or numbers of dimensions, some of them errors of numba's own: those are for
 the definition, which answers, or says what is wrong."""
@@ -104,6 +107,7 @@ def compiled_law(law: Law, labels: tuple[str, ...]) -> CompiledLaw | None:
         np.empty_like(law.memory),
         np.empty(len(labels)),
         np.full(1, math.nan),
+        structures.Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
     )
     whole = bool({"sigma", "sigma_dot", "K"} & {*demand.uses})
     return CompiledLaw(arrays, labels, resolver.remark(labels), resolver.measures, whole)

@@ -99,7 +99,7 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
             stage = ALONE
         if stage == ALONE:
             tracking = thaw_law(alone)
-            ask(tracking.tracking, (loop.task.J, loop.task.b, tracking.options[0], loop.alone))
+            ask(tracking.track, (tracking.scratch, loop.task.J, loop.task.b, tracking.options[0], loop.alone))
         samples.finish(loop, k)
         k, stage = k + 1, STEP
     return k, STEP

@@ -11,6 +11,7 @@ from .laws import RESOLVER, within
 from .least_violation import GREATEST, LEAST
 from .linear import finite
 from .parts import ask
+from .scratch import matrix
 from .structures import ASK, FAILED, Answer, LawArrays, RowArrays, TaskArrays
 from .task_priority import checkable, rates, remember, valid
 
@@ -31,12 +32,13 @@ def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -
         return ASK
     tolerance, bound, damping, filters = law.options[0], law.options[1], law.options[2], law.options[3] != 0.0
     m, n, qdd = rows.phi.size, answer.qdd.size, answer.qdd
-    box = np.empty((2, n))
+    law.scratch.taken[0] = 0
+    box = matrix(law.scratch, 2, n)
     for j in range(n):
         box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
     J, b = task.J, task.b
     if filters or law.tracks != 0:
-        ask(law.tracking, (J, b, tolerance, qdd))
+        ask(law.track, (law.scratch, J, b, tolerance, qdd))
     c = law.asked
     if ask(law.demand, (law, rows, rates(law, rows, qdd), BOUND, law.after, c)):
         return ASK
@@ -44,7 +46,8 @@ def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -
         J, b = np.eye(n), qdd.copy()
     weights = law.weights if law.weights.size == m else np.ones(m)
     demands, priorities = Demands(rows.Lg, c, rows.scale, weights), Priorities(box, damping, tolerance)
-    code, answer.iterations[0] = hierarchy(demands, J, b, priorities, Resolved(qdd, answer.slack, answer.acted))
+    resolved = Resolved(qdd, answer.slack, answer.acted)
+    code, answer.iterations[0] = hierarchy(demands, J, b, priorities, resolved, law.scratch)
     if code == FAILED:
         return FAILED
     if not (checkable(rows.Lg, rows.switching_gain, qdd) and finite(answer.slack)):

@@ -35,7 +35,7 @@ from .levels import (
     with_room,
 )
 from .linear import ONE, S_ROWS, START, apply, constant, copy, dot
-from .structures import DONE, FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT
+from .structures import DONE, FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, Scratch
 
 HARD, RELAXING, STRICT_TASK = constant(0), constant(1), constant(2)
 """Stages: all rows; the points that violate least; level 2 by itself."""
@@ -87,7 +87,9 @@ class Resolved(NamedTuple):
 
 
 @inner
-def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, resolved: Resolved) -> tuple[int, int]:
+def hierarchy(
+    demands: Demands, J: Array, b: Array, priorities: Priorities, resolved: Resolved, scratch: Scratch
+) -> tuple[int, int]:
     """Of all q̈ in the box those that violate the demands least, of these those with the least ‖J q̈ − b‖, then ‖q̈‖.
 
     The least ‖W max(0, A q̈ − c)‖; see :class:`vsconstraints.controllers.HierarchicalQP` for how strict level 2 is.
@@ -103,6 +105,8 @@ def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, reso
         Box, damping and rank tolerance.
     resolved
         Outputs.
+    scratch
+        For use here.
 
     Returns
     -------
@@ -120,7 +124,7 @@ def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, reso
     for i in range(k):
         copy(G, i, J, i, n)
         G[i, n] = b[i]
-    _, _, rank, _ = pseudoinverse(G, START, CERTAIN * tolerance, tolerance, G, X, CENTER)
+    _, _, rank, _ = pseudoinverse(G, START, CERTAIN * tolerance, tolerance, G, X, CENTER, scratch)
     redundant = rank < n
     fixed = np.zeros(m, np.bool_)
     below = within = tracks = True
@@ -200,7 +204,7 @@ def hierarchy(demands: Demands, J: Array, b: Array, priorities: Priorities, reso
         if stage != HARD:
             Z, p = np.empty((START, n)), n
             if equal.shape[0] > 0:
-                F, T, rank, _ = pseudoinverse(equal, START, CERTAIN * DEPENDENT, DEPENDENT, equal, X, POINT)
+                F, T, rank, _ = pseudoinverse(equal, START, CERTAIN * DEPENDENT, DEPENDENT, equal, X, POINT, scratch)
                 p = n - rank
                 if p == 0:
                     steps = steps if stage == STRICT_TASK else 0

@@ -14,16 +14,19 @@ from ..formulas.row import Row, asked_for
 from ..rows import Array, BoolArray, IntArray
 from .compiler import IN_PLACE, compiled, in_place, numba
 from .parts import INT, ask, make_part, tell_refused, thaw_as
-from .structures import ASK, Answer, LawArrays, RowArrays, TaskArrays
+from .structures import ASK, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not typed
 
-_one, _two = np.zeros(1), np.zeros((1, 1))
+_one, _two, _count = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
 
-LAW = numba.typeof(LawArrays(1, 1, 1, 1, 1.0, _one, _one, _one, _two, _one, _one, _two, _one, _one))
+LAW = numba.typeof(
+    LawArrays(1, 1, 1, 1, 1.0, _one, _one, _one, _two, _one, _one, _two, _one, _one, Scratch(_one, _count))
+)
 ROWS = numba.typeof(RowArrays(_one, _two, *(_one,) * 8))
 TASK = numba.typeof(TaskArrays(_two, _one, _one, _one))
-ANSWER = numba.typeof(Answer(_one, np.zeros(1, dtype=np.bool_), _one, np.zeros(1, dtype=np.int64)))
+ANSWER = numba.typeof(Answer(_one, np.zeros(1, dtype=np.bool_), _one, _count))
+SCRATCH = numba.typeof(Scratch(_one, _count))
 VECTOR, MATRIX = numba.types.float64[::1], numba.types.float64[:, ::1]
 
 RESOLVER = INT(LAW, ROWS, TASK, ANSWER)

@@ -14,6 +14,7 @@ from .least_distance import DEPENDENT
 from .least_squares import CERTAIN, orthogonalise, pseudoinverse
 from .levels import CENTER
 from .linear import ONE, S_ROWS, START, WORK, apply, apply_transposed, constant, dot, make_reflection, solve_upper
+from .scratch import no_scratch
 
 ROW = constant(0)
 """The row of X with the point."""
@@ -102,7 +103,7 @@ def least_residual(
             apply_transposed(F, T, q, W, i)
         moved = 0.0
         if q < n:
-            pseudoinverse(W, q, CERTAIN * tolerance, tolerance, G, Y, ONE)
+            pseudoinverse(W, q, CERTAIN * tolerance, tolerance, G, Y, ONE, no_scratch())
             apply(F, T, q, Y, ONE)
             for i in range(k):
                 moved += dot(G, i, Y, ONE, START, n) ** 2

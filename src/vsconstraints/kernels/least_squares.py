@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..rows import Array
 from .compiler import inner
 from .linear import ONE, S_ROWS, START, WORK, apply, apply_transposed, dot, factor, solve_lower, solve_upper
+from .scratch import blank, matrix
+from .structures import Scratch
 
 CERTAIN = 30.0
 """Full rank is certain if the bound of the least singular value exceeds the tolerance by this factor.
@@ -73,7 +73,7 @@ def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
 
 
 @inner
-def shorten(W: Array, rows: int, first: int, tolerance: float, whole: Array) -> int:
+def shorten(W: Array, rows: int, first: int, tolerance: float, whole: Array, scratch: Scratch) -> int:
     """Make the first rows of :func:`pseudoinverse` orthogonal and drop those too short; how many are left."""
     n = W.shape[1] - 1
     # the squares of very small numbers would vanish
@@ -96,7 +96,7 @@ def shorten(W: Array, rows: int, first: int, tolerance: float, whole: Array) -> 
             gain = dot(W, i, W, i, first, n) / (tolerance * tolerance)
             if 0.99 * size <= n * gain and gain <= 1.01 * size:
                 # it is the greatest singular value of wholeᵀ whole, of which this matrix keeps all digits
-                X = np.zeros((n, n))
+                X = blank(scratch, n, n)
                 for a in range(whole.shape[0]):
                     for b in range(n):
                         for j in range(n):
@@ -116,7 +116,7 @@ def shorten(W: Array, rows: int, first: int, tolerance: float, whole: Array) -> 
 
 @inner
 def pseudoinverse(
-    W: Array, first: int, certain: float, tolerance: float, whole: Array, Y: Array, row: int
+    W: Array, first: int, certain: float, tolerance: float, whole: Array, Y: Array, row: int, scratch: Scratch
 ) -> tuple[Array, Array, int, float]:
     """Solve y ← M† b for W = [· | M | b], M beginning with the column ``first``, and y being Y[row, first:].
 
@@ -139,6 +139,8 @@ def pseudoinverse(
         (k', n) or more columns, of which n count: W where ``first`` is 0.
     Y
         Rows of n entries.
+    scratch
+        What is given back is taken from it.
 
     Returns
     -------
@@ -154,10 +156,10 @@ def pseudoinverse(
         for j in range(n):
             size += whole[i, j] * whole[i, j]
     size = math.sqrt(size)
-    S = np.empty((S_ROWS, k if tall else p))
+    S = matrix(scratch, S_ROWS, k if tall else p)
     for again in range(2):
         c = p if tall else rows
-        F = np.empty((c, k if tall else p))
+        F = matrix(scratch, c, k if tall else p)
         for j in range(c):
             for i in range(F.shape[1]):
                 F[j, i] = W[i, first + j] if tall else W[j, first + i]
@@ -178,7 +180,7 @@ def pseudoinverse(
                 if i < p:
                     W[i, first + i] = 1.0 / S[0, i]
                     W[i, n] = S[WORK, i]
-        rows = shorten(W, c, first, tolerance, whole)
+        rows = shorten(W, c, first, tolerance, whole, scratch)
         tall = False
     if tall:
         solve_upper(F, S, p, S, WORK)
@@ -191,7 +193,9 @@ def pseudoinverse(
 
 
 @inner
-def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> tuple[int, Array, Array, float]:
+def resolve(
+    A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array, scratch: Scratch
+) -> tuple[int, Array, Array, float]:
     """q̈ ← A₁†b₁ + (A₂(I − A₁†A₁))†(b₂ − A₂A₁†b₁), as :func:`vsconstraints.controllers.task_priority.resolve`.
 
     The two are a pair: reflections here, singular values by LAPACK there. One contract test holds it together:
@@ -208,6 +212,8 @@ def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> tu
         Singular values below this fraction of the largest one count as zero.
     qdd
         (n,) output.
+    scratch
+        What is given back is taken from it.
 
     Returns
     -------
@@ -216,11 +222,11 @@ def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> tu
     """
     n = qdd.size
     k = A2.shape[0]
-    W: Array = np.empty((k, n + 1))
-    Y, F, S, rank = np.zeros((WORK, n)), W, W, START
+    W: Array = matrix(scratch, k, n + 1)
+    Y, F, S, rank = blank(scratch, WORK, n), W, W, START
     G, T, least = W, W, 0.0
     if A1.shape[0] > 0:
-        F, S, rank, _ = pseudoinverse(A1, START, CERTAIN * tolerance, tolerance, A1, Y, START)
+        F, S, rank, _ = pseudoinverse(A1, START, CERTAIN * tolerance, tolerance, A1, Y, START, scratch)
     if rank < n:
         for i in range(k):
             rest = b2[i]
@@ -231,7 +237,7 @@ def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> tu
             if rank > 0:
                 apply_transposed(F, S, rank, W, i)
         whole = A2 if rank > 0 else W
-        G, T, _, least = pseudoinverse(W, rank, CERTAIN * tolerance, tolerance, whole, Y, ONE)
+        G, T, _, least = pseudoinverse(W, rank, CERTAIN * tolerance, tolerance, whole, Y, ONE, scratch)
         apply(F, S, rank, Y, ONE)
     for j in range(n):
         qdd[j] = Y[0, j] + Y[1, j]
@@ -239,7 +245,7 @@ def resolve(A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array) -> tu
 
 
 @inner
-def bring(F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Array) -> bool:
+def bring(F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Array, scratch: Scratch) -> bool:
     """Bring x = J†b to A x = d with the least change of ‖J x − b‖: x ← x + R⁻¹ (A R⁻¹)† (d − A x), with J = Q R.
 
     Where J has full column rank, :func:`resolve` of A before J comes to the same.
@@ -254,6 +260,8 @@ def bring(F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Arr
         Singular values below this fraction of the largest one count as zero.
     qdd
         (n,) x, J†b before.
+    scratch
+        For use here.
 
     Returns
     -------
@@ -264,7 +272,7 @@ def bring(F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Arr
     n, b = qdd.size, A.shape[0]
     if b >= n or least == 0.0:
         return False
-    L, T = np.empty((b, n)), np.empty((S_ROWS, n))
+    L, T = matrix(scratch, b, n), matrix(scratch, S_ROWS, n)
     size = 0.0
     for i in range(b):
         for j in range(n):

@@ -11,6 +11,7 @@ from ..rows import Array, BoolArray
 from .compiler import inner
 from .least_squares import WELL, pseudoinverse
 from .linear import ONE, START, constant, dot
+from .scratch import no_scratch
 from .structures import DONE, FAILED
 
 LEAST, GREATEST = constant(0), constant(1)
@@ -54,7 +55,7 @@ def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array) ->
             return DONE
         # the step that takes the violated rows to their bounds in the least-squares sense, held coordinates apart
         M = newton_system(B, residual, pulled, held)
-        pseudoinverse(M, START, WELL, RANK, M, Y, START)
+        pseudoinverse(M, START, WELL, RANK, M, Y, START, no_scratch())
         free = 0
         for j in range(n):
             step[0, j] = 0.0 if held[j] != 0.0 else Y[0, free]

@@ -67,6 +67,13 @@ class Answer(NamedTuple):
     iterations: IntArray
 
 
+class Scratch(NamedTuple):
+    """Numbers, and (1,) how many of them are taken: whoever made it holds it until nothing taken is used any more."""
+
+    numbers: Array
+    taken: IntArray
+
+
 class LawArrays(NamedTuple):
     """A compiled law: a demand and a resolver, each where its function begins, and what they work with.
 
@@ -76,7 +83,7 @@ class LawArrays(NamedTuple):
 
     Attributes
     ----------
-    resolver, demand, tracking
+    resolver, demand, track
         Addresses; the last of :func:`vsconstraints.kernels.task_priority.track`.
     tracks
         Whether the demand depends on what tracking alone does to the rows.
@@ -92,11 +99,13 @@ class LawArrays(NamedTuple):
         (m,) L_gφ q̈ of the answer before, or (0,) where the demand does not use it.
     asked, after, tracked, effort
         Scratch: (m,) what rows ask for, what is to be remembered, and of tracking alone (m,) L_gφ q̈ and (1,) ‖q̈‖.
+    scratch
+        For all else; it is empty whenever a law begins.
     """
 
     resolver: int
     demand: int
-    tracking: int
+    track: int
     tracks: int
     period: float
     options: Array
@@ -108,6 +117,7 @@ class LawArrays(NamedTuple):
     after: Array
     tracked: Array
     effort: Array
+    scratch: Scratch
 
 
 class Step(NamedTuple):

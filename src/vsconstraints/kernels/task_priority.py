@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..formulas.row import EQUAL, PUSH
 from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import ROUNDING, Array, BoolArray
 from .compiler import compiled, in_place, inner, numba
-from .laws import MATRIX, RESOLVER, VECTOR, write_rates
+from .laws import MATRIX, RESOLVER, SCRATCH, VECTOR, write_rates
 from .least_squares import bring, resolve
 from .linear import START, dot, finite, in_range
 from .parts import INT, ask
-from .structures import ASK, DONE, Answer, LawArrays, RowArrays, TaskArrays
+from .scratch import matrix
+from .structures import ASK, DONE, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 @in_place
@@ -105,13 +104,14 @@ def priority(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) 
         return ASK
     tolerance, qdd, acted, J, b = law.options[0], answer.qdd, answer.acted, task.J, task.b
     phi, Lg, scale = rows.phi, rows.Lg, rows.scale
-    m, n = phi.size, qdd.size
-    A: Array = np.empty((m, n + 1))
+    m, n, scratch = phi.size, qdd.size, law.scratch
+    scratch.taken[0] = 0
+    A: Array = matrix(scratch, m, n + 1)
     F, S, least = A, A, 0.0
     # a task of full column rank is tracked first, and corrected for the rows that act
     tracked = law.tracks != 0 or J.shape[0] >= n
     if tracked:
-        _, F, S, least = resolve(A[:0], J, b, tolerance, qdd)
+        _, F, S, least = resolve(A[:0], J, b, tolerance, qdd, scratch)
     c = law.asked
     if ask(law.demand, (law, rows, rates(law, rows, qdd), EQUAL, law.after, c)):
         return ASK
@@ -119,12 +119,12 @@ def priority(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) 
         acted[i] = c[i] != math.inf
     acting = gather(Lg, c, scale, phi, acted, -math.inf, A)
     if (
-        not (tracked and (acting == 0 or bring(F, S, least, A[:acting], tolerance, qdd)))
-        and resolve(A[:acting], J, b, tolerance, qdd)[0] < acting
+        not (tracked and (acting == 0 or bring(F, S, least, A[:acting], tolerance, qdd, scratch)))
+        and resolve(A[:acting], J, b, tolerance, qdd, scratch)[0] < acting
     ):
         # a dependence among rows that act before their boundary is reached is met in the least-squares sense
         reached = gather(Lg, c, scale, phi, acted, 0.0, A)
-        if reached == acting or resolve(A[:reached], J, b, tolerance, np.empty(n))[0] < reached:
+        if reached == acting or resolve(A[:reached], J, b, tolerance, matrix(scratch, 1, n)[0], scratch)[0] < reached:
             return ASK
     if not checkable(Lg, rows.switching_gain, qdd):
         return ASK
@@ -132,14 +132,15 @@ def priority(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) 
     return DONE
 
 
-@compiled(INT(MATRIX, VECTOR, numba.types.float64, VECTOR))
-def track(J: Array, b: Array, tolerance: float, qdd: Array) -> int:
+@compiled(INT(SCRATCH, MATRIX, VECTOR, numba.types.float64, VECTOR))
+def track(scratch: Scratch, J: Array, b: Array, tolerance: float, qdd: Array) -> int:
     """q̈ ← J†b of :func:`vsconstraints.controllers.least_norm.least_norm`; returns 0.
 
     Called by its address, so that it is compiled once for all that need no more of it.
     """
-    nothing: Array = np.empty((0, qdd.size + 1))
-    resolve(nothing, J, b, tolerance, qdd)
+    taken = scratch.taken[0]
+    resolve(J[:0], J, b, tolerance, qdd, scratch)
+    scratch.taken[0] = taken
     return 0
 
 
@@ -156,7 +157,7 @@ def additive(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) 
         return ASK
     qdd, acted, Lg = answer.qdd, answer.acted, rows.Lg
     m, n = rows.phi.size, qdd.size
-    ask(law.tracking, (task.J, task.b, law.options[0], qdd))
+    ask(law.track, (law.scratch, task.J, task.b, law.options[0], qdd))
     push = law.asked
     if ask(law.demand, (law, rows, rates(law, rows, qdd), PUSH, law.after, push)):
         return ASK
