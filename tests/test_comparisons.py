@@ -52,6 +52,7 @@ PROMISED_RESULTS = [
     "within_band",
     "sliding_lost_s",
     "held_time_s",
+    "saturated_time_s",
 ]
 PROMISED_CONSTRAINTS = [
     "suite",
@@ -76,6 +77,7 @@ PROMISED_CONSTRAINTS = [
     "band_depth",
     "held_time_s",
     "usage_held",
+    "share_to_hold",
 ]
 PROMISED_ARRAYS = {
     "t", "q", "qd", "qdd_command", "error", "features_px", "labels", "phi", "sigma", "clearance", "active"

@@ -61,6 +61,8 @@ def made(
             "sigma": of(phi, -1.0),
             "clearance": clearance,
             "active": of(active, 0.0).astype(bool),
+            "saturated": np.zeros(N, dtype=bool),
+            "share_to_hold": each(None, np.nan),
             "between_clearance": of(between, np.inf),
             "rows_time": np.full(N, 1e-6),
             "step_time": np.full(N, 1e-6),
@@ -101,6 +103,8 @@ SMALL = made(
     feature_error_px=np.array([9.0] * 5 + [1.5]),
     step_time=np.array([7.0, 1e-6, 2e-6, 3e-6, 4e-6, 0.6]),
     rows_time=np.array([7.0, 1e-6, 2e-6, 5e-6, 4e-6, 3e-6]),
+    saturated=np.array([False, True, False, False, False, False]),
+    share_to_hold=np.array([0.25, np.nan]),
 )
 BASELINE = made(clearance=[[4, 3, -1, -2, 3, 4], [1, 1, 1, 1, 1, 1]], length=[10, 2])
 
@@ -140,8 +144,10 @@ def test_every_score_of_a_small_run() -> None:
         "within_band": "row 1",
         # three samples of the first row, as φ stays above −2 between them, and one of the second
         "held_time_s": 2.0,
+        "saturated_time_s": 0.5,
     }
     first, second = found.constraints
+    assert np.isnan(second["share_to_hold"])
     assert first == {
         "constraint": "row 0",
         "kind": "made",
@@ -161,6 +167,7 @@ def test_every_score_of_a_small_run() -> None:
         "band_depth": 0.0,
         "held_time_s": 1.5,
         "usage_held": pytest.approx((0.95 + 0.95 + 0.85) / 3),
+        "share_to_hold": 0.25,
     }
     assert not second["challenged"]
     assert np.isnan(second["mean_unused_margin"])

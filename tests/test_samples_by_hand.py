@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from vsconstraints.formulas.limits import JointLimits
 from vsconstraints.kernels.samples import (
     Goals,
     Kept,
@@ -36,8 +37,9 @@ def running() -> Running:
     counts[2][:] = counts[3][:] = -1
     low = np.full(2, -np.inf)
     flags, switches, unreached = np.zeros(2, dtype=np.bool_), np.zeros(1, dtype=np.int64), np.full(1, -1)
-    sums = np.zeros(1), np.zeros(1)
-    return Running(low, low.copy(), *counts, np.zeros(2), *sums, switches, unreached, flags, np.zeros(2))
+    sums, saturated = (np.zeros(1), np.zeros(1)), np.zeros(1, dtype=np.int64)
+    last = saturated, np.full(2, np.nan), flags, np.zeros(2)
+    return Running(low, low.copy(), *counts, np.zeros(2), *sums, switches, unreached, *last)
 
 
 def test_scores_of_five_samples() -> None:
@@ -112,6 +114,7 @@ def loop(by_pose: bool) -> Loop:
         *(np.zeros(shape) for shape in ((3, 3, 2), (3, 1), (3, 2), (3,), (2, 3, 3), (2, 3))),
         *(np.zeros(shape) for shape in ((3, 1, 2), (3, 1, 3), (3, 2), (3, 2))),
         flags,
+        np.zeros(3, dtype=np.bool_),
         np.zeros(3),
         np.zeros(3),
     )
@@ -140,7 +143,14 @@ def loop(by_pose: bool) -> Loop:
         camera_R=np.eye(3),
         camera_t=np.zeros(3),
         goals=goals,
-        plant=PlantArrays(transition, np.array([[10.0, 20.0], [8.0, 9.0], [0.0, 0.0]]), np.zeros((3, 2)), push),
+        plant=PlantArrays(
+            transition,
+            np.array([[10.0, 20.0], [8.0, 9.0], [0.0, 0.0]]),
+            np.zeros((3, 2)),
+            push,
+            JointLimits(*(NONE,) * 5, ranges=0, period=0.5),
+            np.zeros(2),
+        ),
         kept=kept,
         scores=running(),
     )

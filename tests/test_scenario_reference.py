@@ -20,6 +20,7 @@ from vsconstraints.constraints.curves import SHAPES
 from vsconstraints.features import FEATURES
 from vsconstraints.geometry import Pose
 from vsconstraints.kinematics import RobotPoint
+from vsconstraints.limits import ActuatorLimits
 from vsconstraints.motion import Motion
 from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, build, constraint_types
 from vsconstraints.scenarios.reading import parameters, placed
@@ -46,6 +47,7 @@ TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
     "task.goals": (build.GoalTable,),
     "task.goals.camera_pose": (Pose.from_xyz_rpy,),
     "tolerances": (Tolerances,),
+    "limits": (ActuatorLimits,),
     "disturbances": (Disturbances,),
     "constraints.motion": (Motion,),
     "constraints.curve": (Curve,),

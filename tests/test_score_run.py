@@ -17,9 +17,9 @@ from vsconstraints.simulation import RunScores, Setup, score_run, simulate
 
 OF_RUN = (
     "duration_s", "settling_time_s", "final_translation_error_m", "final_rotation_error_rad", "final_feature_error_px",
-    "acceleration_variation", "jerk_rms", "switching_rate_hz",
+    "acceleration_variation", "jerk_rms", "switching_rate_hz", "saturated_time_s",
 )  # fmt: skip
-OF_ROWS = ("phi_max", "active_time_s", "first_active_s", "last_active_s", "longest_positive_run_s")
+OF_ROWS = ("phi_max", "active_time_s", "first_active_s", "last_active_s", "longest_positive_run_s", "share_to_hold")
 
 
 def assert_scores_are_those_of_the_trajectory(there: Setup, law: Controller) -> RunScores:

@@ -39,7 +39,7 @@ def test_a_run_without_samples_has_no_scores() -> None:
     assert found.constraints == []
     assert (found.result["violated"], found.result["within_band"]) == ("", "")
     numbers = [value for value in found.result.values() if not isinstance(value, (str, bool))]
-    assert len(numbers) == 20
+    assert len(numbers) == 21
     assert np.isnan(numbers).all()
 
 

@@ -12,8 +12,10 @@ import numpy as np
 from .constraints import Constraint, ConstraintSet, RowBlock
 from .errors import InvalidInput, SceneError
 from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
+from .formulas.limits import joint_box
 from .geometry import Pose
 from .kernels import entry, load
+from .limits import NO_LIMITS, ActuatorLimits
 from .measurement import Measurement
 from .model import Believe, Model, Present, Spoil
 from .renamed import renamed
@@ -50,6 +52,9 @@ class ControlStep:
     known
         Whether motions that controllers are not told of (section 5.4) count as known. If not, such an object is where
         it is, but its velocity is taken for zero.
+    limits, period
+        What the actuators can do, and the sampling period T_s [s]: rows then state the box of q̈ that is left at each
+        sample. It depends on the command before, at first zero: see :meth:`commanded`.
 
     Attributes
     ----------
@@ -59,15 +64,34 @@ class ControlStep:
         As given.
     believes
         Whether something moves that controllers are not told of.
+    last_command
+        (n,) q̈_c of the sample before, as the step was told.
+
+    Raises
+    ------
+    ConfigurationError, InvalidInput
+        if there are limits, but not one for each joint, or no period.
     """
 
-    def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask, *, known: bool = False) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        constraints: ConstraintSet,
+        task: VisualTask,
+        *,
+        known: bool = False,
+        limits: ActuatorLimits = NO_LIMITS,
+        period: float | None = None,
+    ) -> None:
         self.scene, self.constraints, self.visual_task = scene, constraints, task
         self.not_compiled, self.known = "", known
         self.believes = not known and has_unknown_motion(scene, constraints)
         n = scene.robot.n
         self._now: tuple[Array, Array, Array] = np.zeros(1), np.zeros(n), np.zeros(n)
         self._correction = np.zeros((len(scene.markers), 2))
+        self.last_command: Array = np.zeros(n)
+        self._given = limits, period
+        self._limits = limits.arrays(scene.robot, period) if limits.any else None
         self._packed: Packed | None = None
         self._controller: Controller | None = None
         self._options: dict[str, Any] | None = None
@@ -76,9 +100,10 @@ class ControlStep:
             self.not_compiled = "there is no compiler"
             return
         try:
-            self._packed = packing.Packed(scene, constraints, task, known)
+            self._packed = packing.Packed(scene, constraints, task, known, self._limits)
             step = self._packed.step
             self._now = step.time, step.q, step.qd
+            self.last_command = step.last_command
         except packing.NotCompiled as reason:
             self.not_compiled = str(reason)
 
@@ -94,11 +119,14 @@ class ControlStep:
         """What it is made of, and what it remembers; the compiled form is made again where it is needed."""
         memory = None if self._packed is None else [array.copy() for array in self._packed.memory]
         made = {name: getattr(self, name) for name in ("scene", "constraints", "visual_task", "known", "_correction")}
-        return {**made, "memory": memory}
+        return {**made, "given": self._given, "last_command": self.last_command.copy(), "memory": memory}
 
     def __setstate__(self, made: dict[str, Any]) -> None:
-        self.__init__(made["scene"], made["constraints"], made["visual_task"], known=made["known"])  # type: ignore[misc]
-        self._correction[:] = made["_correction"]
+        scene, constraints, task, (limits, period) = (
+            made[name] for name in ("scene", "constraints", "visual_task", "given")
+        )
+        self.__init__(scene, constraints, task, known=made["known"], limits=limits, period=period)  # type: ignore[misc]
+        self._correction[:], self.last_command[:] = made["_correction"], made["last_command"]
         if self._packed is not None and made["memory"] is not None:
             for array, kept in zip(self._packed.memory, made["memory"], strict=True):
                 array[...] = kept
@@ -106,7 +134,7 @@ class ControlStep:
     def reset(self) -> None:
         """Forget the last sample."""
         self.visual_task.reset()
-        self._correction[:] = 0.0
+        self._correction[:] = self.last_command[:] = 0.0
         if self._packed is not None:
             self._packed.reset()
 
@@ -229,9 +257,13 @@ class ControlStep:
             reset: Callable[..., None] = controller.reset
             reset(model=self.model())
 
+        def asked(evaluation: Evaluation) -> tuple[Evaluation, Command]:
+            command = controller.command(evaluation.rows, evaluation.task)
+            self.commanded(command.qdd)
+            return evaluation, command
+
         def in_two(t: float, q: Array, qd: Array, **measured: Any) -> tuple[Evaluation, Command]:
-            evaluation = self.evaluate(t, q, qd, **measured)
-            return evaluation, controller.command(evaluation.rows, evaluation.task)
+            return asked(self.evaluate(t, q, qd, **measured))
 
         self._controller, self._options = controller, None
         self._to_command: StateToCommand = in_two
@@ -270,11 +302,19 @@ class ControlStep:
             if code == refused:
                 return in_two(t, q, qd, **measured)
             evaluation = CompiledEvaluation(packed, constraints, copied())
-            return evaluation, answer(code) or controller.command(evaluation.rows, evaluation.task)
+            command = answer(code)
+            return asked(evaluation) if command is None else (evaluation, command)
 
         # only a law that is bound has options that were read beforehand
         self._options, self._to_command = dict(vars(controller)), in_one
         return in_one
+
+    def commanded(self, qdd: Array) -> None:
+        """Tell what the robot was commanded (n,), from which limits of jerk are counted.
+
+        :meth:`command` and what :meth:`bind` gives do so by themselves; a loop that only evaluates the step has to.
+        """
+        self.last_command[:] = qdd
 
     def bound(self) -> Bound | None:
         """The compiled step on arrays that stay where they are; None where anything runs in NumPy."""
@@ -327,6 +367,8 @@ class ControlStep:
         t, q, qd = self._now
         t[:], q[:], qd[:] = state.t, state.robot.q, state.robot.qd
         rows, sigma = self.constraints.rows(state)
+        if self._limits is not None:
+            rows.qdd_min, rows.qdd_max = joint_box(state.robot.q, state.robot.qd, self.last_command, self._limits)
         task, error = self.visual_task.evaluate(state)
         camera = state.camera
         return DefinedEvaluation(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 from .errors import ConfigurationError, InvalidInput, shown, unknown_name
 from .geometry import Numbers, Pose, skew, vector
 from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint
+from .limits import NO_LIMITS, ActuatorLimits
 from .renamed import renamed
 from .rows import Array
 from .urdf import UrdfSource, collision_geometry, read_urdf
@@ -40,6 +42,8 @@ class Robot:
         (n,) joint speed limits [rad/s or m/s]; infinite where there is none.
     source
         The URDF file it was read from; None for other robots.
+    limits
+        What its actuators can do, as far as that is known; it counts where a control step or a scenario takes it.
     """
 
     def __init__(
@@ -51,6 +55,7 @@ class Robot:
         q_max: Array,
         qd_max: Array,
         source: UrdfSource | None = None,
+        limits: ActuatorLimits = NO_LIMITS,
     ) -> None:
         wrong = [
             f"{joint} [{low:g}, {high:g}], speed {speed:g}"
@@ -66,6 +71,9 @@ class Robot:
         self.q_min, self.q_max = q_min, q_max
         self.qd_min, self.qd_max = -qd_max, qd_max
         self._tip_frame = tip_frame
+        for limit in ("acceleration", "jerk", "effort"):
+            limits.of_joint(limit, self.n)
+        self.limits = limits
         # scratch memory of the model's algorithms; every result is copied out of it
         self._data = model.createData()
 
@@ -95,6 +103,7 @@ class Robot:
         q_max: Numbers | None = None,
         qd_max: Numbers | None = None,
         name: str = "robot",
+        limits: ActuatorLimits = NO_LIMITS,
     ) -> Robot:
         """From standard Denavit–Hartenberg parameters, as in Tables 1–3.
 
@@ -111,6 +120,8 @@ class Robot:
             (n,) limits; infinite if not given.
         name
             For reports.
+        limits
+            What the actuators can do.
 
         Raises
         ------
@@ -147,6 +158,7 @@ class Robot:
             -unlimited if q_min is None else _limits(q_min, n, "q_min"),
             unlimited if q_max is None else _limits(q_max, n, "q_max"),
             unlimited if qd_max is None else _limits(qd_max, n, "qd_max"),
+            limits=limits,
         )
 
     @classmethod
@@ -159,8 +171,9 @@ class Robot:
         locked: Mapping[str, float] | None = None,
         name: str | None = None,
         package_dirs: Sequence[str | Path] | None = None,
+        limits: ActuatorLimits = NO_LIMITS,
     ) -> Robot:
-        """From a URDF file; joint ranges and speeds are the file's.
+        """From a URDF file; joint ranges, speeds and efforts are the file's.
 
         Parameters
         ----------
@@ -175,6 +188,8 @@ class Robot:
             For reports; the robot's name in the file if not given.
         package_dirs
             Folders that ``package://`` paths of meshes start from; all folders above the file if not given.
+        limits
+            What the actuators can do beside the file's efforts.
 
         Raises
         ------
@@ -182,7 +197,10 @@ class Robot:
             if the file is missing or not a URDF, or a link or joint is unknown or of a kind an arm does not have.
         """
         arm = read_urdf(urdf, tip, locked or {}, package_dirs)
-        return cls(arm.model, arm.tip_frame, name or arm.model.name, arm.q_min, arm.q_max, arm.qd_max, arm.source)
+        if limits.effort is None and np.isfinite(arm.effort).any():
+            limits = replace(limits, effort=arm.effort.tolist())
+        name = name or arm.model.name
+        return cls(arm.model, arm.tip_frame, name, arm.q_min, arm.q_max, arm.qd_max, arm.source, limits)
 
     def collision_geometry(self) -> pin.GeometryModel:
         """The collision geometry of the URDF's links, in this robot's model; read anew by every call.

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .errors import ConfigurationError, unknown_name
+from .limits import ActuatorLimits
 from .robot import Robot
 
 PI = np.pi
@@ -62,13 +63,27 @@ def kuka_kr6() -> Robot:
 
 
 def ur5() -> Robot:
-    """Universal Robots UR5 from its URDF; the tip is ``tool0``."""
-    return Robot.from_urdf(_example_robot("ur_description/urdf/ur5_robot.urdf"), tip="tool0", name="UR5")
+    """Universal Robots UR5 from its URDF; the tip is ``tool0``.
+
+    The maker limits torques and states no accelerations. Its limit here, 5 rad/s², is the one that the maker's driver
+    gives MoveIt for all joints (``ur_moveit_config/config/joint_limits.yaml``), where it is called conservative.
+    """
+    urdf = _example_robot("ur_description/urdf/ur5_robot.urdf")
+    return Robot.from_urdf(urdf, tip="tool0", name="UR5", limits=ActuatorLimits(acceleration=5.0))
 
 
 def panda() -> Robot:
-    """Franka Emika Panda from its URDF: seven joints, fingers locked; the tip is ``panda_hand``."""
-    return Robot.from_urdf(_example_robot("panda_description/urdf/panda.urdf"), tip="panda_hand", name="Panda")
+    """Franka Emika Panda from its URDF: seven joints, fingers locked; the tip is ``panda_hand``.
+
+    Limits of acceleration and jerk are those beyond which the arm's interface stops it (libfranka, ``rate_limiting.h``,
+    ``kMaxJointAcceleration`` and ``kMaxJointJerk``).
+    """
+    limits = ActuatorLimits(
+        acceleration=(15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
+        jerk=(7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0),
+    )
+    urdf = _example_robot("panda_description/urdf/panda.urdf")
+    return Robot.from_urdf(urdf, tip="panda_hand", name="Panda", limits=limits)
 
 
 def free_camera() -> Robot:

@@ -49,6 +49,7 @@ class UrdfArm(NamedTuple):
     q_max: Array
     qd_max: Array
     source: UrdfSource
+    effort: Array
 
 
 def read_urdf(
@@ -108,7 +109,9 @@ def read_urdf(
     speed[(speed <= 0.0) | (speed >= UNBOUNDED)] = np.inf
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
     lower[lower <= -UNBOUNDED], upper[upper >= UNBOUNDED] = -np.inf, np.inf
-    return UrdfArm(model, model.getFrameId(tip), lower, upper, speed, origin)
+    effort = np.array(model.effortLimit)
+    effort[(effort <= 0.0) | (effort >= UNBOUNDED)] = np.inf
+    return UrdfArm(model, model.getFrameId(tip), lower, upper, speed, origin, effort)
 
 
 def collision_geometry(source: UrdfSource) -> pin.GeometryModel:

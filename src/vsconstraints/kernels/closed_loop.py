@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 
+from ..formulas.limits import JointLimits
 from ..rows import IntArray
 from . import samples
 from .compiler import IN_PLACE, compiled, in_place, know, numba
@@ -19,6 +20,8 @@ from .structures import DONE, RELAXED_ROWS, Answer, RowArrays, TaskArrays
 for function in (
     samples.put,
     samples.hold,
+    samples.saturate,
+    samples.judge_contact,
     samples.mark_acting,
     samples.camera_error,
     samples.feature_error,
@@ -34,9 +37,10 @@ def _example() -> Loop:
     one, two, three = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     counts, flag, flags = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.bool_), np.zeros((1, 1), dtype=np.bool_)
     rows, task = RowArrays(one, two, *(one,) * 8), TaskArrays(two, one, one, one)
-    kept = Kept(three, two, two, one, three, two, three, three, two, two, flags, one, one)
-    scores = Running(one, one, *(counts,) * 6, one, one, one, counts, counts, flag, one)
-    goals, plant = Goals(one, three, three, two, one, flag), PlantArrays(two, two, two, two)
+    kept = Kept(three, two, two, one, three, two, three, three, two, two, flags, flag, one, one)
+    scores = Running(one, one, *(counts,) * 6, one, one, one, counts, counts, counts, one, flag, one)
+    limits = JointLimits(*(one,) * 5, 0, 1.0)
+    goals, plant = Goals(one, three, three, two, one, flag), PlantArrays(two, two, two, two, limits, one)
     answer, seen = Answer(one, flag, one, counts), (two, two, two, one)
     return Loop(counts, one, counts, rows, task, answer, one, rows, *seen, goals, plant, kept, scores)
 

@@ -9,6 +9,7 @@ import numpy as np
 from ..camera import Camera
 from ..constraints import ConstraintSet
 from ..features import CameraPose, ImagePoints
+from ..formulas.limits import JointLimits
 from ..geometry import Pose
 from ..measurement import Measurement
 from ..motion import Motion, TargetMotion
@@ -46,7 +47,14 @@ class Packed:
         if something in the scene or the task has no compiled form; says what.
     """
 
-    def __init__(self, scene: Scene, constraints: ConstraintSet, task: VisualTask, known: bool = False) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        constraints: ConstraintSet,
+        task: VisualTask,
+        known: bool = False,
+        limits: JointLimits | None = None,
+    ) -> None:
         for part, kind in ((scene, Scene), (scene.camera, Camera), (task, VisualTask), (task.gains, TrackingGains)):
             demand(part, kind)
         feature, M = task.feature, len(scene.markers)
@@ -64,8 +72,11 @@ class Packed:
             goals=len(task.goals),
             parts=len(parts.forms),
             parameters=parts.parameters,
+            limited=limits is not None,
         )
         self.step, self.out = self.size.step()
+        if limits is not None:
+            self.step = self.step._replace(limits=limits)
         write_scene(self.step, scene, known)
         write_task(self.step, task)
         parts.write(self.step, known)
@@ -80,7 +91,7 @@ class Packed:
     def memory(self) -> tuple[Any, ...]:
         """What is kept from one sample to the next."""
         step = self.step
-        return step.last, step.last_error, step.last_partial, step.last_J, step.correction
+        return step.last, step.last_error, step.last_partial, step.last_J, step.correction, step.last_command
 
     def reset(self) -> None:
         """Forget the last sample."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..formulas.limits import JointLimits, actuator_box, at_end, between
 from ..formulas.poses import angle, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
@@ -37,12 +38,17 @@ class Goals(NamedTuple):
 
 
 class PlantArrays(NamedTuple):
-    """See :class:`vsconstraints.simulation.plant.Plant`: (s, s), (s, n), the same as scratch, and d_c (N or 1, n)."""
+    """See :class:`vsconstraints.simulation.plant.Plant`: (s, s), (s, n), the same as scratch, and d_c (N or 1, n).
+
+    ``limits`` are those of the actuators, (0,) each where there are none, and ``last`` (n,) is the command before.
+    """
 
     transition: Array
     x: Array
     after: Array
     push: Array
+    limits: JointLimits
+    last: Array
 
 
 class Kept(NamedTuple):
@@ -62,6 +68,7 @@ class Kept(NamedTuple):
     phi: Array
     sigma: Array
     active: BoolArray
+    saturated: BoolArray
     rows_time: Array
     step_time: Array
 
@@ -87,6 +94,10 @@ class Running(NamedTuple):
         (1,) how often the set of acting rows has changed.
     unreached
         (1,) last sample in which the goal is not reached; −1 if there is none.
+    saturated
+        (1,) samples in which the command is at a limit of the actuators.
+    share_to_hold
+        (m,) L_fφ / Σⱼ|L_gφⱼ|aⱼ where φ first comes to zero; NaN before, and without limits.
     active, qdd
         (m,) and (n,) which rows act, and q̈_c, in the last sample.
     """
@@ -104,6 +115,8 @@ class Running(NamedTuple):
     squared_variation: Array
     switches: IntArray
     unreached: IntArray
+    saturated: IntArray
+    share_to_hold: Array
     active: BoolArray
     qdd: Array
 
@@ -164,6 +177,36 @@ def hold(transition: Array, x: Array, after: Array) -> None:
                 total += transition[i, k] * x[k, j]
             after[i, j] = total
     put(after, x)
+
+
+def saturate(plant: PlantArrays, qdd: Array) -> bool:
+    """Bring the command (n,) to what the actuators have after the last one; whether a joint is at a limit of its."""
+    given, saturated = plant.limits, False
+    for j in range(len(given.acceleration)):
+        limits = JointLimits(given.acceleration[j], given.change[j], 0.0, 0.0, 0.0, 0, given.period)
+        least, greatest = actuator_box(plant.last[j], limits)
+        qdd[j] = between(qdd[j], least, greatest)
+        saturated = saturated or at_end(qdd[j], least, greatest)
+    for j in range(len(qdd)):
+        plant.last[j] = qdd[j]
+    return saturated
+
+
+def judge_contact(loop: Loop) -> None:
+    """Where a row first comes to φ = 0, or tracking alone brings it there within the period: what holding it takes.
+
+    q̈ with |q̈ⱼ| ≤ aⱼ changes φ̇ = L_fφ + L_gφ q̈ by up to Σⱼ|L_gφⱼ|aⱼ: L_fφ above that is more than any law can hold.
+    """
+    rows, limits, shares = loop.true, loop.plant.limits, loop.scores.share_to_hold
+    for i in range(len(shares) if len(limits.acceleration) else 0):
+        if not math.isnan(shares[i]):
+            continue
+        rate, most = rows.Lf[i], 0.0
+        for j in range(len(loop.alone)):
+            rate += rows.Lg[i, j] * loop.alone[j]
+            most += abs(rows.Lg[i, j]) * limits.acceleration[j] if rows.Lg[i, j] != 0.0 else 0.0
+        if max(rows.phi[i], rows.phi[i] + loop.Ts[0] * rate) >= 0.0:
+            shares[i] = rows.Lf[i] / most if most > 0.0 else math.copysign(math.inf, rows.Lf[i])
 
 
 def mark_acting(rows: RowArrays, qdd: Array, alone: Array, active: BoolArray) -> None:
@@ -239,6 +282,9 @@ def finish(loop: Loop, k: int) -> None:
     kept.camera_error[at, 0], kept.camera_error[at, 1], kept.feature_error[at] = distance, turn, away
     if not reached(distance, turn, away, goals.tolerance, goals.by_pose[0]):
         loop.scores.unreached[0] = k
+    kept.saturated[at] = saturate(loop.plant, loop.answer.qdd)
+    loop.scores.saturated[0] += kept.saturated[at]
+    judge_contact(loop)
     mark_acting(true, loop.answer.qdd, loop.alone, kept.active[at])
     score(loop.scores, true, loop.answer.qdd, kept.active[at], k)
     for j in range(x.shape[1]):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..formulas.image import image_motion
+from ..formulas.limits import JointLimits, joint_box
 from ..formulas.motion import carried, relative_twist, target_pose
 from ..formulas.vectors import (
     Vector,
@@ -139,6 +140,19 @@ def see(address: int, i: int, t: float) -> bool:
 
 
 @in_place
+def write_box(address: int, j: int) -> None:
+    """Write what a joint's limits leave of its acceleration."""
+    step = thaw(address)
+    given = step.limits
+    limits = JointLimits(
+        given.acceleration[j], given.change[j], given.q_min[j], given.q_max[j], given.qd_max[j], given.ranges,
+        given.period,
+    )  # fmt: skip
+    least, greatest = joint_box(step.q[j], step.qd[j], step.last_command[j], limits)
+    step.rows.qdd_min[j], step.rows.qdd_max[j] = least, greatest
+
+
+@in_place
 def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
     """As :func:`evaluate_step`; False if it cannot be done."""
     step = thaw(address)
@@ -170,6 +184,8 @@ def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
     for i in range(len(step.parts)):
         call(step.parts[i].address, (address, i))
     write_task(address, t)
+    for j in range(len(step.limits.acceleration)):
+        write_box(address, j)
     return True
 
 

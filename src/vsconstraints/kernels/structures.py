@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..formulas.limits import JointLimits
 from ..rows import Array, BoolArray, IntArray
 from .records import (
     BODY,
@@ -134,6 +135,8 @@ class Step(NamedTuple):
         and of linear rows (m, n) the gradient and (m,) the constant.
     time, q, qd
         (1,), (n,) and (n,): now.
+    limits, last_command
+        What limits q̈, if anything, and (n,) the command before, at first zero.
     last, last_error, last_partial, last_J
         What the task remembers: (1,) SAMPLE, (k,) error, (k,) ∂s/∂t and (k, n) J_s of the sample before.
     bodies, eye, target_R, target_t, camera_J, seen, places
@@ -165,6 +168,8 @@ class Step(NamedTuple):
     time: Array
     q: Array
     qd: Array
+    limits: JointLimits
+    last_command: Array
     last: Records
     last_error: Array
     last_partial: Array
@@ -223,6 +228,7 @@ class Size:
     def step(self) -> tuple[Step, Array]:
         """A step of this size, of zeros, and the array that all its outputs are parts of."""
         n, M, P, m, k, zeros = self.n, self.M, self.P, self.m, self.k, np.zeros
+        limited = n if self.limited else 0
         where = self.where()
         out = zeros(where["camera_t"].stop)
         view = {name: out[where[name]].reshape(shape) for name, shape in self.outputs.items()}
@@ -257,6 +263,8 @@ class Size:
             time=zeros(1),
             q=zeros(n),
             qd=zeros(n),
+            limits=JointLimits(*(zeros(limited),) * 5, ranges=0, period=1.0),
+            last_command=zeros(n),
             last=zeros(1, SAMPLE),
             last_error=zeros(max(k, 6)),
             last_partial=zeros(k),

@@ -13,9 +13,10 @@ import numpy as np
 from ..camera import Camera
 from ..constraints import ConstraintSet, robot_points
 from ..constraints.base import demand_positive
-from ..errors import ConfigurationError, SceneError, shown
+from ..errors import ConfigurationError, SceneError, shown, unknown_name
 from ..features import FEATURES, Goal
 from ..geometry import Pose, Vector2, Vector3
+from ..limits import NO_LIMITS, ActuatorLimits
 from ..motion import Motion, TargetMotion
 from ..references import MinimumJerk
 from ..robot import Robot
@@ -30,6 +31,9 @@ from ..tracking import TrackingGains, VisualTask
 from .constraint_types import make_constraint
 from .reading import Table, checked, chosen, demand_table, made, split
 from .toml import in_todays_words
+
+OF_ROBOT = "robot"
+"""Where a scenario takes its limits of actuators from the robot."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ class File:
     on_rank_loss: Literal["abort", "continue"] = "abort"
     on_hidden_markers: Literal["refuse", "continue"] = "refuse"
     actuation: Actuation = "acceleration"
+    limits: str | Table | None = None
 
 
 def build(
@@ -111,7 +116,23 @@ def build(
         disturbances,
         file.actuation,
         file.on_hidden_markers,
+        _limits(file.limits, robot, f"{where}.limits"),
     )
+
+
+def _limits(value: str | Table | None, robot: Robot, where: str) -> ActuatorLimits:
+    if value is None:
+        return NO_LIMITS
+    if not isinstance(value, str):
+        limits: ActuatorLimits = made(ActuatorLimits, value, where)
+        return limits
+    if value != OF_ROBOT:
+        raise unknown_name(where, value, [OF_ROBOT, "a table"])
+    if not robot.limits.any:
+        raise ConfigurationError(
+            f"{where}: no limits of the actuators of {robot.name} are known; give a table with acceleration or jerk"
+        )
+    return robot.limits
 
 
 def _robot(value: str | Table, where: str, folder: Path) -> Robot:

@@ -28,7 +28,12 @@ def blank_step(setup: Setup, features: int) -> Step:
     scene = setup.scene
     size = Size(scene.robot.n, len(scene.markers), len(scene.points), len(setup.constraints.labels), features)
     step, _ = size.step()
-    step.rows.switching_gain[:], step.rows.scale[:] = setup.constraints.switching_gain, setup.constraints.scale
+    rows, constraints = step.rows, setup.constraints
+    rows.switching_gain[:], rows.scale[:], rows.K[:] = (
+        constraints.switching_gain,
+        constraints.scale,
+        constraints.approach_time,
+    )
     return step
 
 
@@ -61,6 +66,7 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
         phi=zeros((samples, m)),
         sigma=zeros((samples, m)),
         active=zeros((samples, m), dtype=np.bool_),
+        saturated=zeros(samples, dtype=np.bool_),
         rows_time=zeros(samples),
         step_time=zeros(samples),
     )
@@ -78,6 +84,8 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
         squared_variation=zeros(1),
         switches=one.copy(),
         unreached=np.full(1, -1),
+        saturated=one.copy(),
+        share_to_hold=np.full(m, np.nan),
         active=zeros(m, dtype=np.bool_),
         qdd=zeros(n),
     )
@@ -95,7 +103,7 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
         camera_R=true.camera_R,
         camera_t=true.camera_t,
         goals=_goals(setup),
-        plant=plant.arrays(N),
+        plant=plant.arrays(N, believed.last_command),
         kept=kept,
         scores=scores,
     )

@@ -99,7 +99,7 @@ class _Run:
     ) -> None:
         setup.task.reset()
         self.setup, self.controller, self.baseline, self.whole = setup, controller, Tracking(), whole
-        self.control = ControlStep(setup.scene, setup.constraints, setup.task)
+        self.control = setup.control()
         self.plant, self.sensor, self.gradient_error = setup.plant(), setup.sensor(), setup.gradient_error()
         restart(controller, setup.Ts, self._model)
         self.samples = self.fallbacks = self.unfounded = 0
@@ -166,7 +166,7 @@ class _Run:
 
     def _numpy_loop(self, features: int = 0) -> Loop:
         """A loop of which Python does all but the robot; how many features there are, the first sample tells."""
-        blank = blank_step(self.setup, features)
+        blank = blank_step(self.setup, features)._replace(last_command=self.control.last_command)
         return make_loop(self.setup, self.plant, blank, blank, self.whole)
 
     def _go_on(self, end: int, stage: int) -> tuple[int, int]:
@@ -213,6 +213,7 @@ class _Run:
             self._begin(self._numpy_loop(len(step.error)))
         loop = self.loop
         loop.true.phi[:], loop.true.Lg[:], loop.true.sigma[:], loop.task.error[:] = true.phi, true.Lg, sigma, step.error
+        loop.true.Lf[:] = true.Lf
         if self.sensor.disturbed:
             loop.pixels[:], loop.points[:] = state.pixels.position, state.robot.points
             loop.camera_R[:], loop.camera_t[:] = state.camera.R, state.camera.t
@@ -279,6 +280,8 @@ class _Run:
             sigma=kept.sigma[:N],
             clearance=clearance,
             active=kept.active[:N],
+            saturated=kept.saturated[:N],
+            share_to_hold=self.loop.scores.share_to_hold,
             between_clearance=between_clearance(setup, self.control, self.plant, states, clearance),
             rows_time=kept.rows_time[:N],
             step_time=kept.step_time[:N],

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from ..errors import InvalidInput
+from ..formulas.limits import JointLimits
 from ..kernels.samples import PlantArrays, hold
 from ..rows import Array
 from .disturbances import Disturbances
@@ -26,6 +27,9 @@ class Plant:
     With acceleration control q̈ = a + d_c, where a follows q̈_c with the time constant τ, or at once if τ is zero. With
     position control q̈ = (q_c − q)/τ² + 2 (q̇_c − q̇)/τ + d_c, or q = q_c.
 
+    Commands beyond the actuators' limits, if any are stated, are brought to them: the loop does so
+    (:func:`vsconstraints.kernels.samples.saturate`).
+
     q_c is what an :class:`vsconstraints.order_filter.OrderFilter` gives, as a part of the state.
 
     Attributes
@@ -36,7 +40,15 @@ class Plant:
         (s, s) from there to the end of the period.
     """
 
-    def __init__(self, q0: Array, qd0: Array, Ts: float, actuation: Actuation, disturbances: Disturbances) -> None:
+    def __init__(
+        self,
+        q0: Array,
+        qd0: Array,
+        Ts: float,
+        actuation: Actuation,
+        disturbances: Disturbances,
+        limits: JointLimits | None = None,
+    ) -> None:
         tau = disturbances.time_constant
         self._offset, self._noise = disturbances.per_joint("acceleration", len(q0)), disturbances.acceleration_noise
         self._random = np.random.default_rng((*disturbances.seed, 2))
@@ -44,6 +56,7 @@ class Plant:
             raise InvalidInput(
                 "accelerations disturb a position-controlled arm only through its position loop: give time_constant too"
             )
+        self._limits = JointLimits(*(np.empty(0),) * 5, 0, float(Ts)) if limits is None else limits
         self._system = _system(actuation, tau)
         self.transition = np.ascontiguousarray(_transition(self._system, Ts))
         self.x = np.zeros((len(self._system), len(q0)))
@@ -63,9 +76,13 @@ class Plant:
         qd: Array = self.x[1].copy()
         return qd
 
-    def arrays(self, periods: int) -> PlantArrays:
-        """What the loop moves the robot with; d_c of so many periods is drawn beforehand."""
-        return PlantArrays(self.transition, self.x, np.empty_like(self.x), self._pushes(periods))
+    def arrays(self, periods: int, last: Array) -> PlantArrays:
+        """What the loop moves the robot with; d_c of so many periods is drawn beforehand.
+
+        The commands that the robot carries out are written to ``last`` (n,).
+        """
+        pushes = self._pushes(periods)
+        return PlantArrays(self.transition, self.x, np.empty_like(self.x), pushes, self._limits, last)
 
     def _pushes(self, periods: int) -> Array:
         """(N, n) d_c of the periods to come; (1, n) if it is always the same."""

@@ -44,6 +44,10 @@ class RunScores:
         (m,) how long each row held the arm back, and when first and last.
     longest_positive_run_s
         (m,) longest time with φ ≥ 0.
+    saturated_time_s
+        How long the command was at a limit of the actuators.
+    share_to_hold
+        (m,) see :class:`vsconstraints.simulation.Trajectory`.
     """
 
     status: Outcome
@@ -66,6 +70,8 @@ class RunScores:
     first_active_s: Array
     last_active_s: Array
     longest_positive_run_s: Array
+    saturated_time_s: float
+    share_to_hold: Array
 
     @classmethod
     def of(cls, setup: Setup, loop: Loop, samples: int, outcome: tuple[Outcome, str], compiled: bool) -> RunScores:
@@ -100,4 +106,6 @@ class RunScores:
             first_active_s=np.where(scores.first_active < 0, np.nan, scores.first_active * Ts),
             last_active_s=np.where(scores.last_active < 0, np.nan, scores.last_active * Ts),
             longest_positive_run_s=scores.longest_positive * Ts,
+            saturated_time_s=float(scores.saturated[0] * Ts),
+            share_to_hold=scores.share_to_hold,
         )

@@ -8,10 +8,11 @@ from typing import Literal
 import numpy as np
 
 from ..constraints import ConstraintSet, ImageConstraint, Trace
-from ..control_step import has_unknown_motion
+from ..control_step import ControlStep, has_unknown_motion
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
 from ..features import CameraPose
 from ..formulas.poses import reached
+from ..limits import NO_LIMITS, ActuatorLimits
 from ..renamed import renamed
 from ..rows import Array, BoolArray
 from ..scene import Scene
@@ -85,6 +86,8 @@ class Setup:
         What the robot's own controller takes.
     on_hidden_markers
         Whether to ``refuse`` or ``continue`` a run that starts with a marker hidden by the robot's own links.
+    limits
+        What the actuators can do; none if not given.
     """
 
     scene: Scene
@@ -99,6 +102,7 @@ class Setup:
     disturbances: Disturbances = field(default_factory=Disturbances)
     actuation: Actuation = "acceleration"
     on_hidden_markers: Literal["refuse", "continue"] = "refuse"
+    limits: ActuatorLimits = NO_LIMITS
 
     def __post_init__(self) -> None:
         for name in ("sampling_time", "duration"):
@@ -125,7 +129,13 @@ class Setup:
 
     def plant(self) -> Plant:
         """The robot, at its start."""
-        return Plant(self.q0, self.qd0, self.Ts, self.actuation, self.disturbances)
+        limits = self.limits.arrays(self.scene.robot, self.Ts) if self.limits.any else None
+        return Plant(self.q0, self.qd0, self.Ts, self.actuation, self.disturbances, limits)
+
+    def control(self) -> ControlStep:
+        """The control step, as far as its controller's command."""
+        limits = self.limits if self.limits.known else NO_LIMITS
+        return ControlStep(self.scene, self.constraints, self.task, limits=limits, period=self.Ts)
 
     def sensor(self) -> Sensor:
         """What turns true states into what a controller believes."""

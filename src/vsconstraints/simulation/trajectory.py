@@ -48,6 +48,11 @@ class Trajectory:
         (N, m) as they are, also where a controller believes otherwise.
     active
         (N, m) rows that hold the arm back: :func:`vsconstraints.kernels.samples.mark_acting`.
+    saturated
+        (N,) whether the command is at a limit of the actuators.
+    share_to_hold
+        (m,) share of the accelerations that there are which it takes to hold φ at zero, where it first gets there;
+        above 1 no law could have. NaN where it does not get there, and without limits.
     between_clearance
         (N, m) least clearance at instants inside the period after each sample; infinite where none was looked at.
     rows_time, step_time
@@ -76,6 +81,8 @@ class Trajectory:
     sigma: Array
     clearance: Array
     active: BoolArray
+    saturated: BoolArray
+    share_to_hold: Array
     between_clearance: Array
     rows_time: Array
     step_time: Array

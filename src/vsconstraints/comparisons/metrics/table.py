@@ -85,6 +85,9 @@ METRICS = (
            definition="How long a row holds the arm back: it acts, or acted before and acts again while φ was never "
            "farther below zero than two switching steps T_s u⁺, as in a sliding mode. Of this row in constraints.csv, "
            "the sum over the rows in results.csv."),
+    Metric("saturated_time_s", lambda m: float(m.run.saturated.sum() * m.Ts), added=5,
+           definition="How long the command was at a limit of the actuators, of acceleration or jerk; 0 where the "
+           "scenario states none."),
 )  # fmt: skip
 """Of a run, in the order in which a scenario's tables show them."""
 
@@ -115,6 +118,11 @@ ROW_METRICS = (
            definition="Mean of 1 − (clearance + K · its rate of change) / L, from 0 to 1, over the time for which the "
            "row holds the arm back: usage of the room that is left at the arm's speed. 1 means that the arm was on "
            "the boundary, or came to it as fast as φ ≤ 0 lets it. For speeds it is the mean usage."),
+    Metric("share_to_hold", lambda m: m.run.share_to_hold,
+           definition="Where φ first comes to zero, or tracking alone would bring it there within the period: the "
+           "share of all that the limits of acceleration allow which it takes to hold φ there, L_fφ / Σ|L_gφⱼ|aⱼ. "
+           "Above 1, no law could have held the row; below 0, it falls by itself. No value where φ does not get "
+           "there, or the scenario states no limits."),
 )  # fmt: skip
 """Of each row of a run."""
 
