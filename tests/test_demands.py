@@ -32,6 +32,7 @@ from vsconstraints.controllers.demands import (
     Switch,
 )
 from vsconstraints.controllers.task_priority import resolve
+from vsconstraints.errors import InvalidInput
 from vsconstraints.formulas.row import Row
 from vsconstraints.rows import Array, Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -80,7 +81,7 @@ def held(
     drift: Callable[[float], float],
     tracked: float = 2.5,
     gain: float = 5.0,
-    seconds: float = 6.0,
+    seconds: float = 3.6,
 ) -> tuple[float, float]:
     """The band of φ and the mean |Δv| of a row that tracking pushes outwards, with a drift that nobody knows.
 
@@ -125,6 +126,13 @@ def test_the_implicit_switch_rests_at_the_drift_times_p_periods(periods: float) 
     band, change = held(ImplicitSwitch(periods), 0.005, lambda t: -0.6)
     assert band == pytest.approx(periods * 0.005 * 0.6, rel=1e-3)
     assert change < 1e-9
+
+
+def test_periods_are_one_or_more() -> None:
+    for kind in (ImplicitSwitch, ImplicitSwitchWithDrift):
+        assert kind(1.0).parameters == (1.0,)
+        with pytest.raises(InvalidInput, match=rf"periods of {kind.name} must be at least 1, not 0\.99"):
+            kind(0.99)
 
 
 def test_a_drift_beyond_the_gain_is_not_believed() -> None:

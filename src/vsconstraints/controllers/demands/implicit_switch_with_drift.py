@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from ...formulas import formula
 from ...formulas.row import Row
-from .base import Demand
+from .implicit_switch import ImplicitSwitch
 
 
 @formula
@@ -22,7 +21,7 @@ def implicit_switch_with_drift(row: Row, periods: float) -> Any:
 
 
 @dataclass(frozen=True)
-class ImplicitSwitchWithDrift(Demand):
+class ImplicitSwitchWithDrift(ImplicitSwitch):
     """Rows demand what :class:`ImplicitSwitch` does, less the drift d̂ = (φ − φ₋)/T_s − v₋ of the period before.
 
     v₋ is the L_gφ q̈ that this law commanded then; d̂ is kept within ±u⁺, and 0 at first. A drift that is seen and
@@ -36,15 +35,7 @@ class ImplicitSwitchWithDrift(Demand):
         p, in sampling periods; at least 1.
     """
 
-    periods: float = 1.0
-
     name = "implicit-switch-with-drift"
     formula = staticmethod(implicit_switch_with_drift)
     uses: ClassVar[tuple[str, ...]] = ("period", "last_rate")
     remembers: ClassVar[tuple[float, ...]] = (np.nan,)
-    ranges: ClassVar[Mapping[str, tuple[float, float]]] = {"periods": (1.0, 50.0)}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.periods < 1.0:
-            raise self.refusal("periods", "at least 1")
