@@ -13,7 +13,7 @@ from vsconstraints.qp import solver_names
 from vsconstraints.rows import OPTIONAL, Array, Rows, Task
 
 ROWS = ("phi", "Lg", "Lf", "switching_gain", "scale", *OPTIONAL)
-TASK = ("J", "b")
+TASK = ("J", "b", "error", "error_rate")
 
 MALFORMED = 0.2
 """Share of the inputs in which something has a wrong type or shape, or is not finite."""
@@ -39,7 +39,7 @@ def make_input(rng: np.random.Generator) -> Input:
         return malformed(rng, rows, task)
     if kind < MALFORMED + LAID_OUT:
         rows = replace(rows, **{name: laid_out(rng, getattr(rows, name)) for name in ROWS})
-        task = Task(laid_out(rng, task.J), laid_out(rng, task.b))
+        task = replace(task, **{name: laid_out(rng, getattr(task, name)) for name in TASK})
     return Input(rows, task, sound=True)
 
 
@@ -58,7 +58,7 @@ def problem(rng: np.random.Generator) -> tuple[Rows, Task]:
     labels = tuple(f"row[{i}]" for i in range(m))
     K, sigma_dot = rng.uniform(0.1, 2.0, m), rng.normal(size=m)
     rows = Rows(phi, Lg, rng.normal(size=m), gain, labels, scale, phi - K * sigma_dot, sigma_dot, K)
-    task = Task(J, rng.normal(size=k))
+    task = Task(J, *rng.normal(size=(3, k)))
     if rng.random() < 0.5:
         rows, task = scaled(rng, rows, task)
     return rows, task
@@ -99,7 +99,7 @@ def scaled(rng: np.random.Generator, rows: Rows, task: Task) -> tuple[Rows, Task
                 by = factor(len(values[name]))
                 least = 5e-324 if name in ("switching_gain", "scale") else -np.inf
                 values[name] = finite(values[name] * (by if values[name].ndim == 1 else by[:, None]), least)
-    return replace(rows, **{name: values[name] for name in ROWS}), Task(values["J"], values["b"])
+    return replace(rows, **{name: values[name] for name in ROWS}), Task(*(values[name] for name in TASK))
 
 
 def laid_out(rng: np.random.Generator, array: Array) -> Array:
@@ -131,7 +131,8 @@ def malformed(rng: np.random.Generator, rows: Rows, task: Task) -> Input:
     for _ in range(1 + (rng.random() < 0.2)):
         name = str(rng.choice((*ROWS, *TASK)))
         if name in TASK:
-            changed, sound = wrong(rng, getattr(task, name), sound)
+            # nor those that do not use e and ė at these
+            changed, sound = wrong(rng, getattr(task, name), None if name.startswith("error") else sound)
             task = replace(task, **{name: changed})
         elif name == "scale":
             changed, sound = not_finite(rng, rows.scale), None if not rows.scale.size else sound

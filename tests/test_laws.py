@@ -27,6 +27,7 @@ from vsconstraints.controllers import (
     PotentialField,
     Priority,
     Repulsion,
+    Saturation,
     SlidingMode,
     Switch,
     Tracking,
@@ -79,7 +80,10 @@ class HighOrder(Demand):
 ASKING = (*(demand() for demand in DEMANDS), Repulsion(exponent=2.0), NotFaster(), HighOrder())
 """Every registered demand, and own ones."""
 
-PAIRS = [pytest.param(d, r(), id=f"{d.name}-{r.name}") for d in ASKING for r in RESOLVERS]
+SHARING = (*(resolver() for resolver in RESOLVERS), Filter(metric="task"), Saturation(scales=True))
+"""Every registered resolver, and with other options."""
+
+PAIRS = [pytest.param(d, r, id=f"{d.name}-{r.name}") for d in ASKING for r in SHARING]
 
 
 def problem(seed: int, m: int = 5, n: int = 6, k: int = 6) -> tuple[Rows, Task]:
@@ -96,7 +100,7 @@ def problem(seed: int, m: int = 5, n: int = 6, k: int = 6) -> tuple[Rows, Task]:
         sigma_dot,
         K,
     )
-    return rows, Task(rng.normal(size=(k, n)), rng.normal(size=k))
+    return rows, Task(rng.normal(size=(k, n)), rng.normal(size=k), 0.2 * rng.normal(size=k))
 
 
 def made(demand: Demand, resolver: Any) -> Law:

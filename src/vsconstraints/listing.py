@@ -12,6 +12,7 @@ from .comparisons.metrics import METRICS
 from .constraints.curves import SHAPES
 from .controllers import CONTROLLERS, DEMANDS, RESOLVERS
 from .controllers.demands import USES
+from .controllers.resolvers.base import USES as OF_TASK
 from .errors import ConfigurationError
 from .features import FEATURES
 from .qp import make_solver, solver_names
@@ -26,7 +27,8 @@ def print_listing(console: Console) -> None:
     _print(console, "Controllers", [(name, _controller_line(name)) for name in CONTROLLERS])
     demands = [(demand.name, _part_line(demand, [USES[name] for name in demand.uses])) for demand in DEMANDS]
     _print(console, "Demands (of laws)", demands)
-    _print(console, "Resolvers (of laws)", [(resolver.name, _part_line(resolver)) for resolver in RESOLVERS])
+    resolvers = [(part.name, _part_line(part, [OF_TASK[name] for name in part.uses])) for part in RESOLVERS]
+    _print(console, "Resolvers (of laws)", resolvers)
     _print(console, "QP solvers (for hierarchical-qp)", [(name, _solver_line(name)) for name in solver_names()])
     _print(console, "Robots", [(name, _first_line(make)) for name, make in READY_MADE.items()])
     _print(console, "Constraints", [(name, _first_line(make)) for name, make in CONSTRAINTS.items()])

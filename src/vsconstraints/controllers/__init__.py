@@ -16,7 +16,17 @@ from .hierarchical_qp import HierarchicalQP
 from .law import Law
 from .named import NAMED, Pair
 from .potential_field import PotentialField
-from .resolvers import RESOLVERS, Additive, Filter, Hierarchy, Priority, Resolver
+from .resolvers import (
+    RESOLVERS,
+    Additive,
+    Filter,
+    Governor,
+    Hierarchy,
+    Priority,
+    Projection,
+    Resolver,
+    Saturation,
+)
 from .sliding_mode import SlidingMode
 from .tracking import Tracking
 
@@ -31,6 +41,7 @@ __all__ = [
     "Controller",
     "Demand",
     "Filter",
+    "Governor",
     "HierarchicalQP",
     "Hierarchy",
     "ImplicitSwitch",
@@ -38,8 +49,10 @@ __all__ = [
     "Pair",
     "PotentialField",
     "Priority",
+    "Projection",
     "Repulsion",
     "Resolver",
+    "Saturation",
     "SlidingMode",
     "Switch",
     "Tracking",

@@ -83,7 +83,7 @@ class CompiledLaw:
 def compiled_law(law: Law, labels: tuple[str, ...]) -> CompiledLaw | None:
     """A law for rows of some labels; None where there is no compiler or no compiled form."""
     demand, resolver, period = law.demand, law.resolver, law.period
-    function, laws = resolver.loaded(), load("laws")
+    (function, otherwise), laws = resolver.loaded(), load("laws")
     if function is None or laws is None:
         return None
     asks = laws.demand(
@@ -96,6 +96,7 @@ def compiled_law(law: Law, labels: tuple[str, ...]) -> CompiledLaw | None:
         address(function),
         address(asks),
         address(load("task_priority").track),
+        address(otherwise) if otherwise else 0,
         int(resolver.tracks(demand)),
         math.nan if period is None else period,
         resolver.options,
@@ -109,7 +110,7 @@ def compiled_law(law: Law, labels: tuple[str, ...]) -> CompiledLaw | None:
         np.full(1, math.nan),
         structures.Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
     )
-    whole = bool({"sigma", "sigma_dot", "K"} & {*demand.uses})
+    whole = bool(resolver.uses or {"sigma", "sigma_dot", "K"} & {*demand.uses})
     return CompiledLaw(arrays, labels, resolver.remark(labels), resolver.measures, whole)
 
 

@@ -18,6 +18,7 @@ from .base import Controller
 from .compiled import NOT_FOR_COMPILED, BoundLaw, CompiledLaw, compiled_law, in_usual_layout
 from .demands import USES, Demand
 from .resolvers import Resolver
+from .resolvers.base import USES as OF_TASK
 from .resolvers.hierarchy import COMPILED
 
 
@@ -119,7 +120,7 @@ class Law(Controller):
     @property
     def uses(self) -> tuple[str, ...]:
         """What the law uses beside φ, L_gφ, u⁺ and the scale of rows, and J and b of the task, as printed."""
-        found = [USES[name] for name in self.demand.uses]
+        found = [USES[name] for name in self.demand.uses] + [OF_TASK[name] for name in self.resolver.uses]
         return (*found, "memory") if self.demand.remembers else tuple(found)
 
     def remark(self, labels: tuple[str, ...]) -> str:

@@ -69,3 +69,13 @@ def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere:
         return np.where(below > 0.0, np.inf, below)
     bound = value + tracked if relative == 1 else value
     return np.where(bound > tracked, np.inf, bound) if purpose == EQUAL and everywhere == 0 else bound
+
+
+@formula
+def share(c: Any, tracked: Any) -> Any:
+    """The largest κ in [0, 1] at which κ L_gφ q̈ of tracking exceeds c as little as possible: 0 where c < 0 forbids all.
+
+    A row that tracking moves inwards has nothing to gain from a smaller κ: 1.
+    """
+    room = np.maximum(c, 0.0)
+    return np.where(tracked > room, room / tracked, 1.0)

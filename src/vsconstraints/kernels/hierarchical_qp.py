@@ -1,27 +1,46 @@
-"""The resolvers ``hierarchy`` and ``filter``, compiled: their demands, given to the descent."""
+"""The resolvers ``hierarchy``, ``filter`` and ``governor``, compiled: their demands, given to the descent."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from ..formulas.row import BOUND
-from .compiler import compiled
+from ..formulas.row import BOUND, share
+from ..qp.lexicographic import ZERO_GRADIENT
+from ..rows import Array
+from .compiler import compiled, in_place
 from .hierarchy import Demands, Priorities, Resolved, hierarchy
 from .laws import RESOLVER, within
 from .least_violation import GREATEST, LEAST
-from .linear import finite
+from .linear import START, dot, finite
 from .parts import ask
 from .scratch import matrix
-from .structures import ASK, FAILED, Answer, LawArrays, RowArrays, TaskArrays
+from .structures import ASK, FAILED, NEAREST, SCALED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
 from .task_priority import checkable, rates, remember, valid
+
+
+@in_place
+def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float:
+    """Scale the command that tracks by κ of ``governor``, which is returned; what rows allow is put in ``tracked``."""
+    kappa = 1.0
+    for j in range(qdd.size):
+        kappa = min(kappa, share(box[GREATEST, j], qdd[j]), share(-box[LEAST, j], -qdd[j]))
+    for i in range(rows.phi.size):
+        influenced = math.sqrt(dot(rows.Lg, i, rows.Lg, i, START, qdd.size)) > ZERO_GRADIENT * rows.scale[i]
+        law.tracked[i] = share(law.asked[i], law.tracked[i]) if influenced else 1.0
+        kappa = min(kappa, law.tracked[i])
+    for j in range(qdd.size):
+        qdd[j] *= kappa
+    return kappa
 
 
 @compiled(RESOLVER)
 def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.resolvers.Hierarchy` and ``Filter``.
+    """See :class:`vsconstraints.controllers.resolvers.Hierarchy`, ``Filter`` and ``Governor``.
 
-    Their options are the rank tolerance, half the width of their own box or infinity, the damping, and 1 for the
-    filter, whose task is to stay at the command that tracks.
+    Their options are the rank tolerance, half the width of their own box or infinity, the damping, and ``STRICT`` for
+    the hierarchy, ``NEAREST`` or ``WEIGHED`` for the filter in joint and task space, or ``SCALED`` for the governor.
 
     Returns
     -------
@@ -30,27 +49,31 @@ def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -
     """
     if not valid(law, rows, task, answer) or answer.slack.size != rows.phi.size or answer.iterations.size == 0:
         return ASK
-    tolerance, bound, damping, filters = law.options[0], law.options[1], law.options[2], law.options[3] != 0.0
+    tolerance, bound, damping, aim = law.options[0], law.options[1], law.options[2], law.options[3]
     m, n, qdd = rows.phi.size, answer.qdd.size, answer.qdd
     law.scratch.taken[0] = 0
     box = matrix(law.scratch, 2, n)
     for j in range(n):
         box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
     J, b = task.J, task.b
-    if filters or law.tracks != 0:
+    if aim == NEAREST or law.tracks != 0:
         ask(law.track, (law.scratch, J, b, tolerance, qdd))
     c = law.asked
     if ask(law.demand, (law, rows, rates(law, rows, qdd), BOUND, law.after, c)):
         return ASK
-    if filters:
+    kappa = scale_down(law, rows, box, qdd) if aim == SCALED else 1.0
+    if aim in (NEAREST, SCALED):
         J, b = np.eye(n), qdd.copy()
     weights = law.weights if law.weights.size == m else np.ones(m)
-    demands, priorities = Demands(rows.Lg, c, rows.scale, weights), Priorities(box, damping, tolerance)
+    demands, priorities = Demands(rows.Lg, c, rows.scale, weights), Priorities(box, damping, tolerance, aim == STRICT)
     resolved = Resolved(qdd, answer.slack, answer.acted)
     code, answer.iterations[0] = hierarchy(demands, J, b, priorities, resolved, law.scratch)
     if code == FAILED:
         return FAILED
     if not (checkable(rows.Lg, rows.switching_gain, qdd) and finite(answer.slack)):
         return ASK
+    if kappa < 1.0:
+        for i in range(m):
+            answer.acted[i] |= law.tracked[i] <= kappa
     remember(law, rows, qdd)
     return code

@@ -71,11 +71,14 @@ class Priorities(NamedTuple):
         Weight of level 3 within the QP, relative to ‖J‖².
     tolerance
         Singular values of J below this fraction of the largest one count as zero.
+    strict
+        Whether level 2 is found by itself where the damping has cost it something.
     """
 
     box: Array
     damping: float
     tolerance: float
+    strict: bool
 
 
 class Resolved(NamedTuple):
@@ -116,7 +119,7 @@ def hierarchy(
         needed.
     """
     A, c, scale, weights = demands
-    box, damping, tolerance = priorities
+    box, damping, tolerance, strict = priorities
     qdd, slack, acted = resolved
     m = c.size
     n, k = qdd.size, J.shape[0]
@@ -252,7 +255,7 @@ def hierarchy(
         if stage == STRICT_TASK:
             short = not good
             break
-        if good and not (redundant and damped(G, X, point)):
+        if good and not (strict and redundant and damped(G, X, point)):
             break
         stage = STRICT_TASK if good or stage == RELAXING else RELAXING
     for i in range(free):

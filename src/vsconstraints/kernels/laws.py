@@ -21,7 +21,7 @@ to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not 
 _one, _two, _count = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
 
 LAW = numba.typeof(
-    LawArrays(1, 1, 1, 1, 1.0, _one, _one, _one, _two, _one, _one, _two, _one, _one, Scratch(_one, _count))
+    LawArrays(1, 1, 1, 1, 1, 1.0, _one, _one, _one, _two, _one, _one, _two, _one, _one, Scratch(_one, _count))
 )
 ROWS = numba.typeof(RowArrays(_one, _two, *(_one,) * 8))
 TASK = numba.typeof(TaskArrays(_two, _one, _one, _one))

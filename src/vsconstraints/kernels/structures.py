@@ -31,6 +31,10 @@ DONE, ASK, FAILED, INCOMPATIBLE, RELAXED_ROWS, SHORT, RELAXED_SHORT = range(7)
 rows contradict each other. And of answers of the hierarchy: demands are unmet; levels 2 and 3 may be better met; both.
 """
 
+STRICT, NEAREST, WEIGHED, SCALED = range(4)
+"""What the descent does below the rows: the task, and within it the least acceleration; the way to the command that
+tracks, in the joints, or in the task with a little of the joints; the way to a share of that command."""
+
 
 class RowArrays(NamedTuple):
     """See :class:`vsconstraints.rows.Rows`: (m,) each, L_gφ (m, n), and the box (n,) or (0,)."""
@@ -84,8 +88,9 @@ class LawArrays(NamedTuple):
 
     Attributes
     ----------
-    resolver, demand, track
-        Addresses; the last of :func:`vsconstraints.kernels.task_priority.track`.
+    resolver, demand, track, otherwise
+        Addresses; the third of :func:`vsconstraints.kernels.task_priority.track`, the last of the resolver that answers
+        where this one does not, or 0.
     tracks
         Whether the demand depends on what tracking alone does to the rows.
     period
@@ -107,6 +112,7 @@ class LawArrays(NamedTuple):
     resolver: int
     demand: int
     track: int
+    otherwise: int
     tracks: int
     period: float
     options: Array

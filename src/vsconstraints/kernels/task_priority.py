@@ -144,6 +144,23 @@ def track(scratch: Scratch, J: Array, b: Array, tolerance: float, qdd: Array) ->
     return 0
 
 
+@in_place
+def pushed(rows: RowArrays, push: Array, acted: BoolArray, z: Array) -> bool:
+    """Add Σ pushᵢ L_gφᵢ† to z (n,) and mark the rows that push in ``acted`` (m,); whether any does."""
+    Lg, n = rows.Lg, z.size
+    some = False
+    for i in range(push.size):
+        acted[i] = push[i] != math.inf
+        some |= acted[i]
+        squared = dot(Lg, i, Lg, i, START, n)
+        # a row whose gradient vanishes cannot be pushed: its pseudoinverse is zero
+        if acted[i] and squared > 0.0:
+            share = push[i] / squared
+            for j in range(n):
+                z[j] += share * Lg[i, j]
+    return some
+
+
 @compiled(RESOLVER)
 def additive(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.resolvers.Additive`; its option is the rank tolerance.
@@ -155,21 +172,13 @@ def additive(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) 
     """
     if not valid(law, rows, task, answer):
         return ASK
-    qdd, acted, Lg = answer.qdd, answer.acted, rows.Lg
-    m, n = rows.phi.size, qdd.size
+    qdd = answer.qdd
     ask(law.track, (law.scratch, task.J, task.b, law.options[0], qdd))
     push = law.asked
     if ask(law.demand, (law, rows, rates(law, rows, qdd), PUSH, law.after, push)):
         return ASK
-    for i in range(m):
-        acted[i] = push[i] != math.inf
-        squared = dot(Lg, i, Lg, i, START, n)
-        # a row whose gradient vanishes cannot be pushed: its pseudoinverse is zero
-        if acted[i] and squared > 0.0:
-            share = push[i] / squared
-            for j in range(n):
-                qdd[j] += share * Lg[i, j]
-    if not checkable(Lg, rows.switching_gain, qdd):
+    pushed(rows, push, answer.acted, qdd)
+    if not checkable(rows.Lg, rows.switching_gain, qdd):
         return ASK
     remember(law, rows, qdd)
     return DONE

@@ -66,6 +66,8 @@ class Cost:
         Positive weight of level 3 in the sum.
     tolerance
         Relative gains below this count as zero.
+    strict
+        Whether level 2 is found by itself where the damping has cost it something.
     """
 
     center: Array
@@ -73,6 +75,7 @@ class Cost:
     gains: Array
     damping: float
     tolerance: float
+    strict: bool = True
 
     @property
     def stiffness(self) -> Array:
@@ -85,7 +88,9 @@ class Cost:
         return self.gains[:, None] * self.directions.T
 
     def damped(self, x: Array) -> bool:
-        """Whether the damping may have cost x a residual that level 2 by itself does not have."""
+        """Whether the damping may have cost x a residual that level 2 by itself does not have, and that matters."""
+        if not self.strict:
+            return False
         away = self.directions.T @ (x - self.center)
         allowed = STRICT * float(np.linalg.norm(away)) + MET * float(np.linalg.norm(x))
         return bool((self.gains == 0.0).any() and np.linalg.norm(self.gains * away) > allowed)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...formulas.row import PUSH
 from ...qp import SolverChain
-from ...rows import Command, Rows, Task
+from ...rows import Array, Command, Rows, Task
 from ..demands import Demand
 from ..least_norm import track
 from .base import Asked
@@ -31,12 +31,16 @@ class Additive(Priority):
         """See :class:`.Resolver`."""
         free = track(task, self.rank_tolerance)
         push = asked(PUSH, free)
-        acts = push < np.inf
-        squared = (rows.Lg * rows.Lg).sum(axis=1)
-        # a row whose gradient vanishes cannot be pushed: its pseudoinverse is zero
-        share = np.divide(push, squared, out=np.zeros_like(push), where=acts & (squared > 0.0))
-        return Command(free + share @ rows.Lg, "ok", acts, rows.labels)
+        return Command(free + pushes(rows, push), "ok", push < np.inf, rows.labels)
 
     def tracks(self, demand: Demand) -> bool:
         """See :class:`.Resolver`."""
         return not demand.relative or demand.sees_tracking
+
+
+def pushes(rows: Rows, push: Array) -> Array:
+    """Σ pushᵢ L_gφᵢ† (n,) of the rows whose push (m,) is not ∞."""
+    squared = (rows.Lg * rows.Lg).sum(axis=1)
+    # a row whose gradient vanishes cannot be pushed: its pseudoinverse is zero
+    share = np.divide(push, squared, out=np.zeros_like(push), where=(push < np.inf) & (squared > 0.0))
+    return np.asarray(share @ rows.Lg)

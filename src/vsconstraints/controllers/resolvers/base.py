@@ -20,6 +20,9 @@ Asked = Callable[[int, Array | None], Array]
 
 NO_WEIGHTS = np.empty(0)
 
+USES: dict[str, str] = {"error": "e", "error_rate": "ė"}
+"""What a resolver may use of the task beside J and b, as printed."""
+
 
 @dataclass(frozen=True)
 class Resolver(ABC):
@@ -33,6 +36,11 @@ class Resolver(ABC):
         In reports.
     kernel
         Module and name of its compiled form, see :class:`vsconstraints.kernels.structures.LawArrays`.
+    otherwise
+        Module and name of the compiled form that answers where this one does not, on the same options; None if there
+        is none.
+    uses
+        Which of :data:`USES` it uses; it says so itself where that is not given.
     measures
         Whether its commands tell what they leave unmet.
     answers
@@ -41,6 +49,8 @@ class Resolver(ABC):
 
     name: ClassVar[str]
     kernel: ClassVar[tuple[str, str]]
+    otherwise: ClassVar[tuple[str, str] | None] = None
+    uses: ClassVar[tuple[str, ...]] = ()
     measures: ClassVar[bool] = False
     answers: ClassVar[Collection[int]] = (DONE,)
 
@@ -74,10 +84,9 @@ class Resolver(ABC):
         """Whether the options have a compiled form."""
         return True
 
-    def loaded(self) -> Any:
-        """The compiled form; None where there is none."""
-        kernels = load(self.kernel[0]) if self.compiles else None
-        return None if kernels is None else getattr(kernels, self.kernel[1])
+    def loaded(self) -> tuple[Any, Any]:
+        """The compiled form, and that which answers otherwise; None where there is none."""
+        return (_form(self.kernel), _form(self.otherwise)) if self.compiles else (None, None)
 
     def solvers(self) -> SolverChain | None:
         """A chain of QP solvers for a law of its own; None if it needs none."""
@@ -96,3 +105,8 @@ class Resolver(ABC):
     ) -> Command | None:
         """The command of the compiled form's answer; None if the code says that there is none."""
         return Command(qdd, "ok", acted, labels) if code in self.answers else None
+
+
+def _form(kernel: tuple[str, str] | None) -> Any:
+    module = None if kernel is None else load(kernel[0])
+    return None if kernel is None or module is None else getattr(module, kernel[1])

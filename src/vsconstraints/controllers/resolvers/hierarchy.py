@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import ConfigurationError, InvalidInput, SolverError, shown
 from ...formulas.row import BOUND
-from ...kernels.structures import DONE, RELAXED_ROWS, RELAXED_SHORT, SHORT
+from ...kernels.structures import DONE, RELAXED_ROWS, RELAXED_SHORT, SHORT, STRICT
 from ...qp import Cost, SolverChain, lexicographic
 from ...qp.lexicographic import MET, ZERO_GRADIENT
 from ...rows import Array, BoolArray, Command, Rows, Task
@@ -77,7 +77,6 @@ class Hierarchy(Resolver):
     kernel: ClassVar[tuple[str, str]] = ("hierarchical_qp", "descend")
     measures: ClassVar[bool] = True
     answers: ClassVar[Collection[int]] = ANSWERS
-    filters: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         checked: dict[str, object] = {"damping": positive_number("damping", self.damping)}
@@ -105,7 +104,22 @@ class Hierarchy(Resolver):
     @property
     def options(self) -> Array:
         """See :class:`.Resolver`."""
-        return np.array([self.rank_tolerance, self.bound, self.damping, float(self.filters)])
+        return np.array([self.rank_tolerance, self.bound, self.damping, float(self.aim)])
+
+    @property
+    def aim(self) -> int:
+        """What the levels below the rows are: one of those of :mod:`vsconstraints.kernels.structures`."""
+        return STRICT
+
+    def near(self, rows: Rows, tracking: LeastNorm, c: Array) -> tuple[LeastNorm, BoolArray]:
+        """What these levels stay near to, as a least-norm problem, and the (m,) rows that have shaped it.
+
+        Parameters
+        ----------
+        rows, tracking, c
+            The rows, the task, and what the rows ask for.
+        """
+        return tracking, np.zeros(c.size, dtype=np.bool_)
 
     def box(self, rows: Rows, n: int) -> Array:
         """(2, n) least and greatest q̈: what ``max_acceleration`` leaves of what the rows allow, or what is nearest."""
@@ -149,9 +163,13 @@ class Hierarchy(Resolver):
         assert solvers is not None
         tracking = least_norm(task.J, task.b, self.rank_tolerance)
         c = asked(BOUND, tracking.qdd if tracks else None)
-        if self.filters:
-            n = tracking.qdd.size
-            tracking = LeastNorm(tracking.qdd, np.eye(n), np.ones(n))
+        tracking, shaped = self.near(rows, tracking, c)
+        command = self._descend(rows, tracking, c, solvers)
+        command.acted |= shaped
+        return command
+
+    def _descend(self, rows: Rows, tracking: LeastNorm, c: Array, solvers: SolverChain) -> Command:
+        """The command of all levels."""
         which = np.flatnonzero(c < np.inf)
         A, c = rows.Lg[which], c[which]
         excess = A @ tracking.qdd - c
@@ -185,7 +203,7 @@ class Hierarchy(Resolver):
         free = which[~fixed]
         labels = [rows.labels[i] for i in free]
         weights = row_weights(labels, self.weights or {})
-        cost = task_cost(tracking, self.damping, self.rank_tolerance)
+        cost = replace(task_cost(tracking, self.damping, self.rank_tolerance), strict=self.aim == STRICT)
         try:
             box = self.box(rows, tracking.qdd.size)
             optimum = lexicographic(A[~fixed], c[~fixed], weights, cost, solvers, box)

@@ -1,0 +1,175 @@
+"""The resolver ``saturation``, compiled."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..formulas.row import BOUND
+from ..qp.lexicographic import MET, STRICT, ZERO_GRADIENT
+from ..rows import Array, BoolArray
+from .compiler import compiled, in_place, inner
+from .laws import RESOLVER, within
+from .least_squares import resolve
+from .linear import START, copy, dot
+from .parts import ask
+from .scratch import blank, matrix
+from .structures import ASK, DONE, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .task_priority import checkable, rates, remember, valid
+
+
+class Critical(NamedTuple):
+    """The bound that allows the least share s of the task, that share, and from which one on all others allow it."""
+
+    bound: int
+    most: float
+    least: float
+
+
+@in_place
+def left(W: Array, i: int, qdd: Array, length: float) -> float:
+    """What a bound leaves, side − w q̈, 0 within rounding of its terms; W (w, n + 1) is [W | sides]."""
+    n = qdd.size
+    rest = W[i, n]
+    for j in range(n):
+        rest -= W[i, j] * qdd[j]
+    return 0.0 if abs(rest) <= MET * (length + abs(W[i, n])) else rest
+
+
+@in_place
+def norm(x: Array) -> float:
+    """‖x‖."""
+    squared = 0.0
+    for j in range(x.size):
+        squared += x[j] * x[j]
+    return math.sqrt(squared)
+
+
+@in_place
+def critical(W: Array, held: BoolArray, whole: Array, none: Array) -> Critical:
+    """Which bound is, between the accelerations at s = 1 and at s = 0; ``most`` is infinite if none is exceeded."""
+    of_whole, of_none = norm(whole), norm(none)
+    chosen, most, least = -1, math.inf, 0.0
+    for i in range(W.shape[0]):
+        if held[i]:
+            continue
+        at_one, at_zero = left(W, i, whole, of_whole), left(W, i, none, of_none)
+        if at_one < 0.0:
+            lasting = at_zero / (at_zero - at_one) if at_zero > at_one else -math.inf
+            if chosen < 0 or lasting < most:
+                chosen, most = i, lasting
+        elif at_zero < 0.0:
+            least = max(least, at_zero / (at_zero - at_one))
+    return Critical(chosen, most, least)
+
+
+@inner
+def missed(J: Array, qdd: Array, tracking: Array) -> bool:
+    """Whether J has more than rounding of the way from the command that tracks."""
+    residual = gains = away = 0.0
+    for j in range(qdd.size):
+        away += (qdd[j] - tracking[j]) ** 2
+    for i in range(J.shape[0]):
+        along = 0.0
+        for j in range(qdd.size):
+            along += J[i, j] * (qdd[j] - tracking[j])
+            gains += J[i, j] * J[i, j]
+        residual += along * along
+    return math.sqrt(residual) > STRICT * math.sqrt(gains) * math.sqrt(away)
+
+
+@inner
+def bounds(rows: RowArrays, c: Array, acted: BoolArray, bound: float, n: int, scratch: Scratch) -> Array:
+    """[W | sides] of the rows that ask for something, which are marked, with rows of unit norm, and of the box.
+
+    A row that no acceleration influences is none, or zero.
+    """
+    m = c.size
+    W = blank(scratch, m + 2 * n, n + 1)
+    at = START
+    for i in range(m):
+        size = math.sqrt(dot(rows.Lg, i, rows.Lg, i, START, n))
+        influenced = size > ZERO_GRADIENT * rows.scale[i]
+        acted[i] = c[i] != math.inf and (influenced or c[i] < 0.0)
+        if acted[i]:
+            for j in range(n):
+                W[at, j] = rows.Lg[i, j] / size if influenced else 0.0
+            W[at, n] = c[i] / size if influenced else c[i]
+            at += 1
+    for j in range(2 * n):
+        side = within(rows, j % n, bound) if j < n else -within(rows, j % n, -bound)
+        if side < math.inf:
+            W[at, j % n] = 1.0 if j < n else -1.0
+            W[at, n] = side
+            at += 1
+    return W[:at]
+
+
+@compiled(RESOLVER)
+def saturation(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """See :class:`vsconstraints.controllers.resolvers.Saturation`.
+
+    Its options are those of the hierarchy, and 1 if it scales.
+
+    Returns
+    -------
+    int
+        ``DONE``, or ``ASK`` where input is refused, and where numbers leave the range; that of the hierarchy, where it
+        has to answer.
+    """
+    if not valid(law, rows, task, answer) or answer.slack.size != rows.phi.size or answer.iterations.size == 0:
+        return ASK
+    tolerance, J, b, qdd, acted = law.options[0], task.J, task.b, answer.qdd, answer.acted
+    m, n, scratch = rows.phi.size, qdd.size, law.scratch
+    scratch.taken[0] = 0
+    ask(law.track, (scratch, J, b, tolerance, qdd))
+    c = law.asked
+    if ask(law.demand, (law, rows, rates(law, rows, qdd), BOUND, law.after, c)):
+        return ASK
+    W = bounds(rows, c, acted, law.options[1], n, scratch)
+    held = np.zeros(W.shape[0], np.bool_)
+    kept, saturated, A = held.copy(), matrix(scratch, n + 1, n + 1), matrix(scratch, n + 1, n + 1)
+    X, nothing = blank(scratch, 3, n), blank(scratch, 1, b.size)[0]
+    best, none, tracking = X[0], X[1], X[2]
+    for j in range(n):
+        tracking[j] = qdd[j]
+    count, largest, taken = 0, -1.0, scratch.taken[0]
+    while True:
+        at, most, least = critical(W, held, qdd, none)
+        if at < 0:
+            break
+        if max(least, largest) <= most and most > largest:
+            largest = most
+            kept[:] = held
+            for j in range(n):
+                best[j] = none[j] + most * (qdd[j] - none[j])
+        held[at] = True
+        copy(saturated, count, W, at, n + 1)
+        count += 1
+        # both use up what they are given
+        A[:count] = saturated[:count]
+        scratch.taken[0] = taken
+        rank = resolve(A[:count], J, b, tolerance, qdd, scratch)[0]
+        if rank < count or (law.options[4] != 0.0 and missed(J, qdd, tracking)):
+            if largest < 0.0:
+                code: int = ask(law.otherwise, (law, rows, task, answer))
+                return code
+            qdd[:] = best
+            held = kept
+            break
+        A[:count] = saturated[:count]
+        scratch.taken[0] = taken
+        resolve(A[:count], J, nothing, tolerance, none, scratch)
+    at = 0
+    for i in range(m):
+        answer.slack[i] = 0.0
+        if acted[i]:
+            acted[i] = held[at]
+            at += 1
+    if not checkable(rows.Lg, rows.switching_gain, qdd):
+        return ASK
+    answer.iterations[0] = 0
+    remember(law, rows, qdd)
+    return DONE
