@@ -1,10 +1,10 @@
-"""Every demand with the resolvers of the paper's law and of the hierarchical QP, at the same states."""
+"""Every demand with the resolvers of the paper's law and of the hierarchical QP; every resolver with the barrier."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from vsconstraints.controllers import DEMANDS, Hierarchy, Law, Priority, Resolver, SlidingMode
+from vsconstraints.controllers import DEMANDS, RESOLVERS, Barrier, Hierarchy, Law, Priority, Resolver, SlidingMode
 from vsconstraints.controllers.base import restart
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
@@ -16,7 +16,7 @@ from .timing import UNIT, in_turn
 TEXT = """
 State in, command out, in the case study, at samples evenly spread over the run of the paper's law, the same for all. In
 parentheses the median in units beyond that of the paper's law, which is `switch` with `priority`, and of the
-hierarchical QP, which is `barrier` with `hierarchy`.
+hierarchical QP, which is `barrier` with `hierarchy`. The second table has every resolver with `barrier`.
 """
 
 REFERENCES: dict[Resolver, str] = {Priority(): "switch", Hierarchy(): "barrier"}
@@ -25,7 +25,7 @@ REFERENCES: dict[Resolver, str] = {Priority(): "switch", Hierarchy(): "barrier"}
 
 def measure(effort: Effort) -> Part:
     """See the module."""
-    part = Part("Every demand with two resolvers", TEXT)
+    part = Part("Every demand with two resolvers, every resolver with one demand", TEXT)
     scenario = shortened(Scenario.load(CASE_STUDY), effort.duration)
     # what comes first after the unit finds the caches emptied: not a reference
     laws = {
@@ -33,6 +33,8 @@ def measure(effort: Effort) -> Part:
         for demand in reversed(DEMANDS)
         for resolver in REFERENCES
     }
+    shared = {f"{Barrier.name}, {resolver.name}": Law(Barrier(), resolver()) for resolver in RESOLVERS}
+    laws = {**{name: law for name, law in shared.items() if name not in laws}, **laws}
     setup = scenario.setup()
     run = simulate(setup, SlidingMode())
     walks = {}
@@ -60,4 +62,9 @@ def measure(effort: Effort) -> Part:
 
     lines = [[demand.name, *(cell(f"{demand.name}, {resolver}") for resolver in names)] for demand in DEMANDS]
     part.tables.append(Table(["demand", *(f"{resolver}, µs" for resolver in names)], lines))
+    lines = []
+    for name, law in shared.items():
+        part.numbers[f"{name}: median"], part.numbers[f"{name}: ratio"] = median[name], median[name] / unit
+        lines.append([law.resolver.name, microseconds(median[name]), digits(median[name] / unit)])
+    part.tables.append(Table(["resolver", "µs", "ratio"], lines))
     return part

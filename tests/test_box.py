@@ -8,7 +8,18 @@ import numpy as np
 import pytest
 
 from test_laws import PAIRS, compiled, made, problem
-from vsconstraints.controllers import Additive, Barrier, Controller, Filter, Hierarchy, Law, Priority, Tracking
+from vsconstraints.controllers import (
+    Additive,
+    Barrier,
+    Controller,
+    Filter,
+    Governor,
+    Hierarchy,
+    Law,
+    Priority,
+    Saturation,
+    Tracking,
+)
 from vsconstraints.errors import InvalidInput
 from vsconstraints.rows import Command
 
@@ -71,7 +82,18 @@ def test_a_box_that_holds_nothing_back_changes_no_bit(demand, resolver):
             assert free.saturated.shape == (0,)
 
 
-@pytest.mark.parametrize("resolver", [Hierarchy(), Filter(), Hierarchy(solver="daqp"), Hierarchy(max_acceleration=0.3)])
+@pytest.mark.parametrize(
+    "resolver",
+    [
+        Hierarchy(),
+        Filter(),
+        Filter(metric="task"),
+        Saturation(),
+        Governor(),
+        Hierarchy(solver="daqp"),
+        Hierarchy(max_acceleration=0.3),
+    ],
+)
 def test_rows_are_met_within_the_box_where_that_can_be(resolver):
     """Where a linear program finds q̈ in the box that meets all demands, the command does; else it says which it does
     not."""
