@@ -71,6 +71,14 @@ def test_half_turns_about_the_axes_point_along_plus(axis: Array) -> None:
         np.testing.assert_allclose(rotation_vector(R), PI * np.abs(axis), atol=1e-7)
 
 
+@pytest.mark.parametrize("short", [3e-7, 3e-6])
+def test_next_to_half_a_turn_the_axis_is_positive(short: float) -> None:
+    """Within 1e-6 rad of it, where rounding could turn the sign from one sample to the next."""
+    R = Rotation.from_rotvec([(short - PI), 0.0, 0.0]).as_matrix()
+    turned = PI + short if short < 1e-6 else short - PI
+    np.testing.assert_allclose(rotation_vector(R), [turned, 0.0, 0.0], atol=1e-12)
+
+
 @settings(max_examples=20)
 @given(axes, st.floats(0.03, 0.3), st.floats(0.0, 1.0))
 def test_continuous_through_pi(axis: Array, step: float, start: float) -> None:

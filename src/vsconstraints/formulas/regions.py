@@ -82,7 +82,8 @@ def about_axis(x: Any, y: Any) -> tuple[Any, Any, Any]:
     """Distance ρ from the z axis, and its derivatives; on the axis those along x."""
     rho = np.sqrt(x * x + y * y)
     on_axis = 1.0 * (rho <= 0.0)
-    return rho, x / (rho + on_axis) + on_axis, y / (rho + on_axis)
+    whole = rho + on_axis
+    return rho, x / whole + on_axis, y / whole
 
 
 @formula
