@@ -65,11 +65,12 @@ def kuka_kr6() -> Robot:
 def ur5() -> Robot:
     """Universal Robots UR5 from its URDF; the tip is ``tool0``.
 
-    The maker limits torques and states no accelerations. Its limit here, 5 rad/s², is the one that the maker's driver
-    gives MoveIt for all joints (``ur_moveit_config/config/joint_limits.yaml``), where it is called conservative.
+    The maker limits torques and states no accelerations. The limit here, 40 rad/s², is the greatest that can be asked
+    for by ur_rtde (``UR_JOINT_ACCELERATION_MAX``). The maker's driver has MoveIt plan with 5 rad/s²
+    (``ur_moveit_config/config/joint_limits.yaml``), and calls that conservative.
     """
     urdf = _example_robot("ur_description/urdf/ur5_robot.urdf")
-    return Robot.from_urdf(urdf, tip="tool0", name="UR5", limits=ActuatorLimits(acceleration=5.0))
+    return Robot.from_urdf(urdf, tip="tool0", name="UR5", limits=ActuatorLimits(acceleration=40.0))
 
 
 def panda() -> Robot:

@@ -128,10 +128,6 @@ def _limits(value: str | Table | None, robot: Robot, where: str) -> ActuatorLimi
         return limits
     if value != OF_ROBOT:
         raise unknown_name(where, value, [OF_ROBOT, "a table"])
-    if not robot.limits.any:
-        raise ConfigurationError(
-            f"{where}: no limits of the actuators of {robot.name} are known; give a table with acceleration or jerk"
-        )
     return robot.limits
 
 
