@@ -249,8 +249,7 @@ def test_what_holding_takes_is_what_a_linear_program_says():
         found = np.full(len(run.labels), np.nan)
         for k in range(len(run.t)):
             now = step.evaluate(run.t[k], run.q[k], run.qd[k])
-            free = law.command(replace(now.rows, qdd_min=np.empty(0), qdd_max=np.empty(0)), now.task).qdd
-            rows = now.rows
+            rows, free = now.rows, law.command(now.rows, now.task).qdd
             soon = rows.phi + setup.Ts * (rows.Lf + rows.Lg @ free)
             for i in np.flatnonzero((np.maximum(rows.phi, soon) >= 0.0) & np.isnan(found)):
                 falls = linprog(rows.Lg[i], bounds=[(-a, a)] * setup.scene.robot.n)
@@ -261,6 +260,14 @@ def test_what_holding_takes_is_what_a_linear_program_says():
         np.testing.assert_allclose(run.share_to_hold, found, rtol=1e-6, atol=1e-9)
     assert above
     assert below
+
+
+@pytest.mark.parametrize("name", ["ur5-fov", "panda-fov"])
+def test_what_the_actuators_hold_back_no_row_does(name):
+    """Tracking alone asks for more than there is: that slows rows, but none of them acts."""
+    run = simulate(Scenario.load(name).setup(), Tracking())
+    assert run.saturated.any()
+    assert not run.active.any()
 
 
 # --- as data ---

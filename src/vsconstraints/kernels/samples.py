@@ -179,13 +179,16 @@ def hold(transition: Array, x: Array, after: Array) -> None:
     put(after, x)
 
 
-def saturate(plant: PlantArrays, qdd: Array) -> bool:
-    """Bring the command (n,) to what the actuators have after the last one; whether a joint is at a limit of its."""
+def saturate(plant: PlantArrays, qdd: Array, alone: Array) -> bool:
+    """Bring the command (n,) to what the actuators have after the last one; whether a joint is at a limit of its.
+
+    So they would bring what tracking commands ``alone`` (n,).
+    """
     given, saturated = plant.limits, False
     for j in range(len(given.acceleration)):
         limits = JointLimits(given.acceleration[j], given.change[j], 0.0, 0.0, 0.0, 0, given.period)
         least, greatest = actuator_box(plant.last[j], limits)
-        qdd[j] = between(qdd[j], least, greatest)
+        qdd[j], alone[j] = between(qdd[j], least, greatest), between(alone[j], least, greatest)
         saturated = saturated or at_end(qdd[j], least, greatest)
     for j in range(len(qdd)):
         plant.last[j] = qdd[j]
@@ -282,7 +285,7 @@ def finish(loop: Loop, k: int) -> None:
     kept.camera_error[at, 0], kept.camera_error[at, 1], kept.feature_error[at] = distance, turn, away
     if not reached(distance, turn, away, goals.tolerance, goals.by_pose[0]):
         loop.scores.unreached[0] = k
-    kept.saturated[at] = saturate(loop.plant, loop.answer.qdd)
+    kept.saturated[at] = saturate(loop.plant, loop.answer.qdd, loop.alone)
     loop.scores.saturated[0] += kept.saturated[at]
     judge_contact(loop)
     mark_acting(true, loop.answer.qdd, loop.alone, kept.active[at])
