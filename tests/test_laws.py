@@ -282,6 +282,13 @@ def test_a_law_says_what_it_lacks_before_anything_moves() -> None:
     assert (law.uses, Law(NotFaster(), Priority()).uses) == (("T_s",), ("memory",))
 
 
+@pytest.mark.parametrize("form", ["command", "define"])
+def test_what_remembers_needs_no_row(form: str) -> None:
+    _, task = problem(0)
+    command = getattr(Law(NotFaster(), Priority()), form)(Rows.none(6), task)
+    np.testing.assert_allclose(task.J @ command.qdd, task.b, atol=1e-9)
+
+
 def test_a_controller_of_ones_own_is_reset_as_it_likes() -> None:
     class Old(Controller):
         name = "old"

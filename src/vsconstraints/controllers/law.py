@@ -193,7 +193,7 @@ class Law(Controller):
                 f"the demand {demand.name!r} uses the sampling period: tell it by reset(period=...) before the first "
                 "command"
             )
-        if demand.remembers and len(self.memory) != m:
+        if demand.remembers and self.memory.shape != (m, len(demand.remembers)):
             self.memory = np.tile(np.array(demand.remembers), (m, 1))
         if "last_rate" in demand.uses and len(self.last_rates) != m:
             self.last_rates = np.full(m, math.nan)

@@ -25,7 +25,7 @@ class Filter(Hierarchy):
     Tabuada 2017). What is nearest depends on the metric:
 
     - ``joint``: min ‖q̈ − q̈_track‖². It spreads over all joints what a row takes from one, and so gives up some of
-      every part of the task, of those too that the rows would allow: the task may come to rest beside its goal.
+      every part of the task, of those too that the rows would allow: it reaches its goal later.
     - ``task``: min ‖J(q̈ − q̈_track)‖² + damping ‖J‖² ‖q̈ − q̈_track‖², the metric of task-consistent filters (Morton and
       Pavone 2025). Where the damping is small beside the gains of J, and the task needs all joints, this is
       :class:`Hierarchy`; as it grows, it becomes the joint metric.

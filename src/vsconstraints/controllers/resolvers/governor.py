@@ -20,8 +20,8 @@ from .hierarchy import Hierarchy
 class Governor(Hierarchy):
     """q̈ = κ q̈_track with the largest κ in [0, 1] at which every row keeps its demand, κ L_gφ q̈_track ≤ c.
 
-    Whichever row is the first to resist slows everything down: it cannot slide along a boundary, and is what any law
-    should do better than. The direction of q̈ is that of tracking, as in scalar reference governors (Bemporad, Casavola
+    Whichever row is the first to resist slows everything down, other parts of the task too: what any law should do
+    better than. The direction of q̈ is that of tracking, as in scalar reference governors (Bemporad, Casavola
     and Mosca 1997; Gilbert and Kolmanovsky 2002), which scale the reference.
 
     Where c < 0 of a row that tracking leads outwards, even κ = 0 is too much, and no κ is right; nor where c < 0 of a

@@ -47,7 +47,7 @@ class Saturation(Hierarchy):
     allows any s: then the command is that of :class:`Hierarchy`, with its statuses.
 
     What becomes of a task that the null space is too small for? In the paper it is scaled. An arm without redundancy
-    then cannot slide along a boundary, and where no demand asks for braking it is :class:`Governor`: ``scales=True``.
+    is then slowed down as a whole, and where no demand asks for braking it is :class:`Governor`: ``scales=True``.
     Otherwise it is met in the least-squares sense. No task is then ever scaled as long as q̈ = 0 meets all demands: each
     row is saturated at the s up to which it allowed the task, and what is within all bounds there still is.
 
