@@ -8,6 +8,7 @@ import numpy as np
 
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller
+from vsconstraints.controllers.base import restart
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
 
@@ -31,7 +32,7 @@ class Walk:
         self.controller = controller
         self.states = [(float(t), q.copy(), qd.copy()) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)]
         self.places = np.linspace(0, len(self.states) - 1, turns).astype(int)
-        controller.reset()
+        restart(controller, setup.Ts)
         setup.task.reset()
         started = perf_counter_ns()
         self.control = ControlStep(setup.scene, setup.constraints, setup.task)

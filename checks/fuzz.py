@@ -156,7 +156,7 @@ def warm_up() -> None:
         sound = make_input(np.random.default_rng(1))
     pairs = [{"demand": demand.name, "resolver": "filter"} for demand in DEMANDS]
     pairs += [{"demand": "switch", "resolver": resolver.name} for resolver in RESOLVERS]
-    for name, options in (*((name, {}) for name in CONTROLLERS), *(("law", pair) for pair in pairs)):
+    for name, options in (*((name, {}) for name in LAWS), *(("law", pair) for pair in pairs)):
         ready(name, options).command(sound.rows, sound.task)
 
 
@@ -173,7 +173,7 @@ def findings(seed: int, number: int, outcomes: Counter[str]) -> Iterator[Finding
     with np.errstate(over="ignore", under="ignore"):
         question = make_input(rng)
     for _ in range(EACH):
-        name = str(rng.choice(list(CONTROLLERS)))
+        name = str(rng.choice(list(LAWS)))
         options = OPTIONS[name](rng) if name in OPTIONS else {}
         if rng.random() < 0.2:
             options["rank_tolerance"] = float(10.0 ** rng.uniform(-17.0, -0.01))
@@ -249,3 +249,6 @@ def judge(command: object, question: Input) -> str:
 
 if __name__ == "__main__":
     sys.exit(main())
+
+LAWS = tuple(name for name in CONTROLLERS if "model" not in make_controller(name).uses)
+"""Laws that answer rows and a task alone."""

@@ -16,9 +16,10 @@ from vsconstraints.features import Goal
 from vsconstraints.geometry import Pose
 from vsconstraints.kernels.samples import mark_acting
 from vsconstraints.kernels.structures import RowArrays
+from vsconstraints.model import Prediction, Present
 from vsconstraints.motion import Motion, TargetMotion
 from vsconstraints.robots import READY_MADE
-from vsconstraints.rows import Array
+from vsconstraints.rows import Array, Rows, Task
 from vsconstraints.scenarios.constraint_types import make_constraint
 from vsconstraints.scene import Scene, State
 
@@ -48,6 +49,27 @@ def arm_with_prismatic_joints() -> Robot:
     )
     limits = rng.uniform(0.5, 2.0, (3, 5))
     return Robot.from_dh(table, prismatic=[2, 4], q_min=-limits[0], q_max=limits[1], qd_max=limits[2], name="mixed arm")
+
+
+class Straight:
+    """A model in which a robot stands still, and rows on φ itself and the task stay what they are now."""
+
+    def __init__(self, rows: Rows, task: Task) -> None:
+        self.rows, self.task, n = rows, task, task.J.shape[1]
+        self.present = Present(0.0, np.zeros(n), np.zeros(n))
+        self.labels, self.K, self.acceleration = rows.labels, np.zeros(len(rows.labels)), np.full(n, np.inf)
+
+    def along(self, t: Array, q: Array, qd: Array) -> Prediction:
+        """See :class:`vsconstraints.model.Model`."""
+        rows, task = self.rows, self.task
+        J, b, Lg, Lf = (np.stack([part] * len(t)) for part in (task.J, task.b, rows.Lg, rows.Lf))
+        with np.errstate(over="ignore", invalid="ignore"):
+            phi = rows.phi + qd @ rows.Lg.T
+        return Prediction(phi, Lg, Lf, phi, Lf, J, b, np.zeros_like(b), np.zeros_like(b), np.empty((len(t), 0, 2)))
+
+    def gains(self, error: Array) -> Array:
+        """No feedback."""
+        return np.zeros((len(error), 2))
 
 
 def robot_names() -> list[str]:

@@ -152,6 +152,12 @@ class ControlStep:
         t, q, qd = self._now
         return Present(float(t[0]), q.copy(), qd.copy())
 
+    @property
+    def acceleration(self) -> Array:
+        """(n,) limit of |q̈| that is known, infinite where there is none."""
+        limits = self._limits
+        return np.full(self.scene.robot.n, np.inf) if limits is None else np.array(limits.acceleration)
+
     def model(self, believe: Believe | None = None, spoil: Spoil | None = None) -> Model:
         """Rows and task at states to come, for laws that use a model: see :class:`vsconstraints.model.Model`."""
         return Model(self, believe, spoil)

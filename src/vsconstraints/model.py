@@ -86,6 +86,8 @@ class Model:
     ----------
     K
         (m,) of the rows [s], 0 of rows on φ itself.
+    acceleration
+        (n,) limit of |q̈| that the control knows of [rad/s² or m/s²], infinite where there is none.
     """
 
     def __init__(self, of: ControlStep, believe: Believe | None = None, spoil: Spoil | None = None) -> None:
@@ -93,7 +95,7 @@ class Model:
         task.drift = task.velocity = task.reference = "exact"
         self._of, self._believe, self._spoil = of, believe, spoil
         self._own = type(of)(of.scene, of.constraints, task, known=of.known)
-        self.K = of.constraints.approach_time
+        self.K, self.acceleration = of.constraints.approach_time, of.acceleration
         self._kernels = load("predictions")
         self._bound = self._own.bound() if self._kernels is not None and not (believe or spoil) else None
 

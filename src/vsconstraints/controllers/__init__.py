@@ -16,6 +16,7 @@ from .hierarchical_qp import HierarchicalQP
 from .law import Law
 from .named import NAMED, Pair
 from .potential_field import PotentialField
+from .predictive import PredictiveControl
 from .resolvers import (
     RESOLVERS,
     Additive,
@@ -48,6 +49,7 @@ __all__ = [
     "Law",
     "Pair",
     "PotentialField",
+    "PredictiveControl",
     "Priority",
     "Projection",
     "Repulsion",
@@ -60,7 +62,15 @@ __all__ = [
     "make_controller",
 ]
 
-LAWS: tuple[type[Controller], ...] = (SlidingMode, PotentialField, HierarchicalQP, Tracking, *NAMED, Pair)
+LAWS: tuple[type[Controller], ...] = (
+    SlidingMode,
+    PotentialField,
+    HierarchicalQP,
+    Tracking,
+    *NAMED,
+    Pair,
+    PredictiveControl,
+)
 
 CONTROLLERS: dict[str, type[Controller]] = {law.name: law for law in LAWS}
 """Controllers by the name files and the command line use."""

@@ -1,0 +1,128 @@
+"""What a predictive law looks at: blocks of constant acceleration, and the instants at which rows must hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from ..rows import Array
+
+BRAKING = (1.0,)
+"""Shares of the time of braking after the last block at which rows on σ must hold too."""
+
+
+class Instants(NamedTuple):
+    """States along a plan: times (N,) from now [s], q and q̇ (N, n), and how they change with the plan, Q and V (N, H).
+
+    The instants from ``braking`` on are those of the brake that follows the plan.
+    """
+
+    times: Array
+    q: Array
+    qd: Array
+    Q: Array
+    V: Array
+    braking: int
+
+    def first(self, N: int) -> Self:
+        """No more than the first N instants."""
+        return type(self)(self.times[:N], self.q[:N], self.qd[:N], self.Q[:N], self.V[:N], min(self.braking, N))
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """H blocks of constant q̈, each T long, and the instants now, after one sampling period, and after every block.
+
+    q and q̇ of a double integrator are linear in the plan u (H, n): q + τ q̇ + Q u and q̇ + V u. After the plan all
+    joints brake together, as fast as the slowest to stop can.
+
+    Attributes
+    ----------
+    blocks
+        H.
+    length
+        T [s].
+    period
+        T_s [s].
+    times
+        (N,) τ [s], the first 0.
+    begins
+        (H,) which of them are the beginnings of blocks.
+    Q, V
+        (N, H), in s² and s.
+    """
+
+    blocks: int
+    length: float
+    period: float
+    times: Array = field(init=False)
+    begins: Array = field(init=False)
+    Q: Array = field(init=False)
+    V: Array = field(init=False)
+
+    @classmethod
+    @lru_cache(maxsize=16)
+    def of(cls, blocks: int, block: int, period: float) -> Self:
+        """So many blocks of so many sampling periods each."""
+        return cls(blocks, block * period, period)
+
+    def __post_init__(self) -> None:
+        H, T = self.blocks, self.length
+        ends = T * np.arange(H + 1)
+        times = ends if np.isclose(self.period, T) else np.sort(np.append(ends, self.period))
+        begins = np.searchsorted(times, ends[:-1])
+        since = times[:, None] - ends[:-1]
+        within = np.clip(since, 0.0, T)
+        for name, value in (
+            ("times", times),
+            ("begins", begins),
+            ("Q", within * (since - 0.5 * within)),
+            ("V", within),
+        ):
+            object.__setattr__(self, name, value)
+
+    def instants(self, q: Array, qd: Array, plan: Array, most: Array) -> Instants:
+        """States along a plan (H, n) from q and q̇ (n,) on, with the brake after it where accelerations are bounded.
+
+        ``most`` (n,) is the greatest acceleration [rad/s²], infinite where there is no bound.
+        """
+        times, Q, V = self.times, self.Q, self.V
+        there, speed = q + times[:, None] * qd + Q @ plan, qd + V @ plan
+        N, stops = len(times), stopping_time(speed[-1], most)
+        if stops > 0.0:
+            share = np.array(BRAKING)
+            # q̇ falls linearly with time
+            gone = stops * share * (1.0 - 0.5 * share)
+            times = np.append(times, times[-1] + stops * share)
+            there = np.vstack((there, there[-1] + gone[:, None] * speed[-1]))
+            speed = np.vstack((speed, (1.0 - share)[:, None] * speed[-1]))
+            Q, V = np.vstack((Q, Q[-1] + gone[:, None] * V[-1])), np.vstack((V, (1.0 - share)[:, None] * V[-1]))
+        return Instants(times, there, speed, Q, V, N)
+
+    def later(self, plan: Array, then: Array, after: float) -> Array:
+        """The plan as it is ``after`` [s], means over the new blocks; after its last block comes ``then`` (n,)."""
+        ahead = int(np.ceil(after / self.length)) + 1
+        longer = np.vstack((plan, np.repeat(then[None, :], ahead, axis=0)))
+        before = np.vstack((np.zeros(plan.shape[1]), np.cumsum(longer, axis=0)))
+        at = np.arange(self.blocks + 1) + after / self.length
+        i = np.minimum(at.astype(int), len(longer) - 1)
+        means: Array = np.diff(before[i] + (at - i)[:, None] * longer[i], axis=0)
+        return means
+
+    def brake(self, qd: Array, low: Array, high: Array) -> Array:
+        """The plan that stops each joint as soon as possible within boxes (H, n)."""
+        plan = np.zeros((self.blocks, len(qd)))
+        for k in range(self.blocks):
+            plan[k] = np.clip(-qd / self.length, low[k], high[k])
+            qd = qd + self.length * plan[k]
+        return plan
+
+
+def stopping_time(qd: Array, most: Array) -> float:
+    """Time [s] in which all joints can stop together; 0 if a joint that moves has no bound."""
+    moving = qd != 0.0
+    time = float((np.abs(qd[moving]) / most[moving]).max(initial=0.0))
+    return time if bool(np.isfinite(most[moving]).all()) else 0.0
