@@ -15,7 +15,17 @@ from hypothesis import strategies as st
 
 from scenes import second_slope, slope
 from vsconstraints.control_step import ControlStep
-from vsconstraints.controllers import Barrier, BoundaryLayer, Demand, Hierarchy, Law, Priority, Resolver, SlidingMode
+from vsconstraints.controllers import (
+    DEMANDS,
+    Barrier,
+    BoundaryLayer,
+    Demand,
+    Hierarchy,
+    Law,
+    Priority,
+    Resolver,
+    SlidingMode,
+)
 from vsconstraints.controllers.demands import (
     FiniteTimeBarrier,
     GradientRobustBarrier,
@@ -47,6 +57,33 @@ def asked(demand: Demand, **known: Any) -> Any:
     """What a demand asks of a row of which only these are known."""
     row = Row(**{name: known.get(name, math.nan) for name in Row._fields})
     return type(demand).formula(row, *demand.parameters)
+
+
+SEARCHED: dict[str, dict[str, tuple[float, float, float]]] = {
+    "switch": {},
+    "implicit-switch": {"periods": (1.0, 1.0, 50.0)},
+    "implicit-switch-with-drift": {"periods": (1.0, 1.0, 50.0)},
+    "boundary-layer": {"region": (0.2, 0.01, 1.0), "exponent": (1.0, 0.5, 4.0), "strength": (1.0, 0.1, 10.0)},
+    "outer-layer": {"layer": (0.05, 0.001, 0.5)},
+    "super-twisting": {"rate": (20.0, 1.0, 100.0)},
+    "implicit-super-twisting": {"rate": (20.0, 1.0, 100.0)},
+    "barrier": {"alpha": (20.0, 1.0, 200.0)},
+    "reciprocal-barrier": {"alpha": (20.0, 1.0, 200.0)},
+    "finite-time-barrier": {"alpha": (2.0, 0.1, 20.0)},
+    "high-order-barrier": {"alpha": (20.0, 1.0, 200.0), "braking": (5.0, 0.1, 100.0)},
+    "robust-barrier": {"alpha": (20.0, 1.0, 200.0), "disturbance": (0.1, 0.001, 10.0)},
+    "input-to-state-safe-barrier": {"alpha": (20.0, 1.0, 200.0), "epsilon": (1.0, 0.01, 100.0)},
+    "gradient-robust-barrier": {"alpha": (20.0, 1.0, 200.0), "gradient_error": (0.1, 0.001, 1.0)},
+    "sampled-barrier": {"alpha": (20.0, 1.0, 200.0), "curvature": (1.0, 0.01, 100.0)},
+}
+"""Parameters of demands: defaults, and from where to where each is worth searching."""
+
+
+@pytest.mark.parametrize("name", SEARCHED)
+def test_what_tuners_find_is_what_is_told(name: str) -> None:
+    demand = next(kind for kind in DEMANDS if kind.name == name)()
+    told = {key: (getattr(demand, key), *demand.ranges[key]) for key in demand.ranges}
+    assert told == SEARCHED[name]
 
 
 # --- implicit switch ---

@@ -48,8 +48,8 @@ def implicit_super_twisting(row: Row, rate: float) -> Any:
     w = row.memory[0]
     z, step, half = row.phi + row.period * w, row.period * row.period * k2, 0.5 * row.period * k1
     over = np.maximum(np.abs(z) - step, 0.0)
-    # y without the difference of two numbers that are nearly equal; 0/0 where u⁺ is lost in rounding
-    y = over / (half + np.sqrt(half * half + over) + (half == 0.0) * (over == 0.0))
+    # y without the difference of two numbers that are nearly equal
+    y = over / (half + np.sqrt(half * half + over))
     c = (np.sign(z) * y * y - row.phi) / row.period
     return held(row, c, w - np.minimum(np.maximum(z, -step), step) / row.period)
 
