@@ -43,8 +43,8 @@ LIMIT = 20.0
 PERIOD = 0.01
 """Sampling period that laws are told [s]."""
 
-PATIENCE = 300.0
-"""Seconds until the first answer: compiling takes a while."""
+PATIENCE = 600.0
+"""Seconds until the first answer: compiling every demand and resolver takes a while."""
 
 
 @dataclass(frozen=True)

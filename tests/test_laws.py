@@ -141,6 +141,17 @@ def test_every_law_refuses_what_is_not_finite(demand: Demand, resolver: Any) -> 
         law.command(rows, replace(task, b=np.array([0.0, 0.0, np.inf, 0.0, 0.0, 0.0])))
 
 
+@pytest.mark.parametrize(("demand", "resolver"), PAIRS)
+def test_every_law_tracks_without_rows(demand: Demand, resolver: Any) -> None:
+    _, task = problem(0)
+    none = Rows.none(6)
+    bare = replace(none, sigma=none.phi, sigma_dot=none.phi, K=none.phi)
+    expected = Tracking().define(none, task).qdd
+    law = made(demand, resolver)
+    for form in (law.define, law.command, law.define):
+        np.testing.assert_allclose(form(bare, task).qdd, expected, rtol=1e-9, atol=1e-12)
+
+
 def same(one: Controller, other: Controller, seeds: int = 20) -> None:
     for seed in range(seeds):
         rows, task = problem(seed)
