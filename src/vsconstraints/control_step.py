@@ -284,29 +284,35 @@ class ControlStep:
         refused, answer, copied = kernels.REFUSED, law.command, step.out.copy
         constraints, unknown = self.constraints, np.full(packed.size.M, np.nan)
 
-        def taken_over(
-            t: float, pixels: Any = None, depth: Any = None, taken: float | None = None, camera: Pose | None = None
-        ) -> bool:
-            """Whether the next step takes what is measured; if not, it is asked for, and looked at, in Python."""
-            if pixels is None or camera is not None:
-                return False
-            Z, at = unknown if depth is None else depth, t if taken is None else taken
-            plain = pixels.dtype is FLOAT and Z.dtype is FLOAT and pixels.ndim == 2 and Z.ndim == 1
-            return plain and not measure(pixels, Z, at + 0.0, t + 0.0)
-
-        def in_one(t: float, q: Array, qd: Array, **measured: Any) -> tuple[Evaluation, Command]:
+        def in_one(
+            t: float,
+            q: Array,
+            qd: Array,
+            *,
+            pixels: Array | None = None,
+            depth: Array | None = None,
+            taken: float | None = None,
+            camera: Pose | None = None,
+        ) -> tuple[Evaluation, Command]:
             code = refused
             try:
                 # the compiled functions take type and dimension for granted, look at the rest by themselves, and would
                 # make a number of a string
-                plain = q.dtype is FLOAT and qd.dtype is FLOAT and q.ndim == 1 and qd.ndim == 1
-                if plain and (not measured or taken_over(t, **measured)):
+                plain = q.dtype is FLOAT and qd.dtype is FLOAT and q.ndim == 1 and qd.ndim == 1 and camera is None
+                if pixels is None:
+                    plain = plain and depth is None and taken is None
+                elif plain:
+                    Z, at = unknown if depth is None else depth, t if taken is None else taken
+                    plain = pixels.dtype is FLOAT and Z.dtype is FLOAT and pixels.ndim == 2 and Z.ndim == 1
+                    plain = plain and not measure(pixels, Z, at + 0.0, t + 0.0)
+                # what is not so is asked for, and looked at, in Python
+                if plain:
                     code = both(t + 0.0, q, qd)
             except (AttributeError, TypeError):
                 # not arrays
                 pass
             if code == refused:
-                return in_two(t, q, qd, **measured)
+                return in_two(t, q, qd, pixels=pixels, depth=depth, taken=taken, camera=camera)
             evaluation = CompiledEvaluation(packed, constraints, copied())
             command = answer(code)
             return asked(evaluation) if command is None else (evaluation, command)
