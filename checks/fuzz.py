@@ -46,6 +46,9 @@ PERIOD = 0.01
 PATIENCE = 600.0
 """Seconds until the first answer: compiling every demand and resolver takes a while."""
 
+LAWS = tuple(name for name in CONTROLLERS if "model" not in make_controller(name).uses)
+"""Laws that answer rows and a task alone."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -249,6 +252,3 @@ def judge(command: object, question: Input) -> str:
 
 if __name__ == "__main__":
     sys.exit(main())
-
-LAWS = tuple(name for name in CONTROLLERS if "model" not in make_controller(name).uses)
-"""Laws that answer rows and a task alone."""
