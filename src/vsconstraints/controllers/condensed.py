@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import lapack
 
 from ..model import Prediction
 from ..qp.lexicographic import ZERO_GRADIENT
@@ -78,7 +79,11 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float) -> tu
     size = float(np.einsum("bkn,bkn->", J, J)) / len(begins)
     P = M.T @ M
     P[np.diag_indices(H * n)] += damping * (size if size > 0.0 else 1.0)
-    T: Array = np.linalg.inv(np.linalg.cholesky(P)).T
+    L, refused = lapack.dpotrf(P, lower=1, clean=1)
+    inverse, singular = lapack.dtrtri(L, lower=1)
+    if refused or singular:
+        raise np.linalg.LinAlgError("the cost of the plan is beyond the range of floating point")
+    T: Array = inverse.T
     return T @ (T.T @ (M.T @ d)), T
 
 
@@ -91,6 +96,8 @@ class Limits(NamedTuple):
 
     def where(self, which: BoolArray) -> Limits:
         """Those of them."""
+        if which.all():
+            return self
         return Limits(self.G[which], self.h[which], self.of[which])
 
 
@@ -126,9 +133,11 @@ def bounded(rows: Limits, low: Array, high: Array) -> Limits:
     reach = np.maximum(-low, high).ravel()
     if np.isfinite(reach).all():
         rows = rows.where(np.abs(rows.G) @ reach > rows.h)
-    each = np.eye(low.size)
     sides = np.concatenate((high.ravel(), -low.ravel()))
     stated = np.isfinite(sides)
+    if not stated.any():
+        return rows
+    each = np.eye(low.size)
     box = np.vstack((each, -each))[stated]
     return Limits(
         np.concatenate((rows.G, box)),
