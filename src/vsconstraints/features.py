@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
+import pinocchio as pin
 
 from .errors import ConfigurationError, unknown_name
 from .formulas.features import pose_error, pose_rates
@@ -93,6 +94,20 @@ class Feature(ABC):
 
     name: ClassVar[str]
 
+    def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
+        """The same s_ref (k,), less the feature's value at a new goal instead of at an old one.
+
+        Parameters
+        ----------
+        reference
+            (k,) s_ref less the feature's value at the old goal.
+        old, new
+            The goals.
+        near
+            (k,) the error to the new goal: features that are not unique (angles) are those closest to it.
+        """
+        raise ConfigurationError(f"the feature {self.name} does not say where a reference is seen from another goal")
+
     @abstractmethod
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
         """Error, Jacobian and drift of the feature.
@@ -117,6 +132,14 @@ class CameraPose(Feature):
     """
 
     name = "camera-pose"
+
+    def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
+        """See :meth:`Feature.carried`."""
+        assert old.camera is not None
+        assert new.camera is not None
+        there = old.camera @ Pose(np.asarray(pin.exp3(reference[3:])), reference[:3])
+        _, t, w = pose_error(new.camera.R, new.camera.t, there.R, there.t, near[3:], True)
+        return np.array((*t, *w))
 
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
         """Error (6,), Jacobian (6, n) and drift of the camera's pose relative to the desired one."""
@@ -157,6 +180,10 @@ class ImagePoints(Feature):
         if interaction_matrix not in get_args(InteractionMatrix):
             raise unknown_name("interaction_matrix", interaction_matrix, get_args(InteractionMatrix))
         self.interaction_matrix = interaction_matrix
+
+    def carried(self, reference: Array, old: Goal, new: Goal, near: Array) -> Array:
+        """See :meth:`Feature.carried`."""
+        return reference + (old.normalised - new.normalised).ravel()
 
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
         """Error (2m,), Jacobian (2m, n) and drift of the markers' normalised coordinates."""

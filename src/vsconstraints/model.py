@@ -17,6 +17,8 @@ from .scene import State
 
 if TYPE_CHECKING:
     from .control_step import ControlStep
+    from .evaluation import Bound
+    from .tracking import VisualTask
 
 Believe = Callable[[State], State]
 """From a state to what a controller would believe it to be."""
@@ -64,6 +66,9 @@ class Prediction:
         return len(self.phi)
 
 
+JUST_BEFORE = 1e-6
+"""How long before the next goal [s] the goal of now ends."""
+
 ROWS = ("phi", "Lg", "Lf", "sigma", "sigma_dot")
 TASK = ("J", "b", "error", "error_rate")
 
@@ -110,6 +115,29 @@ class Model:
     def present(self) -> Present:
         """What the rows and the task in the loop were made of last."""
         return self._of.present
+
+    @property
+    def goal(self) -> int:
+        """Index of the goal that holds at the present time."""
+        return self._of.visual_task.goal_at(self.present.t)
+
+    @property
+    def task(self) -> VisualTask:
+        """The visual task: its feature, goals and gains."""
+        return self._own.visual_task
+
+    @property
+    def until(self) -> float:
+        """Up to which time [s] the goal of now holds and what moves is known; the present where it is not."""
+        if self._of.believes:
+            return self.present.t
+        following = self.task.goals[self.goal + 1 :]
+        return following[0].from_time - JUST_BEFORE if following else np.inf
+
+    def compiled(self) -> Bound | None:
+        """The step that predicts, as it goes on from the sample in the loop; None where anything runs in NumPy."""
+        self._own.remember(self._of)
+        return self._bound
 
     @property
     def labels(self) -> tuple[str, ...]:

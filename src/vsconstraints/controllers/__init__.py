@@ -12,6 +12,7 @@ from ..errors import ConfigurationError, VsconstraintsError, described, shown, u
 from ..plugins import beside, imported_class
 from .base import Controller
 from .demands import DEMANDS, Barrier, BoundaryLayer, Demand, ImplicitSwitch, Repulsion, Switch
+from .goal_governor import GoalGovernor
 from .hierarchical_qp import HierarchicalQP
 from .law import Law
 from .named import NAMED, Pair
@@ -42,6 +43,7 @@ __all__ = [
     "Controller",
     "Demand",
     "Filter",
+    "GoalGovernor",
     "Governor",
     "HierarchicalQP",
     "Hierarchy",
@@ -70,6 +72,7 @@ LAWS: tuple[type[Controller], ...] = (
     *NAMED,
     Pair,
     PredictiveControl,
+    GoalGovernor,
 )
 
 CONTROLLERS: dict[str, type[Controller]] = {law.name: law for law in LAWS}

@@ -22,6 +22,32 @@ def demanded(error: Any, rate: Any, drift: Any, Kp: float, Kv: float) -> Any:
 
 
 @formula
+def retargeted(b: Any, error: Any, rate: Any, reference: Any, now: Any, then: Any) -> Any:
+    """B of one feature as it is if s_ref stands still at ``reference``, from what the task makes of the goal itself.
+
+    Parameters
+    ----------
+    b, error, rate
+        Of the task, whose error is s less its value at the goal.
+    reference
+        s_ref, less the feature's value at the goal.
+    now, then
+        K_p and K_v of the error to the goal, and of the error to the reference.
+    """
+    return b + now[0] * error + now[1] * rate - then[0] * (error - reference) - then[1] * rate
+
+
+@formula
+def held_gains(Kp: float, Kv: float, h: float) -> tuple[float, float]:
+    """K_p and K_v with which q̈, held for h [s], is the mean of what the law asks meanwhile: the implicit midpoint rule.
+
+    However long h is, the error does not grow.
+    """
+    lag = 1.0 + 0.5 * h * (Kv + 0.5 * h * Kp)
+    return Kp / lag, (Kv + 0.5 * h * Kp) / lag
+
+
+@formula
 def goal_at(begins: Any, t: float) -> int:
     """Index of the goal that holds at time t [s], of goals that begin at these times (g,), met up to rounding."""
     goal = 0

@@ -1,0 +1,82 @@
+"""How tracking answers to a reference that stands still: what is predicted to decide whether it may be moved there."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InvalidInput, SceneError
+from ..formulas.tracking import held_gains, retargeted
+from ..kernels import load
+from ..model import Model
+from ..rows import Array
+from .least_norm import RANK_TOLERANCE, least_norm
+
+NEWTON = 2
+"""Steps of Newton from where a response ends to where it comes to rest."""
+
+
+class Response(NamedTuple):
+    """What tracking comes to with a reference that stands still.
+
+    Attributes
+    ----------
+    least
+        (m,) least −σ of each row on the way and at rest, by the row's scale.
+    sigma, Lg, J
+        (m,), (m, n) and (k, n) at rest; σ by the row's scale.
+    """
+
+    least: Array
+    sigma: Array
+    Lg: Array
+    J: Array
+
+
+def response(model: Model, reference: Array, periods: Array, scale: Array) -> Response | None:
+    """Follow the tracking law of eq. (42) from now on; None if it comes to where nothing can be evaluated.
+
+    Parameters
+    ----------
+    model
+        Gives rows and task.
+    reference
+        (k,) s_ref less the feature's value at the goal of now, which is kept.
+    periods
+        (N,) how long each acceleration is held [s]: long ones too, since gains are those of the implicit midpoint rule.
+    scale
+        (m,) of the rows.
+    """
+    bound, kernels = model.compiled(), load("response")
+    if bound is None or kernels is None:
+        return _in_numpy(model, reference, periods, scale)
+    step, least, (t, q, qd) = bound.packed.step, np.full(len(scale), np.inf), model.present
+    parts = np.array([kernels.EVALUATE, kernels.TRACK, bound.packed.address])
+    numbers = np.array([t, model.until, RANK_TOLERANCE, NEWTON])
+    state = np.array([q, qd, np.zeros_like(q)])
+    if kernels.respond(parts, numbers, state, reference, np.empty_like(reference), periods, least):
+        return None
+    return Response(least, step.rows.sigma / scale, step.rows.Lg.copy(), step.task.J.copy())
+
+
+def _in_numpy(model: Model, reference: Array, periods: Array, scale: Array) -> Response | None:
+    (t, q, qd), gains = model.present, model.task.gains
+    least, N = np.full(len(scale), np.inf), len(periods)
+    for k in range(N + NEWTON + 1):
+        try:
+            found = model.at(t, q, qd)
+        except (SceneError, InvalidInput):
+            return None
+        task, e = found.task, found.error
+        if 0 < k <= N or k == N + NEWTON:
+            least = np.minimum(least, -found.sigma / scale)
+        if k < N:
+            h = float(periods[k])
+            then = held_gains(*gains.at(e - reference), h)
+            b = retargeted(task.b, e, task.error_rate, reference, gains.at(e), then)
+            qdd = least_norm(task.J, b, RANK_TOLERANCE).qdd
+            t, q, qd = min(t + h, model.until), q + h * (qd + 0.5 * h * qdd), qd + h * qdd
+        elif k < N + NEWTON:
+            q, qd = q + least_norm(task.J, reference - e, RANK_TOLERANCE).qdd, np.zeros_like(qd)
+    return Response(least, found.sigma / scale, found.rows.Lg, task.J)

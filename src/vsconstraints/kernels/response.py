@@ -1,0 +1,79 @@
+"""How tracking answers to a reference that stands still: see :meth:`vsconstraints.model.Model.response`."""
+
+from __future__ import annotations
+
+from ..formulas.tracking import gains, held_gains, retargeted
+from ..rows import Array, IntArray
+from .compiler import IN_PLACE, compiled
+from .parts import address, ask
+from .step import evaluate_step
+from .task_priority import track
+from .thawed import thaw
+
+EVALUATE, TRACK = address(evaluate_step), address(track)
+"""Where the functions begin that evaluate a step, and that track."""
+
+
+@compiled(
+    "int64(int64[::1], float64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1])", IN_PLACE
+)
+def respond(
+    parts: IntArray, numbers: Array, state: Array, reference: Array, b: Array, periods: Array, least: Array
+) -> int:
+    """Write the least −σ of each row by its scale to ``least`` (m,), and leave the step as it is at rest.
+
+    Parameters
+    ----------
+    parts
+        (3,) addresses: of the functions that evaluate a step and that track, and of the step.
+    numbers
+        (4,) time now, time at which it stands still [s], rank tolerance, and how many steps of Newton end at rest.
+    state
+        (3, n) q and q̇ now, and scratch for q̈.
+    reference
+        (k,) s_ref less the feature's value at the goal.
+    b
+        (k,) scratch.
+    periods
+        (N,) how long each acceleration is held [s].
+
+    Returns
+    -------
+    int
+        0, or 1 where a state cannot be evaluated.
+    """
+    step = thaw(parts[2])
+    options, rows, task = step.options[0], step.rows, step.task
+    q, qd, qdd, t = state[0], state[1], state[2], numbers[0]
+    N, last = len(periods), len(periods) + int(numbers[3])
+    for k in range(last + 1):
+        if ask(parts[0], (parts[2], t, q, qd)) != 0:
+            return 1
+        if 0 < k <= N or k == last:
+            for i in range(len(least)):
+                least[i] = min(least[i], -rows.sigma[i] / rows.scale[i])
+        if k == last:
+            break
+        far = near = 0.0
+        for i in range(len(b)):
+            far += task.error[i] * task.error[i]
+            near += (task.error[i] - reference[i]) * (task.error[i] - reference[i])
+        h = periods[min(k, N - 1)]
+        now = gains(far, options.Kp0, options.slope, options.damping)
+        Kp, Kv = gains(near, options.Kp0, options.slope, options.damping)
+        then = held_gains(Kp, Kv, h)
+        for i in range(len(b)):
+            b[i] = reference[i] - task.error[i]
+            if k < N:
+                b[i] = retargeted(task.b[i], task.error[i], task.error_rate[i], reference[i], now, then)
+        ask(parts[1], (task.J, b, numbers[2], qdd))
+        for j in range(len(q)):
+            if k < N:
+                q[j] += h * (qd[j] + 0.5 * h * qdd[j])
+                qd[j] += h * qdd[j]
+            else:
+                q[j] += qdd[j]
+                qd[j] = 0.0
+        if k < N:
+            t = min(t + h, numbers[1])
+    return 0
