@@ -16,7 +16,7 @@ from .named import Pair
 from .options import positive
 from .response import Response, response
 
-SETTLING = 0.2
+SETTLING = 0.1
 """The attraction of the goal falls from where it is ``speed`` times this away [s]."""
 
 STEPS, GROWTH = 40, 3.5
@@ -39,15 +39,17 @@ class GoalGovernor(Controller):
     (Garone and Nicotra, "Explicit reference governor for constrained nonlinear systems", IEEE Transactions on Automatic
     Control, 2016, with a dynamic safety margin d that is based on trajectories.) d is the least −σ, by the row's scale,
     of all rows along the motion that the tracking law would make with s_ref at rest, and at its end. The navigation
-    field ρ is the attraction of the goal and, where the motion ends less than ζ from a row's boundary, the repulsion of
-    that row: ρ = (s* − s_ref)/max(‖s* − s_ref‖, 0.2 s v) − Σ (ζ − dᵢ)/(ζ − δ) ∇sσᵢ/‖∇sσᵢ‖, which at dᵢ = δ outweighs
-    the attraction. No step is made after which d would be less than δ/2.
+    field ρ is the attraction a = (s* − s_ref)/max(‖s* − s_ref‖, 0.1 s v) of the goal and, where the motion ends less
+    than ζ from a row's boundary, the repulsion of that row: ρ = a − ‖a‖ Σ (ζ − dᵢ)/(ζ − δ) ∇sσᵢ/‖∇sσᵢ‖, which is as
+    strong as the attraction where dᵢ = δ. No step is made after which d would be less than δ/2.
 
     So no row is violated under these assumptions: the motion is the one that the model predicts, which holds its
-    accelerations longer and longer, up to a tenth of what is predicted; it comes to rest at s_ref, for which the joints
-    must be as many as the features determine; and it starts where rows are met with s_ref = s at rest. What δ is for is
-    what is wrong with that. A start that is outside holds s_ref where it is. Of rows it uses σ and L_gφ, no u⁺ and no
-    L_fφ: what is acceptable is seen from where the motion leads.
+    accelerations longer and longer, up to a tenth of what is predicted; it comes to rest at s_ref; and it starts where
+    rows are met with s_ref = s at rest. What δ is for is what is wrong with that. A start that is outside holds s_ref
+    where it is. Of rows it uses σ and L_gφ, no u⁺ and no L_fφ: what is acceptable is seen from where the motion leads.
+
+    Motions of the joints that the feature does not determine would go on for ever; they are damped by K_v, as a further
+    part of the task.
 
     What goes on underneath may be any law, which gets the task with s_ref for its goal. Predictions are those of
     tracking: a law that holds it back makes the motion another one.
@@ -83,7 +85,7 @@ class GoalGovernor(Controller):
         *,
         speed: float = 2.0,
         margin: float = 0.01,
-        influence: float = 0.2,
+        influence: float = 0.3,
         horizon: float | None = None,
         demand: str = "nothing",
         resolver: str = "priority",
@@ -169,7 +171,7 @@ class GoalGovernor(Controller):
         assert self.reference is not None
         r, gains = self.reference, model.task.gains
         b = retargeted(task.b, e, task.error_rate, r, gains.at(e), gains.at(e - r))
-        return self.law.command(rows, Task(task.J, b, e - r, task.error_rate))
+        return self.law.command(rows, at_rest_elsewhere(Task(task.J, b, e - r, task.error_rate), model))
 
     def _see(self, model: Model, reference: Array, scale: Array) -> None:
         """Let the reference be there, whatever comes of it."""
@@ -197,10 +199,28 @@ class GoalGovernor(Controller):
         if self._seen is None:
             return direction
         _, sigma, Lg, J = self._seen
+        strength = float(np.linalg.norm(direction)) / (self.influence - self.margin)
         for i in np.flatnonzero((-sigma < self.influence) & (model.K > 0.0)):
             # ∇sσ: of the joints' motions that move the feature so, the least counts
             outwards = least_norm(J.T, Lg[i], RANK_TOLERANCE).qdd
             length = float(np.linalg.norm(outwards))
             if length > 0.0:
-                direction = direction - (self.influence + sigma[i]) / (self.influence - self.margin) * outwards / length
+                direction = direction - strength * (self.influence + sigma[i]) * outwards / length
         return direction
+
+
+def at_rest_elsewhere(task: Task, model: Model) -> Task:
+    """The task, and −K_v q̇ in the directions of the joints that the feature does not determine, if there are any."""
+    k, n = task.J.shape
+    if n <= k:
+        return task
+    found = least_norm(task.J, task.b, RANK_TOLERANCE)
+    Z = found.directions[:, found.gains == 0.0].T
+    rate: Array = Z @ model.present.qd
+    _, Kv = model.task.gains.at(task.error)
+    return Task(
+        np.concatenate((task.J, Z)),
+        np.concatenate((task.b, -Kv * rate)),
+        np.concatenate((task.error, np.zeros(len(Z)))),
+        np.concatenate((task.error_rate, rate)),
+    )

@@ -75,7 +75,9 @@ def _in_numpy(model: Model, reference: Array, periods: Array, scale: Array) -> R
             h = float(periods[k])
             then = held_gains(*gains.at(e - reference), h)
             b = retargeted(task.b, e, task.error_rate, reference, gains.at(e), then)
-            qdd = least_norm(task.J, b, RANK_TOLERANCE).qdd
+            # what the feature does not determine comes to rest
+            damping = held_gains(0.0, gains.at(e - reference)[1], h)[1] if len(q) > len(b) else 0.0
+            qdd = least_norm(task.J, b + damping * task.J @ qd, RANK_TOLERANCE).qdd - damping * qd
             t, q, qd = min(t + h, model.until), q + h * (qd + 0.5 * h * qdd), qd + h * qdd
         elif k < N + NEWTON:
             q, qd = q + least_norm(task.J, reference - e, RANK_TOLERANCE).qdd, np.zeros_like(qd)

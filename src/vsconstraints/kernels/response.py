@@ -61,14 +61,20 @@ def respond(
         h = periods[min(k, N - 1)]
         now = gains(far, options.Kp0, options.slope, options.damping)
         Kp, Kv = gains(near, options.Kp0, options.slope, options.damping)
-        then = held_gains(Kp, Kv, h)
+        then, damping = held_gains(Kp, Kv, h), 0.0
+        if len(q) > len(b):
+            # what the feature does not determine comes to rest
+            _, damping = held_gains(0.0, Kv, h)
         for i in range(len(b)):
             b[i] = reference[i] - task.error[i]
             if k < N:
                 b[i] = retargeted(task.b[i], task.error[i], task.error_rate[i], reference[i], now, then)
+                for j in range(len(q)):
+                    b[i] += damping * task.J[i, j] * qd[j]
         ask(parts[1], (task.J, b, numbers[2], qdd))
         for j in range(len(q)):
             if k < N:
+                qdd[j] -= damping * qd[j]
                 q[j] += h * (qd[j] + 0.5 * h * qdd[j])
                 qd[j] += h * qdd[j]
             else:

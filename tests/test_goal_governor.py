@@ -1,0 +1,245 @@
+"""The goal governor: what it predicts, how it moves the reference, what it holds, and where it stops."""
+
+from __future__ import annotations
+
+from copy import copy
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vsconstraints.control_step import ControlStep
+from vsconstraints.controllers import GoalGovernor, Tracking, make_controller
+from vsconstraints.controllers.response import response
+from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.features import CameraPose, Goal, ImagePoints
+from vsconstraints.formulas.tracking import held_gains, retargeted
+from vsconstraints.model import Model
+from vsconstraints.rows import Rows, Task
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import Setup, simulate
+from vsconstraints.tracking import VisualTask
+
+SHORT = np.full(8, 0.02)
+
+
+def scene(name: str = "example-2d-fov", **changes: Any) -> Setup:
+    scenario = Scenario.load(name)
+    for key, value in changes.items():
+        scenario = scenario.with_override(key.replace("__", "."), value)
+    return scenario.setup()
+
+
+def model_of(setup: Setup, moving: float = 0.0) -> Model:
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    step.evaluate(0.0, setup.q0, moving * np.cos(np.arange(len(setup.q0))))
+    return step.model()
+
+
+# --- formulas ---
+
+
+@pytest.mark.parametrize("h", [1e-3, 0.1, 10.0])
+def test_held_gains_are_the_implicit_midpoint_rule(h: float) -> None:
+    """What is held equals what the law asks in the middle, of a motion that holds it."""
+    Kp, Kv, e, rate = 20.0, 13.0, 0.7, -0.4
+    P, V = held_gains(Kp, Kv, h)
+    a = -P * e - V * rate
+    e_mid, rate_mid = 0.5 * (e + e + h * rate + 0.5 * h * h * a), rate + 0.5 * h * a
+    assert a == pytest.approx(-Kp * e_mid - Kv * rate_mid, rel=1e-12)
+    for _ in range(200):
+        a = -P * e - V * rate
+        e, rate = e + h * rate + 0.5 * h * h * a, rate + h * a
+    assert np.hypot(e, rate) < 0.9
+
+
+def test_a_retargeted_task_is_that_of_a_goal_that_is_there() -> None:
+    setup = scene("ur5-image")
+    r = 0.05 * np.sin(np.arange(8.0))
+    state = setup.scene.evaluate(0.0, setup.q0, np.full(6, 0.1))
+    goal, gains = setup.task.goals[0], setup.task.gains
+    moved = Goal(0.0, goal.pixels, goal.normalised + r.reshape(4, 2), goal.camera, goal.depth)
+    task, e = setup.task.evaluate(state)
+    there, _ = VisualTask(setup.task.feature, [moved], gains).evaluate(state)
+    b = retargeted(task.b, e, task.error_rate, r, gains.at(e), gains.at(e - r))
+    np.testing.assert_allclose(b, there.b, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "feature"), [("case-study-6r", CameraPose()), ("ur5-image", ImagePoints())])
+def test_a_reference_is_carried_from_goal_to_goal(name: str, feature: Any) -> None:
+    """What is seen where the reference is, less the goal, before and after."""
+    setup = scene(name)
+    there = setup.scene.evaluate(0.0, setup.q0 + 0.1 * np.sin(np.arange(6)), setup.qd0)
+    old, new = setup.task.goals[0], setup.task.goals[-1]
+    if old is new:
+        new = Goal(1.0, old.pixels, old.normalised + 0.1, old.camera)
+    before, after = feature.evaluate(there, old, None).error, feature.evaluate(there, new, None).error
+    np.testing.assert_allclose(feature.carried(before, old, new, after), after, atol=1e-12)
+
+
+# --- what is predicted ---
+
+
+@pytest.mark.parametrize("name", ["example-2d-fov", "case-study-6r", "ur5-image"])
+def test_responses_alike_in_both_forms(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    setup = scene(name)
+    model, scale = model_of(setup, 0.1), setup.constraints.scale
+    reference = 0.1 * np.cos(np.arange(len(model.at(*model.present).error)))
+    compiled = response(model, reference, SHORT, scale)
+    monkeypatch.setattr(model, "_bound", None)
+    defined = response(model, reference, SHORT, scale)
+    assert compiled is not None
+    assert defined is not None
+    for one, other in zip(compiled, defined, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-7)
+
+
+def test_a_response_to_the_goal_is_what_tracking_does() -> None:
+    """Against the closed loop: the deepest that each row gets, and where the arm is at the end."""
+    setup = scene("case-study-6r", duration=3.9)
+    run = simulate(setup, Tracking())
+    found = response(model_of(setup), np.zeros(6), np.full(195, 0.02), setup.constraints.scale)
+    assert found is not None
+    deepest = -(run.sigma[1:] / setup.constraints.scale).max(axis=0)
+    np.testing.assert_allclose(np.minimum(found.least, 0.0), np.minimum(deepest, 0.0), rtol=0.03, atol=3e-3)
+    there = setup.scene.evaluate(0.0, run.q[-1], np.zeros(6))
+    at_goal, sigma = setup.constraints.rows(there)
+    position = setup.constraints.approach_time > 0.0
+    np.testing.assert_allclose(found.sigma[position], (sigma / at_goal.scale)[position], atol=5e-3)
+
+
+def test_a_response_is_to_the_goal_of_now() -> None:
+    """Also where the next one begins meanwhile."""
+    setup = scene("case-study-6r")
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    step.evaluate(3.99, setup.q0, setup.qd0)
+    model = step.model()
+    assert model.goal == 0
+    assert model.until == pytest.approx(4.0)
+    first = scene("case-study-6r", task__goals=Scenario.load("case-study-6r").tables["task"]["goals"][:1])
+    alone = response(model_of(first), np.zeros(6), SHORT, first.constraints.scale)
+    found = response(model, np.zeros(6), SHORT, setup.constraints.scale)
+    assert alone is not None
+    assert found is not None
+    np.testing.assert_allclose(found.least, alone.least, atol=1e-9)
+
+
+def test_what_cannot_be_seen_has_no_response() -> None:
+    setup = scene("case-study-6r")
+    model = model_of(setup)
+    far = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])
+    assert response(model, far, np.full(40, 0.1), setup.constraints.scale) is None
+
+
+# --- what it holds ---
+
+
+@pytest.mark.parametrize("name", ["example-2d-fov", "case-study-6r"])
+def test_tracking_with_a_governor_violates_nothing_where_tracking_alone_does(name: str) -> None:
+    setup = scene(name)
+    run, alone = simulate(setup, GoalGovernor()), simulate(setup, Tracking())
+    assert alone.sigma.max() > 0.1
+    assert run.status == "converged"
+    assert run.sigma.max() < 0.0
+    assert run.clearance.min() > 0.0
+
+
+def test_a_goal_outside_is_left_at_the_margin_of_the_row_that_is_named() -> None:
+    """One joint turns towards a goal beyond its range: attraction and repulsion are equal where d = δ."""
+    wall = {"type": "joint-range", "joints": [3], "lower": [0.0], "upper": [2.0], "K": 0.2, "switching_gain": 1.0}
+    setup = scene(constraints=[wall], duration=10.0)
+    governor = GoalGovernor(margin=0.02, influence=0.1)
+    run = simulate(setup, governor)
+    assert run.status == "trapped"
+    assert -run.sigma[-1, 0] == pytest.approx(0.02, abs=2e-3)
+    assert (-run.sigma[:, 0]).min() > 0.01
+    assert governor.reference is not None
+    left = np.linalg.norm(governor.reference)
+    assert f"the governor's goal is {left:.3g} from the task's, held by range[joint 3].upper" in run.reason
+
+
+def test_a_start_outside_stays() -> None:
+    wall = {"type": "joint-range", "joints": [3], "lower": [-2.0], "upper": [1.0], "K": 0.2, "switching_gain": 1.0}
+    run = simulate(scene(constraints=[wall], duration=1.0), GoalGovernor())
+    assert np.abs(run.q - run.q[0]).max() < 1e-9
+    assert "held by range[joint 3].upper" in run.reason
+
+
+def test_without_rows_it_goes_to_the_goal() -> None:
+    setup = scene("ur5-image", constraints=[], duration=6.0)
+    governor = GoalGovernor(speed=1.0)
+    run = simulate(setup, governor)
+    assert run.status == "converged"
+    assert "governor" not in run.reason
+
+
+def test_another_law_underneath() -> None:
+    governor = GoalGovernor(demand="switch", resolver="priority", rank_tolerance=1e-5)
+    assert "model" in governor.uses
+    run = simulate(scene(duration=3.0), governor)
+    assert run.sigma.max() < 0.0
+    plain = simulate(scene(duration=3.0), GoalGovernor())
+    # nothing ever comes to where the law would act
+    np.testing.assert_allclose(run.q, plain.q, atol=1e-9)
+
+
+def test_it_begins_again_after_a_reset() -> None:
+    setup, governor = scene(duration=0.5), GoalGovernor()
+    first = simulate(setup, governor)
+    second = simulate(setup, governor)
+    np.testing.assert_array_equal(first.qdd_command, second.qdd_command)
+    governor.reset()
+    assert governor.reference is None
+
+
+def test_in_a_loop_of_ones_own() -> None:
+    """A control step gives it the model; the same states give the same commands as in a simulation."""
+    setup, governor = scene(duration=0.2), GoalGovernor()
+    run = simulate(setup, governor)
+    step, other = ControlStep(setup.scene, setup.constraints, setup.task), GoalGovernor()
+    for k in range(len(run.t)):
+        _, command = step.command(other, run.t[k], run.q[k], run.qd[k])
+        np.testing.assert_allclose(command.qdd, run.qdd_command[k], rtol=1e-9, atol=1e-9)
+
+
+# --- what it refuses ---
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        *(
+            ({name: value}, InvalidInput, f"{name} of goal-governor must be positive")
+            for name in ("speed", "margin", "influence", "horizon")
+            for value in (0.0, -1.0, float("nan"), float("inf"), "1", True)
+        ),
+        ({"margin": 0.5}, ConfigurationError, r"influence of goal-governor must be above its margin 0\.5, not 0\.3"),
+        ({"demand": "none"}, ConfigurationError, "unknown demand 'none'.*nothing"),
+        ({"speeed": 1.0}, ConfigurationError, "'speeed'"),
+    ],
+)
+def test_options_that_are_none(options: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        make_controller("goal-governor", options)
+
+
+def test_what_it_needs_is_asked_for() -> None:
+    rows, task = Rows.none(2), Task(np.eye(2), np.ones(2), np.ones(2), np.ones(2))
+    with pytest.raises(InvalidInput, match=r"goal-governor uses a model: tell it by reset\(model=...\)"):
+        GoalGovernor().command(rows, task)
+    governor = GoalGovernor()
+    governor.reset(model=model_of(scene()))
+    with pytest.raises(InvalidInput, match=r"uses task\.error and task\.error_rate"):
+        governor.command(rows, Task(np.eye(2), np.ones(2)))
+
+
+def test_references_of_their_own_and_motions_without_end_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match="moves the reference itself: leave reach_in out"):
+        simulate(scene(task__goals__0__reach_in=1.0), GoalGovernor())
+    with pytest.raises(ConfigurationError, match="without damping tracking never comes to rest: give goal-governor"):
+        simulate(scene(task__damping=0.0), GoalGovernor())
+    setup = scene()
+    setup.task.feature = copy(setup.task.feature)
+    setup.task.feature.name = "own"
+    with pytest.raises(ConfigurationError, match="the feature own does not say where a reference"):
+        super(CameraPose, setup.task.feature).carried(np.zeros(6), *setup.task.goals, *setup.task.goals, np.zeros(6))
