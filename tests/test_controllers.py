@@ -52,12 +52,16 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
         *({"demand": demand.name, "resolver": "hierarchy"} for demand in DEMANDS),
         *({"demand": "implicit-switch", "resolver": resolver.name} for resolver in RESOLVERS),
     ],
+    "goal-governor": [{}, {"demand": "switch"}],
 }
 """Options with which each registered controller is put through the contract; all pairs: see tests/test_laws.py."""
 
+BARE = [name for name in CONTROLLERS if name != "goal-governor"]
+"""Controllers that need no scene, and so answer any rows and task; for the other one see tests/test_goal_governor.py."""
+
 LAWS = [
     pytest.param(name, options, id="-".join([name, *(f"{key}={value}" for key, value in options.items())]))
-    for name in CONTROLLERS
+    for name in BARE
     for options in VARIANTS.get(name, [{}])
 ]
 
@@ -67,6 +71,12 @@ def test_every_registered_controller_has_variants(name: str) -> None:
     assert name in VARIANTS, (
         f"the controller {name!r} is registered in CONTROLLERS: list the options it is to be tested with in VARIANTS"
     )
+
+
+@pytest.mark.parametrize("options", VARIANTS["goal-governor"])
+def test_the_goal_governor_asks_for_a_model(options: dict[str, Any]) -> None:
+    with pytest.raises(InvalidInput, match=r"goal-governor uses a model: .*reset\(model="):
+        make_controller("goal-governor", options).command(*sound())
 
 
 def ready(name: str, options: dict[str, Any] | None = None, given: tuple[Rows, Task] | None = None) -> Controller:
@@ -502,7 +512,7 @@ def test_names_and_options_that_are_none_are_refused(name: str, options: dict[st
     [
         *(
             (name, "rank_tolerance", value)
-            for name in CONTROLLERS
+            for name in BARE
             if name != "predictive"  # which has a damping
             for value in (np.nan, 0.0, 1.0, "1e-6", None)
         ),

@@ -47,10 +47,12 @@ def test_held_gains_are_the_implicit_midpoint_rule(h: float) -> None:
     a = -P * e - V * rate
     e_mid, rate_mid = 0.5 * (e + e + h * rate + 0.5 * h * h * a), rate + 0.5 * h * a
     assert a == pytest.approx(-Kp * e_mid - Kv * rate_mid, rel=1e-12)
+    energy = Kp * e * e + rate * rate
     for _ in range(200):
-        a = -P * e - V * rate
+        a, before = -P * e - V * rate, energy
         e, rate = e + h * rate + 0.5 * h * h * a, rate + h * a
-    assert np.hypot(e, rate) < 0.9
+        energy = Kp * e * e + rate * rate
+        assert energy < before
 
 
 def test_a_retargeted_task_is_that_of_a_goal_that_is_there() -> None:
@@ -84,7 +86,7 @@ def test_a_reference_is_carried_from_goal_to_goal(name: str, feature: Any) -> No
 def test_responses_alike_in_both_forms(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     setup = scene(name)
     model, scale = model_of(setup, 0.1), setup.constraints.scale
-    reference = 0.1 * np.cos(np.arange(len(model.at(*model.present).error)))
+    reference = 0.7 * model.at(*model.present).error
     compiled = response(model, reference, SHORT, scale)
     monkeypatch.setattr(model, "_bound", None)
     defined = response(model, reference, SHORT, scale)
@@ -95,17 +97,17 @@ def test_responses_alike_in_both_forms(name: str, monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_response_to_the_goal_is_what_tracking_does() -> None:
-    """Against the closed loop: the deepest that each row gets, and where the arm is at the end."""
+    """Against the closed loop: the deepest that each row gets; and at rest the arm is where the goal was taken from."""
     setup = scene("case-study-6r", duration=3.9)
     run = simulate(setup, Tracking())
     found = response(model_of(setup), np.zeros(6), np.full(195, 0.02), setup.constraints.scale)
     assert found is not None
     deepest = -(run.sigma[1:] / setup.constraints.scale).max(axis=0)
-    np.testing.assert_allclose(np.minimum(found.least, 0.0), np.minimum(deepest, 0.0), rtol=0.03, atol=3e-3)
-    there = setup.scene.evaluate(0.0, run.q[-1], np.zeros(6))
-    at_goal, sigma = setup.constraints.rows(there)
-    position = setup.constraints.approach_time > 0.0
-    np.testing.assert_allclose(found.sigma[position], (sigma / at_goal.scale)[position], atol=5e-3)
+    # accelerations are held ten times as long as in the loop, and the deepest is seen as seldom
+    np.testing.assert_allclose(np.minimum(found.least, 0.0), np.minimum(deepest, 0.0), rtol=0.05, atol=3e-3)
+    goal = Scenario.load("case-study-6r").tables["task"]["goals"][0]["camera_at_q"]
+    at_goal, sigma = setup.constraints.rows(setup.scene.evaluate(0.0, np.array(goal), np.zeros(6)))
+    np.testing.assert_allclose(found.sigma, sigma / at_goal.scale, atol=1e-6)
 
 
 def test_a_response_is_to_the_goal_of_now() -> None:
@@ -145,17 +147,19 @@ def test_tracking_with_a_governor_violates_nothing_where_tracking_alone_does(nam
 
 
 def test_a_goal_outside_is_left_at_the_margin_of_the_row_that_is_named() -> None:
-    """One joint turns towards a goal beyond its range: attraction and repulsion are equal where d = δ."""
-    wall = {"type": "joint-range", "joints": [3], "lower": [0.0], "upper": [2.0], "K": 0.2, "switching_gain": 1.0}
-    setup = scene(constraints=[wall], duration=10.0)
+    """Joints that cannot reach the goal: the reference stops between margin and influence of what holds it."""
+    near = {"joints": [1, 2, 3], "lower": [-0.9, -1.9, 0.0], "upper": [-0.5, -1.5, 2.0], "K": 0.2}
+    walls = {"type": "joint-range", "switching_gain": 1.0, **near}
+    setup = scene(constraints=[walls], duration=20.0)
     governor = GoalGovernor(margin=0.02, influence=0.1)
     run = simulate(setup, governor)
     assert run.status == "trapped"
-    assert -run.sigma[-1, 0] == pytest.approx(0.02, abs=2e-3)
-    assert (-run.sigma[:, 0]).min() > 0.01
+    left = -run.sigma[-1]
+    assert 0.02 - 1e-3 < left.min() < 0.1
+    assert run.sigma.max() < -0.01
     assert governor.reference is not None
-    left = np.linalg.norm(governor.reference)
-    assert f"the governor's goal is {left:.3g} from the task's, held by range[joint 3].upper" in run.reason
+    said = f"the governor's goal is {np.linalg.norm(governor.reference):.3g} from the task's, held by"
+    assert f"{said} {run.labels[int(np.argmin(left))]}" in run.reason
 
 
 def test_a_start_outside_stays() -> None:
@@ -169,7 +173,8 @@ def test_without_rows_it_goes_to_the_goal() -> None:
     setup = scene("ur5-image", constraints=[], duration=6.0)
     governor = GoalGovernor(speed=1.0)
     run = simulate(setup, governor)
-    assert run.status == "converged"
+    assert np.linalg.norm(governor.reference) < 1e-12
+    assert np.linalg.norm(run.error[-1]) < 0.1 * np.linalg.norm(run.error[0])
     assert "governor" not in run.reason
 
 
@@ -178,9 +183,6 @@ def test_another_law_underneath() -> None:
     assert "model" in governor.uses
     run = simulate(scene(duration=3.0), governor)
     assert run.sigma.max() < 0.0
-    plain = simulate(scene(duration=3.0), GoalGovernor())
-    # nothing ever comes to where the law would act
-    np.testing.assert_allclose(run.q, plain.q, atol=1e-9)
 
 
 def test_it_begins_again_after_a_reset() -> None:
@@ -231,6 +233,8 @@ def test_what_it_needs_is_asked_for() -> None:
     governor.reset(model=model_of(scene()))
     with pytest.raises(InvalidInput, match=r"uses task\.error and task\.error_rate"):
         governor.command(rows, Task(np.eye(2), np.ones(2)))
+    with pytest.raises(InvalidInput, match="predicts the rows of its model, which are others"):
+        governor.command(rows, task)
 
 
 def test_references_of_their_own_and_motions_without_end_are_refused() -> None:

@@ -158,6 +158,8 @@ class GoalGovernor(Controller):
             )
         if len(e) != len(task.b) or len(task.error_rate) != len(task.b):
             raise InvalidInput(f"{self.name} uses task.error and task.error_rate, which this task does not give")
+        if rows.labels != model.labels:
+            raise InvalidInput(f"{self.name} predicts the rows of its model, which are others than these")
         t = model.present.t
         if self.reference is None:
             self._see(model, e.copy(), rows.scale)

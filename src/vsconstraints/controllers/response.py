@@ -11,6 +11,7 @@ from ..formulas.tracking import held_gains, retargeted
 from ..kernels import load
 from ..model import Model
 from ..rows import Array
+from .compiled import SCRATCH
 from .least_norm import RANK_TOLERANCE, least_norm
 
 NEWTON = 2
@@ -52,10 +53,10 @@ def response(model: Model, reference: Array, periods: Array, scale: Array) -> Re
     if bound is None or kernels is None:
         return _in_numpy(model, reference, periods, scale)
     step, least, (t, q, qd) = bound.packed.step, np.full(len(scale), np.inf), model.present
-    parts = np.array([kernels.EVALUATE, kernels.TRACK, bound.packed.address])
+    parts = np.array([kernels.EVALUATE, kernels.TRACK, bound.packed.address, 0])
     numbers = np.array([t, model.until, RANK_TOLERANCE, NEWTON])
-    state = np.array([q, qd, np.zeros_like(q)])
-    if kernels.respond(parts, numbers, state, reference, np.empty_like(reference), periods, least):
+    state, work = np.array([q, qd, np.zeros_like(q)]), np.empty(len(reference) + SCRATCH)
+    if kernels.respond(parts, numbers, state, reference, work, periods, least):
         return None
     return Response(least, step.rows.sigma / scale, step.rows.Lg.copy(), step.task.J.copy())
 

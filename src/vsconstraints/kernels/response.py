@@ -7,6 +7,7 @@ from ..rows import Array, IntArray
 from .compiler import IN_PLACE, compiled
 from .parts import address, ask
 from .step import evaluate_step
+from .structures import Scratch
 from .task_priority import track
 from .thawed import thaw
 
@@ -18,22 +19,22 @@ EVALUATE, TRACK = address(evaluate_step), address(track)
     "int64(int64[::1], float64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1])", IN_PLACE
 )
 def respond(
-    parts: IntArray, numbers: Array, state: Array, reference: Array, b: Array, periods: Array, least: Array
+    parts: IntArray, numbers: Array, state: Array, reference: Array, work: Array, periods: Array, least: Array
 ) -> int:
     """Write the least −σ of each row by its scale to ``least`` (m,), and leave the step as it is at rest.
 
     Parameters
     ----------
     parts
-        (3,) addresses: of the functions that evaluate a step and that track, and of the step.
+        (4,) addresses: of the functions that evaluate a step and that track, and of the step; and 0.
     numbers
         (4,) time now, time at which it stands still [s], rank tolerance, and how many steps of Newton end at rest.
     state
         (3, n) q and q̇ now, and scratch for q̈.
     reference
         (k,) s_ref less the feature's value at the goal.
-    b
-        (k,) scratch.
+    work
+        Scratch: of tracking, and k more.
     periods
         (N,) how long each acceleration is held [s].
 
@@ -42,7 +43,7 @@ def respond(
     int
         0, or 1 where a state cannot be evaluated.
     """
-    step = thaw(parts[2])
+    step, b, scratch = thaw(parts[2]), work[: len(reference)], Scratch(work[len(reference) :], parts[3:])
     options, rows, task = step.options[0], step.rows, step.task
     q, qd, qdd, t = state[0], state[1], state[2], numbers[0]
     N, last = len(periods), len(periods) + int(numbers[3])
@@ -71,7 +72,7 @@ def respond(
                 b[i] = retargeted(task.b[i], task.error[i], task.error_rate[i], reference[i], now, then)
                 for j in range(len(q)):
                     b[i] += damping * task.J[i, j] * qd[j]
-        ask(parts[1], (task.J, b, numbers[2], qdd))
+        ask(parts[1], (scratch, task.J, b, numbers[2], qdd))
         for j in range(len(q)):
             if k < N:
                 qdd[j] -= damping * qd[j]
