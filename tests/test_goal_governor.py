@@ -107,7 +107,8 @@ def test_a_response_to_the_goal_is_what_tracking_does() -> None:
     np.testing.assert_allclose(np.minimum(found.least, 0.0), np.minimum(deepest, 0.0), rtol=0.05, atol=3e-3)
     goal = Scenario.load("case-study-6r").tables["task"]["goals"][0]["camera_at_q"]
     at_goal, sigma = setup.constraints.rows(setup.scene.evaluate(0.0, np.array(goal), np.zeros(6)))
-    np.testing.assert_allclose(found.sigma, sigma / at_goal.scale, atol=1e-6)
+    # two steps of Newton leave the square of the square of what was left of the way
+    np.testing.assert_allclose(found.sigma, sigma / at_goal.scale, atol=5e-5)
 
 
 def test_a_response_is_to_the_goal_of_now() -> None:
