@@ -328,3 +328,14 @@ def test_a_scenario_takes_the_robots_limits_or_states_its_own():
     base = Scenario.load("ur5-fov")
     assert base.with_override("limits", "robot").setup().limits == ur5().limits
     assert base.with_override("limits", {"acceleration": 2}).setup().limits == ActuatorLimits(acceleration=2.0)
+
+
+def test_limits_decide_more_than_the_law():
+    """With ±1 rad/s² the barrier within the box keeps the image that the paper's law, brought into the box, loses."""
+    setup = replace(setup_of("example-2d-fast", acceleration=1.0), on_rank_loss="continue")
+    barrier, paper = simulate(setup, HierarchicalQP()), simulate(setup, SlidingMode())
+    assert barrier.status == "converged"
+    assert barrier.sigma.max() < 0.0
+    assert paper.sigma.max() > 100.0
+    # nor does the barrier keep it with half of that
+    assert simulate(setup_of("example-2d-fast", acceleration=0.5), HierarchicalQP()).sigma.max() > 1.0
