@@ -1,0 +1,45 @@
+"""The page of laws, against the laws."""
+
+from pathlib import Path
+
+import pytest
+
+from vsconstraints.comparisons import Suite
+
+ROOT = Path(__file__).parents[1]
+
+
+def table() -> dict[str, list[str]]:
+    """The cells of each law's line in the table "Which law?"."""
+    text = (ROOT / "docs" / "laws.md").read_text(encoding="utf-8").partition("## Which law?")[2].partition("\n## ")[0]
+    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:3] == "| `"]
+    return {name.strip("`"): cells for name, *cells in lines}
+
+
+@pytest.mark.parametrize("suite", ["laws", "laws-disturbed"])
+def test_every_law_of_the_suites_is_in_the_table_with_what_it_uses(suite: str) -> None:
+    lines = table()
+    for entry in Suite.load(ROOT / "comparisons" / f"{suite}.toml").controllers:
+        law, (parts, uses, parameters, *_) = entry.make(), lines[entry.name]
+        assert uses == (", ".join(law.uses) or "–"), entry.name
+        demand, resolver = getattr(law, "demand", None), getattr(law, "resolver", None)
+        named = f"{demand.name} × {resolver.name}" if demand is not None and resolver is not None else "–"
+        assert parts == named, entry.name
+        ranges = getattr(type(demand), "ranges", {})
+        if "as " not in parameters:
+            for name, (low, high) in ranges.items():
+                assert f"{name} {low:g}–{high:g}" in parameters, entry.name
+
+
+def test_laws_of_the_disturbed_suite_begin_as_those_of_the_other() -> None:
+    """The same laws with the same settings, and margins after them."""
+    suites = [Suite.load(ROOT / "comparisons" / f"{name}.toml").controllers for name in ("laws", "laws-disturbed")]
+    assert suites[1][: len(suites[0])] == suites[0]
+    assert len(suites[1]) > len(suites[0])
+
+
+def test_the_default_comparison_is_readable() -> None:
+    """The paper's three laws and three of the field's, beside tracking."""
+    names = [entry.name for entry in Suite.load().controllers]
+    assert names[:4] == ["tracking", "sliding-mode", "potential-field", "hierarchical-qp"]
+    assert {*names[4:]} == {"implicit-switch", "cbf-filter", "predictive"}
