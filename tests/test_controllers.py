@@ -124,7 +124,8 @@ def problem(size: Size) -> tuple[Rows, Task]:
         sigma_dot=sigma_dot,
         K=K,
     )
-    return rows, Task(J * size.task_scale, rng.normal(size=k) * size.task_scale)
+    b, error, error_rate = rng.normal(size=(3, k)) * size.task_scale
+    return rows, Task(J * size.task_scale, b, error, error_rate)
 
 
 sizes = st.builds(

@@ -43,6 +43,7 @@ from vsconstraints.constraints import (
 )
 from vsconstraints.constraints.base import PositionConstraint
 from vsconstraints.constraints.curves import SHAPES, Shape
+from vsconstraints.constraints.forbidden_region import RegionAroundAxis
 from vsconstraints.features import FEATURES, Feature, Goal, ImagePoints
 from vsconstraints.geometry import Pose
 from vsconstraints.kinematics import Kinematics
@@ -406,7 +407,8 @@ def test_an_unknown_motion_leaves_only_sigma() -> None:
 
 def concrete(base: type) -> set[type]:
     """Classes of the package that derive from ``base`` and can be made."""
-    abstract = inspect.isabstract(base) or base in (ImageConstraint, PointConstraint, ForbiddenRegion, Shape)
+    bases = ImageConstraint, PointConstraint, ForbiddenRegion, RegionAroundAxis, Shape
+    abstract = inspect.isabstract(base) or base in bases
     found = {base} if not abstract and base.__module__.startswith("vsconstraints.") else set()
     return found.union(*(concrete(derived) for derived in base.__subclasses__()))
 

@@ -109,7 +109,8 @@ def test_the_hierarchy_of_redundant_arms(n, bound):
 @pytest.mark.parametrize(("k", "n", "rank"), [(3, 30, 3), (6, 12, 4), (12, 6, 4), (9, 9, 9), (9, 9, 5), (40, 7, 7)])
 def test_the_pseudoinverse_keeps_the_singular_values_above_the_tolerance(k, n, rank):
     inner, start = kernels.load("least_squares").pseudoinverse, kernels.load("linear").START
-    solve = kernels.load("compiler").numba.njit(lambda W, cut, Y: inner(W, start, 30.0 * cut, cut, W, Y, start))
+    none = kernels.load("scratch").no_scratch
+    solve = kernels.load("compiler").numba.njit(lambda W, cut, Y: inner(W, start, 30.0 * cut, cut, W, Y, start, none()))
     rng = np.random.default_rng(0)
     c = min(k, n)
     for cut in (1e-6, 1e-2):

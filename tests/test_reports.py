@@ -677,7 +677,7 @@ def test_a_report_of_many_laws_has_figures_and_tables_of_few(copy: Path) -> None
     assert links(text) == {f"figures/{name}{suffix}.png" for name in ("trade-off", *drawn) for suffix in suffixes}
     assert {f"figures/{path.name}" for path in (copy / "figures").iterdir()} == links(text)
     for group in grouped(MANY):
-        assert text.count(f"{group.title}:") == 3
+        assert text.count(f"{group.title}:\n") == 3
         assert text.count(f"{group.title}.*") == len(FIGURES) + 1
     wide = [t for t in tables_of(text) if "tracking" in t[0]]
     assert max(len(t[0]) for t in wide) <= 2 + 1 + MOST

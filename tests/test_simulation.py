@@ -68,6 +68,10 @@ class Played(Controller):
         return Command(qdd, "ok", np.zeros(len(rows.labels), dtype=np.bool_), rows.labels)
 
 
+OTHERWISE = "between_clearance", "share_to_hold"
+"""Arrays that are not by sample."""
+
+
 def columns(trajectory: Trajectory) -> dict[str, Array]:
     arrays = {f.name: getattr(trajectory, f.name) for f in fields(trajectory)}
     return {name: value for name, value in arrays.items() if isinstance(value, np.ndarray)}
@@ -119,7 +123,7 @@ def test_runs_have_a_sample_at_the_start_and_at_the_end(Ts: float, duration: flo
     np.testing.assert_allclose(trajectory.t, Ts * np.arange(samples), atol=1e-12)
     assert abs(trajectory.t[-1] - duration) <= 0.5 * Ts
     for name, values in columns(trajectory).items():
-        if name != "between_clearance":
+        if name not in OTHERWISE:
             assert len(values) == samples, name
 
 
@@ -195,7 +199,7 @@ def test_a_marker_that_gets_behind_the_camera_ends_the_run_and_keeps_what_was_si
     assert 5 < samples < there.samples
     assert f"t = {samples * 0.005:.4g} s" in trajectory.reason
     for name, values in columns(trajectory).items():
-        if name != "between_clearance":
+        if name not in OTHERWISE:
             assert len(values) == samples, name
             assert np.isfinite(values).all(), name
     # the next state is the one that cannot be seen
