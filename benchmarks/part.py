@@ -125,9 +125,17 @@ class Part:
         self.numbers[f"{name}: p99/median"] = times.spread
 
 
+OTHER_FORMS = {
+    "potential-field-priority": ("potential-field", {"blend": "priority"}),
+    "hierarchical-qp-active": ("hierarchical-qp", {"rows": "active"}),
+}
+"""Laws and options that are timed beside those of the default comparison."""
+
+
 def controllers() -> dict[str, Controller]:
-    """New controllers of the default comparison, by the names used there."""
-    return {entry.name: entry.make() for entry in _default_suite().controllers}
+    """New controllers of the default comparison, and other forms of them, by name."""
+    others = {name: make_controller(law, options) for name, (law, options) in OTHER_FORMS.items()}
+    return {entry.name: entry.make() for entry in _default_suite().controllers} | others
 
 
 @cache
