@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterable
 
 from rich.console import Console
@@ -59,7 +60,9 @@ def _solver_line(name: str) -> str:
 
 
 def _first_line(thing: object) -> str:
-    return (inspect.getdoc(thing) or "").partition("\n")[0]
+    """The first line of a docstring, as one reads it: without the marks of references and code."""
+    line = (inspect.getdoc(thing) or "").partition("\n")[0]
+    return re.sub(r"(?::\w+:`\.?|`)([^`]*)`", r"\1", line.replace("``", "`"))
 
 
 def _print(console: Console, title: str, lines: list[tuple[str, str]]) -> None:

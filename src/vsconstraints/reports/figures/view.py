@@ -102,4 +102,4 @@ class View:
     def title(self, ax: Any, name: str) -> None:
         """A controller's name above its panel."""
         colour = darker(self.looks[name].colour)
-        ax.set_title(shortened(name), loc="left", color=colour, fontweight="bold", pad=4)
+        ax.set_title(shortened(name, 24), loc="left", color=colour, fontweight="bold", pad=4)
