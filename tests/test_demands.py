@@ -462,3 +462,12 @@ def test_barriers_ask_the_less_of_a_row_the_farther_inside_it_is(kind: type[Dema
     c = [float(asked(kind(), **known, phi=phi, sigma=phi, sigma_dot=0.0)) for phi in (0.5, 0.1, 0.0, -0.1, -0.5, -2.0)]
     assert c == sorted(c)
     assert len({*c}) == len(c)
+
+
+def test_one_row_is_remembered_from_the_first_sample_on() -> None:
+    law = Law(ImplicitSwitchWithDrift(), Hierarchy())
+    law.reset(period=0.01)
+    rows = Rows(np.zeros(1), np.ones((1, 1)), np.zeros(1), np.ones(1), ("a",))
+    task = Task(np.ones((1, 1)), np.ones(1))
+    assert law.solve(rows, task).status == "ok"
+    assert law.memory.shape == (1, len(law.demand.remembers))

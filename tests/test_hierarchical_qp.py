@@ -15,9 +15,10 @@ from scipy.optimize import nnls
 from oracle import KINDS, Problem, lexicographic_optimum, random_problem
 from vsconstraints.controllers import HierarchicalQP, Tracking
 from vsconstraints.controllers.least_norm import least_norm
-from vsconstraints.controllers.resolvers.hierarchy import row_weights
+from vsconstraints.controllers.resolvers.hierarchy import Hierarchy, row_weights
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
 from vsconstraints.kernels import load
+from vsconstraints.kernels.structures import DONE, RELAXED_ROWS, RELAXED_SHORT, SHORT
 from vsconstraints.qp import FALLBACKS, Answer, Infeasible, make_solver
 from vsconstraints.qp.daqp_solver import DaqpSolver
 from vsconstraints.qp.registry import NATIVE
@@ -839,3 +840,17 @@ def test_labels_that_are_no_names_are_refused_where_the_answer_names_rows():
     rows = Rows(np.ones(2), np.array([[1.0], [0.0]]), np.zeros(2), np.ones(2), (0, 1))
     with pytest.raises(InvalidInput, match="labels"):
         HierarchicalQP(rows="active").command(rows, Task(np.eye(1), np.zeros(1)))
+
+
+def test_each_code_of_the_compiled_answer_has_its_status() -> None:
+    slack, acted = np.array([0.5, 0.0]), np.zeros(2, dtype=np.bool_)
+    codes = (
+        (DONE, "ok", False),
+        (RELAXED_ROWS, "relaxed", False),
+        (SHORT, "suboptimal", True),
+        (RELAXED_SHORT, "relaxed", True),
+    )
+    for code, status, unproved in codes:
+        found = Hierarchy().command(code, np.zeros(2), acted, ("a", "b"), slack, 3)
+        assert found is not None
+        assert (found.status, "rounding" in found.reason) == (status, unproved)
