@@ -13,7 +13,7 @@ from vsconstraints.controllers import GoalGovernor, Tracking, make_controller
 from vsconstraints.controllers.response import response
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.features import CameraPose, Goal, ImagePoints
-from vsconstraints.formulas.tracking import held_gains, retargeted
+from vsconstraints.formulas.tracking import retargeted
 from vsconstraints.model import Model
 from vsconstraints.rows import Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -37,22 +37,6 @@ def model_of(setup: Setup, moving: float = 0.0) -> Model:
 
 
 # --- formulas ---
-
-
-@pytest.mark.parametrize("h", [1e-3, 0.1, 10.0])
-def test_held_gains_are_the_implicit_midpoint_rule(h: float) -> None:
-    """What is held equals what the law asks in the middle, of a motion that holds it."""
-    Kp, Kv, e, rate = 20.0, 13.0, 0.7, -0.4
-    P, V = held_gains(Kp, Kv, h)
-    a = -P * e - V * rate
-    e_mid, rate_mid = 0.5 * (e + e + h * rate + 0.5 * h * h * a), rate + 0.5 * h * a
-    assert a == pytest.approx(-Kp * e_mid - Kv * rate_mid, rel=1e-12)
-    energy = Kp * e * e + rate * rate
-    for _ in range(200):
-        a, before = -P * e - V * rate, energy
-        e, rate = e + h * rate + 0.5 * h * h * a, rate + h * a
-        energy = Kp * e * e + rate * rate
-        assert energy < before
 
 
 def test_a_retargeted_task_is_that_of_a_goal_that_is_there() -> None:

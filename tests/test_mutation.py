@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from checks.mutation.mutants import edited, mutants_of, sampled  # noqa: E402
+from checks.mutation.targets import suffices  # noqa: E402
 
 SOURCE = '''"""A docstring with 1 and 2."""
 
@@ -67,6 +69,7 @@ RUN = """
 import sys
 from pathlib import Path
 from checks.mutation import run
+from checks.mutation.__main__ import suffices  # noqa: E402
 from checks.mutation.mutants import edited, mutants_of
 run.SLACK, run.THIRD_PARTY, tree = 3.0, (), Path(sys.argv[1])
 named = edited(tree, "src/module.py", "- [1, 2]", "- [1, 9]", "a name")
@@ -111,6 +114,16 @@ def test_samples_are_repeatable(tree: Path) -> None:
     assert sampled(made, 5, 1) == sampled(made, 5, 1) != sampled(made, 5, 2)
     assert len(sampled(made, 5, 1)) == 5
     assert sampled(made, 100, 1) == made
+
+
+def test_a_sample_is_judged_by_what_chance_allows() -> None:
+    """The sum of the binomial distribution's terms, written out: the most misses of 150 with 5 % to spare."""
+    terms = [math.comb(150, k) * 0.05**k * 0.95 ** (150 - k) for k in range(151)]
+    most = max(k for k in range(151) if sum(terms[k:]) >= 0.05)
+    assert most == 12
+    assert suffices(150 - most, 150)
+    assert not suffices(149 - most, 150)
+    assert suffices(0, 0)
 
 
 def test_what_tests_notice(tree: Path) -> None:

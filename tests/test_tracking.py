@@ -12,6 +12,7 @@ from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.features import CameraPose, Feature, Goal, ImagePoints
+from vsconstraints.formulas.tracking import held_gains
 from vsconstraints.kernels import load
 from vsconstraints.references import MinimumJerk
 from vsconstraints.rows import Array
@@ -363,3 +364,19 @@ def test_a_scenario_with_a_reference_follows_it_in_numpy() -> None:
 def test_a_scenario_says_what_is_wrong_with_its_reference(value: object) -> None:
     with pytest.raises((ConfigurationError, InvalidInput), match=r"reach_in|duration of a reference"):
         Scenario.load("example-2d-fov").with_override("task.goals.0.reach_in", value).setup()
+
+
+@pytest.mark.parametrize("h", [1e-3, 0.1, 10.0])
+def test_held_gains_are_the_implicit_midpoint_rule(h: float) -> None:
+    """What is held equals what the law asks in the middle, of a motion that holds it."""
+    Kp, Kv, e, rate = 20.0, 13.0, 0.7, -0.4
+    P, V = held_gains(Kp, Kv, h)
+    a = -P * e - V * rate
+    e_mid, rate_mid = 0.5 * (e + e + h * rate + 0.5 * h * h * a), rate + 0.5 * h * a
+    assert a == pytest.approx(-Kp * e_mid - Kv * rate_mid, rel=1e-12)
+    energy = Kp * e * e + rate * rate
+    for _ in range(200):
+        a, before = -P * e - V * rate, energy
+        e, rate = e + h * rate + 0.5 * h * h * a, rate + h * a
+        energy = Kp * e * e + rate * rate
+        assert energy < before

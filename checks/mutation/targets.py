@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from scipy.stats import binomtest
+
 LEAST = 0.95
 """Share of the mutants of each group that tests must notice."""
+
+DOUBT = 0.05
+"""Of a sample: it tells against that share where such a sample, or a worse one, is less probable than this with it."""
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "metrics": (
@@ -53,7 +58,12 @@ def files_of(root: Path, group: str) -> list[str]:
     return found
 
 
-COMPILED = ("compute", "bind", "_compile")
+def suffices(noticed: int, of: int) -> bool:
+    """Whether a sample of mutants may be one of which tests notice the least share: exact binomial test, one-sided."""
+    return of == 0 or bool(binomtest(noticed, of, LEAST, alternative="less").pvalue >= DOUBT)
+
+
+COMPILED = ("compute", "bind", "_compile", "_form")
 """Functions of the laws' compiled form, which does not run here: tests hold it to the definition."""
 
 TESTS = (
