@@ -10,6 +10,7 @@ import inspect
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
@@ -74,22 +75,30 @@ def split(table: object, where: str, *makes: Callable[..., Any], given: Iterable
     return [{name: values[name] for name in names if name in values} for names in known]
 
 
-def parameters(make: Callable[..., Any]) -> dict[str, inspect.Parameter]:
+def parameters(make: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
     """The parameters of a class or function by their names, their annotations evaluated where that is possible."""
-    try:
-        signature = inspect.signature(make, eval_str=True)
-    except NameError:  # somebody's own annotations may name what is there for type checkers only
-        signature = inspect.signature(make)
-    return {
-        name: parameter.replace(annotation=Any) if isinstance(parameter.annotation, str) else parameter
-        for name, parameter in signature.parameters.items()
-        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-    }
+    return _signature(make)[0]
 
 
 def takes_any(make: Callable[..., Any]) -> bool:
     """Whether a class or function takes keywords that its signature does not name."""
-    return any(one.kind is one.VAR_KEYWORD for one in inspect.signature(make).parameters.values())
+    return _signature(make)[1]
+
+
+@lru_cache(maxsize=512)
+def _signature(make: Callable[..., Any]) -> tuple[Mapping[str, inspect.Parameter], bool]:
+    """Both, kept: to look at a signature takes longer than to make what it is of."""
+    try:
+        signature = inspect.signature(make, eval_str=True)
+    except NameError:  # somebody's own annotations may name what is there for type checkers only
+        signature = inspect.signature(make)
+    every = signature.parameters.items()
+    named = {
+        name: parameter.replace(annotation=Any) if isinstance(parameter.annotation, str) else parameter
+        for name, parameter in every
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+    }
+    return types.MappingProxyType(named), any(one.kind is one.VAR_KEYWORD for _, one in every)
 
 
 def demand_table(value: object, where: str) -> Table:
