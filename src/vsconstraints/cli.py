@@ -4,38 +4,29 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from . import __version__
+from .commands.terminal import (
+    NOTHING_DONE,
+    USAGE_ERROR,
+    Figures,
+    Jobs,
+    app,
+    console,
+    errors,
+    note_processes,
+    progress_bar,
+    taken_up_again,
+    typed_command,
+)
 from .errors import StorageError, VsconstraintsError
 from .runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
-
-if TYPE_CHECKING:
-    from rich.progress import Progress
-
-app = typer.Typer(
-    help="Compare controllers that keep visual servoing inside its limits.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-# no markup: names and paths may contain square brackets
-console = Console(highlight=False, markup=False, soft_wrap=True)
-errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
-
-NOTHING_DONE, USAGE_ERROR = 1, 2
-
-
-Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")]
-
-Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Whether the report has figures.")]
 
 
 @app.command()
@@ -84,10 +75,10 @@ def compare(
     for remark in chosen.remarks():
         errors.print(f"note: {remark}")
     total = len(chosen.with_baseline().runs())
-    _note_processes(jobs)
+    note_processes(jobs)
     context.with_resource(held(out))
     failed: Counter[str] = Counter()
-    with _progress() as progress:
+    with progress_bar() as progress:
         bar = progress.add_task("comparing", total=total)
 
         def finished(made: RunSpec, score: Score, stored: bool) -> None:
@@ -106,7 +97,7 @@ def compare(
             workers=jobs,
             limit=run_limit,
             fresh=fresh,
-            command=_command(),
+            command=typed_command(),
             on_finished=finished,
         )
     for alike, count in failed.items():
@@ -154,14 +145,14 @@ def reproduce(
     """Check every claim of the paper, redraw its figures, and write a report."""
     from .reproduction import reproduce as run
 
-    _note_processes(jobs)
-    with _taken_up_again(out), _progress() as progress:
+    note_processes(jobs)
+    with taken_up_again(out), progress_bar() as progress:
         bar = progress.add_task("starting", total=None)
         result = run(
             out,
             workers=jobs,
             on_progress=lambda what, done, total: progress.update(bar, description=what, completed=done, total=total),
-            command=_command(),
+            command=typed_command(),
         )
     for name, why in result.problems.items():
         errors.print(f"{name}: {why}")
@@ -177,8 +168,8 @@ def study(
     """Answer a general question about the controllers with many runs and one figure."""
     from .studies import STUDIES, figure_file, run_studies
 
-    _note_processes(jobs)
-    with _taken_up_again(out), _progress() as progress:
+    note_processes(jobs)
+    with taken_up_again(out), progress_bar() as progress:
         bar = progress.add_task("studying", total=None)
         results = run_studies(
             names, out, jobs, on_progress=lambda done, total: progress.update(bar, completed=done, total=total)
@@ -195,7 +186,7 @@ def _report(folder: Path, figures: bool) -> Path:
     """Write a comparison's report, and show how far its figures are."""
     from .reports import write_report
 
-    progress = _progress()
+    progress = progress_bar()
     bar = progress.add_task("drawing figures")
     with ExitStack() as shown:
 
@@ -205,36 +196,6 @@ def _report(folder: Path, figures: bool) -> Path:
             progress.update(bar, completed=done, total=total)
 
         return write_report(folder, figures=figures, on_drawn=drawn)
-
-
-def _command() -> list[str]:
-    """What the user typed, such that files in UTF-8 can hold it."""
-    return ["vsconstraints", *(word.encode("utf-8", "backslashreplace").decode() for word in sys.argv[1:])]
-
-
-def _note_processes(asked: int | None) -> None:
-    from .runs.resources import process_count
-
-    used = process_count(asked)
-    if asked is not None and used < asked:
-        errors.print(f"note: --jobs {asked}: there are cores and memory for {used}; {used} used")
-
-
-@contextmanager
-def _taken_up_again(folder: Path) -> Iterator[None]:
-    """Say, where it is interrupted, that what was finished is kept."""
-    try:
-        yield
-    except INTERRUPTS as interrupt:
-        errors.print(f"Interrupted: finished runs are kept in {folder}; the same command goes on.")
-        raise typer.Exit(exit_code(signal_of(interrupt))) from interrupt
-
-
-def _progress() -> Progress:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=errors)
 
 
 def _version(value: bool) -> None:

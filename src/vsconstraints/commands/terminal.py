@@ -1,0 +1,66 @@
+"""What the commands share: the application, its terminal, options that several have, and progress."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from ..runs.signals import INTERRUPTS, exit_code, signal_of
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+app = typer.Typer(
+    help="Compare controllers that keep visual servoing inside its limits.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+# no markup: names and paths may contain square brackets
+console = Console(highlight=False, markup=False, soft_wrap=True)
+errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+
+NOTHING_DONE, USAGE_ERROR = 1, 2
+
+
+Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")]
+
+Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Whether the report has figures.")]
+
+
+def typed_command() -> list[str]:
+    """What the user typed, such that files in UTF-8 can hold it."""
+    return ["vsconstraints", *(word.encode("utf-8", "backslashreplace").decode() for word in sys.argv[1:])]
+
+
+def note_processes(asked: int | None) -> None:
+    """Say so where fewer processes are used than were asked for."""
+    from ..runs.resources import process_count
+
+    used = process_count(asked)
+    if asked is not None and used < asked:
+        errors.print(f"note: --jobs {asked}: there are cores and memory for {used}; {used} used")
+
+
+@contextmanager
+def taken_up_again(folder: Path) -> Iterator[None]:
+    """Say, where it is interrupted, that what was finished is kept."""
+    try:
+        yield
+    except INTERRUPTS as interrupt:
+        errors.print(f"Interrupted: finished runs are kept in {folder}; the same command goes on.")
+        raise typer.Exit(exit_code(signal_of(interrupt))) from interrupt
+
+
+def progress_bar() -> Progress:
+    """A bar with how many of how many are done."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=errors)

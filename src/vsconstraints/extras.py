@@ -1,0 +1,43 @@
+"""Packages that only some parts need: what to install where one is missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+from .errors import ConfigurationError, unknown_name
+
+
+@dataclass(frozen=True)
+class Extra:
+    """A group of packages that ``pip install 'vsconstraints[NAME]'`` installs.
+
+    Attributes
+    ----------
+    what
+        What needs it.
+    modules
+        Names by which its packages are imported.
+    """
+
+    what: str
+    modules: tuple[str, ...]
+
+
+_TABLES = ("pandas", "pyarrow", "statsmodels", "scikit_posthocs")
+
+EXTRAS = {
+    "evidence": Extra("evidence of drawn scenes", _TABLES),
+    "tune": Extra("tuning of laws", (*_TABLES, "optuna", "moocore")),
+    "cluster": Extra("work on a cluster", (*_TABLES, "distributed")),
+}
+"""By their names in pyproject.toml."""
+
+
+def demand(name: str) -> None:
+    """Raise ConfigurationError that says what to install, unless all packages of an extra are there."""
+    if name not in EXTRAS:
+        raise unknown_name("extra", name, EXTRAS)
+    missing = [module for module in EXTRAS[name].modules if find_spec(module) is None]
+    if missing:
+        raise ConfigurationError(f"{EXTRAS[name].what} needs {', '.join(missing)}: pip install 'vsconstraints[{name}]'")
