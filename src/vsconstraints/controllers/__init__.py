@@ -18,6 +18,7 @@ from .law import Law
 from .named import NAMED, Pair
 from .potential_field import PotentialField
 from .predictive import PredictiveControl
+from .ranges import Choices, Range, ranges_of
 from .resolvers import (
     RESOLVERS,
     Additive,
@@ -40,6 +41,7 @@ __all__ = [
     "Additive",
     "Barrier",
     "BoundaryLayer",
+    "Choices",
     "Controller",
     "Demand",
     "Filter",
@@ -54,6 +56,7 @@ __all__ = [
     "PredictiveControl",
     "Priority",
     "Projection",
+    "Range",
     "Repulsion",
     "Resolver",
     "Saturation",
@@ -61,6 +64,7 @@ __all__ = [
     "Switch",
     "Tracking",
     "controller_class",
+    "law_ranges",
     "make_controller",
 ]
 
@@ -121,3 +125,24 @@ def make_controller(name: str, options: Mapping[str, Any] | None = None, folder:
         raise ConfigurationError(
             f"controller {name!r} cannot be made with {shown(options)}: {described(error)}"
         ) from error
+
+
+def law_ranges(
+    name: str, options: Mapping[str, Any] | None = None, folder: Path | None = None
+) -> dict[str, Range | Choices]:
+    """From where to where the options of a law are worth searching; empty if it declares nothing.
+
+    They are those of the law's class and, of a :class:`Law`, of its demand and its resolver. What is given stays as it
+    is, and is not among them; ``law_ranges("law", {"demand": "barrier", "resolver": "filter"})`` are those of a pair.
+
+    Parameters
+    ----------
+    name, options, folder
+        As for :func:`make_controller`.
+
+    Raises
+    ------
+    ConfigurationError
+        also if the class declares what is no range, or one that does not hold the option's default.
+    """
+    return ranges_of(make_controller(name, options, folder), name, options or {})

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import numpy as np
 
 from ..errors import SolverError, shown
 from ..rows import Array, BoolArray, Command, Rows, Status, Task, beyond_rounding, check, keep_box
+from .ranges import Declared
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -24,9 +25,17 @@ class Controller(ABC):
     ``solve`` may assume finite arrays of matching shapes, and no number that is not finite ever reaches a robot. Nor
     does one so large that rounding alone of a row exceeds its switching gain. What is outside the box of the rows is
     brought into it joint by joint.
+
+    Attributes
+    ----------
+    name
+        In files and reports.
+    ranges
+        From where to where options are worth searching; see :func:`vsconstraints.controllers.law_ranges`.
     """
 
     name: ClassVar[str]
+    ranges: ClassVar[Mapping[str, Declared]] = {}
 
     def command(self, rows: Rows, task: Task) -> Command:
         """Joint accelerations for these rows and this task.

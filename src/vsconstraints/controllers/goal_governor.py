@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from .base import Controller, restart
 from .least_norm import RANK_TOLERANCE, least_norm
 from .named import Pair
 from .options import positive
+from .ranges import Choices, Declared, Range
 from .response import Response, response
 
 SETTLING = 0.1
@@ -76,6 +78,12 @@ class GoalGovernor(Controller):
     """
 
     name = "goal-governor"
+    ranges: ClassVar[Mapping[str, Declared]] = {
+        "speed": Range(0.5, 5.0),
+        "margin": Range(0.005, 0.05),
+        "influence": Range(0.1, 0.5),
+        "horizon": Choices((None, 2.0, 4.0, 6.0)),
+    }
 
     model: Model | None
     reference: Array | None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from numbers import Integral
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from .base import Controller
 from .condensed import Lookahead, bounded, cost, influenced, limits, look_ahead
 from .horizon import Horizon, Instants, stopping_time
 from .options import positive
+from .ranges import Declared, Range
 from .resolvers import Hierarchy
 from .resolvers.hierarchy import row_weights
 from .tracking import Tracking
@@ -96,6 +97,12 @@ class PredictiveControl(Controller):
     """
 
     name = "predictive"
+    ranges: ClassVar[Mapping[str, Declared]] = {
+        "horizon": Range(3, 30, integer=True),
+        "block": Range(5, 25, integer=True),
+        "approach": Range(1.5, 10.0),
+        "damping": Range(1e-8, 1e-4),
+    }
 
     solvers: SolverChain
     plan: Plan | None

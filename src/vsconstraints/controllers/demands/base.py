@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 from ...errors import InvalidInput, shown
 from ..options import positive
+from ..ranges import Declared
 
 USES: dict[str, str] = {
     "Lf": "L_fφ",
@@ -58,7 +59,7 @@ class Demand(ABC):
     remembers: ClassVar[tuple[float, ...]] = ()
     relative: ClassVar[bool] = False
     everywhere: ClassVar[bool] = False
-    ranges: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    ranges: ClassVar[Mapping[str, Declared]] = {}
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -14,6 +14,7 @@ from ...kernels.structures import DONE
 from ...qp import SolverChain
 from ...rows import Array, BoolArray, Command, Rows, Task
 from ..demands import Demand
+from ..ranges import Declared
 
 Asked = Callable[[int, Array | None], Array]
 """What the rows ask for: of a purpose (:mod:`vsconstraints.formulas.row`) and q̈ of tracking (n,), (m,)."""
@@ -45,6 +46,8 @@ class Resolver(ABC):
         Whether its commands tell what they leave unmet.
     answers
         Codes with which the compiled form has an answer.
+    ranges
+        From where to where an option is worth searching; tolerances, limits and solvers are not.
     """
 
     name: ClassVar[str]
@@ -53,6 +56,7 @@ class Resolver(ABC):
     uses: ClassVar[tuple[str, ...]] = ()
     measures: ClassVar[bool] = False
     answers: ClassVar[Collection[int]] = (DONE,)
+    ranges: ClassVar[Mapping[str, Declared]] = {}
 
     @abstractmethod
     def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ...errors import unknown_name
 from ...kernels.structures import NEAREST, WEIGHED
 from ...rows import Array, BoolArray, Rows
 from ..least_norm import LeastNorm
+from ..ranges import Choices, Declared, Range
 from .hierarchy import Hierarchy
 
 METRICS = {"joint": NEAREST, "task": WEIGHED}
@@ -44,6 +46,7 @@ class Filter(Hierarchy):
     metric: Literal["joint", "task"] = "joint"
 
     name = "filter"
+    ranges: ClassVar[Mapping[str, Declared]] = {"metric": Choices(tuple(METRICS)), "damping": Range(1e-8, 1.0)}
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -14,6 +15,7 @@ from ...qp import SolverChain
 from ...rows import Array, Command, Rows, Task
 from ..least_norm import least_norm, track
 from ..options import positive
+from ..ranges import Declared, Range
 from .additive import Additive, pushes
 from .base import Asked
 
@@ -45,6 +47,7 @@ class Projection(Additive):
     name = "projection"
     kernel: ClassVar[tuple[str, str]] = ("projection", "projection")
     uses: ClassVar[tuple[str, ...]] = ("error",)
+    ranges: ClassVar[Mapping[str, Declared]] = {"closed": Range(0.01, 0.3), "opened": Range(0.4, 4.0)}
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -13,6 +14,7 @@ from ...qp import SolverChain
 from ...qp.lexicographic import MET, STRICT, ZERO_GRADIENT
 from ...rows import Array, Command, IntArray, Rows, Task
 from ..least_norm import track
+from ..ranges import Choices, Declared
 from ..task_priority import resolve
 from .base import Asked
 from .hierarchy import Hierarchy
@@ -72,6 +74,7 @@ class Saturation(Hierarchy):
     name = "saturation"
     kernel: ClassVar[tuple[str, str]] = ("saturation", "saturation")
     otherwise: ClassVar[tuple[str, str] | None] = Hierarchy.kernel
+    ranges: ClassVar[Mapping[str, Declared]] = {"scales": Choices((False, True))}
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,0 +1,204 @@
+"""From where to where laws are worth searching: one contract for every registered law and every pair."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vsconstraints.controllers import (
+    CONTROLLERS,
+    DEMANDS,
+    RESOLVERS,
+    Barrier,
+    Choices,
+    Hierarchy,
+    Range,
+    law_ranges,
+    make_controller,
+)
+from vsconstraints.controllers.ranges import Declared, default_of
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
+
+LAWS: list[Any] = [
+    *(pytest.param(name, {}, id=name) for name in CONTROLLERS),
+    *(
+        pytest.param("law", {"demand": d.name, "resolver": r.name}, id=f"{d.name}-{r.name}")
+        for d in DEMANDS
+        for r in RESOLVERS
+        if d is Barrier or r is Hierarchy
+    ),
+]
+"""Every name, every demand and every resolver."""
+
+MODEL = ("predictive", "goal-governor")
+SCENE = Scenario.load("example-2d-fov").with_override("duration", 0.1)
+
+
+def drawn(ranges: Mapping[str, Range | Choices], rng: np.random.Generator) -> dict[str, Any]:
+    """A value inside each range."""
+    values: dict[str, Any] = {}
+    for option, one in ranges.items():
+        if isinstance(one, Choices):
+            values[option] = one.values[rng.integers(len(one.values))]
+        elif one.integer:
+            values[option] = int(rng.integers(one.least, one.greatest + 1))
+        else:
+            ends = np.log([*one]) if one.logarithmic else np.array([*one])
+            value = rng.uniform(*ends)
+            values[option] = float(np.exp(value) if one.logarithmic else value)
+    return values
+
+
+@pytest.mark.parametrize(("name", "options"), LAWS)
+def test_ends_of_ranges_are_options_and_defaults_lie_inside(name: str, options: dict[str, Any]) -> None:
+    law, ranges = make_controller(name, options), law_ranges(name, options)
+    for option, one in ranges.items():
+        assert default_of(law, option) in one
+        for end in one:
+            made = make_controller(name, {**options, option: end})
+            assert default_of(made, option) == end
+    for side in (0, -1):
+        make_controller(name, {**options, **{option: [*one][side] for option, one in ranges.items()}})
+
+
+@pytest.mark.parametrize(("name", "options"), LAWS)
+def test_any_values_inside_make_a_law_that_answers(name: str, options: dict[str, Any]) -> None:
+    rng = np.random.default_rng(3)
+    ranges = law_ranges(name, options)
+    for _ in range(1 if name in MODEL else 3):
+        law = make_controller(name, {**options, **drawn(ranges, rng)})
+        run = simulate(SCENE.setup(), law)
+        assert run.status != "failed", run.reason
+        assert np.isfinite(run.qdd_command).all()
+        assert len(run.t) > 2
+
+
+def test_what_is_searched_of_each_law() -> None:
+    """By hand: laws without parameters have no ranges; pairs have those of both parts."""
+    searched = {name: set(law_ranges(name)) for name in CONTROLLERS}
+    assert searched == {
+        "sliding-mode": set(),
+        "tracking": set(),
+        "law": set(),
+        "potential-field": {"region", "exponent", "strength"},
+        "boundary-layer": {"region", "exponent", "strength"},
+        "hierarchical-qp": {"alpha"},
+        "implicit-switch": {"periods"},
+        "implicit-switch-with-drift": {"periods"},
+        "super-twisting": {"rate"},
+        "implicit-super-twisting": {"rate"},
+        "cbf-filter": {"alpha", "metric", "damping"},
+        "predictive": {"horizon", "block", "approach", "damping"},
+        "goal-governor": {"speed", "margin", "influence", "horizon"},
+    }
+    assert law_ranges("law", {"demand": "barrier", "resolver": "saturation"}) == {
+        "alpha": Range(1.0, 200.0),
+        "scales": Choices((False, True)),
+    }
+    assert law_ranges("hierarchical-qp", {"rows": "active"}) == {}
+
+
+def test_what_is_given_stays() -> None:
+    assert set(law_ranges("cbf-filter", {"metric": "task"})) == {"alpha", "damping"}
+    assert set(law_ranges("potential-field", {"region": 0.35, "strength": 5.0})) == {"exponent"}
+
+
+OWN = """
+from vsconstraints.controllers import Barrier, Choices, Controller, Filter, Hierarchy, Law, Range, Tracking
+
+
+class Bare(Tracking):
+    name = "bare"
+
+    def __init__(self):
+        super().__init__()
+
+
+class Pairs(Law):
+    name = "pairs"
+
+    def __init__(self, *, alpha=5.0):
+        super().__init__(Barrier(alpha), Filter())
+
+
+class Other(Law):
+    name = "other"
+    ranges = {"gain": (0.5, 8.0), "fast": Choices((True, False)), "steps": Range(1, 9, integer=True)}
+
+    def __init__(self, *, gain=2.0, fast=True, steps=3):
+        super().__init__(Barrier(gain), Hierarchy())
+
+
+class Unknown(Tracking):
+    ranges = {"rank_tolerances": (0.5, 8.0)}
+
+
+class Outside(Tracking):
+    ranges = {"rank_tolerance": (0.5, 0.8)}
+
+
+class NoRange(Tracking):
+    ranges = {"rank_tolerance": 3.0}
+
+
+class Backwards(Tracking):
+    ranges = {"rank_tolerance": (2.0, 1.0)}
+"""
+
+
+def test_own_laws_declare_theirs(tmp_path: Path) -> None:
+    (tmp_path / "my_laws.py").write_text(OWN, encoding="utf-8")
+    assert law_ranges("my_laws:Bare", folder=tmp_path) == {}
+    assert law_ranges("my_laws:Pairs", folder=tmp_path) == {"alpha": Range(1.0, 200.0)}
+    assert law_ranges("my_laws:Other", folder=tmp_path) == {
+        "gain": Range(0.5, 8.0),
+        "fast": Choices((True, False)),
+        "steps": Range(1, 9, integer=True),
+    }
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        ("Unknown", "'rank_tolerances', which is none of its options"),
+        ("Outside", r"'rank_tolerance' that does not hold its default 1e-\d+: 0\.5–0\.8"),
+        ("NoRange", r"'rank_tolerance': it must be a Range, Choices, or a pair of numbers, not 3\.0"),
+        ("Backwards", r"a range goes from a number to a greater one, not \(2\.0, 1\.0\)"),
+    ],
+)
+def test_ranges_that_are_none_are_refused_by_name(tmp_path: Path, law: str, words: str) -> None:
+    (tmp_path / "my_laws.py").write_text(OWN, encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=f"my_laws:{law} declares a range of .*{words}"):
+        law_ranges(f"my_laws:{law}", folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [(1.0, 1.0), (math.nan, 1.0), (1.0, math.inf), (0.0, 1.0), (-1.0, 1.0), (1.0, 2.5, True, True), ("1", 2.0)],
+)
+def test_what_is_no_range(arguments: tuple[Any, ...]) -> None:
+    with pytest.raises(ConfigurationError, match="range"):
+        Range(*arguments)
+
+
+@pytest.mark.parametrize("values", [(), (1,), (1, 1), [1, 2]])
+def test_what_is_no_choice(values: Any) -> None:
+    with pytest.raises(ConfigurationError, match="two values or more"):
+        Choices(values)
+
+
+def test_what_ranges_hold() -> None:
+    assert 3 in Range(1, 9, integer=True)
+    assert 3.0 not in Range(1, 9, integer=True)
+    assert True not in Range(0.5, 9.0)
+    assert 0.0 in Range(-1.0, 1.0, logarithmic=False)
+    assert math.nan not in Range(0.5, 9.0)
+    declared: Declared = Choices((None, 2.0))
+    assert None in declared
