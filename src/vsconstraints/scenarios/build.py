@@ -120,6 +120,17 @@ def build(
     )
 
 
+def build_scene(tables: Table, where: str, folder: Path) -> Scene:
+    """Robot, camera and target of a scenario's tables, without its task and its constraints; arguments as above."""
+    missing = [key for key in ("robot", "camera", "target") if key not in tables]
+    if missing:
+        raise ConfigurationError(f"{where}: the key {missing[0]!r} is missing")
+    robot = _robot(checked(tables["robot"], str | Table, where, "robot"), f"{where}.robot", folder)
+    camera = _camera(demand_table(tables["camera"], f"{where}.camera"), f"{where}.camera")
+    markers, motion = _target(demand_table(tables["target"], f"{where}.target"), f"{where}.target")
+    return Scene(robot, camera, markers, (), motion)
+
+
 def _limits(value: str | Table | None, robot: Robot, where: str) -> ActuatorLimits:
     if value is None:
         return NO_LIMITS

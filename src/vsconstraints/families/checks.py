@@ -1,0 +1,81 @@
+"""What an attempt must pass once it is built: ends that are allowed and seen, and something to compare."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..controllers import Tracking
+from ..errors import SceneError, VsconstraintsError
+from ..rows import Array
+from ..simulation import Setup, score_run
+from ..simulation.line_of_sight import LinesOfSight
+from .ends import last
+from .placements import Ends
+from .reasons import Reason, Rejected
+
+CLEAR = 1e-3
+"""Least σ, or φ of speeds, relative to its range, from which on tracking alone has left a row: ten times what scores
+neglect, so that what is challenged here is challenged there."""
+
+
+class Baseline(NamedTuple):
+    """What tracking alone shows of a scene: see :class:`.Drawn`."""
+
+    challenged: tuple[str, ...]
+    share_to_hold: float
+
+
+def check_ends(setup: Setup, ends: Ends) -> None:
+    """Raise Rejected if a row is violated at the start or the last goal, or the robot hides a marker there."""
+    start, duration = setup.q0, (setup.samples - 1) * setup.Ts
+    _allowed(setup, start, 0.0, Reason.START_FORBIDDEN)
+    goal, end = setup.task.goals[-1].camera, None
+    if goal is not None:
+        end = last(ends, goal, duration)
+        _allowed(setup, end, duration, Reason.GOAL_FORBIDDEN)
+    lines = LinesOfSight(setup.scene)
+    for q, t, reason in ((start, 0.0, Reason.START_HIDDEN), (end, duration, Reason.GOAL_HIDDEN)):
+        hidden = [] if q is None else lines.hidden(q, t)
+        if hidden and setup.on_hidden_markers == "refuse":
+            raise Rejected(reason, f"marker {hidden[0][0]} by {hidden[0][1]}")
+
+
+def baseline(setup: Setup, limited: Setup | None) -> Baseline:
+    """What tracking alone leaves.
+
+    Parameters
+    ----------
+    setup
+        In the nominal condition.
+    limited
+        Under limits of the actuators; None if the family has none.
+
+    Raises
+    ------
+    Rejected
+        if it leaves no row, or cannot start.
+    """
+    try:
+        scores = score_run(setup, Tracking())
+        left = scores.sigma_max > CLEAR * setup.constraints.scale
+        challenged = tuple(label for label, row in zip(scores.labels, left, strict=True) if row)
+        if not challenged:
+            raise Rejected(Reason.NOT_CHALLENGED)
+        if limited is None:
+            return Baseline(challenged, np.nan)
+        shares = (scores if limited is setup else score_run(limited, Tracking())).share_to_hold
+    except VsconstraintsError as error:
+        raise Rejected(Reason.START_REFUSED, str(error)) from error
+    return Baseline(challenged, float(np.nanmax(shares)) if np.isfinite(shares).any() else np.nan)
+
+
+def _allowed(setup: Setup, q: Array, t: float, reason: Reason) -> None:
+    try:
+        _, sigma = setup.constraints.rows(setup.scene.evaluate(t, q, np.zeros_like(q)))
+    except SceneError as error:
+        raise Rejected(reason, str(error)) from error
+    violated = np.flatnonzero(sigma > 0.0)
+    if len(violated):
+        raise Rejected(reason, setup.constraints.labels[violated[0]])

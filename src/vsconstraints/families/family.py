@@ -1,0 +1,207 @@
+"""A family of scenes: a scenario's file in which distributions stand where numbers do, and conditions."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
+from ..plugins import beside
+from ..scenarios import Scenario
+from ..scenarios.reading import Table, demand_table
+from ..scenarios.toml import read_toml
+from .checks import baseline, check_ends
+from .drawing import Streams, demand_no_placement, drawn, merged, parsed
+from .drawn import Drawn, reasons
+from .ends import placed
+from .reasons import Reason, Rejected
+
+SHIPPED = Path(__file__).parent
+"""Folder of the families that come with the package."""
+
+NOMINAL, LIMITED = "nominal", "limited"
+"""The condition that every family has, and the one whose limits tell what any law could hold."""
+
+HALVES = ("training", "held-out")
+"""Scenes that settings may be sought on, and those that are for judging alone."""
+
+OWN_KEYS = ("title", "description", "extends", "conditions", "attempts")
+"""Keys of a family's file that are no scenario's, or are said by it for all its scenes."""
+
+ATTEMPTS = 200
+"""Attempts at one scene, if a family says nothing else."""
+
+
+@cache
+def families() -> tuple[str, ...]:
+    """Names of the families that come with the package."""
+    return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))
+
+
+@dataclass(frozen=True)
+class Family:
+    """A family of scenes.
+
+    Attributes
+    ----------
+    name
+        The file's name without its ending.
+    tables
+        What the file says, over what it extends.
+    folder
+        What paths in it are relative to.
+    """
+
+    name: str
+    tables: Table
+    folder: Path
+
+    @classmethod
+    def load(cls, name_or_path: str | Path, base: Path | None = None) -> Family:
+        """A shipped family by its name, or one from a TOML file by its path.
+
+        Parameters
+        ----------
+        name_or_path
+            ``"six-axis"`` or ``"my/family.toml"``. With ``extends = "…"``, the name or the path of a scenario, a file
+            says only what is different from that, and what is drawn.
+        base
+            Folder that a relative path starts from; the current one if None.
+
+        Raises
+        ------
+        ConfigurationError
+            if there is none of that name, the file cannot be read, or something cannot be drawn.
+        """
+        name = str(name_or_path)
+        if name.endswith(".toml"):
+            path = (base or Path()) / name
+        elif name in families():
+            path = SHIPPED / f"{name}.toml"
+        else:
+            raise unknown_name("family", name, [*families(), "a path ending in .toml"])
+        tables = read_toml(path)
+        extended = tables.get("extends")
+        if extended is not None:
+            if not isinstance(extended, str):
+                raise ConfigurationError(f"{path}: extends must be the name or the path of a scenario")
+            under = Scenario.load(extended, path.parent).tables
+            tables = merged(under, {k: v for k, v in tables.items() if k != "extends"}, str(path))
+        family = cls(path.stem, tables, path.parent)
+        _ = family._parsed, family._overrides, family.attempts  # everything is read once, so that it fails here
+        return family
+
+    @property
+    def title(self) -> str:
+        """Title for reports; the name if the file has none."""
+        return str(self.tables.get("title") or self.name)
+
+    @property
+    def description(self) -> str:
+        """A few sentences for reports."""
+        return str(self.tables.get("description", "")).strip()
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Names of its conditions, the nominal one first."""
+        return (NOMINAL, *(name for name in self._overrides if name != NOMINAL))
+
+    @property
+    def attempts(self) -> int:
+        """Most attempts at one scene."""
+        most = self.tables.get("attempts", ATTEMPTS)
+        if isinstance(most, bool) or not isinstance(most, int) or most < 1:
+            raise ConfigurationError(f"{self.name}: attempts must be a positive integer, not {shown(most)}")
+        return most
+
+    @cached_property
+    def _parsed(self) -> Table:
+        own = {key: value for key, value in self.tables.items() if key not in OWN_KEYS}
+        tree: Table = parsed(own, self.name)
+        return {**tree, "title": self.title, "description": self.description}
+
+    @cached_property
+    def _overrides(self) -> dict[str, Any]:
+        where = f"{self.name}.conditions"
+        conditions = demand_table(self.tables.get("conditions", {}), where)
+        found = {}
+        for name, said in conditions.items():
+            found[name] = parsed(demand_table(said, f"{where}.{name}"), f"{where}.{name}")
+            demand_no_placement(found[name], f"{where}.{name}")
+        return found
+
+    def scene(self, number: int, half: str = "held-out", seed: int = 0) -> Drawn:
+        """One scene, by its own attempts: independent of every other one, and of what else is drawn.
+
+        Parameters
+        ----------
+        number
+            Which one, from 0.
+        half
+            ``"training"`` or ``"held-out"``: scenes of one half have nothing in common with those of the other.
+        seed
+            Of all scenes.
+
+        Returns
+        -------
+        :class:`Drawn`
+            Not ``found`` if as many attempts as the family allows were rejected.
+
+        Raises
+        ------
+        ConfigurationError
+            if there is no such half, or number or seed are negative.
+        """
+        if half not in HALVES:
+            raise unknown_name("half", half, HALVES)
+        if number < 0 or seed < 0:
+            raise ConfigurationError(f"a scene's number and seed must be zero or more, not {number} and {seed}")
+        scene = Drawn(self.name, number, half, seed, self.folder)
+        rejected: Counter[str] = Counter()
+        refusal = ""
+        with beside(self.folder):
+            for attempt in range(self.attempts):
+                try:
+                    known = self._attempt(Streams(seed, half, number, attempt))
+                except Rejected as error:
+                    rejected[error.reason.value] += 1
+                    refusal = str(error)
+                else:
+                    return replace(scene, rejected=dict(rejected), refusal=refusal, **known)
+        return replace(scene, rejected=dict(rejected), refusal=refusal)
+
+    def _attempt(self, streams: Streams) -> dict[str, Any]:
+        """What is to be known of a scene; raises Rejected."""
+        values: dict[str, Any] = {}
+        where, noise = f"{self.name}-{streams.number}", streams.entropy("noise", bits=32)
+        bare = drawn(self._parsed, streams, "", values)
+        overrides = {name: drawn(said, streams, f"conditions.{name}", values) for name, said in self._overrides.items()}
+        try:
+            common, ends = placed(bare, where, self.folder)
+            tables = {name: merged(common, overrides.get(name, {}), where) for name in self.conditions}
+            setups = {name: Scenario(where, each, self.folder).setup(seed=noise) for name, each in tables.items()}
+        except VsconstraintsError as error:
+            raise Rejected(Reason.BUILD_REFUSED, str(error)) from error
+        check_ends(setups[NOMINAL], ends)
+        limited = next(
+            (setups[name] for name in (LIMITED, NOMINAL) if name in setups and setups[name].limits.any), None
+        )
+        known = baseline(setups[NOMINAL], limited)
+        values |= {"q0": common["q0"]} if "q0" not in values else {}
+        return {"tables": tables, "values": values, "noise": noise, **known._asdict()}
+
+    def demand_scenes(self, half: str = "held-out", seed: int = 0, scenes: int = 3) -> None:
+        """Raise ConfigurationError with counts if none of the first scenes is found: before thousands are drawn."""
+        rejected: Counter[str] = Counter()
+        for number in range(scenes):
+            tried = self.scene(number, half, seed)
+            if tried.found:
+                return
+            rejected.update(tried.rejected)
+        raise ConfigurationError(
+            f"family {self.name}: all of {sum(rejected.values())} attempts at its first {scenes} scenes were rejected: "
+            f"{reasons(rejected)}; the last one: {tried.refusal}"
+        )
