@@ -1,0 +1,96 @@
+"""What laws are compared by: the metrics of reports, and what a run comes to; which runs count for which."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..comparisons.metrics import METRICS, Metric
+from ..errors import ConfigurationError, unknown_name
+from .inputs import Better
+
+SCENE = ("family", "condition", "half", "scene")
+"""Columns that say which scene a run is of, and what went otherwise than assumed in it."""
+
+LAW = "controller"
+"""The column that says which law."""
+
+
+class Outcome(NamedTuple):
+    """A flag of every run, and whether it is wanted."""
+
+    flag: Callable[[Any], Any]
+    better: Better
+
+
+def converged(runs: Any) -> Any:
+    """Whether each run reached its last goal and held it."""
+    return runs["status"] == "converged"
+
+
+def violated(runs: Any) -> Any:
+    """Whether each run violated a row."""
+    return runs["violated"].astype(object).fillna("") != ""
+
+
+OUTCOMES: Mapping[str, Outcome] = {
+    "success": Outcome(lambda runs: converged(runs) & ~violated(runs), "more"),
+    "convergence": Outcome(converged, "more"),
+    "violation": Outcome(violated, "less"),
+}
+"""What a run comes to. A success converged and violated nothing."""
+
+
+def judged_metrics() -> dict[str, Metric]:
+    """Metrics of which less or more is better, by name: the column, or ``column / column`` of a ratio of two."""
+    return {
+        f"{metric.column} / {metric.over}" if metric.over else metric.column: metric
+        for metric in METRICS
+        if metric.kind == "number" and metric.header and metric.better is not None
+    }
+
+
+def judged_metric(name: str) -> Metric:
+    """A metric by its name, one of :func:`judged_metrics`."""
+    known = judged_metrics()
+    if name not in known:
+        raise unknown_name("metric", name, [*known, *OUTCOMES])
+    return known[name]
+
+
+def counts(runs: Any, metric: Metric) -> Any:
+    """Whether each run counts: it converged and, as the metric says, violated no row and never lost a sliding mode."""
+    may = converged(runs)
+    if metric.judged != "any":
+        may &= ~violated(runs)
+    if metric.judged == "sliding":
+        may &= runs["sliding_lost_s"] == 0.0
+    return may
+
+
+def values(runs: Any, metric: Metric) -> Any:
+    """The metric of each run, as stored; NaN where the run has none or does not count."""
+    found = runs[metric.column].astype(float)
+    if metric.over:
+        found = found / runs[metric.over].astype(float)
+    return found.where(counts(runs, metric) & np.isfinite(found))
+
+
+def resolution(metric: Metric) -> float:
+    """The smallest difference that matters: of remaining errors, the thousandth below which none are shown."""
+    return 1e-3 / metric.factor if metric.style == "error" else 0.0
+
+
+def checked(runs: Any, columns: tuple[str, ...]) -> None:
+    """Runs have these columns, and no law twice in a scene."""
+    wanted = dict.fromkeys((*columns, *SCENE, LAW))
+    missing = [name for name in wanted if name not in runs.columns]
+    if missing:
+        raise ConfigurationError(f"runs have no column {missing[0]!r}: they need {', '.join(wanted)}")
+    which = [*dict.fromkeys((*columns, *SCENE)), LAW]
+    again = runs.duplicated(which)
+    if again.any():
+        first = ", ".join(str(cell) for cell in runs.loc[again, which].iloc[0])
+        raise ConfigurationError(f"{int(again.sum())} runs are there twice, the first of them {first}")

@@ -1,0 +1,86 @@
+"""Numbers with the digits that their intervals support."""
+
+from __future__ import annotations
+
+import math
+
+from .rates import Rate
+
+
+def rounded(value: float, low: float, high: float) -> str:
+    """A value with as many decimals as its interval supports: two digits of half the interval's width."""
+    return _decimals(value, _places((high - low) / 2.0, value))
+
+
+def with_interval(value: float, low: float, high: float, factor: float = 1.0, unit: str = "") -> str:
+    """``2.13 (2.08 to 2.19) s``, in the unit that is ``factor`` times the value's; what is not known is said so."""
+    value, low, high = factor * value, factor * low, factor * high
+    after = f" {unit}" if unit else ""
+    if math.isnan(value):
+        return "no value"
+    if math.isinf(low) and math.isinf(high):
+        return f"{_decimals(value, _places(0.0, value))}{after} (too few for an interval)"
+    half = (high - low) / 2.0
+    places = _places(half if math.isfinite(half) else 0.0, value)
+    return f"{_decimals(value, places)} ({_decimals(low, places)} to {_decimals(high, places)}){after}"
+
+
+def rate_text(rate: Rate) -> str:
+    """``812 of 1 000: 81.2 % (95 %: 78.6 to 83.6 %)``.
+
+    Where it never or always happened, the other end of the interval: ``0 of 10 000: at most 3.7e-4 (95 %)``.
+    """
+    level = f"{100.0 * rate.confidence:g} %"
+    counted = f"{whole(rate.count)} of {whole(rate.of)}"
+    if rate.of == 0:
+        return f"{counted}: nothing is known"
+    if rate.count == 0:
+        return f"{counted}: at most {_most(rate.high)} ({level})"
+    if rate.count == rate.of:
+        return f"{counted}: at least {_least(rate.low)} % ({level})"
+    places = _places(50.0 * (rate.high - rate.low), 100.0 * rate.share)
+    low, high, share = (_decimals(100.0 * each, places) for each in (rate.low, rate.high, rate.share))
+    return f"{counted}: {share} % ({level}: {low} to {high} %)"
+
+
+def whole(count: int) -> str:
+    """A count, its thousands apart: ``10 000``."""
+    return f"{count:,}".replace(",", " ") if count >= 10_000 else str(count)
+
+
+def p_text(p: float) -> str:
+    """A p-value: ``p = 0.012``, ``p < 0.001``."""
+    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
+
+
+def _most(share: float) -> str:
+    """An upper limit in two digits, rounded up."""
+    places = _places(share, share)
+    up = math.ceil(share * 10.0**places) / 10.0**places
+    return _short(f"{up:.1e}") if up < 1e-3 else f"{_decimals(100.0 * up, places - 2)} %"
+
+
+def _least(share: float) -> str:
+    """A lower limit in percent, rounded down to two digits of what it leaves."""
+    places = _places(1.0 - share, share)
+    return _decimals(100.0 * (math.floor(share * 10.0**places) / 10.0**places), places - 2)
+
+
+def _short(text: str) -> str:
+    return text.replace("e-0", "e-").replace("e+0", "e+")
+
+
+def _places(half: float, value: float) -> int:
+    """Decimals that show two digits of half an interval's width, or three of the value where that is zero."""
+    size, digits = (half, 2) if half > 0.0 else (abs(value), 3)
+    return digits - 1 - math.floor(math.log10(size)) if size > 0.0 and math.isfinite(size) else 0
+
+
+def _decimals(value: float, places: int) -> str:
+    if not math.isfinite(value):
+        return "∞" if value > 0.0 else "-∞"
+    shown = round(value, places) + 0.0  # no −0
+    size = math.floor(math.log10(abs(shown))) if shown else 0
+    if places > 5 or size > 5:
+        return _short(f"{shown:.{max(size + places, 0)}e}")
+    return f"{shown:.{max(places, 0)}f}"

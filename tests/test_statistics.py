@@ -1,0 +1,385 @@
+"""Statistics against published numbers, brute force, and other libraries."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+import scikit_posthocs
+import scipy.stats
+import statsmodels.stats.contingency_tables as contingency
+import statsmodels.stats.proportion as proportion
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.statistics import (
+    Rate,
+    difference_interval,
+    distinguishable,
+    holm,
+    mcnemar,
+    median,
+    p_text,
+    paired,
+    profile,
+    ranks,
+    rate,
+    rate_of,
+    rate_text,
+    verdict,
+    with_interval,
+)
+from vsconstraints.statistics.median import FEW, resampled
+
+# Demšar 2006, Table 6: AUC of C4.5, C4.5+m, C4.5+cf, C4.5+m+cf on 14 data sets. In "voting" the paper ranks two equal
+# printed values 2 and 3, from digits that it does not print.
+AUC = np.array(
+    [
+        [0.763, 0.768, 0.771, 0.798],
+        [0.599, 0.591, 0.590, 0.569],
+        [0.954, 0.971, 0.968, 0.967],
+        [0.628, 0.661, 0.654, 0.657],
+        [0.882, 0.888, 0.886, 0.898],
+        [0.936, 0.931, 0.916, 0.931],
+        [0.661, 0.668, 0.609, 0.685],
+        [0.583, 0.583, 0.563, 0.625],
+        [0.775, 0.838, 0.866, 0.875],
+        [1.000, 1.000, 1.000, 1.000],
+        [0.940, 0.962, 0.965, 0.962],
+        [0.619, 0.666, 0.614, 0.669],
+        [0.972, 0.981, 0.9751, 0.975],
+        [0.957, 0.978, 0.946, 0.970],
+    ]
+)
+
+
+def test_none_of_ten_thousand_still_allows() -> None:
+    """By hand: (1 − p)ⁿ = 0.025."""
+    found = rate(np.zeros(10_000, dtype=bool))
+    assert (found.count, found.of, found.low) == (0, 10_000, 0.0)
+    assert found.high == pytest.approx(1.0 - 0.025 ** (1 / 10_000), rel=1e-12)
+    assert found.high == pytest.approx(3.7e-4, rel=0.01)
+    assert rate_text(found) == "0 of 10 000: at most 3.7e-4 (95 %)"
+
+
+@pytest.mark.parametrize(("count", "of"), [(0, 1), (1, 1), (1, 10), (10, 20), (81, 263), (999, 1000)])
+@pytest.mark.parametrize("confidence", [0.9, 0.95, 0.99])
+def test_rates_as_in_statsmodels(count: int, of: int, confidence: float) -> None:
+    found = rate_of(count, of, confidence)
+    known = proportion.proportion_confint(count, of, 1 - confidence, method="beta")
+    assert (found.low, found.high) == pytest.approx(known, abs=1e-12)
+
+
+def test_a_rate_in_a_textbook() -> None:
+    """81 of 263: 0.2527 to 0.3676 (Newcombe, Statistics in Medicine 17, 1998, Table I, method 5)."""
+    found = rate_of(81, 263)
+    assert (round(found.low, 4), round(found.high, 4)) == (0.2527, 0.3676)
+
+
+def test_a_paired_difference_as_published() -> None:
+    """Tango 1998, section 6.1: none and one of 44 discordant; lower limit at 90 % −0.096. And R's PropCIs, 48 and 41
+    of 549, at 90 %: −1.57 to 4.14 %.
+    """
+    assert round(difference_interval(0, 1, 44, 0.9)[0], 3) == -0.096
+    assert [round(100 * end, 2) for end in difference_interval(48, 41, 549, 0.9)] == [-1.57, 4.14]
+
+
+@given(st.integers(0, 40), st.integers(0, 40), st.integers(0, 40), st.sampled_from([0.8, 0.95, 0.99]))
+@settings(max_examples=80, deadline=None)
+def test_ends_of_a_paired_difference_are_where_the_score_test_turns(a: int, b: int, rest: int, level: float) -> None:
+    """The most likely probability under δ is sought by brute force, and the score test with it."""
+    n = a + b + rest
+    low, high = difference_interval(a, b, n, level)
+    assert -1.0 <= low <= high <= 1.0
+    assert difference_interval(b, a, n, level) == (-high, -low)
+    if n == 0:
+        assert (low, high) == (-1.0, 1.0)
+        return
+    assert low <= (a - b) / n <= high
+    z = scipy.stats.norm.ppf((1 + level) / 2)
+    for end in (low, high):
+        if abs(end) < 1.0 - 1e-9:
+            least, most = max(0.0, -end), (1.0 - end) / 2.0
+            q = np.linspace(least, most, 200_001)
+            likely = scipy.special.xlogy(a, q + end) + scipy.special.xlogy(b, q)
+            likely += scipy.special.xlogy(rest, np.maximum(1.0 - 2.0 * q - end, 0.0))
+            at = q[np.nanargmax(likely)]
+            spread = math.sqrt(n * (2.0 * at + end * (1.0 - end)))
+            assert abs(a - b - n * end) == pytest.approx(z * spread, rel=2e-3, abs=2e-3)
+
+
+def test_mcnemar_in_a_textbook() -> None:
+    """Agresti, Categorical Data Analysis: approval 794, 150, 86, 570 of 1600; and statsmodels, exact."""
+    first = np.repeat([1, 1, 0, 0], [794, 150, 86, 570])
+    second = np.repeat([1, 0, 1, 0], [794, 150, 86, 570])
+    found = mcnemar(first, second)
+    known = contingency.mcnemar([[794, 150], [86, 570]], exact=True)
+    assert (found.only_a, found.only_b, found.n) == (150, 86, 1600)
+    assert found.p == pytest.approx(known.pvalue, rel=1e-9)
+    assert found.difference == pytest.approx(0.04)
+    assert (found.low, found.high) == pytest.approx((0.021, 0.059), abs=5e-4)  # ± 1.96 standard errors, of many
+
+
+def test_mcnemar_by_enumeration() -> None:
+    """6 against 1 discordant: 2 · (7 + 1)/2⁷."""
+    found = mcnemar([1] * 6 + [0] + [1] * 5, [0] * 6 + [1] + [1] * 5)
+    assert found.p == pytest.approx(2 * 8 / 128)
+
+
+def test_holm_by_hand_and_on_paper() -> None:
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert holm([0.9, 0.8]) == pytest.approx([1.0, 1.0])
+    assert len(holm([])) == 0
+
+
+@pytest.mark.parametrize("n", [50, 51, 100, 101, 999])
+def test_the_bootstrap_of_a_median_is_scipys(n: int) -> None:
+    x = np.random.default_rng(n).lognormal(size=n)
+    known = scipy.stats.bootstrap((x,), np.median, vectorized=True, rng=np.random.default_rng(1)).confidence_interval
+    found = median(x)
+    assert found.median == np.median(x)
+    between = np.quantile(x, 0.5 + np.array([-1, 1]) * 0.5 / math.sqrt(n)) / 2  # a fifth of the width, for the draws
+    assert (found.low, found.high) == pytest.approx((known.low, known.high), abs=0.2 * float(np.diff(between)[0]))
+
+
+@pytest.mark.parametrize("n", [7, 8])
+def test_resampled_medians_are_those_of_all_samples(n: int) -> None:
+    """All nⁿ samples of 7; of 8, a hundred thousand drawn value by value."""
+    x = np.arange(n) ** 2.0
+    if n == 7:
+        index = np.stack(np.meshgrid(*[np.arange(n, dtype=np.int8)] * n), axis=-1).reshape(-1, n)
+    else:
+        index = np.random.default_rng(5).integers(0, n, (100_000, n))
+    known = np.median(x[index], axis=1)
+    found = np.concatenate([resampled(x, np.random.default_rng(seed)) for seed in range(10)])
+    for value in np.unique(known):
+        assert np.mean(found <= value) == pytest.approx(np.mean(known <= value), abs=0.008)
+
+
+@pytest.mark.parametrize(("n", "confidence"), [(6, 0.95), (7, 0.95), (20, 0.95), (49, 0.95), (30, 0.99), (5, 0.9)])
+def test_few_values_have_the_exact_interval(n: int, confidence: float) -> None:
+    x = np.random.default_rng(n).normal(size=n)
+    known = scipy.stats.quantile_test(x, q=0.0, p=0.5).confidence_interval(confidence)
+    assert n < FEW
+    assert median(x, confidence)[1:3] == (known.low, known.high)
+
+
+def test_a_pair_by_hand_and_by_scipy() -> None:
+    rng = np.random.default_rng(3)
+    a, b = rng.lognormal(size=40), rng.lognormal(size=40)
+    found = paired(a, b)
+    assert found.median == np.median(a - b)
+    assert found.p == pytest.approx(scipy.stats.wilcoxon(a, b).pvalue)
+    assert found.effect == np.mean(a < b)
+    assert paired(a, b, better="more").effect == np.mean(a > b)
+    ratio = paired(a, b, "log-ratio")
+    assert ratio.median == pytest.approx(np.median(np.log(a / b)))
+    assert ratio.p == pytest.approx(scipy.stats.wilcoxon(np.log(a / b)).pvalue)
+
+
+def test_wilcoxon_in_a_textbook() -> None:
+    """Siegel 1956, p. 79: T = 4 of 8 pairs, the sum of the ranks of the rarer sign; two-sided 0.055 by enumeration."""
+    a = np.array([82, 69, 73, 43, 58, 56, 76, 65.0])
+    b = np.array([63, 42, 74, 37, 51, 43, 80, 62.0])
+    differences = a - b
+    place = scipy.stats.rankdata(np.abs(differences))
+    least = min(place[differences > 0].sum(), place[differences < 0].sum())
+    assert least == 4
+    as_low = sum(min(s := sum(r for r, up in zip(place, signs, strict=True) if up), 36 - s) <= least
+                 for signs in product((0, 1), repeat=8))  # fmt: skip
+    assert paired(a, b).p == pytest.approx(as_low / 2**8)
+
+
+def test_only_scenes_in_which_both_count() -> None:
+    a = np.array([1.0, 2, 3, math.nan, 5, 6, 7, 8])
+    b = np.array([2.0, 3, 4, 5, math.nan, 7, 8, 9])
+    found = paired(a, b)
+    assert (found.n, found.of, found.median, found.effect) == (6, 8, -1.0, 1.0)
+
+
+@pytest.mark.parametrize("kind", ["difference", "log-ratio"])
+@pytest.mark.parametrize("n", [0, 1, 5, 6, 60])
+def test_nothing_differs(n: int, kind: str) -> None:
+    x = np.linspace(0.0, 3.0, n)
+    found = paired(x, x, kind)  # type: ignore[arg-type]
+    assert (found.p, found.effect, found.n) == (1.0, 0.5, n)
+    assert found.too_few == (n < 6)
+    assert (found.low, found.high) == ((0.0, 0.0) if n >= 6 else (-math.inf, math.inf))
+    assert found.effect_low < 0.5 < found.effect_high
+    told = verdict(found.low, found.high, found.p, n=found.n)
+    assert told == ("not distinguishable" if n >= 6 else "too few")
+
+
+@given(
+    st.integers(6, 120), st.integers(0, 2**32 - 1), st.floats(0.0, 1.0), st.sampled_from(["difference", "log-ratio"])
+)
+@settings(max_examples=80, deadline=None)
+def test_no_pair_of_numbers_is_too_odd(n: int, seed: int, ties: float, kind: str) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = rng.integers(0, 3, n).astype(float), rng.lognormal(sigma=9.0, size=n)
+    b[rng.random(n) < ties] = 0.0
+    found = paired(a, b, kind)  # type: ignore[arg-type]
+    other = paired(b, a, kind)  # type: ignore[arg-type]
+    assert not np.isnan(found).any()
+    assert found.low <= found.median <= found.high
+    assert found.effect_low <= found.effect <= found.effect_high
+    assert 0.0 <= found.p <= 1.0
+    assert found.effect == pytest.approx(1.0 - other.effect)
+    assert found.p == pytest.approx(other.p)
+    assert found.median == pytest.approx(-other.median)
+
+
+def test_ratios_of_zero() -> None:
+    found = paired([0.0] * 8, [1.0] * 8, "log-ratio")
+    assert found.median == found.low == found.high == -math.inf
+    assert found.p == 2 / 2**8
+    assert verdict(found.low, found.high, found.p, n=8) == "better"
+
+
+def test_a_profile_by_brute_force() -> None:
+    """Dolan and Moré: ρ_s(τ) = #{p: r_ps ≤ τ}/n, r_ps = t_ps / min_s t_ps."""
+    rng = np.random.default_rng(2)
+    costs = rng.lognormal(size=(50, 4))
+    costs[rng.random((50, 4)) < 0.3] = math.inf
+    costs[7] = math.inf
+    found = profile(costs)
+    assert found.shift == 0.0
+    for tau in (1.0, 1.3, 2.0, 5.0, 1e9):
+        for law in range(4):
+            within = [row for row in costs if math.isfinite(row[law]) and row[law] / min(row) <= tau]
+            assert found.share(tau)[law] == len(within) / 50
+    assert found.solved == pytest.approx(np.isfinite(costs).mean(axis=0))
+    assert found.share([1.0, 2.0]).shape == (2, 4)
+    assert found.steps[0] == 1.0
+    assert np.isfinite(found.steps).all()
+
+
+def test_costs_of_zero_are_shifted_as_said() -> None:
+    """Least −3, median −1: 5 is added, and the median becomes 4, twice the least."""
+    found = profile([[-3.0, -1.0], [-1.0, math.inf], [4.0, -2.0]])
+    assert found.shift == 5.0
+    assert found.ratios == pytest.approx(np.array([[1.0, 2.0], [1.0, math.inf], [3.0, 1.0]]))
+    assert profile([[0.0, 0.0, 0.0, 4.0]]).ratios[0] == pytest.approx([1, 1, 1, 5])
+    assert profile([[0.0, 0.0]]).ratios[0] == pytest.approx([1, 1])
+    with pytest.raises(InvalidInput, match="positive costs: the least is -3, and 1 is added"):
+        profile([[-3.0, 1.0]], shift=1.0)
+
+
+def test_ranks_as_demsar_2006() -> None:
+    """Sections 3.2.2 and 3.2.4: ranks, critical differences 1.25 and 1.12; at 90 % pure C4.5 is worse
+    than both with m, and it cannot be told where C4.5+cf belongs.
+
+    His χ² of 9.28 takes no account of equal ranks; Friedman's test by scipy does.
+    """
+    found = ranks(-AUC)
+    assert [round(mean, 3) for mean in found.means] == [3.143, 2.0, 2.893, 1.964]
+    assert (round(found.critical_difference, 2), found.n) == (1.25, 14)
+    assert found.groups == ((3, 1, 2, 0),)
+    assert found.p == pytest.approx(scipy.stats.friedmanchisquare(*AUC.T).pvalue)
+    assert 12 * 14 / 20 * ((found.means**2).sum() - 4 * 25 / 4) == pytest.approx(9.28, abs=0.01)
+    loose = ranks(-AUC, 0.9)
+    assert round(loose.critical_difference, 2) == 1.12
+    assert loose.groups == ((3, 1, 2), (2, 0))
+    assert np.allclose(loose.p_values, scikit_posthocs.posthoc_nemenyi_friedman(-AUC).to_numpy())
+
+
+def test_failures_rank_last_together() -> None:
+    found = ranks([[1.0, math.inf, math.inf], [2.0, 1.0, math.inf]])
+    assert found.means == pytest.approx([1.5, 1.75, 2.75])
+
+
+@pytest.mark.parametrize(("scenes", "laws"), [(0, 3), (1, 3), (9, 1), (9, 2), (9, 3)])
+def test_ranks_where_nothing_differs(scenes: int, laws: int) -> None:
+    found = ranks(np.full((scenes, laws), math.inf))
+    assert found.p == 1.0
+    assert np.all(found.means == (laws + 1) / 2)
+    assert found.groups == ((tuple(range(laws)),) if laws > 1 else ())
+    assert not np.isnan(found.p_values).any()
+
+
+def test_the_rule_of_verdicts() -> None:
+    assert verdict(-2.0, -1.0, 0.01) == "better"
+    assert verdict(-2.0, -1.0, 0.01, better="more") == "worse"
+    assert verdict(1.0, 2.0, 0.01) == "worse"
+    assert verdict(1.0, 2.0, 0.01, better="more") == "better"
+    assert verdict(-2.0, -1.0, 0.05) == "not distinguishable"
+    assert verdict(-2.0, 0.0, 0.01) == "not distinguishable"
+    assert verdict(-2.0, -1.0, 0.01, least=1.0) == "not distinguishable"
+    assert verdict(-2.0, -1.0, 0.01, least=0.9) == "better"
+    assert verdict(-2.0, -1.0, 0.01, n=5) == "too few"
+    assert verdict(-2.0, -1.0, 0.01, confidence=0.99) == "not distinguishable"
+    assert distinguishable(1.0, 2.0, 0.01)
+    assert not distinguishable(1.0, 2.0, 0.01, n=5)
+
+
+def test_numbers_with_the_digits_that_are_known() -> None:
+    assert rate_text(rate_of(812, 1000)) == "812 of 1000: 81.2 % (95 %: 78.6 to 83.6 %)"
+    assert rate_text(rate_of(10_000, 10_000)) == "10 000 of 10 000: at least 99.963 % (95 %)"
+    assert rate_text(rate_of(0, 20)) == "0 of 20: at most 17 % (95 %)"
+    assert rate_text(rate_of(1, 1)) == "1 of 1: at least 2 % (95 %)"
+    assert rate_text(rate_of(0, 0)) == "0 of 0: nothing is known"
+    assert with_interval(0.123456, 0.1201, 0.1268) == "0.1235 (0.1201 to 0.1268)"
+    assert with_interval(0.00213, 0.00208, 0.00219, 1e3, "mm") == "2.130 (2.080 to 2.190) mm"
+    assert with_interval(1.5, -math.inf, math.inf) == "1.50 (too few for an interval)"
+    assert with_interval(3.0, 1.0, math.inf) == "3.00 (1.00 to ∞)"
+    assert with_interval(math.nan, -math.inf, math.inf) == "no value"
+    assert with_interval(0.0, 0.0, 0.0) == "0 (0 to 0)"
+    assert with_interval(1e-9, 0.9e-9, 1.2e-9) == "1.00e-9 (9.0e-10 to 1.20e-9)"
+    assert p_text(0.01234) == "p = 0.012"
+    assert p_text(1e-9) == "p < 0.001"
+
+
+@pytest.mark.parametrize("confidence", [0.0, 1.0, -1.0, 2.0, math.nan, "0.95"])
+def test_a_confidence_is_between_0_and_1(confidence: float) -> None:
+    calls = (
+        lambda: rate([True], confidence),
+        lambda: mcnemar([True], [True], confidence),
+        lambda: paired([1.0], [2.0], confidence=confidence),
+        lambda: median([1.0], confidence),
+        lambda: ranks([[1.0]], confidence),
+        lambda: verdict(0.0, 1.0, 1.0, confidence=confidence),
+    )
+    for call in calls:
+        with pytest.raises(ConfigurationError, match="confidence must be between 0 and 1"):
+            call()
+
+
+def test_what_cannot_be_compared_is_said() -> None:
+    with pytest.raises(InvalidInput, match="one entry each, not of 2 and 3"):
+        paired([1.0, 2.0], [1.0, 2.0, 3.0])
+    with pytest.raises(InvalidInput, match="one entry each, not of 1 and 2"):
+        mcnemar([True], [True, False])
+    with pytest.raises(InvalidInput, match="a holds inf"):
+        paired([math.inf], [1.0])
+    with pytest.raises(InvalidInput, match=r"no ratio of negative values: -1\.0"):
+        paired([1.0], [-1.0], "log-ratio")
+    with pytest.raises(InvalidInput, match=r"a must be of shape \(scenes,\)"):
+        paired([[1.0]], [1.0])
+    with pytest.raises(InvalidInput, match="must hold numbers only"):
+        paired(["x"], [1.0])
+    with pytest.raises(InvalidInput, match="must be true or false"):
+        rate([True, math.nan])
+    with pytest.raises(InvalidInput, match="of which one is NaN"):
+        median([math.nan])
+    with pytest.raises(InvalidInput, match="is no rate"):
+        rate_of(3, 2)
+    with pytest.raises(InvalidInput, match="must be numbers, or infinite"):
+        ranks([[1.0, math.nan]])
+    with pytest.raises(InvalidInput, match=r"shape \(scenes, laws\)"):
+        profile([1.0])
+    with pytest.raises(InvalidInput, match="from 0 to 1"):
+        holm([math.nan])
+    with pytest.raises(ConfigurationError, match="Did you mean 'log-ratio'"):
+        paired([1.0], [1.0], "logratio")  # type: ignore[arg-type]
+    with pytest.raises(ConfigurationError, match="unknown direction"):
+        paired([1.0], [1.0], better="lower")  # type: ignore[arg-type]
+
+
+def test_a_rate_of_nothing() -> None:
+    assert rate([]) == Rate(0, 0, 0.0, 1.0)
+    assert math.isnan(rate([]).share)
+    assert mcnemar([], []).p == 1.0
+    assert np.all(profile(np.empty((0, 2))).share([1.0]) == 0.0)
