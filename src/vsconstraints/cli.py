@@ -1,4 +1,4 @@
-"""The command line: ``vsconstraints compare``, ``list``, ``report``, ``reproduce`` and ``study``."""
+"""The command line: ``vsconstraints compare``, ``list``, ``report``, ``diff``, ``reproduce`` and ``study``."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from . import __version__
+from .commands.difference import diff
 from .commands.terminal import (
     NOTHING_DONE,
     USAGE_ERROR,
@@ -27,6 +28,8 @@ from .commands.terminal import (
 )
 from .errors import StorageError, VsconstraintsError
 from .runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
+
+app.command()(diff)
 
 
 @app.command()

@@ -1,0 +1,87 @@
+"""A folder of results as one side of a difference, whether it holds chosen scenarios or drawn scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..comparisons import StoredComparison
+from ..comparisons.metrics import RESULT_COLUMNS
+from ..errors import ConfigurationError, unknown_name
+
+
+@dataclass(frozen=True)
+class Side:
+    """One of two comparisons.
+
+    Attributes
+    ----------
+    folder, manifest
+        Where it is stored, and what was run.
+    runs
+        pandas.DataFrame, one line for each run, with the columns of results.csv behind those of ``key``.
+    scene
+        Columns that say which scene a run is of.
+    group
+        Those of them by which results are told apart: none, or family and condition.
+    drawn
+        What was drawn for each scene, as text, by the columns of ``scene`` without the condition; None where scenes
+        are chosen.
+    """
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    runs: Any
+    scene: tuple[str, ...]
+    group: tuple[str, ...]
+    drawn: Any
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """Columns that say which run it is."""
+        return (*self.scene, "controller")
+
+    @classmethod
+    def load(cls, folder: Path, renamed: Mapping[str, str] | None = None) -> Side:
+        """Read a folder of ``compare``.
+
+        Parameters
+        ----------
+        folder
+            Where it is.
+        renamed
+            Other names for some of its controllers.
+
+        Raises
+        ------
+        ConfigurationError
+            if there is no comparison, or no such controller in it.
+        """
+        return _renamed(_chosen(folder), renamed or {})
+
+
+def _chosen(folder: Path) -> Side:
+    import pandas
+
+    stored = StoredComparison.load(folder)
+    runs = pandas.DataFrame(stored.results, columns=list(RESULT_COLUMNS))
+    runs["trial"] = runs["trial"].astype(int)
+    return Side(folder, stored.manifest, runs, ("scenario", "trial"), (), None)
+
+
+def _renamed(side: Side, names: Mapping[str, str]) -> Side:
+    if not names:
+        return side
+    configuration = side.manifest["configuration"]
+    controllers = configuration["controllers"]
+    for old, new in names.items():
+        if old not in controllers:
+            raise unknown_name(f"controller of {side.folder}", old, controllers)
+        if new in controllers:
+            raise ConfigurationError(f"{old} cannot be called {new}: {side.folder} has a controller of that name")
+    tables = {names.get(name, name): table for name, table in controllers.items()}
+    manifest = {**side.manifest, "configuration": {**configuration, "controllers": tables}}
+    runs = side.runs.assign(controller=side.runs["controller"].replace(names))
+    return Side(side.folder, manifest, runs, side.scene, side.group, side.drawn)
