@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import coal
@@ -14,6 +15,7 @@ from ..errors import ConfigurationError
 from ..geometry import Pose, Vector3, vector
 from ..renamed import renamed
 from ..robot import Robot
+from ..urdf import mesh_files
 from .base import demand_positive
 from .link_points import FIXED, segments
 
@@ -64,21 +66,62 @@ def link_bodies(robot: Robot, link_radius: float | None = None) -> tuple[Body, .
     ConfigurationError
         if there is no collision geometry and no radius, or a mesh cannot be read.
     """
-    parts: dict[str, tuple[int, list[tuple[pin.SE3, coal.CollisionGeometry]]]] = {}
     if link_radius is None:
-        for found in robot.collision_geometry().geometryObjects:
-            link = robot.model.frames[found.parentFrame].name
-            solid = convex(found.geometry, found.name)
-            parts.setdefault(link, (int(found.parentJoint), []))[1].append((pin.SE3(found.placement), solid))
-    else:
-        demand_positive(link_radius, "radius of the links")
-        for segment in segments(robot):
-            if segment.length > FIXED:
-                turn = pin.Quaternion.FromTwoVectors(
-                    np.array([0.0, 0.0, 1.0]), (segment.end - segment.start) / segment.length
-                ).matrix()
-                placement = pin.SE3(turn, 0.5 * (segment.start + segment.end))
-                parts[segment.link] = (segment.joint, [(placement, coal.Capsule(link_radius, segment.length))])
+        return _hulls(_Links.of(robot))
+    demand_positive(link_radius, "radius of the links")
+    found = {}
+    for segment in segments(robot):
+        if segment.length > FIXED:
+            turn = pin.Quaternion.FromTwoVectors(
+                np.array([0.0, 0.0, 1.0]), (segment.end - segment.start) / segment.length
+            ).matrix()
+            placement = pin.SE3(turn, 0.5 * (segment.start + segment.end))
+            capsule = coal.Capsule(link_radius, segment.length)
+            found[segment.link] = Body(segment.link, segment.joint, ((placement, capsule),))
+    return tuple(found.values())
+
+
+@dataclass(frozen=True)
+class _Links:
+    """A URDF arm's links: equal where the files, their dates and the joints that are locked are."""
+
+    files: tuple[tuple[Path, int], ...]
+    folders: tuple[str, ...]
+    joints: tuple[str, ...]
+    positions: tuple[float, ...]
+    robot: Robot = field(compare=False)
+
+    @classmethod
+    def of(cls, robot: Robot) -> _Links:
+        source = robot.source
+        if source is None:
+            return cls((), (), (), (), robot)
+        try:
+            changed = source.path.stat().st_mtime_ns
+            files = [
+                (source.path, changed),
+                *((mesh, mesh.stat().st_mtime_ns) for mesh in _meshes(source.path, changed)),
+            ]
+        except OSError:  # gone, which is said where it is read
+            files = []
+        return cls(tuple(files), tuple(source.package_dirs), robot.joint_names, tuple(source.positions.tolist()), robot)
+
+
+@lru_cache(maxsize=16)
+def _meshes(urdf: Path, changed: int) -> tuple[Path, ...]:
+    """The mesh files of a URDF of that date."""
+    return tuple(mesh_files(urdf))
+
+
+@lru_cache(maxsize=16)
+def _hulls(links: _Links) -> tuple[Body, ...]:
+    """The collision geometry of links, made convex: read once, since reading takes as long as a run."""
+    robot = links.robot
+    parts: dict[str, tuple[int, list[tuple[pin.SE3, coal.CollisionGeometry]]]] = {}
+    for found in robot.collision_geometry().geometryObjects:
+        link = robot.model.frames[found.parentFrame].name
+        solid = convex(found.geometry, found.name)
+        parts.setdefault(link, (int(found.parentJoint), []))[1].append((pin.SE3(found.placement), solid))
     return tuple(Body(link, joint, tuple(solids)) for link, (joint, solids) in parts.items())
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..controllers import Tracking
 from ..errors import SceneError, VsconstraintsError
 from ..rows import Array
-from ..simulation import Setup, score_run
+from ..simulation import RunScores, Setup, score_run
 from ..simulation.line_of_sight import LinesOfSight
 from .ends import last
 from .placements import Ends
@@ -18,13 +16,6 @@ from .reasons import Reason, Rejected
 CLEAR = 1e-3
 """Least σ, or φ of speeds, relative to its range, from which on tracking alone has left a row: ten times what scores
 neglect, so that what is challenged here is challenged there."""
-
-
-class Baseline(NamedTuple):
-    """What tracking alone shows of a scene: see :class:`.Drawn`."""
-
-    challenged: tuple[str, ...]
-    share_to_hold: float
 
 
 def check_ends(setup: Setup, ends: Ends) -> None:
@@ -42,33 +33,30 @@ def check_ends(setup: Setup, ends: Ends) -> None:
             raise Rejected(reason, f"marker {hidden[0][0]} by {hidden[0][1]}")
 
 
-def baseline(setup: Setup, limited: Setup | None) -> Baseline:
-    """What tracking alone leaves.
+def left_by_tracking(setup: Setup) -> tuple[str, ...]:
+    """Labels of the rows that tracking alone leaves; raises Rejected if there is none, or it cannot start."""
+    scores = _track(setup)
+    left = scores.sigma_max > CLEAR * setup.constraints.scale
+    challenged = tuple(label for label, row in zip(scores.labels, left, strict=True) if row)
+    if not challenged:
+        raise Rejected(Reason.NOT_CHALLENGED)
+    return challenged
 
-    Parameters
-    ----------
-    setup
-        In the nominal condition.
-    limited
-        Under limits of the actuators; None if the family has none.
 
-    Raises
-    ------
-    Rejected
-        if it leaves no row, or cannot start.
+def share_to_hold(setup: Setup) -> float:
+    """The greatest share of all that the actuators can do that it takes to hold a row where tracking alone meets it.
+
+    NaN without limits, or where no row is met; see :class:`vsconstraints.simulation.Trajectory`.
     """
+    shares = _track(setup).share_to_hold if setup.limits.any else np.empty(0)
+    return float(np.nanmax(shares)) if np.isfinite(shares).any() else np.nan
+
+
+def _track(setup: Setup) -> RunScores:
     try:
-        scores = score_run(setup, Tracking())
-        left = scores.sigma_max > CLEAR * setup.constraints.scale
-        challenged = tuple(label for label, row in zip(scores.labels, left, strict=True) if row)
-        if not challenged:
-            raise Rejected(Reason.NOT_CHALLENGED)
-        if limited is None:
-            return Baseline(challenged, np.nan)
-        shares = (scores if limited is setup else score_run(limited, Tracking())).share_to_hold
+        return score_run(setup, Tracking())
     except VsconstraintsError as error:
         raise Rejected(Reason.START_REFUSED, str(error)) from error
-    return Baseline(challenged, float(np.nanmax(shares)) if np.isfinite(shares).any() else np.nan)
 
 
 def _allowed(setup: Setup, q: Array, t: float, reason: Reason) -> None:

@@ -13,7 +13,7 @@ from ..plugins import beside
 from ..scenarios import Scenario
 from ..scenarios.reading import Table, demand_table
 from ..scenarios.toml import read_toml
-from .checks import baseline, check_ends
+from .checks import check_ends, left_by_tracking, share_to_hold
 from .drawing import Streams, demand_no_placement, drawn, merged, parsed
 from .drawn import Drawn, reasons
 from .ends import placed
@@ -182,16 +182,22 @@ class Family:
         try:
             common, ends = placed(bare, where, self.folder)
             tables = {name: merged(common, overrides.get(name, {}), where) for name in self.conditions}
-            setups = {name: Scenario(where, each, self.folder).setup(seed=noise) for name, each in tables.items()}
+            scenarios = {name: Scenario(where, each, self.folder) for name, each in tables.items()}
+            nominal = scenarios[NOMINAL].setup(seed=noise)
+            check_ends(nominal, ends)
+            challenged = left_by_tracking(nominal)
+            # what takes time and seldom refuses comes last
+            setups = {name: scenario.setup(seed=noise) for name, scenario in scenarios.items() if name != NOMINAL}
         except VsconstraintsError as error:
             raise Rejected(Reason.BUILD_REFUSED, str(error)) from error
-        check_ends(setups[NOMINAL], ends)
-        limited = next(
-            (setups[name] for name in (LIMITED, NOMINAL) if name in setups and setups[name].limits.any), None
-        )
-        known = baseline(setups[NOMINAL], limited)
         values |= {"q0": common["q0"]} if "q0" not in values else {}
-        return {"tables": tables, "values": values, "noise": noise, **known._asdict()}
+        return {
+            "tables": tables,
+            "values": values,
+            "challenged": challenged,
+            "share_to_hold": share_to_hold(setups.get(LIMITED, nominal)),
+            "noise": noise,
+        }
 
     def demand_scenes(self, half: str = "held-out", seed: int = 0, scenes: int = 3) -> None:
         """Raise ConfigurationError with counts if none of the first scenes is found: before thousands are drawn."""

@@ -14,7 +14,7 @@ from ..errors import ConfigurationError
 from ..geometry import Pose, Vector2, Vector3
 from ..motion import Motion
 from ..rows import Array
-from ..scenarios.reading import Table, made
+from ..scenarios.reading import Table, checked, made
 from ..scene import Scene
 from .inverse_kinematics import inverse_kinematics
 
@@ -184,7 +184,37 @@ class MarkerPath(Placement):
         return _begun(first + self.share * (last - first) + self.aside, self.after, beside)
 
 
-PLACEMENTS: Mapping[str, type[Placement]] = {kind.name: kind for kind in (LookAt, TipPath, MarkerPath)}
+@dataclass(frozen=True)
+class JointPath(Placement):
+    """Joint coordinates beyond all those of the start and of a goal; of the ``joints`` that stand beside, or of all.
+
+    Attributes
+    ----------
+    beyond
+        How far above the greatest where positive, below the least where negative [rad or m]; one or one per joint.
+    goal
+        As of :class:`TipPath`.
+    """
+
+    name: ClassVar[str] = "joint-path"
+
+    beyond: float | Sequence[float]
+    goal: int = 1
+
+    def value(self, ends: Ends, beside: Table, where: str) -> list[float] | None:
+        """See :meth:`Placement.value`."""
+        robot, both = ends.scene.robot, np.stack(ends.pair(self.goal, where))
+        numbers = checked(beside.get("joints", list(range(1, robot.n + 1))), list[int], where, "joints")
+        if not set(numbers) <= set(range(1, robot.n + 1)):
+            raise ConfigurationError(f"{where}: joints are numbers from 1 to {robot.n}, not {numbers}")
+        if np.size(self.beyond) not in (1, len(numbers)):
+            raise ConfigurationError(f"{where}: beyond is one number, or one for each of {len(numbers)} joints")
+        at, beyond = both[:, np.array(numbers) - 1], np.asarray(self.beyond)
+        values: list[float] = np.where(beyond > 0.0, at.max(axis=0) + beyond, at.min(axis=0) + beyond).tolist()
+        return values
+
+
+PLACEMENTS: Mapping[str, type[Placement]] = {kind.name: kind for kind in (LookAt, TipPath, MarkerPath, JointPath)}
 """All of them, by the key of their tables."""
 
 
