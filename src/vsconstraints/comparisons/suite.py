@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 import copy
-import re
-import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import chdir
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..controllers import CONTROLLERS, controller_class
-from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
+from ..errors import ConfigurationError, VsconstraintsError, shown
 from ..plugins import beside
 from ..runs.spec import BASELINE, ControllerSpec, RunSpec
 from ..scenarios import Scenario
-from ..scenarios.reading import Table, checked, demand_table, made
-from ..scenarios.toml import parse_toml, read_toml
+from ..scenarios.reading import Table, made
+from ..scenarios.toml import read_toml
+from .entries import (
+    chosen_entries,
+    demand_names,
+    entries_of,
+    parsed_setting,
+    target_of,
+    unique,
+    with_baseline,
+    with_option,
+)
 from .variants import scenarios_of
 
 MOST_RUNS = 100_000
 """Runs that a comparison may have: the scores of all are kept in memory."""
-
-LONGEST_NAME = 100
-"""Bytes that the name of a scenario or controller may have; files are named after both."""
 
 __all__ = ["BASELINE", "DEFAULT", "Suite"]
 
@@ -87,10 +91,7 @@ class Suite:
             for i, entry in enumerate(file.scenarios)
             for scenario in scenarios_of(entry, f"{source.name}.scenarios[{i}]", source.parent)
         )
-        entries = tuple(
-            _entry(name, table, f"{source.name}.controllers.{name}", source.parent)
-            for name, table in file.controllers.items()
-        )
+        entries = entries_of(file.controllers, f"{source.name}.controllers", source.parent)
         return cls(source.stem, file.title or source.stem, scenarios, entries, file.trials, file.seed).checked()
 
     def select(
@@ -117,16 +118,8 @@ class Suite:
         suite = self
         if scenarios:
             own = {scenario.name: scenario for scenario in self.scenarios}
-            suite = replace(suite, scenarios=tuple(own.get(name) or Scenario.load(name) for name in _unique(scenarios)))
-        if controllers:
-            entries = {entry.name: entry for entry in self.controllers}
-            for name in controllers:
-                if name not in entries and name not in CONTROLLERS:
-                    raise unknown_name("controller", name, {*entries, *CONTROLLERS, "or name own ones in a suite"})
-            suite = replace(
-                suite,
-                controllers=tuple(entries.get(name) or ControllerSpec(name) for name in _unique(controllers)),
-            )
+            suite = replace(suite, scenarios=tuple(own.get(name) or Scenario.load(name) for name in unique(scenarios)))
+        suite = replace(suite, controllers=chosen_entries(self.controllers, controllers))
         if seed is not None:
             suite = replace(suite, seed=seed)
         for setting in settings:
@@ -134,32 +127,16 @@ class Suite:
         return suite.checked()
 
     def _with_setting(self, setting: str) -> Suite:
-        key, equals, text = setting.partition("=")
-        if not equals:
-            raise ConfigurationError(f"--set takes KEY=VALUE, not {setting!r}")
-        key, value = key.strip(), _value(text.strip())
+        key, value, text = parsed_setting(setting)
         if key in ("trials", "seed"):
             if not isinstance(value, int) or isinstance(value, bool):
                 raise ConfigurationError(f"{key} must be an integer, not {shown(text)}")
             return replace(self, trials=value) if key == "trials" else replace(self, seed=value)
-        names = {scenario.name for scenario in self.scenarios}
         entries = {entry.name for entry in self.controllers}
-        # names may contain dots: the longest one that the key begins with is meant
-        begins = [name for name in names | entries | {"scenario"} if f"{key}.".startswith(f"{name}.")]
-        if not begins:
-            raise unknown_name("setting", key.partition(".")[0], {*names, *entries, "scenario", "trials", "seed"})
-        target = max(begins, key=len)
-        rest = key[len(target) + 1 :]
-        if not rest:
-            raise ConfigurationError(f"--set {target} needs a key in it: {target}.KEY=VALUE")
+        names = {*entries, "scenario", *(scenario.name for scenario in self.scenarios)}
+        target, rest = target_of(key, names, ("trials", "seed"))
         if target in entries:
-            return replace(
-                self,
-                controllers=tuple(
-                    replace(entry, options={**entry.options, rest: value}) if entry.name == target else entry
-                    for entry in self.controllers
-                ),
-            )
+            return replace(self, controllers=with_option(self.controllers, target, rest, value))
         return replace(
             self,
             scenarios=tuple(
@@ -180,22 +157,8 @@ class Suite:
                 f"suite {self.name}: {scenarios} scenarios × {controllers} controllers × {self.trials} trials are "
                 f"{scenarios * controllers * self.trials:.3g} runs; a comparison may have {MOST_RUNS}"
             )
-        for what, names in (
-            ("scenario", [scenario.name for scenario in self.scenarios]),
-            ("controller", [entry.name for entry in self.controllers]),
-        ):
-            for name in names:
-                if not re.fullmatch(r"\w[\w .+=,-]*(?<! )", name) or "--" in name:
-                    raise ConfigurationError(
-                        f"{what} name {shown(name)} is used in file names: letters, digits, ' ', '.', '_', '+', '=', "
-                        "',' and single '-'"
-                    )
-                if len(name.encode()) > LONGEST_NAME:
-                    raise ConfigurationError(
-                        f"{what} name {shown(name)} is used in file names and longer than {LONGEST_NAME} bytes"
-                    )
-                if names.count(name) > 1:
-                    raise ConfigurationError(f"{what} {name!r} appears more than once; give each its own name")
+        demand_names("scenario", [scenario.name for scenario in self.scenarios])
+        demand_names("controller", [entry.name for entry in self.controllers])
         for entry in self.controllers:
             entry.make()
         self.remarks()
@@ -227,10 +190,7 @@ class Suite:
 
     def with_baseline(self) -> Suite:
         """The same suite with tracking alone in it, first."""
-        baseline = next((entry for entry in self.controllers if entry.name == BASELINE), ControllerSpec(BASELINE))
-        if baseline.law != BASELINE:
-            raise ConfigurationError(f"the name {BASELINE!r} is that of the baseline; give the controller another one")
-        return replace(self, controllers=(baseline, *(entry for entry in self.controllers if entry is not baseline)))
+        return replace(self, controllers=with_baseline(self.controllers))
 
     def runs(self) -> list[RunSpec]:
         """All runs, in the order of the results."""
@@ -270,13 +230,6 @@ class _File:
     seed: int = 0
 
 
-def _entry(name: str, table: object, where: str, folder: Path) -> ControllerSpec:
-    options = demand_table(table, where)
-    law = checked(options.pop("type", name), str, where, "type")
-    controller_class(law, folder)
-    return ControllerSpec(name, law, options, folder)
-
-
 def _demand_variety(scenario: Scenario, trials: int, seed: int) -> None:
     """Raise ConfigurationError if all trials would be the same run."""
     with chdir("."):  # own parts may change the working directory
@@ -286,16 +239,3 @@ def _demand_variety(scenario: Scenario, trials: int, seed: int) -> None:
             f"{trials} trials of {scenario.name} would be the same run: nothing in it is random. Set start_deviation, "
             "or pixel_noise, lost_frames or acceleration_noise in disturbances; or trials = 1"
         )
-
-
-def _unique(names: Iterable[str]) -> list[str]:
-    return list(dict.fromkeys(names))
-
-
-def _value(text: str) -> Any:
-    try:
-        return parse_toml(f"value = {text}", "--set")["value"]
-    except ConfigurationError as error:
-        if isinstance(error.__cause__, tomllib.TOMLDecodeError):
-            return text
-        raise

@@ -1,0 +1,120 @@
+"""The controllers that a file lists, as a command line chooses and changes them."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..controllers import CONTROLLERS, controller_class
+from ..errors import ConfigurationError, shown, unknown_name
+from ..runs.spec import BASELINE, ControllerSpec
+from ..scenarios.reading import Table, checked, demand_table
+from ..scenarios.toml import parse_toml
+
+LONGEST_NAME = 100
+"""Bytes that the name of a scenario or controller may have; files are named after both."""
+
+Entries = tuple[ControllerSpec, ...]
+"""Controllers in the order of the results."""
+
+
+def entries_of(tables: Table, where: str, folder: Path) -> Entries:
+    """The controllers of a file's tables; raises ConfigurationError for a law that there is not."""
+    return tuple(_entry(name, table, f"{where}.{name}", folder) for name, table in tables.items())
+
+
+def _entry(name: str, table: object, where: str, folder: Path) -> ControllerSpec:
+    options = demand_table(table, where)
+    law = checked(options.pop("type", name), str, where, "type")
+    controller_class(law, folder)
+    return ControllerSpec(name, law, options, folder)
+
+
+def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
+    """Those of these names, of the file's or registered ones; all of the file's if no name is given."""
+    by_name = {entry.name: entry for entry in entries}
+    for name in names:
+        if name not in by_name and name not in CONTROLLERS:
+            raise unknown_name("controller", name, {*by_name, *CONTROLLERS, "or name own ones in a suite"})
+    return tuple(by_name.get(name) or ControllerSpec(name) for name in unique(names)) if names else entries
+
+
+def with_option(entries: Entries, name: str, option: str, value: object) -> Entries:
+    """The same with another value for an option of one of them."""
+    return tuple(
+        replace(entry, options={**entry.options, option: value}) if entry.name == name else entry for entry in entries
+    )
+
+
+def with_baseline(entries: Entries) -> Entries:
+    """The same with tracking alone among them, first; raises ConfigurationError if its name is another law's."""
+    baseline = next((entry for entry in entries if entry.name == BASELINE), ControllerSpec(BASELINE))
+    if baseline.law != BASELINE:
+        raise ConfigurationError(f"the name {BASELINE!r} is that of the baseline; give the controller another one")
+    return (baseline, *(entry for entry in entries if entry is not baseline))
+
+
+def demand_names(what: str, names: Sequence[str]) -> None:
+    """Raise ConfigurationError unless files can be named after these names, and each is there once."""
+    for name in names:
+        if not re.fullmatch(r"\w[\w .+=,-]*(?<! )", name) or "--" in name:
+            raise ConfigurationError(
+                f"{what} name {shown(name)} is used in file names: letters, digits, ' ', '.', '_', '+', '=', "
+                "',' and single '-'"
+            )
+        if len(name.encode()) > LONGEST_NAME:
+            raise ConfigurationError(
+                f"{what} name {shown(name)} is used in file names and longer than {LONGEST_NAME} bytes"
+            )
+        if names.count(name) > 1:
+            raise ConfigurationError(f"{what} {name!r} appears more than once; give each its own name")
+
+
+def parsed_setting(setting: str) -> tuple[str, Any, str]:
+    """Key, value and the value's text of ``KEY=VALUE``; the value as in TOML, or plain text."""
+    key, equals, text = setting.partition("=")
+    if not equals:
+        raise ConfigurationError(f"--set takes KEY=VALUE, not {setting!r}")
+    return key.strip(), _value(text.strip()), text
+
+
+def target_of(key: str, names: Iterable[str], others: Iterable[str]) -> tuple[str, str]:
+    """The name that a dotted key begins with, and the rest of it.
+
+    Parameters
+    ----------
+    key
+        As it was given.
+    names
+        That it may begin with.
+    others
+        Keys that would have been accepted, for messages.
+    """
+    names = set(names)
+    # names may contain dots: the longest one that the key begins with is meant
+    begins = [name for name in names if f"{key}.".startswith(f"{name}.")]
+    if not begins:
+        raise unknown_name("setting", key.partition(".")[0], {*names, *others})
+    target = max(begins, key=len)
+    rest = key[len(target) + 1 :]
+    if not rest:
+        raise ConfigurationError(f"--set {target} needs a key in it: {target}.KEY=VALUE")
+    return target, rest
+
+
+def unique(names: Iterable[str]) -> list[str]:
+    """Each name once, in order."""
+    return list(dict.fromkeys(names))
+
+
+def _value(text: str) -> Any:
+    try:
+        return parse_toml(f"value = {text}", "--set")["value"]
+    except ConfigurationError as error:
+        if isinstance(error.__cause__, tomllib.TOMLDecodeError):
+            return text
+        raise
