@@ -78,7 +78,7 @@ class Pool(Generic[Answer]):
         self._workers.clear()
 
     def run(
-        self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None
+        self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None, *, again: bool = True
     ) -> Iterator[tuple[Key, Answer | Failure]]:
         """Answers as they come, with their keys.
 
@@ -88,6 +88,8 @@ class Pool(Generic[Answer]):
             The function's arguments; the first are begun first.
         limits
             How long a call may take [s]; as long as it likes if it is not there.
+        again
+            Whether a call whose process died is made once more.
 
         Raises
         ------
@@ -96,11 +98,11 @@ class Pool(Generic[Answer]):
         """
         limits = limits or {}
         waiting, suspects = deque(calls), deque[Key]()
-        again: set[Key] = set()
+        repeated: set[Key] = set() if again else set(calls)
         while waiting or suspects or self._busy():
             if not waiting and not self._busy():
                 waiting.append(suspects.popleft())
-                again.add(waiting[0])
+                repeated.add(waiting[0])
             self._employ(len(waiting))
             for worker in self._workers:
                 if waiting and worker.ready and worker.key is None:
@@ -120,7 +122,7 @@ class Pool(Generic[Answer]):
                         self._failed_starts = 0
                 elif worker.dead:
                     self._dismiss(worker)
-                    if key in again:
+                    if key in repeated:
                         yield key, Failure(DIED)
                     elif key is not None:
                         suspects.append(key)

@@ -1,0 +1,36 @@
+"""Evidence: thousands of drawn scenes, run with every law, scored where they are run, and stored as Parquet shards."""
+
+from .campaign import Campaign
+from .columns import KEYS, ROWS, RUNS, SCENES, TABLES, TIMING, Column
+from .progress import Finished, Progress
+from .runner import Plan, collect
+from .stored import Evidence
+from .task import Shard, Task
+from .trajectories import Keep, RunKey
+from .worker import Part, scored
+from .workers import OpenWorkers, Workers, processes
+
+__all__ = [
+    "KEYS",
+    "ROWS",
+    "RUNS",
+    "SCENES",
+    "TABLES",
+    "TIMING",
+    "Campaign",
+    "Column",
+    "Evidence",
+    "Finished",
+    "Keep",
+    "OpenWorkers",
+    "Part",
+    "Plan",
+    "Progress",
+    "RunKey",
+    "Shard",
+    "Task",
+    "Workers",
+    "collect",
+    "processes",
+    "scored",
+]

@@ -1,0 +1,219 @@
+"""A campaign: which families' scenes are run with which controllers, in which conditions, and how many."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..comparisons.entries import (
+    Entries,
+    chosen_entries,
+    demand_names,
+    entries_of,
+    parsed_setting,
+    target_of,
+    unique,
+    with_baseline,
+    with_option,
+)
+from ..comparisons.suite import DEFAULT
+from ..errors import ConfigurationError, shown, unknown_name
+from ..families import HALVES, SHIPPED, Family, families
+from ..scenarios.reading import Table, made
+from ..scenarios.toml import read_toml
+from .identity import Identity, of_code, of_controllers, of_family, plain
+
+TITLE = "Which law, when, how sure?"
+"""Of the campaign that is run when none is given."""
+
+MOST_SCENES = 10_000_000
+"""Scenes of a family that a campaign may have."""
+
+OWN_SETTINGS = ("scenes", "seed", "half", "conditions")
+"""Keys that ``--set`` changes besides options of controllers."""
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What is run.
+
+    Attributes
+    ----------
+    name
+        The file's name without its ending.
+    title, question
+        For reports: what it is, and what it is to answer.
+    families
+        Where scenes are drawn from.
+    controllers
+        Every scene is run with every controller; tracking alone is the first.
+    conditions
+        Those in which scenes are run; all that each family has if empty.
+    scenes
+        How many of each family.
+    half
+        ``"held-out"`` or ``"training"``.
+    seed
+        Of all scenes.
+    """
+
+    name: str
+    title: str
+    question: str
+    families: tuple[Family, ...]
+    controllers: Entries
+    conditions: tuple[str, ...] = ()
+    scenes: int = 1000
+    half: str = "held-out"
+    seed: int = 0
+
+    @classmethod
+    def load(cls, path: Path | None = None) -> Campaign:
+        """The campaign of a TOML file; without a path all shipped families with the default comparison's controllers.
+
+        Raises
+        ------
+        ConfigurationError, InvalidInput
+            if the file cannot be read, has an unknown key, or something in it cannot be used.
+        """
+        if path is None:
+            controllers = read_toml(DEFAULT)["controllers"]
+            path, tables = Path("evidence.toml"), {"title": TITLE, "families": families(), "controllers": controllers}
+        else:
+            tables = read_toml(path)
+        file: _File = made(_File, tables, path.name)
+        return cls(
+            path.stem,
+            file.title or path.stem,
+            file.question,
+            tuple(Family.load(name, path.parent) for name in file.families),
+            entries_of(file.controllers, f"{path.name}.controllers", path.parent),
+            tuple(file.conditions),
+            file.scenes,
+            file.half,
+            file.seed,
+        ).checked()
+
+    def select(
+        self,
+        families: Sequence[str] = (),
+        controllers: Sequence[str] = (),
+        scenes: int | None = None,
+        settings: Sequence[str] = (),
+    ) -> Campaign:
+        """The campaign a command line asks for.
+
+        Parameters
+        ----------
+        families
+            Names of the campaign's families, of shipped ones, or paths; all of the campaign's if empty.
+        controllers
+            Names of the campaign's controllers or registered ones; all of the campaign's if empty.
+        scenes
+            Instead of the campaign's.
+        settings
+            ``KEY=VALUE`` with KEY ``scenes``, ``seed``, ``half``, ``conditions``, or a controller's name and an
+            option. VALUE as in TOML, or plain text.
+        """
+        own = {family.name: family for family in self.families}
+        campaign = replace(
+            self,
+            families=tuple(own.get(name) or Family.load(name) for name in unique(families)) or self.families,
+            controllers=chosen_entries(self.controllers, controllers),
+            scenes=self.scenes if scenes is None else scenes,
+        )
+        for setting in settings:
+            campaign = campaign._with_setting(setting)
+        return campaign.checked()
+
+    def _with_setting(self, setting: str) -> Campaign:
+        key, value, text = parsed_setting(setting)
+        if key in ("scenes", "seed"):
+            if not isinstance(value, int) or isinstance(value, bool):
+                raise ConfigurationError(f"{key} must be an integer, not {shown(text)}")
+            return replace(self, scenes=value) if key == "scenes" else replace(self, seed=value)
+        if key == "half":
+            return replace(self, half=str(value))
+        if key == "conditions":
+            given = value if isinstance(value, list) else [value]
+            return replace(self, conditions=tuple(str(name) for name in given))
+        name, option = target_of(key, {entry.name for entry in self.controllers}, OWN_SETTINGS)
+        return replace(self, controllers=with_option(self.controllers, name, option, value))
+
+    def checked(self) -> Campaign:
+        """The campaign with tracking alone in it, if everything in it can be used; raises what is wrong otherwise."""
+        if not self.families:
+            raise ConfigurationError(f"campaign {self.name}: it names no family, so there is no scene to be drawn")
+        if not 1 <= self.scenes <= MOST_SCENES:
+            raise ConfigurationError(f"scenes must be from 1 to {MOST_SCENES}, not {self.scenes}")
+        if self.seed < 0:
+            raise ConfigurationError(f"seed must be 0 or more, not {self.seed}")
+        if self.half not in HALVES:
+            raise unknown_name("half", self.half, HALVES)
+        demand_names("family", [family.name for family in self.families])
+        demand_names("controller", [entry.name for entry in self.controllers])
+        for entry in self.controllers:
+            entry.make()
+        for name in self.conditions:
+            known = {condition for family in self.families for condition in family.conditions}
+            if name not in known:
+                raise unknown_name("condition", name, known)
+        for family in self.families:
+            if not self.conditions_of(family):
+                raise ConfigurationError(
+                    f"family {family.name} has none of the conditions {', '.join(self.conditions)}; it has "
+                    f"{', '.join(family.conditions)}"
+                )
+        return replace(self, controllers=with_baseline(self.controllers))
+
+    def conditions_of(self, family: Family) -> tuple[str, ...]:
+        """The conditions in which a family's scenes are run, in the family's order."""
+        return tuple(name for name in family.conditions if not self.conditions or name in self.conditions)
+
+    def identity(self, family: Family) -> Identity:
+        """All that the results of one family's scenes depend on."""
+        return {
+            **of_code(),
+            "seed": self.seed,
+            "half": self.half,
+            "conditions": list(self.conditions_of(family)),
+            "controllers": of_controllers(self.controllers),
+            "family": of_family(family),
+        }
+
+    def resolved(self) -> dict[str, Any]:
+        """Everything that determines the results but for code and files, as data."""
+        return {
+            "campaign": self.name,
+            "title": self.title,
+            "question": self.question,
+            "scenes": self.scenes,
+            "half": self.half,
+            "seed": self.seed,
+            "conditions": list(self.conditions),
+            "controllers": {entry.name: {"type": entry.law, **entry.options} for entry in self.controllers},
+            "families": {
+                family.name: {
+                    "folder": "" if family.folder == SHIPPED else str(family.folder.resolve()),
+                    "conditions": list(self.conditions_of(family)),
+                    "tables": plain(family.tables),
+                }
+                for family in self.families
+            },
+        }
+
+
+@dataclass(frozen=True)
+class _File:
+    """Keys of a campaign's file."""
+
+    families: Sequence[str]
+    controllers: Table
+    title: str = ""
+    question: str = ""
+    conditions: Sequence[str] = ()
+    scenes: int = 1000
+    half: str = "held-out"
+    seed: int = 0

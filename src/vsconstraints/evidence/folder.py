@@ -1,0 +1,175 @@
+"""A campaign's folder: its shards, which are the record of what is done, and what keeps two campaigns apart."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import ConfigurationError, StorageError
+from ..runs.files import replaced
+from ..runs.machine import machine
+from . import parquet
+from .campaign import Campaign
+from .columns import TABLES
+from .identity import Identity, differences, in_words
+from .task import Task
+from .worker import Part
+
+MARK = "runs"
+"""The table that is written last: a shard is there when this part of it is."""
+
+TRAJECTORIES = "trajectories"
+MANIFEST = "manifest.json"
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What a shard says of itself.
+
+    Attributes
+    ----------
+    family
+        Whose scenes.
+    scenes
+        Their numbers.
+    identity
+        What they depend on.
+    machine
+        Which made them.
+    seconds
+        How long that took one process.
+    """
+
+    family: str
+    scenes: tuple[int, ...]
+    identity: Identity
+    machine: Mapping[str, Any]
+    seconds: float
+
+    @classmethod
+    def of(cls, path: Path) -> Facts:
+        """Those of a shard's part; raises ConfigurationError if it cannot be read."""
+        facts = parquet.facts_of(path)
+        try:
+            return cls(**{**facts, "scenes": tuple(int(number) for number in facts["scenes"])})
+        except (TypeError, KeyError, ValueError) as error:
+            raise ConfigurationError(f"{path} cannot be read: it is no shard of a campaign ({error})") from error
+
+
+def shard_names(folder: Path) -> list[str]:
+    """Names of the shards in a folder, by family and scene."""
+    return sorted(path.stem for path in (folder / MARK).glob("part-*.parquet"))
+
+
+def shard_file(folder: Path, table: str, name: str) -> Path:
+    """Where a part of a shard is."""
+    return folder / table / f"{name}.parquet"
+
+
+def write_shard(folder: Path, task: Task, part: Part, identity: Identity) -> None:
+    """Write a task's tables; raises OSError."""
+    facts = Facts(task.family.name, task.scenes, identity, machine(), part.seconds)
+    write_parts(folder, task.name, {name: getattr(part, name) for name in TABLES}, facts)
+
+
+def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts) -> None:
+    """Write a shard's parts, the mark last; raises OSError."""
+    for table in sorted(TABLES, key=lambda table: table == MARK):
+        (folder / table).mkdir(exist_ok=True)
+        parquet.write(shard_file(folder, table, name), tables[table], vars(facts))
+
+
+def scenes_there(folder: Path, campaign: Campaign) -> dict[str, set[int]]:
+    """Numbers of the scenes that are done, by family; what was left unfinished is removed.
+
+    Raises
+    ------
+    ConfigurationError
+        if the folder holds something else, or scenes that are no part of this campaign or were made otherwise.
+    """
+    demand_no_comparison(folder)
+    _remove_unfinished(folder)
+    identities = {family.name: campaign.identity(family) for family in campaign.families}
+    there: dict[str, set[int]] = {name: set() for name in identities}
+    for name in shard_names(folder):
+        facts = Facts.of(shard_file(folder, MARK, name))
+        if facts.family not in identities:
+            raise _another(folder, [f"family {facts.family} is only there"])
+        if facts.identity != identities[facts.family]:
+            raise _another(folder, list(differences(facts.identity, identities[facts.family])))
+        last = max(facts.scenes)
+        if last >= campaign.scenes:
+            raise _another(folder, [f"it holds scene {last}: give --scenes {last + 1} or more"])
+        there[facts.family].update(facts.scenes)
+    return there
+
+
+def demand_no_comparison(folder: Path) -> None:
+    """Raise ConfigurationError if a folder holds a comparison of a suite."""
+    if "scenarios" in manifest_of(folder).get("configuration", {}):
+        raise ConfigurationError(f"{folder} holds a comparison, not evidence: give another folder with --out")
+
+
+def _another(folder: Path, found: list[str]) -> ConfigurationError:
+    return ConfigurationError(
+        f"{folder} holds evidence of another campaign: {in_words(found)}. Give another folder with --out, or --fresh "
+        "to replace what is there"
+    )
+
+
+def _remove_unfinished(folder: Path) -> None:
+    """Parts of a shard that has no mark, or one that cannot be read, and files that were not written whole."""
+    for path in list(folder.rglob("*.part")):
+        path.unlink(missing_ok=True)
+    for name in shard_names(folder):
+        try:
+            Facts.of(shard_file(folder, MARK, name))
+            whole = all(shard_file(folder, table, name).is_file() for table in TABLES)
+        except ConfigurationError:
+            whole = False
+        if not whole:
+            shard_file(folder, MARK, name).unlink(missing_ok=True)
+    marked = set(shard_names(folder))
+    for table in TABLES:
+        for path in (folder / table).glob("part-*.parquet"):
+            if path.stem not in marked:
+                path.unlink()
+
+
+def clear(folder: Path) -> None:
+    """Remove everything that a campaign left."""
+    demand_no_comparison(folder)
+    for name in (*TABLES, TRAJECTORIES):
+        shutil.rmtree(folder / name, ignore_errors=True)
+
+
+def manifest_of(folder: Path) -> dict[str, Any]:
+    """The manifest of a folder; empty if there is none that can be read."""
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return manifest if isinstance(manifest, dict) else {}
+
+
+def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
+    """Write the manifest whole or not at all; raises OSError."""
+    text = json.dumps(manifest, indent=1, ensure_ascii=False, default=str) + "\n"
+    with replaced(folder / MANIFEST) as part:
+        part.write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+@contextmanager
+def storing(folder: Path) -> Iterator[None]:
+    """What the system raises meanwhile, as an error that says what stays."""
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(
+            f"evidence cannot be stored in {folder}: {error}; what is there stays, and the same command goes on"
+        ) from error

@@ -1,0 +1,76 @@
+"""What results depend on, as data, and in words what differs between two of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from .. import __version__
+from ..comparisons.entries import Entries
+from ..errors import shown
+from ..families import Family
+from ..kernels import available
+from ..plugins import module_files
+from ..provenance import digest
+from ..runs.machine import code_hash, package_versions
+from ..runs.spec import ControllerSpec
+from ..scenarios import Scenario
+
+Identity = dict[str, Any]
+"""Nested tables of plain values, as JSON has them; the same wherever the same campaign is run."""
+
+MOST_SHOWN = 3
+"""Differences that a message shows."""
+
+IN_WORDS = {"code": "the package's source", "version": "the package's version", "compiled": "whether runs are compiled"}
+
+
+def of_code() -> Identity:
+    """Source, versions of the packages that results can depend on, and whether runs are compiled."""
+    return {
+        "version": __version__,
+        "code": code_hash()[:16],
+        "compiled": available(),
+        "packages": package_versions(),
+    }
+
+
+def of_controllers(entries: Entries) -> Identity:
+    """Laws and their options, and what the files of own ones hold."""
+    return {entry.name: plain({"type": entry.law, **entry.options, **_files(entry)}) for entry in entries}
+
+
+def _files(entry: ControllerSpec) -> Identity:
+    return {f"file {path.name}": digest(path) for path in module_files([entry.law], entry.folder)}
+
+
+def of_family(family: Family) -> Identity:
+    """What a family says, and what the files that it names hold."""
+    files = Scenario(family.name, family.tables, family.folder).files
+    return {"tables": plain(family.tables), "files": {path.name: digest(path) for path in files}}
+
+
+def plain(data: Any) -> Any:
+    """Data as it comes back from JSON."""
+    return json.loads(json.dumps(data, default=str))
+
+
+def differences(there: Any, here: Any, key: str = "") -> Iterator[str]:
+    """Sentences that name what differs, with both values."""
+    if isinstance(there, Mapping) and isinstance(here, Mapping):
+        for name in dict.fromkeys((*there, *here)):
+            if name not in there or name not in here:
+                yield f"{key}{name} is only {'there' if name in there else 'here'}"
+            else:
+                yield from differences(there[name], here[name], f"{key}{name}.")
+    elif there != here:
+        name = key.rstrip(".")
+        values = f"{name} is {shown(there)} there and {shown(here)} here"
+        yield f"{IN_WORDS[name]} differs" if name in IN_WORDS else values
+
+
+def in_words(found: list[str]) -> str:
+    """The first of many differences, and how many there are."""
+    more = len(found) - MOST_SHOWN
+    return "; ".join(found[:MOST_SHOWN]) + (f"; and {more} more" if more > 0 else "")

@@ -1,0 +1,167 @@
+"""Runs a campaign on any kind of workers; every shard is stored as soon as it is there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..comparisons.folder import held
+from ..kernels import prepare
+from ..runs.machine import git_commit, machine, package_versions
+from ..runs.pool import Failure
+from ..runs.signals import INTERRUPTS, signal_of
+from .campaign import Campaign
+from .folder import clear, scenes_there, storing, write_manifest, write_shard
+from .pieces import by_pieces
+from .progress import Finished, Progress
+from .task import Shard, Task, Work
+from .trajectories import Keep, demand_keep, keep_trajectories
+from .worker import Part, scored
+from .workers import OpenWorkers, Workers, processes
+
+OnProgress = Callable[[Progress], None]
+"""Told how far a campaign is, first of all and after every task."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a campaign is carried out; it changes none of its results.
+
+    Attributes
+    ----------
+    shard
+        Which part of the scenes.
+    keep
+        Whose trajectories are kept.
+    limit
+        How long a run may take [s]; by its number of samples if None.
+    fresh
+        Whether what the folder holds is replaced.
+    workers
+        Who makes the runs.
+    """
+
+    shard: Shard = field(default_factory=Shard)
+    keep: Keep = "none"
+    limit: float | None = None
+    fresh: bool = False
+    workers: OpenWorkers = field(default_factory=processes)
+
+
+def collect(
+    campaign: Campaign,
+    folder: Path,
+    plan: Plan | None = None,
+    *,
+    command: Sequence[str] = (),
+    on_progress: OnProgress = lambda progress: None,
+) -> Finished:
+    """Run a campaign, and store its shards below ``folder``; scenes that are there already are not run again.
+
+    Parameters
+    ----------
+    campaign
+        What is run.
+    folder
+        Where to; made if it is not there.
+    plan
+        How.
+    command
+        What the user typed, for the manifest.
+    on_progress
+        Told how far it is, first of all and after every task.
+
+    Raises
+    ------
+    ConfigurationError
+        if the folder cannot be used, or a family has no scene.
+    StorageError
+        if something cannot be written; what is there stays.
+    """
+    plan = plan or Plan()
+    demand_keep(plan.keep)
+    with held(folder):
+        started = time.perf_counter()
+        folder = folder.absolute()  # own parts may change the working directory
+        if plan.fresh:
+            clear(folder)
+        work = Work(campaign, plan.shard, plan.limit, scenes_there(folder, campaign))
+        tasks = work.tasks()
+        for family in {task.family.name: task.family for task in tasks.values()}.values():
+            family.demand_scenes(campaign.half, campaign.seed)
+        prepare()
+        manifest = _manifest(campaign, plan, command)
+        with storing(folder):
+            write_manifest(folder, manifest)
+        stored = sum(map(len, work.there.values()))
+        progress = Progress(stored + sum(len(task.scenes) for task in tasks.values()), stored, stored)
+        on_progress(progress)
+        interrupted = kept = 0
+        try:
+            if tasks:
+                with plan.workers(scored) as workers:
+                    _carry_out(tasks, workers, _Store(campaign, folder, progress, on_progress))
+            with storing(folder):
+                kept = keep_trajectories(folder, plan.keep, work, plan.workers)
+        except INTERRUPTS as interrupt:
+            interrupted = signal_of(interrupt)
+        finished = Finished(folder, progress, time.perf_counter() - started, kept, interrupted)
+        manifest.update(
+            wall_time_s=finished.wall_time,
+            process_time_s=progress.seconds,
+            runs=progress.runs,
+            runs_per_s=finished.rate,
+            scenes=progress.scenes,
+            finished=progress.done,
+            stored_before=stored,
+            trajectories=kept,
+        )
+        with storing(folder):
+            write_manifest(folder, manifest)
+        return finished
+
+
+class _Store:
+    """Takes what tasks come to: writes it, counts it, and forgets it."""
+
+    def __init__(self, campaign: Campaign, folder: Path, progress: Progress, on_progress: OnProgress) -> None:
+        self._identities = {family.name: campaign.identity(family) for family in campaign.families}
+        self._folder, self._progress, self._on_progress = folder, progress, on_progress
+
+    def __call__(self, task: Task, part: Part) -> None:
+        with storing(self._folder):
+            write_shard(self._folder, task, part, self._identities[task.family.name])
+        self._progress.add(task, part)
+        self._on_progress(self._progress)
+
+
+def _carry_out(tasks: Mapping[str, Task], workers: Workers, store: Callable[[Task, Part], None]) -> None:
+    """Store what every task comes to; one that no worker survives is made again by pieces when all others are done."""
+    broken = []
+    for name, answer in workers.run({name: (task,) for name, task in tasks.items()}, again=False):
+        if isinstance(answer, Failure):
+            broken.append(tasks[name])
+        else:
+            store(tasks[name], answer)
+    for task in broken:
+        store(task, by_pieces(task, workers))
+
+
+def _manifest(campaign: Campaign, plan: Plan, command: Sequence[str]) -> dict[str, Any]:
+    return {
+        "version": __version__,
+        "git_commit": git_commit(),
+        "command": list(command),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "seed": campaign.seed,
+        "shard": [plan.shard.number, plan.shard.of],
+        "keep": plan.keep,
+        "configuration": campaign.resolved(),
+        "machine": machine(),
+        "packages": package_versions(),
+    }

@@ -1,0 +1,202 @@
+"""What a worker does, wherever it runs: from a task to the tables of its runs, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import chdir
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+from ..comparisons.metrics import Score, score
+from ..comparisons.record import RunRecord
+from ..errors import described
+from ..families import Drawn
+from ..plugins import beside
+from ..runs.deadline import process_ends_after
+from ..runs.signals import INTERRUPTS
+from ..runs.spec import BASELINE, ControllerSpec
+from ..simulation import Setup, simulate
+from . import parquet
+from .columns import TABLES
+from .task import Task
+
+Line = dict[str, Any]
+"""Values by columns."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a task came to: a table of runs, of their rows, and of scenes, see :mod:`vsconstraints.evidence.columns`.
+
+    Attributes
+    ----------
+    runs, rows, scenes
+        Arrow tables.
+    seconds
+        How long it took.
+    """
+
+    runs: Any
+    rows: Any
+    scenes: Any
+    seconds: float
+
+    @classmethod
+    def joined(cls, parts: list[Part]) -> Part:
+        """All of them as one, in their order."""
+        tables = {name: parquet.joined([getattr(part, name) for part in parts]) for name in TABLES}
+        return cls(**tables, seconds=sum(part.seconds for part in parts))
+
+
+class _Lines(NamedTuple):
+    """Lines of the three tables while they are made."""
+
+    runs: list[Line]
+    rows: list[Line]
+    scenes: list[Line]
+
+    def add(self, keys: Line, scored: Score) -> None:
+        self.runs.append({**keys, **scored.result})
+        self.rows.extend({**keys, **row} for row in scored.constraints if _worth_keeping(row))
+
+    def part(self, seconds: float) -> Part:
+        return Part(
+            **{name: parquet.table(columns, getattr(self, name)) for name, columns in TABLES.items()}, seconds=seconds
+        )
+
+
+def scored(task: Task) -> Part:
+    """Draw the scenes of a task, run every controller on each in every condition, and score the runs.
+
+    All controllers see the same scene with the same disturbances and noise. A run that fails in any way becomes a line
+    with its reason; what ends the process is left to the caller.
+    """
+    begun, lines, guarded = time.perf_counter(), _Lines([], [], []), partial(process_ends_after, task.limit)
+    for number in task.scenes:
+        with guarded():
+            scene = drawn(task, number)
+        if task.single is None:
+            lines.scenes.append(_of_scene(task, number, scene))
+        if not isinstance(scene, Drawn) or not scene.found:
+            continue
+        for condition in task.conditions:
+            if task.single is not None and task.single.condition != condition:
+                continue
+            for entry, result in _scores(task, scene, condition):
+                lines.add(keys_of(task, number, condition, entry.name), result)
+    return lines.part(time.perf_counter() - begun)
+
+
+def failed(task: Task, reason: str) -> Part:
+    """What is left of a task of one scene, and of one run if that is what it asks for, that no process survives."""
+    lines, (number,) = _Lines([], [], []), task.scenes
+    if task.single is None:
+        lines.scenes.append(_of_scene(task, number, reason))
+    else:
+        keys = keys_of(task, number, task.single.condition, task.single.controller)
+        lines.add(keys, score(RunRecord.failed(reason, ""), None))
+    return lines.part(0.0)
+
+
+def drawn(task: Task, number: int) -> Drawn | str:
+    """A scene; or why drawing it raised something, which only own parts do."""
+    try:
+        with chdir("."), beside(task.family.folder):
+            return task.family.scene(number, task.half, task.seed)
+    except Exception as error:  # own constraints can raise anything: the scene is listed with the reason
+        return described(error)
+
+
+def keys_of(task: Task, number: int, condition: str, controller: str) -> Line:
+    """Which run it is."""
+    return {
+        "family": task.family.name,
+        "condition": condition,
+        "half": task.half,
+        "scene": number,
+        "controller": controller,
+    }
+
+
+def _of_scene(task: Task, number: int, scene: Drawn | str) -> Line:
+    line = {"family": task.family.name, "half": task.half, "scene": number}
+    if isinstance(scene, str):
+        empty = {"found": False, "attempts": 1, "challenged": "", "share_to_hold": float("nan"), "values": "{}"}
+        return {**line, **empty, "rejected": _json({scene: 1})}
+    return {
+        **line,
+        "found": scene.found,
+        "attempts": scene.attempts,
+        "rejected": _json(scene.rejected),
+        "challenged": "; ".join(scene.challenged),
+        "share_to_hold": scene.share_to_hold,
+        "values": _json(scene.values),
+    }
+
+
+def _json(data: Any) -> str:
+    return json.dumps(dict(data), ensure_ascii=False, default=lambda value: value.tolist())
+
+
+def _worth_keeping(row: Line) -> bool:
+    left = row["violation_depth"] > 0.0 or row["band_depth"] > 0.0
+    return bool(row["challenged"] or left or row["active_time_s"] > 0.0)
+
+
+def _scores(task: Task, scene: Drawn, condition: str) -> Iterator[tuple[ControllerSpec, Score]]:
+    """Each controller's score, held against tracking alone, which is the first of them."""
+    bench, baseline = Bench(scene, condition), None
+    for entry in task.controllers:
+        wanted = task.single is None or task.single.controller == entry.name
+        if not wanted and entry.name != BASELINE:
+            continue
+        with process_ends_after(task.limit):
+            record = bench.run(entry)
+            if entry.name == BASELINE:
+                baseline = record
+            if wanted:
+                yield entry, _scored(record, baseline)
+
+
+def _scored(record: RunRecord, baseline: RunRecord | None) -> Score:
+    try:
+        return score(record, baseline)
+    except Exception as error:  # arrays of own parts can be anything
+        return score(RunRecord.failed(f"the run cannot be scored: {described(error)}", ""), None)
+
+
+class Bench:
+    """One scene in one condition, on which controllers are run one after the other.
+
+    What is set up is used again by the package's own laws, which leave nothing in it. Laws and constraints of one's own
+    may, and so may what fails: after these it is set up anew.
+
+    Parameters
+    ----------
+    scene, condition
+        What is set up.
+    """
+
+    def __init__(self, scene: Drawn, condition: str) -> None:
+        self._scene, self._condition = scene, condition
+        self._setup: Setup | None = None
+
+    def run(self, entry: ControllerSpec) -> RunRecord:
+        """A run; whatever goes wrong becomes a failed one with its reason."""
+        try:
+            # own parts may change the working directory, and import what lies beside them whenever they like
+            with chdir("."), beside(self._scene.folder, entry.folder):
+                scenario = self._scene.scenario(self._condition)
+                setup = self._setup or self._scene.setup(self._condition)
+                self._setup = None
+                record = RunRecord.of(setup, simulate(setup, entry.make()), "")
+        except INTERRUPTS:
+            raise
+        except BaseException as error:  # even SystemExit: this is where one run ends and the others begin
+            return RunRecord.failed(described(error), "")
+        if record.trajectory.status != "failed" and ":" not in entry.law and not scenario.own_parts:
+            self._setup = setup
+        return record
