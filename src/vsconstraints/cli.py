@@ -1,4 +1,4 @@
-"""The command line: ``vsconstraints compare``, ``list``, ``report``, ``diff``, ``reproduce`` and ``study``."""
+"""The command line: ``vsconstraints compare``, ``families``, ``report``, ``diff`` and more."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import typer
 
 from . import __version__
 from .commands.difference import diff
+from .commands.families import families
 from .commands.terminal import (
     NOTHING_DONE,
     USAGE_ERROR,
@@ -30,6 +31,7 @@ from .errors import StorageError, VsconstraintsError
 from .runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 
 app.command()(diff)
+app.command()(families)
 
 
 @app.command()

@@ -114,8 +114,8 @@ class LookAt(Placement):
         elif ends.q and ends.q[0] is not None:
             near = ends.q[0]
         else:
-            middle = 0.5 * (robot.q_min + robot.q_max)
-            near = np.where(np.isfinite(middle), middle, 0.0)
+            bounded = np.isfinite(robot.q_min) & np.isfinite(robot.q_max)
+            near = 0.5 * (np.where(bounded, robot.q_min, 0.0) + np.where(bounded, robot.q_max, 0.0))
         q = inverse_kinematics(robot, tip_of(ends.scene, self.camera(ends.scene)), near)
         return None if q is None else q.tolist()
 
