@@ -1,0 +1,158 @@
+"""The answers of the first screen: sentences that are computed from the evidence, and none that it does not bear."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from ...controllers.demands import USES
+from ...statistics import paired
+from ..markdown import bold, enumeration
+from ..numbers import number
+from .material import Material
+from .sentence import Sentence
+from .standing import Standing, standing
+from .words import count, first_of, of_scenes, percentage, where
+
+DOES, DO = "keeps all rows and reaches the goal", "keep all rows and reach the goal"
+
+SPARED: tuple[tuple[str, str], ...] = ((USES["Lf"], USES["Lf"]), ("model", "a model"))
+"""What a reader may not have: as laws say it, and in words."""
+
+
+def answers(material: Material) -> dict[str, list[Sentence]]:
+    """The sentences on each condition, in their order."""
+    found = {}
+    for condition in material.conditions:
+        one = standing(material, condition)
+        if one.scenes:
+            several = [best(one), *sparing(material, one), calmest(material, one), violations(material, condition)]
+            found[condition] = [sentence for sentence in several if sentence is not None]
+    return found
+
+
+def best(one: Standing) -> Sentence:
+    """Which law succeeds most often in a condition, and which cannot be told from it."""
+    begin, scenes, leader, follower = where(one.condition), of_scenes(one.scenes, one.families), one.leader, one.next
+    share = one.shares[leader]
+    if share.value == 0.0:
+        whoever = "no law" if len(one.laws) > 1 else bold(leader)
+        how = f"{DOES} in none of {scenes}" if len(one.laws) == 1 else f"{DOES} in any of {scenes}"
+        most = percentage(share.high, share.digits)
+        each = "each" if len(one.laws) > 1 else "it"
+        text = f"{begin}, {whoever} {how}: with 95 % confidence {each} would in at most {most} %."
+        return Sentence(text, "best", one.condition, (leader,), numbers_of(one, [leader]))
+    if len(one.laws) == 1:
+        text = f"{begin}, {bold(leader)} {DOES} in {share.text(scenes)}."
+        return Sentence(text, "best", one.condition, (leader,), numbers_of(one, [leader]))
+    named, told = _in_front(one)
+    if follower is None:
+        alike = "are too few to tell laws apart" if one.too_few else "tell no law from the best"
+        text = f"{begin}, {scenes} {alike}: {told} {DO}."
+        return Sentence(text, "alike", one.condition, tuple(named), numbers_of(one, named))
+    next_one, difference = one.shares[follower].text(), one.pair(leader, follower).difference.text()
+    if len(one.front) == 1:
+        text = f"{bold(leader)} {DOES} in {share.text(scenes)}; the next, {follower}, in {next_one}"
+        text = f"{begin}, {text}; the difference is {difference}."
+    else:
+        text = f"{told} {DO} most often and are not distinguishable ({scenes}); the next, {follower}, does so in"
+        text = f"{begin}, {text} {next_one}, {difference} less than {leader}."
+    numbers = numbers_of(one, [*named, follower], (leader, follower))
+    return Sentence(text, "best", one.condition, (*named, follower), numbers)
+
+
+def sparing(material: Material, one: Standing) -> list[Sentence]:
+    """What is to be had without something that not everybody has, such as L_fφ."""
+    if one.shares[one.leader].value == 0.0 or one.next is None:
+        return []
+    found = []
+    known = {law: used for law in one.laws if (used := material.uses[law]) is not None}
+    for what, words in SPARED:
+        spare = [law for law, used in known.items() if what not in used]
+        # that laws in front need no model goes without saying
+        worth_saying = what == SPARED[0][0] or not any(law in spare for law in one.front)
+        if spare and len(spare) < len(known) and worth_saying:
+            found.append(_without(one, spare, f"without {what}", words))
+    return found
+
+
+def _without(one: Standing, spare: Sequence[str], about: str, words: str) -> Sentence:
+    """The best of the laws that do without something: in front of all, or by how much behind."""
+    in_front = [law for law in one.front if law in spare]
+    if in_front:
+        named, more = first_of(in_front)
+        which = f"Of these, {enumeration([*named, *more])} {'does' if len(in_front) == 1 else 'do'} not use"
+        which = "None of these uses" if len(in_front) == len(one.front) else which
+        which = "It does not use" if len(one.front) == 1 else which
+        return Sentence(f"{which} {words}.", about, one.condition, tuple(named))
+    own = one.among(spare)
+    named, told = _in_front(own)
+    difference = one.pair(one.leader, own.leader).difference.text()
+    if len(own.front) == 1:
+        text = f"Of the laws that do not use {words}, {told} does so most often, {difference} less than {one.leader}."
+    else:
+        text = f"Of the laws that do not use {words}, {told} do so most often and are not distinguishable"
+        text = f"{text}; {own.leader} does in {difference} less than {one.leader}."
+    numbers = numbers_of(one, named, (one.leader, own.leader))
+    return Sentence(text, about, one.condition, (*named, one.leader), numbers)
+
+
+def calmest(material: Material, one: Standing) -> Sentence | None:
+    """Of several laws in front, the one whose command varies least, where that is sure."""
+    front = list(one.front)
+    if len(front) < 2 or one.shares[one.leader].value == 0.0:
+        return None
+    clean = material.paired(one.condition, "success").astype(bool)[front].all(axis=1)
+    values = material.paired(one.condition, "acceleration_variation")[clean][front].astype(float)
+    calm = str(values.median().idxmin()) if len(values) else front[0]
+    against = {
+        law: paired(values[calm].to_numpy(), values[law].to_numpy(), "log-ratio") for law in front if law != calm
+    }
+    if any(pair.too_few or not pair.high < 0.0 for pair in against.values()):
+        return None
+    second = max(against, key=lambda law: against[law].median)
+    pair = against[second]
+    middle, low, high = (math.exp(value) for value in (pair.median, pair.low, pair.high))
+    text = (
+        f"Of these, {bold(calm)} has the calmest command: its acceleration varies {number(middle)} times "
+        f"({number(low)}–{number(high)}) as much as that of {second}, the next (median of "
+        f"{count(pair.n, 'scene')} in which all of them succeed)."
+    )
+    numbers = {"ratio": middle, "ratio_low": low, "ratio_high": high, "ratio_scenes": pair.n}
+    return Sentence(text, "calmest", one.condition, (calm, second), numbers)
+
+
+def violations(material: Material, condition: str) -> Sentence:
+    """Which law leaves a row least often in a condition."""
+    one = standing(material, condition, "kept")
+    left = {law: share.complement for law, share in one.shares.items()}
+    named, more = first_of(one.front)
+    told = enumeration([*(f"{bold(law)} ({left[law].percent} %, {left[law].interval} %)" for law in named), *more])
+    numbers: dict[str, float] = {"scenes": one.scenes}
+    for law in named:
+        numbers |= left[law].numbers("violation", law=law)
+    if len(one.laws) == 1:
+        text = f"It violates a row in {left[one.leader].text()}."
+    elif one.next is None:
+        text = f"How often a row is violated tells no law from the best: {told}."
+    else:
+        alike = ", which are not distinguishable" if len(one.front) > 1 else ""
+        text = f"A row is violated least often by {told}{alike}."
+    return Sentence(text, "violations", condition, tuple(named), numbers)
+
+
+def _in_front(one: Standing) -> tuple[list[str], str]:
+    """Laws in front that a sentence names, and how it does."""
+    named, more = first_of(one.front)
+    shares = [f"{bold(law)} ({one.shares[law].percent} %, {one.shares[law].interval} %)" for law in named]
+    return named, enumeration([*shares, *more])
+
+
+def numbers_of(one: Standing, laws: Sequence[str], pair: tuple[str, str] | None = None) -> dict[str, float]:
+    """What a sentence on these laws shows, and on the difference of two of them."""
+    numbers: dict[str, float] = {"scenes": one.scenes, "families": one.families}
+    for law in laws:
+        numbers |= one.shares[law].numbers("success", law=law)
+    if pair is not None:
+        numbers |= one.pair(*pair).difference.numbers("difference", "difference_low", "difference_high")
+    return numbers

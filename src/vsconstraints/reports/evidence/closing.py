@@ -1,0 +1,86 @@
+"""The last parts of the report of evidence: definitions, limitations, machine and rate."""
+
+from __future__ import annotations
+
+from ...comparisons.metrics import DEFINITIONS
+from ..markdown import bullets, code, plain, table
+from ..numbers import DASH, number
+from .material import Material
+
+WORDS = {
+    "Success": "The run converged and violated no row.",
+    "Intervals": "95 %: of rates exact (Clopper and Pearson), of differences of rates on the same scenes Tango's score "
+    "interval, of medians bootstrap over scenes (BCa) or, of few scenes, the exact one. Intervals are those of each "
+    "number by itself.",
+    "Distinguishable": "Two laws on the same scenes: of rates by McNemar's exact test, of numbers by Wilcoxon's, with "
+    "Holm's correction for all pairs of laws in a condition; and the interval must not hold zero. Success and "
+    "violation are tested each by itself. Not distinguishable does not mean equal: more scenes may tell.",
+    "All families": "Scenes of all families together, each of the same weight; only scenes that every law has run.",
+    "Failures": "Where costs are compared scene by scene (profiles, ranks), a run without success costs infinitely "
+    "much. Medians are over runs with success, those of times over all; nothing is a mean.",
+}
+
+SHOWN = (
+    "status",
+    "violated",
+    "within_band",
+    "settling_time_s",
+    "utilization",
+    "acceleration_variation",
+    "share_to_hold",
+)
+"""Metrics whose definitions the report repeats."""
+
+LIMITATIONS = (
+    "Simulation only: an arm without dynamics of its own and images without a camera. What disturbs it is what the "
+    "families say, and no more.",
+    "The shares are those of these families: of other distributions of scenes they are others. Families weigh by their "
+    "numbers of scenes.",
+    "Scenes in which tracking alone leaves no row were left out: shares are of scenes that are challenged.",
+    "Laws have the settings that they come with, but for those that are called tuned. Another setting can change the "
+    "order.",
+    "Times are those of this machine with other runs beside it.",
+    "A scene that none could hold is told by a condition that is necessary only: more scenes may be hopeless.",
+)
+
+
+def closing(material: Material) -> str:
+    """Everything that a reader needs to judge or repeat the campaign."""
+    definitions = {name: DEFINITIONS[name] for name in SHOWN if name in DEFINITIONS}
+    return "\n\n".join(
+        (
+            "## What words mean",
+            bullets([f"**{name}**: {text}" for name, text in {**WORDS, **definitions}.items()]),
+            "## Known limitations",
+            bullets(LIMITATIONS),
+            "## Machine and versions",
+            _machine(material),
+        )
+    )
+
+
+def _machine(material: Material) -> str:
+    manifest, configuration = material.manifest, material.configuration
+    machine, packages = manifest.get("machine", {}), manifest.get("packages", {})
+    wall, runs = manifest.get("wall_time_s"), len(material.evidence.runs)
+    rate = manifest.get("runs_per_s") or (runs / wall if wall else None)
+    facts = {
+        "processor": machine.get("processor"),
+        "cores": machine.get("cores"),
+        "system": machine.get("system"),
+        "python": machine.get("python"),
+        "packages": ", ".join(f"{name} {version}" for name, version in packages.items()),
+        "version": manifest.get("version"),
+        "git commit": manifest.get("git_commit"),
+        "command": code(" ".join(manifest["command"])) if manifest.get("command") else None,
+        "started": manifest.get("started"),
+        "half, seed": f"{configuration.get('half', DASH)}, {configuration.get('seed', DASH)}",
+        "wall time [s]": None if wall is None else number(float(wall)),
+        "runs": str(runs),
+        "runs per second": None if rate is None else number(float(rate)),
+    }
+    lines = [
+        [name, DASH if value in (None, "") else str(value) if name == "command" else plain(str(value))]
+        for name, value in facts.items()
+    ]
+    return table(["what", "value"], lines, text_columns=2)

@@ -1,0 +1,125 @@
+"""What the parts of the report of evidence are written from: runs with their outcome, paired by scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...runs.spec import BASELINE
+from ...statistics.judged import OUTCOMES
+from ..groups import uses
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ...evidence import Evidence
+
+SCENE = ["family", "scene"]
+"""Columns that say which scene it is: laws are compared on the same ones."""
+
+TUNED = "-tuned"
+"""How the name of a tuned law ends, behind that of the law it was tuned from."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """Evidence as the report's parts need it.
+
+    Attributes
+    ----------
+    evidence
+        What a campaign left.
+    tuning
+        The folder of the tuning, if there is one to show.
+    figures
+        Whether figures are drawn.
+    known
+        What was worked out of it already, by what it is of.
+    """
+
+    evidence: Evidence
+    tuning: Path | None = None
+    figures: bool = True
+    known: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    @property
+    def folder(self) -> Path:
+        """Where the evidence is, and where the report goes."""
+        return self.evidence.folder
+
+    @property
+    def manifest(self) -> Mapping[str, Any]:
+        """What was run, when, where and by which command."""
+        return self.evidence.manifest
+
+    @property
+    def configuration(self) -> Mapping[str, Any]:
+        """The campaign, resolved."""
+        return dict(self.manifest["configuration"])
+
+    @cached_property
+    def runs(self) -> pd.DataFrame:
+        """Runs of the laws that are compared, with what came of each.
+
+        ``kept`` is whether no row was violated, ``success`` whether the goal was reached besides.
+        """
+        every = self.evidence.runs
+        runs = every[every["controller"] != BASELINE].copy()
+        runs["kept"] = ~OUTCOMES["violation"].flag(runs)
+        runs["success"] = OUTCOMES["success"].flag(runs)
+        plain: pd.DataFrame = runs.astype(dict.fromkeys(("family", "condition", "controller", "status"), str))
+        return plain
+
+    @cached_property
+    def laws(self) -> tuple[str, ...]:
+        """Laws that have runs, without tracking alone, in the campaign's order."""
+        return _ordered(self.evidence.controllers, self.runs["controller"])
+
+    @cached_property
+    def conditions(self) -> tuple[str, ...]:
+        """Conditions that have runs, in the campaign's order, the one without disturbances first."""
+        return _ordered(("nominal", *self.evidence.conditions), self.runs["condition"])
+
+    @cached_property
+    def families(self) -> tuple[str, ...]:
+        """Families that have runs, in the campaign's order."""
+        return _ordered(tuple(self.configuration["families"]), self.runs["family"])
+
+    @cached_property
+    def uses(self) -> dict[str, tuple[str, ...] | None]:
+        """What each law uses beside rows and task; None for an own law, whose code says it."""
+        entries = self.configuration["controllers"]
+        return {name: uses(name, entries.get(name, {})) for name in self.laws}
+
+    def among(self, condition: str, families: Sequence[str] | None = None) -> pd.DataFrame:
+        """Runs in a condition, of some families or of all."""
+        runs = self.runs[self.runs["condition"] == condition]
+        return runs if families is None else runs[runs["family"].isin(list(families))]
+
+    def paired(self, condition: str, column: str, families: Sequence[str] | None = None) -> pd.DataFrame:
+        """A column's values with one line per scene and one column per law, of scenes that every law ran."""
+        runs = self.among(condition, families)
+        wide = runs.pivot_table(index=SCENE, columns="controller", values=column, aggfunc="first", dropna=False)
+        ran = runs.pivot_table(index=SCENE, columns="controller", values="success", aggfunc="count", fill_value=0)
+        wide = wide.reindex(index=ran.index)[(ran > 0).all(axis=1)]
+        return wide[[name for name in self.laws if name in wide.columns]]
+
+    def families_of(self, condition: str) -> tuple[str, ...]:
+        """Families that have runs in a condition."""
+        there = set(self.among(condition)["family"])
+        return tuple(name for name in self.families if name in there)
+
+    @property
+    def tuned(self) -> dict[str, str]:
+        """Names of tuned laws, by those of the laws they were tuned from, where both have runs."""
+        return {name: name + TUNED for name in self.laws if name + TUNED in self.laws}
+
+
+def _ordered(planned: Sequence[str], found: pd.Series) -> tuple[str, ...]:
+    """Names that were found: those that were planned in that order, then the others."""
+    there = list(dict.fromkeys(found))
+    names = dict.fromkeys([*(name for name in planned if name in there), *sorted(there)])
+    return tuple(names)

@@ -1,0 +1,103 @@
+"""How good laws are where they succeed: profiles, ranks, and paired differences to the law in front."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...statistics import compare_laws, costs, profile, ranks
+from ..markdown import table
+from ..numbers import DASH, number
+from .drawing import shown
+from .figures.critical_difference import CRITICAL_DIFFERENCE, Diagram
+from .figures.profiles import PROFILES, Panel
+from .material import Material
+from .standing import standing
+from .words import where, within
+
+METRICS: tuple[tuple[str, str], ...] = (
+    ("acceleration_variation", "variation"),
+    ("settling_time_s", "settling time"),
+)
+"""By which laws are profiled, and what that is called; all of these are positive."""
+
+
+def profiles(material: Material) -> str:
+    """Figures of all conditions, and one table for each."""
+    if len(material.laws) < 2:
+        return ""
+    parts = ["## How good laws are where they succeed"]
+    panels, columns = _panels(material)
+    parts.append(shown(material, PROFILES, panels, material.laws, columns))
+    parts.append(shown(material, CRITICAL_DIFFERENCE, _diagrams(material), material.laws))
+    tables = [text for condition in material.conditions if (text := _against(material, condition))]
+    if tables:
+        parts.append(
+            "Each law against the one that succeeds most often, on the scenes in which both succeed: median over "
+            "scenes of the ratio of acceleration variations, and of the differences of settling time and utilization, "
+            "with 95 % intervals; ≈ where Wilcoxon's test, corrected for all laws, finds no difference."
+        )
+    return "\n\n".join(part for part in (*parts, *tables) if part)
+
+
+def _costs(material: Material, condition: str, metric: str) -> Any:
+    table_of = costs(material.among(condition), metric).table
+    return table_of[[law for law in material.laws if law in table_of.columns]]
+
+
+def _panels(material: Material) -> tuple[list[Panel], int]:
+    conditions = [name for name in material.conditions if len(_costs(material, name, METRICS[0][0]))]
+    panels = []
+    for metric, words in METRICS:
+        for condition in conditions:
+            found = _costs(material, condition, metric)
+            title = f"{words}, {condition}"
+            panels.append(Panel(title, tuple(found.columns), profile(found.to_numpy(float))))
+    return panels, min(max(len(conditions), 1), 3)
+
+
+def _diagrams(material: Material) -> list[Diagram]:
+    diagrams = []
+    for condition in material.conditions:
+        found = _costs(material, condition, METRICS[0][0])
+        if len(found):
+            diagrams.append(Diagram(where(condition), tuple(found.columns), ranks(found.to_numpy(float))))
+    return diagrams
+
+
+def _against(material: Material, condition: str) -> str:
+    """All other laws against the leader of a condition."""
+    one = standing(material, condition)
+    if len(one.laws) < 2 or one.shares[one.leader].value == 0.0:
+        return ""
+    runs = material.among(condition)
+    found = {
+        metric: compare_laws(runs, metric, one.leader, by=()).set_index("a")
+        for metric in ("acceleration_variation", "settling_time_s", "utilization")
+    }
+    lines = []
+    for law in one.laws[1:]:
+        variation, settling, space = (found[metric].loc[law] for metric in found)
+        lines.append(
+            [
+                law,
+                str(int(variation["paired"])),
+                _cell(variation, "ratio", ("ratio_low", "ratio_high")),
+                _cell(settling, "difference", ("low", "high")),
+                _cell(space, "difference", ("low", "high"), 100.0),
+            ]
+        )
+    header = [f"{within(condition)}, against {one.leader}", "scenes", "variation, ×", "settling, + s", "space, + %"]
+    header[0] = header[0][0].upper() + header[0][1:]
+    return table(header, lines)
+
+
+def _cell(line: Any, value: str, ends: tuple[str, str], factor: float = 1.0) -> str:
+    """A median with its interval; ≈ in front where it is not distinguishable from none."""
+    if not line["paired"]:
+        return DASH
+    middle, low, high = (factor * float(line[name]) for name in (value, *ends))
+    alike = "" if line["verdict"] in ("better", "worse") else "≈ "
+    if not (abs(low) < float("inf") and abs(high) < float("inf")) or low == high:
+        return f"{alike}{number(middle)}"
+    between = " to " if low < 0.0 else "–"
+    return f"{alike}{number(middle)} ({number(low)}{between}{number(high)})"

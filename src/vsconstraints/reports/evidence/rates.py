@@ -1,0 +1,111 @@
+"""How often each law succeeds and violates: of all families together, and family by family."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...figures import Figure
+from ...statistics import rate
+from ..figures.heat_map import HeatMap, draw_heat_map
+from ..markdown import bold, table
+from ..numbers import DASH
+from .drawing import shown
+from .material import Material
+from .opening import success_cells
+from .standing import Standing, standing
+from .words import Share, of_scenes, percentage, where
+
+ENDINGS = ("trapped", "unfinished", "aborted", "failed")
+"""How runs end that do not converge."""
+
+FAMILIES = 6
+"""A table shows no more families than this."""
+
+MAP = Figure(
+    "families",
+    "success by family and law",
+    "Success in each family, condition by condition, in per cent of its scenes.",
+    draw_heat_map,
+)
+
+
+def rates(material: Material) -> str:
+    """Two tables per condition, and the heat map of all."""
+    parts = ["## How often laws succeed and violate"]
+    parts.append(
+        "*Success*: all rows kept and the goal reached. *Violated*: a row was left deeper than sampling explains, "
+        "whether the goal was reached or not. The last columns say how runs ended that did not converge; those that "
+        "failed or were aborted count nowhere but here and as no success. **Bold** is the best of a column where it is "
+        "distinguishable from all others; ≈ marks the best and what is not distinguishable from it."
+    )
+    parts.append(shown(material, MAP, family_map(material)))
+    for condition in material.conditions:
+        one = standing(material, condition)
+        if one.scenes:
+            parts += [f"### {where(condition)}", _together(material, one)]
+            if len(material.families_of(condition)) > 1:
+                parts += _by_family(material, condition)
+    return "\n\n".join(part for part in parts if part)
+
+
+def _together(material: Material, one: Standing) -> str:
+    kept = standing(material, one.condition, "kept")
+    runs = material.among(one.condition)
+    lines = []
+    for law, cell in zip(one.laws, success_cells(one, one.laws), strict=True):
+        statuses = runs[runs["controller"] == law]["status"]
+        endings = [str(int((statuses == ending).sum())) for ending in ENDINGS]
+        lines.append([law, cell, _violated(kept, law), *endings])
+    text = f"{of_scenes(one.scenes, one.families)}; success and violated in per cent, the others in runs."
+    return f"{text}\n\n" + table(["law", "success", "violated", *ENDINGS], lines)
+
+
+def _violated(kept: Standing, law: str) -> str:
+    cell = kept.shares[law].complement.cell
+    if len(kept.laws) < 2 or law not in kept.front:
+        return cell
+    return bold(cell) if len(kept.front) == 1 else f"≈ {cell}"
+
+
+def _by_family(material: Material, condition: str) -> list[str]:
+    """Success and violations in each family; several tables where there are many families."""
+    families = material.families_of(condition)
+    parts = []
+    for what, column in (("Success", "success"), ("Violated", "kept")):
+        for start in range(0, len(families), FAMILIES):
+            chosen = families[start : start + FAMILIES]
+            each = {name: standing(material, condition, column, [name]) for name in chosen}
+            lines = []
+            for law in material.laws:
+                cells = []
+                for one in each.values():
+                    if law not in one.laws:
+                        cells.append(DASH)
+                    elif column == "success":
+                        cells.append(success_cells(one, [law])[0])
+                    else:
+                        cells.append(_violated(one, law))
+                lines.append([law, *cells])
+            parts.append(f"{what} in each family, in per cent:\n\n" + table(["law", *chosen], lines))
+    return parts
+
+
+def family_map(material: Material) -> HeatMap:
+    """Success of every law in every family and condition."""
+    rows: list[str] = []
+    values, breaks = [], []
+    for condition in material.conditions:
+        breaks.append(len(rows))
+        for family in material.families_of(condition):
+            flags = material.paired(condition, "success", [family]).astype(bool)
+            rows.append(f"{family}, {condition}")
+            shares = flags.mean()  # none of no scene
+            values.append([float(shares.get(law, np.nan)) for law in material.laws])
+    grid = np.array(values).reshape(len(rows), len(material.laws))
+    texts = [[percentage(value, 0) for value in line] for line in grid]
+    return HeatMap(rows, material.laws, grid, texts, ("no success", "success in all scenes"), breaks[1:])
+
+
+def share_of(flags: object) -> Share:
+    """The share of flags that are set, with its exact interval."""
+    return Share.of(rate(flags))  # type: ignore[arg-type]

@@ -1,0 +1,77 @@
+"""The report of evidence: report.md, its figures, and its claims as data."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from ...errors import StorageError
+from ...evidence import Evidence
+from ...runs.files import replaced
+from .closing import closing
+from .decisions import decisions
+from .failing import failing
+from .knowledge import knowledge
+from .material import Material
+from .opening import opening
+from .profiles import profiles
+from .rates import rates
+from .scenes import scenes
+from .tuned import tuned, tuning_folder
+
+SECTIONS: tuple[Callable[[Material], str], ...] = (
+    decisions,
+    rates,
+    profiles,
+    knowledge,
+    failing,
+    tuned,
+    scenes,
+    closing,
+)
+"""The parts below the first screen, in their order; one that has nothing to say is empty."""
+
+CLAIMS = "claims.json"
+
+
+def write_evidence_report(folder: Path, *, figures: bool = True, tuning: Path | None = None) -> Path:
+    """Write report.md, its figures and claims.json from the evidence in a folder.
+
+    Parameters
+    ----------
+    folder
+        Where a campaign is stored.
+    figures
+        Whether to draw figures; without them, those that are there stay as they are, and the report shows none.
+    tuning
+        Folder of the tuning that tuned settings come from; ``tuning`` in the campaign's folder if not given.
+
+    Returns
+    -------
+    Path
+        Where the report is.
+
+    Raises
+    ------
+    ConfigurationError
+        if there is no evidence in the folder.
+    StorageError
+        if the report cannot be written.
+    """
+    return write_report_of(Material(Evidence.load(folder), tuning_folder(folder, tuning), figures))
+
+
+def write_report_of(material: Material) -> Path:
+    """Write the report of evidence that has been read."""
+    first = opening(material)
+    parts = [first.text, *(section(material) for section in (SECTIONS if first.sentences else (scenes, closing)))]
+    report = material.folder / "report.md"
+    claims = json.dumps([one.as_data() for one in first.sentences], indent=1, ensure_ascii=False)
+    try:
+        for path, text in ((report, "\n\n".join(part for part in parts if part)), (material.folder / CLAIMS, claims)):
+            with replaced(path) as part:
+                part.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise StorageError(f"the report cannot be written to {material.folder}: {error}") from error
+    return report

@@ -1,0 +1,119 @@
+"""How the report of evidence says conditions, shares and intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ...statistics import Rate
+from ..markdown import plain
+from ..numbers import DASH
+
+WHERE = {
+    "nominal": "Without disturbances",
+    "disturbed": "With disturbances",
+    "limited": "Under the arms' own limits",
+}
+"""How a sentence on a condition begins."""
+
+MOST_NAMED = 4
+"""A sentence names no more laws than this in one breath."""
+
+
+def where(condition: str) -> str:
+    """The beginning of a sentence on a condition."""
+    return WHERE.get(condition, f"In the condition {plain(condition)}")
+
+
+def within(condition: str) -> str:
+    """The same inside a sentence."""
+    text = where(condition)
+    return text[0].lower() + text[1:]
+
+
+@dataclass(frozen=True)
+class Share:
+    """A share, or a difference of two, and its interval; printed in per cent.
+
+    Attributes
+    ----------
+    value, low, high
+        From 0 to 1, or from −1 to 1 of a difference.
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, rate: Rate) -> Share:
+        """That of a rate."""
+        return cls(rate.share, rate.low, rate.high)
+
+    @property
+    def complement(self) -> Share:
+        """How often it does not happen."""
+        return Share(1.0 - self.value, 1.0 - self.high, 1.0 - self.low)
+
+    @property
+    def digits(self) -> int:
+        """Decimals: as many as the interval can tell apart, and no more."""
+        half = 50.0 * (self.high - self.low)
+        if not (math.isfinite(half) and half > 0.0):
+            return 1
+        return min(max(math.ceil(-math.log10(half / 3.0)), 0), 4)
+
+    @property
+    def percent(self) -> str:
+        """The value without its unit."""
+        return percentage(self.value, self.digits)
+
+    @property
+    def interval(self) -> str:
+        """From where to where, without a unit."""
+        # a dash before or behind a negative number would be read as a sign
+        between = " to " if self.low < 0.0 else "–"
+        return f"{percentage(self.low, self.digits)}{between}{percentage(self.high, self.digits)}"
+
+    @property
+    def cell(self) -> str:
+        """``93.0 (91.2–94.6)``, for tables that say that it is per cent."""
+        return f"{self.percent} ({self.interval})" if math.isfinite(self.value) else DASH
+
+    def text(self, more: str = "") -> str:
+        """``93.0 % (91.2–94.6 %)``, and in the parentheses what else there is to say."""
+        return f"{self.percent} % ({self.interval} %{', ' + more if more else ''})"
+
+    def numbers(self, name: str, low: str = "low", high: str = "high", law: str = "") -> dict[str, float]:
+        """The three numbers by these names, of a law if one is given."""
+        of = f"[{law}]" if law else ""
+        return {name + of: self.value, low + of: self.low, high + of: self.high}
+
+
+def percentage(share: float, digits: int) -> str:
+    """A share in per cent; never 0 or 100 where it is not, and without decimals where it is."""
+    if not math.isfinite(share):
+        return DASH
+    if share in (0.0, 1.0):
+        return f"{100.0 * share:.0f}"
+    while digits < 6 and abs(float(f"{100.0 * share:.{digits}f}")) in (0.0, 100.0):
+        digits += 1
+    return f"{100.0 * share:.{digits}f}".replace("-", "−")
+
+
+def of_scenes(scenes: int, families: int) -> str:
+    """How many scenes, of how many families."""
+    return f"{count(scenes, 'scene')} of {count(families, 'family', 'families')}"
+
+
+def count(number: int, one: str, several: str = "") -> str:
+    """``1 scene``, ``2 scenes``."""
+    return f"{number} {one if number == 1 else several or one + 's'}"
+
+
+def first_of(names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The names that a sentence names, and what it says of the others: how many more there are."""
+    if len(names) <= MOST_NAMED:
+        return list(names), []
+    return list(names[: MOST_NAMED - 1]), [f"{len(names) - MOST_NAMED + 1} more"]

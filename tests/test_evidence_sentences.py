@@ -1,0 +1,415 @@
+"""The claims of the report of evidence, on made-up runs worked out by hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import beta, binomtest
+
+from made_evidence import drawn_runs, frame, made, run
+from vsconstraints.reports.evidence.answers import answers, best, calmest
+from vsconstraints.reports.evidence.material import Material
+from vsconstraints.reports.evidence.opening import opening
+from vsconstraints.reports.evidence.sentence import Sentence
+from vsconstraints.reports.evidence.standing import standing
+from vsconstraints.reports.evidence.turning import gained, nowhere, turned
+from vsconstraints.reports.evidence.words import Share, percentage
+
+Successes = Mapping[str, Mapping[str, str]]
+"""By condition and law, one letter a scene: ``+`` success, ``v`` goal reached but a row violated, ``t`` trapped."""
+
+MADE: dict[str, dict[str, Any]] = {
+    "+": {},
+    "v": {"violated": "fov[marker 1]", "violation_depth": 0.1},
+    "t": {"status": "trapped", "utilization": math.nan, "settling_time_s": math.nan},
+    "w": {"status": "trapped", "violated": "fov[marker 1]", "violation_depth": 0.2},
+    "f": {"status": "failed", "reason": "the law gave nothing at 0.1 s"},
+}
+
+
+def material(successes: Successes, controllers: dict[str, dict[str, Any]] | None = None, **columns: Any) -> Material:
+    lines = [
+        run(condition, law, scene, **{**columns, **MADE[letter]})
+        for condition, laws in successes.items()
+        for law, letters in laws.items()
+        for scene, letter in enumerate(letters)
+    ]
+    configuration = {} if controllers is None else {"controllers": controllers}
+    return Material(made(frame(lines), Path(), **configuration))
+
+
+def claims(made_up: Material, about: str) -> list[Sentence]:
+    return [one for own in answers(made_up).values() for one in own if one.about == about]
+
+
+def clopper_pearson(count: int, of: int) -> tuple[float, float]:
+    low = beta.ppf(0.025, count, of - count + 1) if count else 0.0
+    high = beta.ppf(0.975, count + 1, of - count) if count < of else 1.0
+    return float(low), float(high)
+
+
+# --- how a share is printed ---
+
+
+def test_digits_are_those_that_an_interval_can_tell_apart() -> None:
+    assert Share(0.9312, 0.9151, 0.9448).text() == "93.1 % (91.5–94.5 %)"
+    assert Share(0.25, 0.16, 0.36).text("100 scenes") == "25 % (16–36 %, 100 scenes)"
+    assert Share(0.041, 0.026, 0.056).text() == "4.1 % (2.6–5.6 %)"
+    assert Share(-0.01, -0.03, 0.02).cell == "−1.0 (−3.0 to 2.0)"
+    assert Share(0.0, 0.0, 3.7e-4).text() == "0 % (0–0.037 %)"
+    assert Share(1.0, 1.0, 1.0).percent == "100"
+    assert Share(0.93, 0.91, 0.95).complement == Share(1.0 - 0.93, 1.0 - 0.95, 1.0 - 0.91)
+
+
+def test_what_is_not_all_is_never_printed_as_all() -> None:
+    assert percentage(0.9996, 0) == "99.96"
+    assert percentage(0.0004, 0) == "0.04"
+    assert percentage(-0.0004, 1) == "−0.04"
+    assert percentage(1.0, 1) == "100"
+    assert percentage(0.0, 2) == "0"
+    assert percentage(math.nan, 2) == "–"
+
+
+# --- the best law ---
+
+
+def test_a_law_that_is_ahead_is_said_to_be_by_how_much() -> None:
+    """Of 12 scenes a succeeds in 11 and b in 2, both in scenes 0 and 1: only a in 9, only b in none."""
+    made_up = material({"nominal": {"a": "+" * 11 + "t", "b": "++" + "v" * 10}})
+    (sentence,) = claims(made_up, "best")
+    low, high = clopper_pearson(11, 12)
+    assert sentence.numbers["success[a]"] == 11 / 12
+    assert sentence.numbers["low[a]"] == pytest.approx(low)
+    assert sentence.numbers["high[a]"] == pytest.approx(high)
+    assert sentence.numbers["success[b]"] == 2 / 12
+    assert sentence.numbers["difference"] == 9 / 12
+    assert sentence.numbers["difference_low"] == pytest.approx(tango(9, 0, 12, -1), abs=1e-4)
+    assert sentence.numbers["difference_high"] == pytest.approx(tango(9, 0, 12, 1), abs=1e-4)
+    assert sentence.numbers["scenes"] == 12
+    assert sentence.text == (
+        f"Without disturbances, **a** keeps all rows and reaches the goal in 92 % ({100 * low:.0f}–{100 * high:.1f} %, "
+        "12 scenes of 1 family); the next, b, in 17 % (2–48 %); the difference is 75 % (33–91 %)."
+    )
+
+
+def tango(only_a: int, only_b: int, n: int, side: int) -> float:
+    """The end of Tango's interval, by looking at all differences on a fine grid."""
+    deltas = np.linspace(-1.0, 1.0, 200_001)
+    linear = (2 * n - only_a + only_b) * deltas - only_a - only_b
+    p = (np.sqrt(np.maximum(linear**2 + 8 * n * only_b * deltas * (1 - deltas), 0.0)) - linear) / (4 * n)
+    spread = 1.959964 * np.sqrt(np.maximum(n * (2 * p + deltas * (1 - deltas)), 0.0))
+    inside = deltas[np.abs(only_a - only_b - n * deltas) <= spread]
+    return float(inside[0] if side < 0 else inside[-1])
+
+
+def test_all_pairs_of_a_condition_are_corrected_for() -> None:
+    """Seven scenes in which only a succeeds: p = 2/2⁷ = .0156, which stands three comparisons (.047) and not six."""
+    assert binomtest(7, 7).pvalue == pytest.approx(0.015625)
+    ahead, behind = "+" * 7 + "t", "t" * 8
+    three = material({"nominal": {"a": ahead, "b": behind, "c": behind}})
+    (sentence,) = claims(three, "best")
+    assert sentence.text.startswith("Without disturbances, **a** keeps all rows")
+    assert standing(three, "nominal").front == ("a",)
+    four = material({"nominal": {"a": ahead, "b": behind, "c": behind, "d": behind}})
+    assert standing(four, "nominal").front == ("a", "b", "c", "d")
+    (sentence,) = claims(four, "alike")
+    assert "8 scenes of 1 family tell no law from the best: **a** (88 %" in sentence.text
+    assert "difference" not in sentence.numbers
+
+
+def test_the_same_law_under_two_names_is_not_distinguishable_from_itself() -> None:
+    runs = drawn_runs({"nominal": {"a": 0.8}}, ["x", "y"], 300)
+    again = runs[runs["controller"] == "a"].assign(controller="b")
+    made_up = Material(made(frame(pd.concat([runs, again]).to_dict("records")), Path()))
+    (sentence,) = claims(made_up, "alike")
+    assert "600 scenes of 2 families tell no law from the best" in sentence.text
+    assert not claims(made_up, "calmest")
+    (violations,) = claims(made_up, "violations")
+    assert violations.text.startswith("How often a row is violated tells no law from the best")
+
+
+def test_laws_in_front_together_are_named_with_the_next_behind_them() -> None:
+    made_up = material({"nominal": {"a": "+" * 20, "b": "+" * 19 + "t", "c": "+" * 5 + "t" * 15}})
+    (sentence,) = claims(made_up, "best")
+    assert sentence.laws == ("a", "b", "c")
+    assert "**a** (100 %, 83–100 %) and **b** (95 %, 75–99.9 %) keep all rows" in sentence.text
+    assert "are not distinguishable (20 scenes of 1 family); the next, c, does so in 25 % (9–49 %)" in sentence.text
+    assert sentence.numbers["difference"] == 0.75
+
+
+def test_more_than_four_laws_in_front_are_counted() -> None:
+    made_up = material({"nominal": dict.fromkeys("abcde", "+" * 20)})
+    (sentence,) = claims(made_up, "alike")
+    assert sentence.laws == ("a", "b", "c")
+    assert "**c** (100 %, 83–100 %) and 2 more keep all rows" in sentence.text
+
+
+def test_few_scenes_tell_nothing_apart() -> None:
+    made_up = material({"nominal": {"a": "+++++", "b": "ttttt"}})
+    (sentence,) = claims(made_up, "alike")
+    assert "5 scenes of 1 family are too few to tell laws apart" in sentence.text
+
+
+def test_where_nobody_gets_anywhere_it_is_said_what_that_still_allows() -> None:
+    made_up = material({"nominal": {"a": "t" * 10, "b": "v" * 10}})
+    (sentence,) = claims(made_up, "best")
+    assert sentence.text == (
+        "Without disturbances, no law keeps all rows and reaches the goal in any of 10 scenes of 1 family: with 95 % "
+        "confidence each would in at most 31 %."
+    )
+    assert sentence.numbers["high[a]"] == pytest.approx(1.0 - 0.025**0.1)
+    (alone,) = claims(material({"nominal": {"a": "t" * 10}}), "best")
+    assert "**a** keeps all rows and reaches the goal in none of 10 scenes of 1 family" in alone.text
+    assert "confidence it would in at most 31 %." in alone.text
+
+
+def test_one_law_in_one_scene_is_told_as_it_is() -> None:
+    made_up = material({"nominal": {"a": "+"}})
+    (sentence,) = claims(made_up, "best")
+    assert sentence.text == (
+        "Without disturbances, **a** keeps all rows and reaches the goal in 100 % (3–100 %, 1 scene of 1 family)."
+    )
+    assert sentence.numbers["low[a]"] == pytest.approx(0.025)
+    (violations,) = claims(made_up, "violations")
+    assert violations.text == "It violates a row in 0 % (0–98 %)."
+
+
+def test_scenes_that_one_law_has_not_run_are_left_out_for_all() -> None:
+    made_up = material({"nominal": {"a": "+" * 10, "b": "t" * 8}})
+    one = standing(made_up, "nominal")
+    assert one.scenes == 8
+    assert one.shares["a"].value == 1.0
+
+
+def test_tracking_is_not_compared() -> None:
+    assert material({"nominal": {"tracking": "+", "a": "t"}}).laws == ("a",)
+
+
+# --- violations, and the calmest ---
+
+
+def test_a_violation_counts_whether_the_goal_is_reached_or_not() -> None:
+    made_up = material({"nominal": {"a": "t" * 20, "b": "v" * 10 + "w" * 10}})
+    (sentence,) = claims(made_up, "violations")
+    high = 1.0 - 0.025 ** (1 / 20)
+    assert sentence.text == f"A row is violated least often by **a** (0 %, 0–{100 * high:.0f} %)."
+    assert sentence.numbers["violation[a]"] == 0.0
+    assert sentence.numbers["high[a]"] == pytest.approx(high)
+
+
+def test_the_calmest_of_laws_in_front_is_found_where_it_is_sure() -> None:
+    """In scene k, a varies by 2 k and b by k, but for scenes in which either fails, where b is said to be wild."""
+    lines = []
+    for scene in range(1, 31):
+        failed = scene > 28
+        lines.append(run("nominal", "a", scene, acceleration_variation=2.0 * scene))
+        lines.append(
+            run(
+                "nominal",
+                "b",
+                scene,
+                acceleration_variation=1e6 if failed else 1.0 * scene,
+                **MADE["t" if failed else "+"],
+            )
+        )
+        lines.append(run("nominal", "c", scene, acceleration_variation=1e-3, **MADE["t"]))
+    made_up = Material(made(frame(lines), Path()))
+    one = standing(made_up, "nominal")
+    assert one.front == ("a", "b")
+    sentence = calmest(made_up, one)
+    assert sentence is not None
+    assert sentence.laws == ("b", "a")
+    assert sentence.numbers["ratio"] == pytest.approx(0.5)
+    assert sentence.numbers["ratio_scenes"] == 28
+    assert "its acceleration varies 0.500 times (0.500–0.500) as much as that of a, the next (median of 28 scenes" in (
+        sentence.text
+    )
+
+
+def test_nobody_is_calmest_where_it_is_not_sure() -> None:
+    rng = np.random.default_rng(0)
+    lines = [
+        run("nominal", law, scene, acceleration_variation=float(rng.lognormal())) for scene in range(40) for law in "ab"
+    ]
+    made_up = Material(made(frame(lines), Path()))
+    assert calmest(made_up, standing(made_up, "nominal")) is None
+
+
+# --- what laws use ---
+
+
+LAWS = {
+    "qp": {"type": "hierarchical-qp"},
+    "sliding": {"type": "sliding-mode"},
+    "additive": {"type": "potential-field"},
+    "plan": {"type": "predictive"},
+}
+
+
+def without(successes: dict[str, str]) -> dict[str, Sentence]:
+    made_up = material({"nominal": successes}, {name: LAWS[name] for name in successes})
+    found = answers(made_up)["nominal"]
+    return {one.about: one for one in found if one.about.startswith("without")}
+
+
+def test_the_best_of_laws_without_the_drift_is_told_where_it_is_behind() -> None:
+    found = without({"qp": "+" * 30, "sliding": "+" * 15 + "t" * 15, "additive": "t" * 30})
+    sentence = found["without L_fφ"]
+    assert sentence.text.startswith(
+        "Of the laws that do not use L_fφ, **sliding** (50 %, 31–69 %) does so most often, 50 %"
+    )
+    assert sentence.text.endswith("less than qp.")
+    assert sentence.numbers["difference"] == 0.5
+    assert set(found) == {"without L_fφ"}  # that qp needs no model goes without saying
+
+
+def test_where_laws_without_the_drift_are_in_front_it_is_said() -> None:
+    ahead, behind = "+" * 30, "t" * 30
+    assert without({"sliding": ahead, "qp": behind})["without L_fφ"].text == "It does not use L_fφ."
+    both = without({"sliding": ahead, "additive": ahead, "qp": behind})
+    assert both["without L_fφ"].text == "None of these uses L_fφ."
+    mixed = without({"sliding": ahead, "qp": ahead, "additive": behind})
+    assert mixed["without L_fφ"].text == "Of these, sliding does not use L_fφ."
+    assert without({"qp": ahead}) == {}
+
+
+def test_a_law_with_a_model_in_front_is_held_against_those_without() -> None:
+    found = without({"plan": "+" * 30, "sliding": "+" * 10 + "t" * 20})
+    assert found["without L_fφ"].text == "It does not use L_fφ." if "without L_fφ" in found else True
+    assert found["without model"].text.startswith("Of the laws that do not use a model, **sliding** (33 %, 17–53 %)")
+
+
+# --- several conditions ---
+
+
+def test_an_order_that_turns_over_is_said_and_one_that_does_not_is_not() -> None:
+    ahead, behind = "+" * 20, "+" * 8 + "t" * 12
+    over = material({"nominal": {"a": ahead, "b": behind}, "disturbed": {"a": behind, "b": ahead}})
+    (sentence,) = turned(over)
+    assert sentence.numbers["difference[nominal]"] == 12 / 20
+    assert sentence.numbers["difference[disturbed]"] == 12 / 20
+    assert sentence.text.startswith("The order turns over: without disturbances, a succeeds more often than b by 60 %")
+    assert "with disturbances, b more often than a by 60 %" in sentence.text
+    assert "more pair" not in sentence.text
+    same = material({"nominal": {"a": ahead, "b": behind}, "disturbed": {"a": ahead, "b": behind}})
+    assert turned(same) == []
+    unsure = material({"nominal": {"a": ahead, "b": behind}, "disturbed": {"a": ahead[:-1] + "t", "b": ahead}})
+    assert turned(unsure) == []
+
+
+def test_orders_are_compared_in_the_families_that_both_conditions_have() -> None:
+    """b is ahead when disturbed, but in a family that has no other condition."""
+    lines = []
+    for scene in range(20):
+        for law, good in (("a", True), ("b", False)):
+            lines.append(run("nominal", law, scene, **MADE["+" if good else "t"]))
+            lines.append(run("disturbed", law, scene, **MADE["+" if good else "t"]))
+            lines.append(run("disturbed", law, scene, family="ur5", **MADE["t" if good else "+"]))
+            lines.append(run("disturbed", law, scene + 20, family="ur5", **MADE["t" if good else "+"]))
+    made_up = Material(made(frame(lines), Path()))
+    assert standing(made_up, "disturbed").leader == "b"
+    assert turned(made_up) == []
+
+
+def test_what_tuning_gains_is_told_law_by_law() -> None:
+    made_up = material(
+        {
+            "nominal": {
+                "a": "+" * 5 + "t" * 15,
+                "a-tuned": "+" * 20,
+                "b": "+" * 20,
+                "b-tuned": "+" * 5 + "t" * 15,
+                "c": "+" * 10 + "t" * 10,
+                "c-tuned": "+" * 10 + "t" * 10,
+            }
+        }
+    )
+    sentence = gained(made_up)
+    assert sentence is not None
+    assert sentence.numbers["difference[a]"] == 0.75
+    assert sentence.numbers["difference[b]"] == -0.75
+    assert "succeed more often: a by 75 %" in sentence.text
+    assert "succeed less often: b by −75 %" in sentence.text
+    assert "not distinguishable from the settings it comes with: c (20 held-out scenes)" in sentence.text
+    assert gained(material({"nominal": {"a": "+"}})) is None
+
+
+def test_a_law_that_fails_everywhere_is_named_with_its_reason() -> None:
+    made_up = material({"nominal": {"a": "+" * 10, "b": "f" * 10}, "disturbed": {"a": "t" * 10, "b": "f" * 10}})
+    (sentence,) = nowhere(made_up)
+    assert sentence.text == (
+        "**b** gets nowhere: each of its 20 runs failed or was aborted, most often: the law gave nothing at 0.1 s."
+    )
+
+
+# --- all of it, against pandas alone ---
+
+
+def shares(runs: pd.DataFrame, condition: str, laws: Sequence[str]) -> pd.DataFrame:
+    """One line per scene, one column per law: whether it succeeded."""
+    own = runs[(runs["condition"] == condition) & runs["controller"].isin(laws)]
+    good = (own["status"] == "converged") & (own["violated"] == "")
+    return own.assign(good=good).pivot(index=["family", "scene"], columns="controller", values="good")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_number_is_found_again_in_the_runs(seed: int) -> None:
+    rates = {
+        "nominal": {"sliding-mode": 0.8, "hierarchical-qp": 0.93, "predictive": 0.92},
+        "disturbed": {"sliding-mode": 0.7, "hierarchical-qp": 0.5, "predictive": 0.45},
+    }
+    runs = drawn_runs(rates, ["x", "y"], 120, seed)
+    made_up = Material(made(runs, Path()))
+    checked = 0
+    for condition, sentences in answers(made_up).items():
+        good = shares(runs, condition, list(rates[condition]))
+        for sentence in sentences:
+            for law in sentence.laws:
+                if f"success[{law}]" in sentence.numbers:
+                    count, of = int(good[law].sum()), len(good)
+                    low, high = clopper_pearson(count, of)
+                    found = [sentence.numbers[f"{name}[{law}]"] for name in ("success", "low", "high")]
+                    assert found == pytest.approx([count / of, low, high])
+                    checked += 1
+            if "difference" in sentence.numbers:
+                first, second = sentence.laws[0], sentence.laws[-1]
+                if sentence.about != "best":
+                    first, second = second, first
+                a, b = good[first], good[second]
+                assert sentence.numbers["difference"] == pytest.approx(a.mean() - b.mean())
+                low = tango(int((a & ~b).sum()), int((b & ~a).sum()), len(good), -1)
+                assert sentence.numbers["difference_low"] == pytest.approx(low, abs=2e-5)
+                checked += 1
+    assert checked > 3
+    (sentence,) = turned(made_up)
+    a, b = sentence.laws
+    for condition, sign in (("nominal", 1.0), ("disturbed", -1.0)):
+        good = shares(runs, condition, [a, b])
+        assert sentence.numbers[f"difference[{condition}]"] == pytest.approx(sign * (good[a].mean() - good[b].mean()))
+
+
+def test_what_is_printed_is_what_the_sentences_hold() -> None:
+    """Numbers of a text, rounded as printed, are among the numbers of its sentence."""
+    runs = drawn_runs({"nominal": {"sliding-mode": 0.8, "hierarchical-qp": 0.95}}, ["x"], 200)
+    for sentence in opening(Material(made(runs, Path()), figures=False)).sentences:
+        if sentence.about != "best":
+            continue
+        pool = [abs(100.0 * value) for name, value in sentence.numbers.items()] + list(sentence.numbers.values())
+        text = sentence.text.replace("95 % confidence", "")
+        for word in text.replace("–", " ").replace("(", " ").replace(",", " ").replace(";", " ").split():
+            if word.replace(".", "").isdigit():
+                value = float(word.rstrip("."))
+                assert min(abs(value - other) for other in pool) <= 0.5, word
+
+
+def test_best_of_a_standing_is_as_of_its_laws() -> None:
+    made_up = material({"nominal": {"a": "t" * 20, "b": "+" * 20, "c": "+" * 10 + "t" * 10}})
+    own = standing(made_up, "nominal").among(["a", "c"])
+    assert own.leader == "c"
+    assert best(own).laws == ("c", "a")
