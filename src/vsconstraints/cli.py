@@ -1,4 +1,4 @@
-"""The command line: ``vsconstraints compare``, ``families``, ``report``, ``diff`` and more."""
+"""The command line: ``vsconstraints compare``, ``evidence``, ``families``, ``report``, ``diff`` and more."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import typer
 
 from . import __version__
 from .commands.difference import diff
+from .commands.evidence import evidence, merge
 from .commands.families import families
 from .commands.terminal import (
     NOTHING_DONE,
@@ -32,6 +33,8 @@ from .runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 
 app.command()(diff)
 app.command()(families)
+app.command()(evidence)
+app.command()(merge)
 
 
 @app.command()

@@ -2,6 +2,7 @@
 
 from .campaign import Campaign
 from .columns import KEYS, ROWS, RUNS, SCENES, TABLES, TIMING, Column
+from .merge import Merged, merge
 from .progress import Finished, Progress
 from .runner import Plan, collect
 from .stored import Evidence
@@ -22,6 +23,7 @@ __all__ = [
     "Evidence",
     "Finished",
     "Keep",
+    "Merged",
     "OpenWorkers",
     "Part",
     "Plan",
@@ -31,6 +33,7 @@ __all__ = [
     "Task",
     "Workers",
     "collect",
+    "merge",
     "processes",
     "scored",
 ]
