@@ -6,7 +6,7 @@ import json
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -41,14 +41,15 @@ class Facts:
         What they depend on.
     machine
         Which made them.
-    seconds
-        How long that took one process.
+    runs, seconds
+        How many runs they are, and how long those took one process [s].
     """
 
     family: str
     scenes: tuple[int, ...]
     identity: Identity
     machine: Mapping[str, Any]
+    runs: int
     seconds: float
 
     @classmethod
@@ -73,7 +74,7 @@ def shard_file(folder: Path, table: str, name: str) -> Path:
 
 def write_shard(folder: Path, task: Task, part: Part, identity: Identity) -> None:
     """Write a task's tables; raises OSError."""
-    facts = Facts(task.family.name, task.scenes, identity, machine(), part.seconds)
+    facts = Facts(task.family.name, task.scenes, identity, machine(), part.runs.num_rows, part.seconds)
     write_parts(folder, task.name, {name: getattr(part, name) for name in TABLES}, facts)
 
 
@@ -84,8 +85,17 @@ def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts
         parquet.write(shard_file(folder, table, name), tables[table], vars(facts))
 
 
-def scenes_there(folder: Path, campaign: Campaign) -> dict[str, set[int]]:
-    """Numbers of the scenes that are done, by family; what was left unfinished is removed.
+@dataclass
+class There:
+    """What a folder holds: numbers of the scenes by family, how many runs, and the time that they took [s]."""
+
+    scenes: dict[str, set[int]] = field(default_factory=dict)
+    runs: int = 0
+    seconds: float = 0.0
+
+
+def what_is_there(folder: Path, campaign: Campaign) -> There:
+    """What is done of a campaign; what was left unfinished is removed.
 
     Raises
     ------
@@ -95,7 +105,7 @@ def scenes_there(folder: Path, campaign: Campaign) -> dict[str, set[int]]:
     demand_no_comparison(folder)
     _remove_unfinished(folder)
     identities = {family.name: campaign.identity(family) for family in campaign.families}
-    there: dict[str, set[int]] = {name: set() for name in identities}
+    there = There()
     for name in shard_names(folder):
         facts = Facts.of(shard_file(folder, MARK, name))
         if facts.family not in identities:
@@ -105,7 +115,9 @@ def scenes_there(folder: Path, campaign: Campaign) -> dict[str, set[int]]:
         last = max(facts.scenes)
         if last >= campaign.scenes:
             raise _another(folder, [f"it holds scene {last}: give --scenes {last + 1} or more"])
-        there[facts.family].update(facts.scenes)
+        there.scenes.setdefault(facts.family, set()).update(facts.scenes)
+        there.runs += facts.runs
+        there.seconds += facts.seconds
     return there
 
 
@@ -127,12 +139,8 @@ def _remove_unfinished(folder: Path) -> None:
     for path in list(folder.rglob("*.part")):
         path.unlink(missing_ok=True)
     for name in shard_names(folder):
-        try:
-            Facts.of(shard_file(folder, MARK, name))
-            whole = all(shard_file(folder, table, name).is_file() for table in TABLES)
-        except ConfigurationError:
-            whole = False
-        if not whole:
+        parts = [shard_file(folder, table, name) for table in TABLES]
+        if not all(path.is_file() and parquet.is_whole(path) for path in parts):
             shard_file(folder, MARK, name).unlink(missing_ok=True)
     marked = set(shard_names(folder))
     for table in TABLES:

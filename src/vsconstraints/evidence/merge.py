@@ -218,7 +218,8 @@ def _copy(source: _Source, scenes: list[int], out: Path) -> None:
     if len(scenes) < len(source.facts.scenes):
         tables = {name: _of_scenes(table, scenes) for name, table in tables.items()}
         name = f"part-{source.facts.family}-{scenes[0]:07d}-{scenes[-1]:07d}"
-    write_parts(out, name, tables, replace(source.facts, scenes=tuple(scenes)))
+    facts = replace(source.facts, scenes=tuple(scenes), runs=tables[MARK].num_rows)
+    write_parts(out, name, tables, facts)
 
 
 def _copy_trajectories(folders: Sequence[Path], out: Path) -> None:

@@ -60,11 +60,20 @@ def write(path: Path, lines: Any, facts: Mapping[str, Any]) -> None:
         pq.write_table(lines.replace_schema_metadata({FACTS: text}), part, compression="zstd")
 
 
+def is_whole(path: Path) -> bool:
+    """Whether a file ends as Parquet files do: what was cut off does not."""
+    try:
+        pq.read_schema(path)
+    except (OSError, ValueError):  # pyarrow's errors are of these classes
+        return False
+    return True
+
+
 def facts_of(path: Path) -> dict[str, Any]:
     """The facts in a file's footer; raises ConfigurationError that names the file if it holds none."""
     try:
         facts = json.loads((pq.read_schema(path).metadata or {})[FACTS])
-    except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are of these classes
+    except (OSError, ValueError, KeyError) as error:
         raise ConfigurationError(f"{path} cannot be read: {error or type(error).__name__}") from error
     if not isinstance(facts, dict):
         raise ConfigurationError(f"{path} cannot be read: its facts are no table")

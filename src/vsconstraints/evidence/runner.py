@@ -16,13 +16,16 @@ from ..runs.machine import git_commit, machine, package_versions
 from ..runs.pool import Failure
 from ..runs.signals import INTERRUPTS, signal_of
 from .campaign import Campaign
-from .folder import clear, scenes_there, storing, write_manifest, write_shard
+from .folder import clear, manifest_of, storing, what_is_there, write_manifest, write_shard
 from .pieces import by_pieces
 from .progress import Finished, Progress
 from .task import Shard, Task, Work
 from .trajectories import Keep, demand_keep, keep_trajectories
 from .worker import Part, scored
 from .workers import OpenWorkers, Workers, processes
+
+OF_WORK = ("wall_time_s", "runs_per_s")
+"""Of a manifest: how long the command took that made runs last, and how many a second they were."""
 
 OnProgress = Callable[[Progress], None]
 """Told how far a campaign is, first of all and after every task."""
@@ -90,15 +93,18 @@ def collect(
         folder = folder.absolute()  # own parts may change the working directory
         if plan.fresh:
             clear(folder)
-        work = Work(campaign, plan.shard, plan.limit, scenes_there(folder, campaign))
+        there = what_is_there(folder, campaign)
+        work = Work(campaign, plan.shard, plan.limit, there.scenes)
         tasks = work.tasks()
         for family in {task.family.name: task.family for task in tasks.values()}.values():
             family.demand_scenes(campaign.half, campaign.seed)
         prepare()
         manifest = _manifest(campaign, plan, command)
+        # of a command that finds all done, these stay what they were
+        manifest |= {name: value for name, value in manifest_of(folder).items() if name in OF_WORK}
         with storing(folder):
             write_manifest(folder, manifest)
-        stored = sum(map(len, work.there.values()))
+        stored = sum(map(len, there.scenes.values()))
         progress = Progress(stored + sum(len(task.scenes) for task in tasks.values()), stored, stored)
         on_progress(progress)
         interrupted = kept = 0
@@ -111,11 +117,11 @@ def collect(
         except INTERRUPTS as interrupt:
             interrupted = signal_of(interrupt)
         finished = Finished(folder, progress, time.perf_counter() - started, kept, interrupted)
+        if progress.runs:
+            manifest.update(wall_time_s=finished.wall_time, runs_per_s=finished.rate)
         manifest.update(
-            wall_time_s=finished.wall_time,
-            process_time_s=progress.seconds,
-            runs=progress.runs,
-            runs_per_s=finished.rate,
+            process_time_s=there.seconds + progress.seconds,
+            runs=there.runs + progress.runs,
             scenes=progress.scenes,
             finished=progress.done,
             stored_before=stored,
