@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from scenes import rotation_matrix, slope
 from vsconstraints.errors import InvalidInput
+from vsconstraints.formulas.rotation import turn_by
 from vsconstraints.geometry import Pose, distance, rotation_vector, rotation_vector_rate, skew, vector
 from vsconstraints.rows import Array
 
@@ -249,6 +250,12 @@ def test_distance_is_the_translation_and_the_angle(pose: Pose, shift: Array, axi
         # small angles to rounding, where an arc cosine would give 1e-8; at π the sine is flat
         assert there[1] == pytest.approx(angle, abs=3e-15 if angle < 1.0 else 1e-14 if angle < 3.0 else 1e-7)
     assert distance(pose, pose) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-200, 1e-9, 1e-4, 1.0, np.pi, 6.0])
+def test_the_turn_by_a_vector_is_scipys(angle: float) -> None:
+    w = angle * np.array([0.48, -0.6, 0.64])
+    np.testing.assert_allclose(turn_by(w.tolist()), Rotation.from_rotvec(w).as_matrix(), atol=4e-16)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -18,13 +18,22 @@ from .scene import State
 if TYPE_CHECKING:
     from .control_step import ControlStep
     from .evaluation import Bound
+    from .kernels.structures import Step
     from .tracking import VisualTask
 
 Believe = Callable[[State], State]
-"""From a state to what a controller would believe it to be."""
+"""From a state to what a controller would believe it to be; compiled, if it is :class:`Compiled`."""
 
 Spoil = Callable[[Rows, Array], Rows]
-"""From rows and q̇ (n,) to those that a controller would be given."""
+"""From rows and q̇ (n,) to those that a controller would be given; compiled likewise."""
+
+
+@runtime_checkable
+class Compiled(Protocol):
+    """What a compiled step can do as well."""
+
+    def write(self, step: Step) -> None:
+        """Let a compiled step do the same."""
 
 
 class Present(NamedTuple):
@@ -102,7 +111,12 @@ class Model:
         self._own = type(of)(of.scene, of.constraints, task, known=of.known)
         self.K, self.acceleration = of.constraints.approach_time, of.acceleration
         self._kernels = load("predictions")
-        self._bound = self._own.bound() if self._kernels is not None and not (believe or spoil) else None
+        wrong: list[object] = [part for part in (believe, spoil) if part is not None]
+        write = [part.write for part in wrong if isinstance(part, Compiled)]
+        self._bound = self._own.bound() if self._kernels is not None and len(write) == len(wrong) else None
+        if self._bound is not None:
+            for each in write:
+                each(self._bound.packed.step)
 
     def __getstate__(self) -> dict[str, Any]:
         """What it is made of; the compiled form is made again where it is needed."""
@@ -191,6 +205,8 @@ class Model:
         own = self._own
         if self._of.believes:
             t = self.present.t
+        if self._bound is not None:
+            return own.evaluate(t, q, qd)
         if self._believe is not None:
             found: Evaluation = own.define(self._believe(own.scene.evaluate(t, q, qd)))
         else:

@@ -30,6 +30,14 @@ def turn_about(axis: Any, s: float, c: float) -> Matrix:
 
 
 @formula
+def turn_by(w: Any) -> Matrix:
+    """exp([w]×): the turn by ‖w‖ about w."""
+    theta = length(w)
+    share = 1.0 / theta if theta > 0.0 else 0.0
+    return turn_about((share * w[0], share * w[1], share * w[2]), math.sin(theta), math.cos(theta))
+
+
+@formula
 def rotation_vector(R: Matrix, near: Any, continues: bool) -> Vector:
     """θu with exp([θu]×) = R.
 

@@ -9,9 +9,11 @@ a compiler who does not use it.
   ``*_rows`` are the rows of the kinds of constraints.
 - ``laws.follow`` carries out a law, demand and resolver; ``task_priority`` and ``hierarchical_qp`` are the resolvers.
 - ``closed_loop`` runs step, law and robot together; ``samples`` says what is kept and scored of each sample.
+- ``sensing`` and ``gradient_error`` are what the control believes wrongly, ``images`` how images come.
 
 Two things have another form than in NumPy: the kinematics of a chain, which Pinocchio computes there, and least
-squares, by reflections here and by singular values there. Tests hold these together.
+squares, that of a camera's pose among them, by reflections here and by singular values there. Tests hold these
+together.
 """
 
 from __future__ import annotations

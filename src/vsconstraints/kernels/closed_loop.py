@@ -82,13 +82,16 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
         The sample, and the stage of it that Python has to be asked for; ``end`` and ``STEP`` if all is done.
     """
     loop = thaw(loop_address)
-    evaluate, believed, true, law, alone = loop.parts
+    evaluate, believed, true, law, alone, observe, sensing = loop.parts
     q, qd, kept = loop.plant.x[0], loop.plant.x[1], loop.kept
     while k < end:
         at = k % len(kept.rows_time)
         if stage == STEP:
             t = k * loop.Ts[0]
             if evaluate == 0 or (true != believed and ask(evaluate, (true, t, q, qd)) != 0):
+                return k, STEP
+            # what comes before is the world's part, not the control's
+            if observe != 0 and ask(observe, (sensing, true, believed, t, k)) != 0:
                 return k, STEP
             started = now(loop.clock)
             if ask(evaluate, (believed, t, q, qd)) != 0:

@@ -200,6 +200,7 @@ def _sources() -> list[Path]:
         "qp/least_residual.py",
         "qp/least_violation.py",
         "qp/lexicographic.py",
+        "pose_estimate.py",
         "rows.py",
         "scene.py",
     )

@@ -121,7 +121,7 @@ def write_scene(step: Step, scene: Scene, known: bool) -> None:
     eye = camera.fixed or tip @ camera.mount.inverse
     for name, value in (
         ("R", eye.R), ("t", eye.t), ("tip_R", tip.R), ("tip_t", tip.t),
-        ("focal", camera.focal), ("offset", camera.offset), ("fixed", camera.fixed is not None),
+        ("focal", camera.focal), ("offset", camera.offset), ("depth_factor", 1.0), ("fixed", camera.fixed is not None),
     ):  # fmt: skip
         step.camera[name] = value
     step.markers[:] = scene.markers

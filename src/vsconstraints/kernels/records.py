@@ -24,11 +24,12 @@ CAMERA = np.dtype(
         ("tip_t", "f8", (3,)),
         ("focal", "f8", (2,)),
         ("offset", "f8", (2,)),
+        ("depth_factor", "f8"),
         ("fixed", "i8"),
     ]
 )
 """The camera: its pose in the last body, or in the base frame if it is ``fixed``; the tip's in the last body; focal
-lengths, and what is added to pixels."""
+lengths, and what is added to pixels; the factor by which depths are taken for others than they are."""
 
 TARGET = np.dtype(
     [("moves", "i8"), ("known", "i8"), ("motion", MOTION), ("angular_velocity", "f8", (3,)), ("centre", "f8", (3,))]
@@ -103,6 +104,9 @@ CAMERA_MOTION = np.dtype(
 
 MEASUREMENT = np.dtype([("given", "i8"), ("time", "f8"), ("pose_given", "i8")])
 """What a camera has measured: whether pixels are given, and when they were taken; whether its pose is."""
+
+GRADIENT_ERROR = np.dtype([("address", "i8"), ("in_phi", "i8")])
+"""Where what spoils gradients begins, or 0; whether it spoils φ and L_fφ too."""
 
 SAMPLE = np.dtype([("time", "f8"), ("goal", "i8")])
 """The last sample that the task remembers; goal −1 if there is none."""

@@ -131,6 +131,7 @@ def see(address: int, i: int, t: float) -> bool:
             step.correction[i, 0], step.correction[i, 1] = u + age * moved[2] - x, w + age * moved[3] - y
         x, y = x + step.correction[i, 0], y + step.correction[i, 1]
         P = (x * Z, y * Z, Z)
+    P = times(camera.depth_factor, P)
     x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P, v, omega, v_dot, omega_dot)
     marker.xy[0], marker.xy[1], marker.velocity[0], marker.velocity[1] = x, y, x_dot, y_dot
     marker.drift[0], marker.drift[1], marker.depth = x_ddot, y_ddot, P[2]
@@ -183,6 +184,9 @@ def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
         put(position, step.points[i])
     for i in range(len(step.parts)):
         call(step.parts[i].address, (address, i))
+    error = step.gradient_error[0]
+    if error.address != 0:
+        call(error.address, (address, error.in_phi))
     write_task(address, t)
     for j in range(len(step.limits.acceleration)):
         write_box(address, j)

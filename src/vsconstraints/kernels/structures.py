@@ -14,6 +14,7 @@ from .records import (
     CAMERA,
     CAMERA_MOTION,
     GOAL,
+    GRADIENT_ERROR,
     JOINT,
     MARKER,
     MEASUREMENT,
@@ -139,6 +140,8 @@ class Step(NamedTuple):
     parts, parameters, which, gradients, offsets
         The constraints: (c,) PART, (c, p) parameters of their formulas; for each row (m,) the marker or robot point,
         and of linear rows (m, n) the gradient and (m,) the constant.
+    gradient_error, gradient_share
+        What spoils gradients, if anything: (1,) GRADIENT_ERROR, (m, n) c_e s of eq. (49).
     time, q, qd
         (1,), (n,) and (n,): now.
     limits, last_command
@@ -171,6 +174,8 @@ class Step(NamedTuple):
     which: IntArray
     gradients: Array
     offsets: Array
+    gradient_error: Records
+    gradient_share: Array
     time: Array
     q: Array
     qd: Array
@@ -266,6 +271,8 @@ class Size:
             which=zeros(m, np.int64),
             gradients=zeros((m, n)),
             offsets=zeros(m),
+            gradient_error=zeros(1, GRADIENT_ERROR),
+            gradient_share=zeros((m, n)),
             time=zeros(1),
             q=zeros(n),
             qd=zeros(n),

@@ -8,6 +8,9 @@ import numpy as np
 
 from ..constraints import ConstraintSet, SpeedConstraint
 from ..errors import ConfigurationError, unknown_name
+from ..formulas.gradient_error import gradient_error
+from ..kernels import load
+from ..kernels.structures import Step
 from ..rows import Array, Rows
 from .disturbances import VISIBILITY, Disturbances
 
@@ -43,8 +46,14 @@ class GradientError:
         """The rows with erroneous gradients, at q̇ (n,)."""
         if not self.any:
             return rows
-        error = self._share * np.abs(rows.Lg)
+        error = gradient_error(rows.Lg, self._share)
         if not self._in_phi:
             return replace(rows, Lg=rows.Lg + error)
         change = error @ qd
         return replace(rows, phi=rows.phi + change, Lg=rows.Lg + error, Lf=rows.Lf + change / self._K)
+
+    def write(self, step: Step) -> None:
+        """Let a compiled step make the same rows."""
+        if self.any:
+            step.gradient_error["address"] = load("gradient_error").SPOIL
+            step.gradient_error["in_phi"], step.gradient_share[:] = self._in_phi, self._share

@@ -101,6 +101,10 @@ class _Run:
         self.setup, self.controller, self.baseline, self.whole = setup, controller, Tracking(), whole
         self.control = setup.control()
         self.plant, self.sensor, self.gradient_error = setup.plant(), setup.sensor(), setup.gradient_error()
+        # what is kept is what is true; where nothing is disturbed, that is what the control believes
+        self.world = self.control
+        if self.sensor.disturbed or self.gradient_error.any:
+            self.world = ControlStep(setup.scene, setup.constraints, setup.task, known=True)
         restart(controller, setup.Ts, self._model)
         self.samples = self.fallbacks = self.unfounded = 0
         self.ended, self.reason, self.compiled = "", "", False
@@ -132,20 +136,20 @@ class _Run:
 
     def _compiled_loop(self, by_public_call: bool) -> Loop | None:
         """A loop in which compiled code does what it can; None where the step has no compiled form."""
-        setup, self.bound = self.setup, None
-        if setup.disturbances.sensing or self.gradient_error.any:
-            # what is measured wrongly has no compiled form
-            return None
-        # what is kept is what is true; where no motion is unknown, that is what controllers are told
-        self.world = self.control
-        if self.sensor.disturbed:
-            self.world = ControlStep(setup.scene, setup.constraints, setup.task, known=True)
+        setup = self.setup
         self.bound, true = self.control.bound(), self.world.bound()
         if self.bound is None or true is None or self.kernels is None:
             return None
         believed = self.bound.packed
         loop = make_loop(setup, self.plant, believed.step, true.packed.step, self.whole)
         loop.parts[:3] = self.kernels.EVALUATE, believed.address, true.packed.address
+        self.gradient_error.write(believed.step)
+        if setup.disturbances.sensing:
+            self.sensor.expected.write(believed.step)
+            if self.sensor.estimates:
+                self._sensing = self.sensor.sensing(setup.samples)
+                self._sensed = frozen(self._sensing)
+                loop.parts[5:] = load("sensing").OBSERVE, self._sensed.ctypes.data
         now, acted, n = self.bound.now, loop.answer.acted, self.plant.x.shape[1]
         law = self.controller.bind(now.rows, now.task, acted, loop.answer.qdd)
         alone = self.baseline.bind(now.rows, now.task, np.empty_like(acted), np.empty(n))
@@ -196,6 +200,7 @@ class _Run:
         """Rows and task of a sample, whatever is disturbed; what is true is written to the loop."""
         setup, t, q, qd = self.setup, k * self.setup.Ts, self.plant.q, self.plant.qd
         started = perf_counter()
+        self.sensor.sample = k
         if self.sensor.disturbed:
             state = setup.scene.evaluate(t, q, qd)
             believed = self.sensor.observe(state)
@@ -282,7 +287,7 @@ class _Run:
             active=kept.active[:N],
             saturated=kept.saturated[:N],
             share_to_hold=self.loop.scores.share_to_hold,
-            between_clearance=between_clearance(setup, self.control, self.plant, states, clearance),
+            between_clearance=between_clearance(setup, self.world, self.plant, states, clearance),
             rows_time=kept.rows_time[:N],
             step_time=kept.step_time[:N],
             fallbacks=self.fallbacks,

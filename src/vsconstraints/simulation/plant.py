@@ -51,7 +51,8 @@ class Plant:
     ) -> None:
         tau = disturbances.time_constant
         self._offset, self._noise = disturbances.per_joint("acceleration", len(q0)), disturbances.acceleration_noise
-        self._random = np.random.default_rng((*disturbances.seed, 2))
+        self._seed = (*disturbances.seed, 2)
+        self._random = np.random.default_rng(self._seed)
         if actuation == "position" and tau == 0.0 and (self._offset.any() or self._noise):
             raise InvalidInput(
                 "accelerations disturb a position-controlled arm only through its position loop: give time_constant too"
@@ -77,23 +78,21 @@ class Plant:
         return qd
 
     def arrays(self, periods: int, last: Array) -> PlantArrays:
-        """What the loop moves the robot with; d_c of so many periods is drawn beforehand.
+        """What the loop moves the robot with; d_c of so many periods is drawn beforehand, each time the same.
 
         The commands that the robot carries out are written to ``last`` (n,).
         """
-        pushes = self._pushes(periods)
+        pushes = self._pushes(np.random.default_rng(self._seed), periods)
         return PlantArrays(self.transition, self.x, np.empty_like(self.x), pushes, self._limits, last)
 
-    def _pushes(self, periods: int) -> Array:
+    def _pushes(self, random: np.random.Generator, periods: int) -> Array:
         """(N, n) d_c of the periods to come; (1, n) if it is always the same."""
         n = len(self._offset)
-        return self._offset + (
-            self._noise * self._random.standard_normal((periods, n)) if self._noise else np.zeros((1, n))
-        )
+        return self._offset + (self._noise * random.standard_normal((periods, n)) if self._noise else np.zeros((1, n)))
 
     def begin(self, qdd: Array) -> None:
         """Begin a period with the command ``qdd`` (n,)."""
-        self.x[-2], self.x[-1] = qdd, self._pushes(1)[0]
+        self.x[-2], self.x[-1] = qdd, self._pushes(self._random, 1)[0]
 
     def step(self) -> None:
         """Go to the end of the period."""

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
-import pinocchio as pin
 
 from ..camera import Camera
-from ..decomposition import svd
 from ..errors import ConfigurationError, SceneError
-from ..geometry import Pose
-from ..rows import Array
-from ..scene import MINIMUM_DEPTH, Scene, State, interaction_matrix
+from ..kernels.images import Images, Sensing, usable
+from ..kernels.structures import Scratch, Step
+from ..pose_estimate import estimated_pose
+from ..rows import Array, BoolArray
+from ..scene import Scene, State
 from .disturbances import Disturbances
 
-ITERATIONS = 10
-"""Of the pose estimation at most; three or four are usual."""
-
-CONVERGED = 1e-10
-"""Step of the pose estimation [m, rad] at which it ends."""
-
-RANK_TOLERANCE = 1e-4
-"""Directions of the camera's motion to which the image is less sensitive than this, relative to the most sensitive
-one, are left as the kinematics say."""
+__all__ = ["Expectation", "Sensor", "believed_camera", "estimated_pose"]
 
 
 def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
@@ -34,6 +26,25 @@ def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
     focal = np.multiply(camera.focal, disturbances.focal_factor)
     corner = camera.offset + 0.5 * np.asarray(camera.size) + disturbances.principal_point_error
     return replace(camera, focal_px=tuple(focal), principal_point_px=tuple(corner))
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """What would be believed of a state to come: seen through the believed camera, at once and without noise."""
+
+    scene: Scene
+    camera: Camera
+    depth_factor: float
+
+    def __call__(self, state: State) -> State:
+        """The believed state."""
+        seen = self.camera.pixels(state.normalised.position)
+        return self.scene.believed(state, None, (self.camera, seen, self.depth_factor * state.depth))
+
+    def write(self, step: Step) -> None:
+        """Let a compiled step believe the same."""
+        step.camera["focal"], step.camera["offset"] = self.camera.focal, self.camera.offset
+        step.camera["depth_factor"] = self.depth_factor
 
 
 class Sensor:
@@ -58,6 +69,8 @@ class Sensor:
     ----------
     disturbed
         Whether what is believed differs from what is true.
+    sample
+        Which one is observed next.
 
     Raises
     ------
@@ -81,9 +94,30 @@ class Sensor:
 
     def reset(self) -> None:
         """Begin a new run with the same random numbers."""
-        self._random = np.random.default_rng((*self.disturbances.seed, 1))
-        self._images: deque[Array] = deque(maxlen=self.disturbances.delay + 1)
-        self._sample = 0
+        self.sample, self._covered = 0, 0
+        self._images: Images | None = None
+
+    def images(self, samples: int) -> Images:
+        """What a run of so many samples sees: what goes wrong with each image is drawn beforehand."""
+        settings, markers = self.disturbances, len(self.scene.markers)
+        noise: Array = np.zeros((1, markers, 2))
+        lost: BoolArray = np.zeros(1, dtype=np.bool_)
+        if settings.pixel_noise or settings.lost_frames:
+            normal, uniform = _drawn((*settings.seed, 1), 1 + (samples - 1) // self._every, markers)
+            noise, lost = settings.pixel_noise * normal, uniform < settings.lost_frames
+        held = np.zeros((settings.delay + 1, markers, 2)) if self._images is None else self._images.held
+        self._images, self._covered = Images(self._every, noise, lost, held), samples
+        return self._images
+
+    @property
+    def estimates(self) -> bool:
+        """Whether the camera's pose is estimated from the measured image."""
+        return self.disturbances.image or self.disturbances.intrinsics
+
+    def sensing(self, samples: int) -> Sensing:
+        """What the compiled form of :meth:`observe` works with, in a run of so many samples."""
+        numbers = np.empty(64 * len(self.scene.markers) + 256)
+        return Sensing(self.images(samples), Scratch(numbers, np.zeros(1, dtype=np.int64)))
 
     def observe(self, state: State) -> State:
         """What is believed of the next sample's state; the state itself where nothing is disturbed.
@@ -100,7 +134,7 @@ class Sensor:
             return self.scene.believed(state)
         pixels = self._image(state.pixels.position)
         camera, Z = state.camera, state.depth
-        if settings.image or settings.intrinsics:
+        if self.estimates:
             camera = estimated_pose(self.scene.markers, self.camera.normalised(pixels), state.camera)
             try:
                 Z = self.scene.depth(camera)
@@ -108,46 +142,30 @@ class Sensor:
                 raise SceneError(f"the measured image is explained by no pose that sees it: {error}") from error
         return self.scene.believed(state, camera, (self.camera, pixels, settings.depth_factor * Z))
 
-    def expected(self, state: State) -> State:
-        """What would be believed of a state to come: seen through the believed camera, at once and without noise."""
-        seen = self.camera.pixels(state.normalised.position)
-        return self.scene.believed(state, None, (self.camera, seen, self.disturbances.depth_factor * state.depth))
+    @property
+    def expected(self) -> Expectation:
+        """What would be believed of a state to come."""
+        return Expectation(self.scene, self.camera, self.disturbances.depth_factor)
 
     def _image(self, pixels: Array) -> Array:
         """(m, 2) the measured pixels that can be used now."""
-        if self._sample % self._every == 0:
-            settings = self.disturbances
-            # drawn for every image, used or not, so that every controller meets the same ones
-            noise = settings.pixel_noise * self._random.standard_normal(pixels.shape)
-            lost = self._random.random() < settings.lost_frames
-            # what was seen before the beginning is what is seen at it
-            self._images.append(self._images[-1] if lost and self._images else pixels + noise)
-        self._sample += 1
-        return self._images[0]
+        images, k = self._images, self.sample
+        if images is None or k >= self._covered:
+            images = self.images(2 * k + 1)
+        self.sample += 1
+        seen: Array = images.held[usable(images, k, pixels)].copy()
+        return seen
 
 
-def estimated_pose(markers: Array, normalised: Array, near: Pose) -> Pose:
-    """Pose of the camera in the target's frame that explains an image best: Gauss–Newton from a pose near by.
+@lru_cache(maxsize=4)
+def _drawn(seed: tuple[int, ...], images: int, markers: int) -> tuple[Array, Array]:
+    """(N, m, 2) and (N,) standard normal and uniform numbers: drawn for one image after the other, used or not.
 
-    Parameters
-    ----------
-    markers
-        (m, 3) in the target's frame [m].
-    normalised
-        (m, 2) measured normalised coordinates.
-    near
-        Where the search starts; also what counts where the markers do not determine the pose.
+    So every controller meets the same ones; they are kept for the next one.
     """
-    camera = near
-    for _ in range(ITERATIONS):
-        P = (markers - camera.t) @ camera.R
-        Z = np.maximum(P[:, 2], MINIMUM_DEPTH)
-        xy = P[:, :2] / Z[:, None]
-        L = interaction_matrix(xy, Z).reshape(-1, 6)
-        U, s, Vt = svd(L, full_matrices=False)
-        kept = s > RANK_TOLERANCE * s[0]
-        step = Vt[kept].T @ ((U[:, kept].T @ (normalised - xy).ravel()) / s[kept])
-        camera = camera @ Pose(np.asarray(pin.exp3(step[3:])), step[:3])
-        if np.sqrt(step @ step) < CONVERGED:
-            break
-    return camera
+    random = np.random.default_rng(seed)
+    normal, uniform = np.empty((images, markers, 2)), np.empty(images)
+    for i in range(images):
+        random.standard_normal(out=normal[i])
+        uniform[i] = random.random()
+    return normal, uniform
