@@ -54,6 +54,7 @@ other_packages = (
     "multiprocessing",
     "np",
     "numpy",
+    "pandas",
     "pathlib",
     "pin",
     "pinocchio",

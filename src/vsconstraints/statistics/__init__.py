@@ -3,6 +3,7 @@
 Pure functions of arrays, one entry per scene, and of tables of runs. What they rest on is in the guide.
 """
 
+from .comparing import compare_laws
 from .correction import holm
 from .judged import LAW, OUTCOMES, SCENE, judged_metrics
 from .median import Median, median
@@ -10,7 +11,7 @@ from .paired import Paired, paired
 from .profiles import Profile, profile
 from .ranking import Ranks, ranks
 from .rates import PairedRates, Rate, difference_interval, mcnemar, rate, rate_of
-from .tables import compare_laws, costs, medians, rates
+from .tables import costs, medians, rates
 from .text import p_text, rate_text, rounded, with_interval
 from .verdicts import Verdict, distinguishable, verdict
 

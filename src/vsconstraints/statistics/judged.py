@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,14 +83,24 @@ def resolution(metric: Metric) -> float:
     return 1e-3 / metric.factor if metric.style == "error" else 0.0
 
 
-def checked(runs: Any, columns: tuple[str, ...]) -> None:
-    """Runs have these columns, and no law twice in a scene."""
-    wanted = dict.fromkeys((*columns, *SCENE, LAW))
+def checked(runs: Any, by: Sequence[str], metric: Metric | None = None) -> Any:
+    """The runs, which have the columns that are needed, and no law twice in a scene.
+
+    Raises
+    ------
+    ConfigurationError
+        if that is not so; it says which column, or which run.
+    """
+    which = [*dict.fromkeys((*by, *SCENE)), LAW]
+    wanted = [*which, "status", "violated"]
+    if metric is not None:
+        wanted += [metric.column, *([metric.over] if metric.over else [])]
+        wanted += ["sliding_lost_s"] if metric.judged == "sliding" else []
     missing = [name for name in wanted if name not in runs.columns]
     if missing:
-        raise ConfigurationError(f"runs have no column {missing[0]!r}: they need {', '.join(wanted)}")
-    which = [*dict.fromkeys((*columns, *SCENE)), LAW]
+        raise ConfigurationError(f"runs have no column {missing[0]!r}; needed are {', '.join(dict.fromkeys(wanted))}")
     again = runs.duplicated(which)
     if again.any():
         first = ", ".join(str(cell) for cell in runs.loc[again, which].iloc[0])
         raise ConfigurationError(f"{int(again.sum())} runs are there twice, the first of them {first}")
+    return runs

@@ -1,0 +1,213 @@
+"""``python -m checks.statistics [--repetitions N] [--seed S]``: whether intervals cover, and equal laws are told apart.
+
+Worlds whose truth is known are drawn again and again: of the intervals at 95 % it is counted how many hold the truth,
+and of the verdicts how many are right. The same seed gives the same numbers. The exit code is 1 if a demand is not met.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas
+
+from vsconstraints.statistics import Rate, compare_laws, difference_interval, median, paired, rate_of
+
+EXACT = 0.94
+"""What exact intervals may be found to do, which hold the truth in 95 % or more: of four thousand repetitions, three
+standard deviations are 1 %."""
+
+Generator = np.random.Generator
+Interval = tuple[float, float]
+
+
+class Case(NamedTuple):
+    """An interval whose truth is known.
+
+    Attributes
+    ----------
+    what
+        What it is of.
+    truth
+        The value that it should hold.
+    interval
+        One interval of data that are drawn.
+    least, most
+        How often it should hold it.
+    """
+
+    what: str
+    truth: float
+    interval: Callable[[Generator], Interval]
+    least: float = 0.93
+    most: float = 0.97
+
+
+class Question(NamedTuple):
+    """Two laws, and the right verdicts.
+
+    Attributes
+    ----------
+    what
+        What is asked.
+    metric
+        What they are compared by.
+    worse
+        How much greater the costs of the second one are, as a factor.
+    right
+        The verdict of the first against the second.
+    noise
+        Standard deviation of each law's logarithm of costs around the scene's.
+    """
+
+    what: str
+    metric: str
+    worse: float
+    right: str
+    noise: float = 0.05
+
+
+@lru_cache(maxsize=100_000)
+def rate_ends(count: int, of: int) -> Interval:
+    """Of a rate."""
+    found = rate_of(count, of)
+    return found.low, found.high
+
+
+ends = lru_cache(maxsize=100_000)(difference_interval)
+
+
+def of_rate(p: float, n: int, most: float = 1.0) -> Case:
+    """Clopper and Pearson's is exact: it holds the truth at least as often as it says, more often if n p is small."""
+    return Case(f"rate {p:g}, n = {n}", p, lambda rng: rate_ends(int(rng.binomial(n, p)), n), EXACT, most)
+
+
+def of_difference(only_a: float, only_b: float, n: int) -> Case:
+    """Of two rates on the same scenes."""
+
+    def interval(rng: Generator) -> Interval:
+        a, b, _ = rng.multinomial(n, [only_a, only_b, 1.0 - only_a - only_b])
+        return ends(int(a), int(b), n)
+
+    return Case(f"rate difference {only_a:g} − {only_b:g}, n = {n}", only_a - only_b, interval)
+
+
+def skewed(rng: Generator, n: int) -> tuple[Any, Any]:
+    """Costs of two laws on n scenes: their difference has the median −0.1 and is lognormal around it."""
+    b = rng.lognormal(sigma=1.0, size=n)
+    return b - 0.1 * rng.lognormal(sigma=1.0, size=n) + 1.0, b + 1.0
+
+
+def of_median(n: int) -> Case:
+    """Of skewed paired differences."""
+    most = 0.97 if n >= 50 else 1.0  # of few the interval is exact, and holds the truth at least as often as it says
+    return Case(f"median of skewed differences, n = {n}", -0.1, lambda rng: paired(*skewed(rng, n))[1:3],
+                0.93 if n >= 50 else EXACT, most)  # fmt: skip
+
+
+def of_ratio(n: int) -> Case:
+    """Of log-ratios that have Gumbel's distribution and the median ln 1.1."""
+
+    def interval(rng: Generator) -> Interval:
+        b = rng.lognormal(sigma=2.0, size=n)
+        a = b * 1.1 * np.exp(rng.gumbel(size=n) + math.log(math.log(2.0)))
+        return paired(a, b, "log-ratio")[1:3]
+
+    return Case(f"median of log-ratios, n = {n}", math.log(1.1), interval)
+
+
+def of_settling(n: int) -> Case:
+    """Of a median of times in whole sampling periods, a third of which are equal to it."""
+    share = (0.3, 0.35, 0.2, 0.15)
+    return Case(f"median with ties, n = {n}", 1.0, lambda rng: median(rng.choice(4, n, p=share))[1:3], EXACT, 1.0)
+
+
+def of_effect(wins: float, ties: float, n: int) -> Case:
+    """Of the chance that a law is better on a scene."""
+
+    def interval(rng: Generator) -> Interval:
+        a = rng.choice([0.0, 1.0, 2.0], n, p=[wins, ties, 1.0 - wins - ties])
+        return paired(a, np.ones(n))[6:8]
+
+    return Case(f"chance to be better {wins + ties / 2:g}, ties {ties:g}, n = {n}", wins + ties / 2, interval)
+
+
+CASES = (
+    *(of_rate(p, n) for p, n in ((0.001, 1000), (0.05, 100), (0.9, 1000))),
+    *(of_difference(a, b, n) for a, b, n in ((0.1, 0.1, 100), (0.05, 0.02, 1000), (0.3, 0.1, 200), (0.02, 0.0, 1000))),
+    *(of_median(n) for n in (7, 20, 51, 100, 1000)),
+    *(of_ratio(n) for n in (50, 101, 1000)),
+    of_settling(200),
+    *(of_effect(wins, ties, n) for wins, ties, n in ((0.5, 0.0, 1000), (0.6, 0.2, 100), (0.2, 0.7, 300))),
+)
+
+QUESTIONS = (
+    Question("the same law under two names, by a metric", "jerk_rms", 1.0, "not distinguishable"),
+    Question("the same law under two names, by success", "success", 1.0, "not distinguishable"),
+    Question("the same law under two names, identical runs", "jerk_rms", 1.0, "not distinguishable", 0.0),
+    Question("a law made 1 % worse", "jerk_rms", 1.01, "better", 0.04),
+)
+
+
+def coverage(case: Case, repetitions: int, seed: int) -> Rate:
+    """How often an interval holds the truth."""
+    held = 0
+    for rng in np.random.default_rng([seed, len(case.what)]).spawn(repetitions):
+        low, high = case.interval(rng)
+        held += low <= case.truth <= high
+    return rate_of(held, repetitions)
+
+
+def runs(question: Question, repetition: int, rng: Generator, scenes: int = 1000) -> Any:
+    """Runs of two laws on the same scenes, whose costs differ by far more than the laws do; a few fail or violate."""
+    scene = rng.lognormal(sigma=1.0, size=scenes)
+    return pandas.concat(
+        [
+            pandas.DataFrame(
+                {"family": "simulated", "condition": repetition, "half": "held-out", "scene": np.arange(scenes)}
+                | {"controller": law, "jerk_rms": scene * factor * np.exp(rng.normal(0.0, question.noise, scenes))}
+                | {"status": np.where(rng.random(scenes) < 0.03, "trapped", "converged")}
+                | {"violated": np.where(rng.random(scenes) < 0.05, "fov[marker 1]", "")}
+            )
+            for law, factor in (("a law", 1.0), ("the other", question.worse))
+        ]
+    )
+
+
+def answered(question: Question, repetitions: int, seed: int) -> Rate:
+    """How often the verdict is right."""
+    streams = np.random.default_rng([seed, len(question.what)]).spawn(repetitions)
+    drawn = pandas.concat([runs(question, repetition, rng) for repetition, rng in enumerate(streams)])
+    right = compare_laws(drawn, question.metric)["verdict"] == question.right
+    return rate_of(int(right.sum()), repetitions)
+
+
+def told(what: str, found: Rate, least: float, most: float = 1.0) -> bool:
+    """Print what was found; whether it is as demanded."""
+    ok = least <= found.share <= most
+    demand = f"{100 * least:g} to {100 * most:g} %" if most < 1.0 else f"at least {100 * least:g} %"
+    print(f"{what:48s} {100 * found.share:6.2f} %, {demand}{'' if ok else ': MISSED'}", flush=True)
+    return ok
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print every coverage and every share of right verdicts; 1 if a demand is not met."""
+    parser = argparse.ArgumentParser(prog="python -m checks.statistics", description=__doc__)
+    parser.add_argument("--repetitions", type=int, default=4000)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args(arguments)
+    print(f"Intervals at 95 % that hold the truth, of {given.repetitions}:")
+    met = [told(case.what, coverage(case, given.repetitions, given.seed), case.least, case.most) for case in CASES]
+    fewer = max(given.repetitions // 4, 1)
+    print(f"Right verdicts on 1000 scenes, of {fewer}:")
+    met += [told(question.what, answered(question, fewer, given.seed), 0.95) for question in QUESTIONS]
+    return 0 if all(met) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
