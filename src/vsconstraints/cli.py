@@ -28,6 +28,7 @@ from .commands.terminal import (
     taken_up_again,
     typed_command,
 )
+from .commands.tune import tune
 from .errors import StorageError, VsconstraintsError
 from .runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 
@@ -35,6 +36,7 @@ app.command()(diff)
 app.command()(families)
 app.command()(evidence)
 app.command()(merge)
+app.command()(tune)
 
 
 @app.command()

@@ -21,7 +21,7 @@ from ..comparisons.entries import (
 from ..comparisons.suite import DEFAULT
 from ..errors import ConfigurationError, shown, unknown_name
 from ..families import HALVES, SHIPPED, Family, families
-from ..scenarios.reading import Table, made
+from ..scenarios.reading import Table, demand_known, demand_table, made
 from ..scenarios.toml import read_toml
 from .identity import Identity, of_code, of_controllers, of_family, plain
 
@@ -79,17 +79,20 @@ class Campaign:
             if the file cannot be read, has an unknown key, or something in it cannot be used.
         """
         if path is None:
-            controllers = read_toml(DEFAULT)["controllers"]
-            path, tables = Path("evidence.toml"), {"title": TITLE, "families": families(), "controllers": controllers}
+            laws = read_toml(DEFAULT)["controllers"]
+            path, tables = Path("evidence.toml"), {"title": TITLE, "families": families(), "controllers": laws}
         else:
             tables = read_toml(path)
         file: _File = made(_File, tables, path.name)
+        controllers = entries_of(file.controllers, f"{path.name}.controllers", path.parent)
+        if file.tuned:
+            controllers += tuned_entries(path.parent / file.tuned, path.parent)
         return cls(
             path.stem,
             file.title or path.stem,
             file.question,
             tuple(Family.load(name, path.parent) for name in file.families),
-            entries_of(file.controllers, f"{path.name}.controllers", path.parent),
+            controllers,
             tuple(file.conditions),
             file.scenes,
             file.half,
@@ -217,3 +220,12 @@ class _File:
     scenes: int = 1000
     half: str = "held-out"
     seed: int = 0
+    tuned: str = ""
+
+
+def tuned_entries(path: Path, folder: Path) -> Entries:
+    """The controllers of a file of settings that :mod:`vsconstraints.tuning` found; own modules are in ``folder``."""
+    tables = read_toml(path)
+    demand_known(tables, ["controllers"], path.name)
+    where = f"{path.name}.controllers"
+    return entries_of(demand_table(tables.get("controllers", {}), where), where, folder)

@@ -1,0 +1,128 @@
+"""What settings are judged by: three objectives and one constraint, as means over training runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Objective(NamedTuple):
+    """What is to be small.
+
+    Attributes
+    ----------
+    column
+        Its name in files.
+    title
+        Its name in reports.
+    worst
+        What a run counts as that does not converge, and at most: the reference point of hypervolumes.
+    unit
+        What weighs as much as one unit of another objective where one setting is chosen.
+    """
+
+    column: str
+    title: str
+    worst: float
+    unit: float
+
+
+OBJECTIVES = (
+    Objective("unused", "unused space", 1.0, 0.1),
+    Objective("log_variation", "log₁₀ of acceleration variation", 4.0, 1.0),
+    Objective("settling", "settling time by that of tracking", 2.0, 0.1),
+)
+"""A tenth of the space, a decade of variation and a tenth of the settling time weigh the same."""
+
+REFERENCE = tuple(objective.worst for objective in OBJECTIVES)
+
+Point = tuple[float, ...]
+"""A value of each objective."""
+
+
+class Outcome(NamedTuple):
+    """What one run says of a setting.
+
+    Attributes
+    ----------
+    status
+        Of the run.
+    violated
+        Whether a row was.
+    point
+        The objectives; NaN where the run says nothing of one.
+    """
+
+    status: str
+    violated: bool
+    point: Point
+
+
+FAILED = Outcome("failed", False, REFERENCE)
+"""A run that came to nothing."""
+
+
+class Judged(NamedTuple):
+    """A setting's outcomes, taken together.
+
+    Attributes
+    ----------
+    point
+        Mean of each objective over the runs that say something of it; its worst value if none does.
+    violations
+        Share of runs with a violated row.
+    runs, converged
+        How many there are, and how many of them converge.
+    """
+
+    point: Point
+    violations: float
+    runs: int
+    converged: int
+
+
+def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
+    """What a run says, by its line of results and that of tracking alone in the same scene.
+
+    A run that does not converge has the worst value of every objective. Of one that does, the unused space is left out
+    where nothing held the arm back, and the settling time where tracking alone does not settle.
+    """
+    status, violated = str(result["status"]), bool(result["violated"])
+    if status != "converged":
+        return Outcome(status, violated, REFERENCE)
+    variation, tracking = float(result["acceleration_variation"]), float(baseline["settling_time_s"])
+    values = (
+        1.0 - float(result["utilization"]),
+        math.log10(variation) if variation > 0.0 else -math.inf,
+        float(result["settling_time_s"]) / tracking if tracking > 0.0 else math.nan,
+    )
+    # log10 of a command that never changes has no bound from below
+    bounded = (
+        value if math.isnan(value) else min(max(value, -objective.worst), objective.worst)
+        for value, objective in zip(values, OBJECTIVES, strict=True)
+    )
+    return Outcome(status, violated, tuple(bounded))
+
+
+def judged(outcomes: Sequence[Outcome]) -> Judged:
+    """All outcomes of one setting, in an order that is always the same."""
+    columns = zip(*(one.point for one in outcomes), strict=True)
+    point = tuple(
+        _mean([value for value in column if not math.isnan(value)], objective.worst)
+        for column, objective in zip(columns, OBJECTIVES, strict=True)
+    )
+    violated = sum(one.violated for one in outcomes)
+    converged = sum(one.status == "converged" for one in outcomes)
+    return Judged(point, violated / len(outcomes), len(outcomes), converged)
+
+
+def _mean(values: Sequence[float], otherwise: float) -> float:
+    return math.fsum(values) / len(values) if values else otherwise
+
+
+def scaled(points: Sequence[Point]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """(p, 3) points in units of the objectives."""
+    return np.array(points, dtype=np.float64) / [objective.unit for objective in OBJECTIVES]
