@@ -21,16 +21,19 @@ class Cell:
     Attributes
     ----------
     text
-        What is printed.
+        What is printed, and bold where it is the best.
     value
         What it is judged by; NaN where there is nothing to judge.
     shown
         The judged value as printed: cells that show the same digits tie.
+    before
+        What is printed before that, and is not judged.
     """
 
     text: str
     value: float = math.nan
     shown: str = ""
+    before: str = ""
 
     @classmethod
     def of(cls, values: Sequence[float], show: Format = number) -> Cell:
@@ -42,21 +45,18 @@ class Cell:
 def marked(cells: Sequence[Cell], eligible: Sequence[bool], better: Better | None) -> list[str]:
     """The cells' texts: the best one bold and all that tie with it, those that are not compared in parentheses.
 
-    So no bold value is worse than another one that stands without parentheses.
+    None is bold where another one of the column is better, compared or not, nor where all are alike: what nobody
+    challenges is no merit.
     """
-    if better is None:
-        return [cell.text for cell in cells]
-    exist = [math.isfinite(cell.value) for cell in cells]
-    candidates = [cell for cell, may, is_there in zip(cells, eligible, exist, strict=True) if may and is_there]
-    best = (min if better == "less" else max)(candidates, key=lambda cell: cell.value) if candidates else None
+    there = [cell for cell in cells if math.isfinite(cell.value)]
+    best = ""
+    if better is not None and len({cell.shown for cell in there}) > 1:
+        best = (min if better == "less" else max)(there, key=lambda cell: cell.value).shown
     texts = []
-    for cell, may, is_there in zip(cells, eligible, exist, strict=True):
-        if not is_there:
-            texts.append(cell.text)
-        elif not may:
-            texts.append(f"({cell.text})")
-        else:
-            texts.append(bold(cell.text) if best is not None and cell.shown == best.shown else cell.text)
+    for cell, may in zip(cells, eligible, strict=True):
+        text = f"{cell.before}{bold(cell.text) if may and cell.shown == best else cell.text}"
+        aside = better is not None and not may and math.isfinite(cell.value)
+        texts.append(f"({text})" if aside else text)
     return texts
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from ..comparisons.suite import BASELINE
 from .best import Cell, comparable, marked
-from .groups import by_controller
-from .markdown import code
+from .markdown import code, tables
 from .numbers import DASH, error, median, number, over_trials, percent
 from .results import Line, Results
 from .rows_shown import lane_rows
@@ -17,38 +17,40 @@ FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s"
 
 
 def challenges(results: Results, scenario: str) -> str:
-    """A table with one line per challenged row and one column per controller."""
+    """Tables with one line per controller and one column per challenged row."""
     labels = results.challenged(scenario)
     if not labels:
         if not results.labels(scenario):
             return "This scenario has no constraint rows that could be scored."
         return "Tracking alone violates no row here: nothing is challenged."
-    names = results.controllers
+    names = results.competitors
     may = comparable(results.statuses(scenario))
-    lines = []
+    header, columns = [], []
     for label in labels:
-        rows = {name: results.rows(scenario, name, label) for name in names}
+        rows = {name: results.rows(scenario, name, label) for name in results.controllers}
         unit = next((line["unit"] for own in rows.values() for line in own), "")
         shown, factor = FINER.get(unit, (unit, 1.0))
+        header.append(f"{code(label)} [{shown}]")
         kept = [
-            ok and bool(own) and all(line["violation_depth"] == 0.0 for line in own)
-            for ok, own in zip(may, rows.values(), strict=True)
+            ok and bool(rows[name]) and all(line["violation_depth"] == 0.0 for line in rows[name])
+            for ok, name in zip(may, names, strict=True)
         ]
-        cells = [_cell(own, factor) for own in rows.values()]
-        lines.append(([code(label), shown], dict(zip(names, marked(cells, kept, "less"), strict=True))))
-    return by_controller(results.groups, ["challenged row", "unit"], lines)
+        judged = marked([_cell(rows[name], factor) for name in names], kept, "less")
+        # tracking alone has no margin while it is outside
+        alone = [_clearance(rows[BASELINE], factor) or DASH] if BASELINE in rows else []
+        columns.append([*alone, *judged])
+    order = [*([BASELINE] if BASELINE in results.controllers else []), *names]
+    lines = [[name, *cells] for name, *cells in zip(order, *columns, strict=True)]
+    return tables(["challenged rows", *header], lines)
 
 
 def held_rows(results: Results, scenario: str) -> str:
-    """A table with one line per row that held the arm back, and one column per controller; empty if none did."""
+    """Tables with one line per controller and one column per row that held the arm back; empty if none did."""
     labels = lane_rows(results, scenario)
     if not labels:
         return ""
-    lines = [
-        ([code(label)], {name: _usage(results.rows(scenario, name, label)) for name in results.controllers})
-        for label in labels
-    ]
-    return by_controller(results.groups, ["row that held the arm back"], lines)
+    lines = [[name, *(_usage(results.rows(scenario, name, label)) for label in labels)] for name in results.competitors]
+    return tables(["rows that held the arm back", *(code(label) for label in labels)], lines)
 
 
 def _usage(lines: Sequence[Line]) -> str:
@@ -58,12 +60,15 @@ def _usage(lines: Sequence[Line]) -> str:
     return f"{over_trials(usage, percent)} / {number(seconds)} s"
 
 
+def _clearance(lines: Sequence[Line], factor: float) -> str:
+    """The least clearance; a violation between samples is in it, too."""
+    return over_trials([factor * line["clearance_min"] for line in lines], error) if lines else ""
+
+
 def _cell(lines: Sequence[Line], factor: float) -> Cell:
+    """Least clearance, and the mean unused margin, which is judged."""
     if not lines:
         return Cell(DASH)
-    # a violation between samples is in the least clearance, too
-    clearance = [factor * line["clearance_min"] for line in lines]
     margin = [factor * line["mean_unused_margin"] for line in lines]
     middle = median(margin)
-    text = f"{over_trials(clearance, error)} / {over_trials(margin, error)}"
-    return Cell(text, middle, error(middle)) if math.isfinite(middle) else Cell(text)
+    return Cell(over_trials(margin, error), middle, error(middle), f"{_clearance(lines, factor)} / ")

@@ -14,7 +14,7 @@ from ..runs.pool import Failure, carry_out
 from ..runs.resources import process_count
 from ..scenarios import Scenario
 from ..simulation import Setup
-from .figures import FIGURES, OVERVIEW, View
+from .figures import ENDINGS, FIGURES, OVERVIEW, View
 from .figures.trade_off import shown_runs
 from .groups import Group
 from .results import Results
@@ -75,8 +75,8 @@ class Drawn:
     first_outside: dict[tuple[str, str], float] = field(default_factory=dict)
 
 
-def scenario_jobs(results: Results) -> list[ScenarioJob]:
-    """What is to be drawn of each scenario of a stored comparison."""
+def scenario_jobs(results: Results, scenarios: Sequence[str]) -> list[ScenarioJob]:
+    """What is to be drawn of each of these scenarios of a stored comparison."""
     stored = results.stored
     return [
         ScenarioJob(
@@ -93,6 +93,7 @@ def scenario_jobs(results: Results) -> list[ScenarioJob]:
             lane_rows(results, name),
         )
         for name, scenario in stored.scenarios.items()
+        if name in scenarios
     ]
 
 
@@ -138,6 +139,20 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
         except Exception as error:  # one bad run or figure must not cost the report
             drawn.problems.append(f"The figure of {figure.title} could not be drawn: {type(error).__name__}: {error}")
     return drawn
+
+
+def draw_endings(results: Results, folder: Path) -> str:
+    """Draw how every scenario ended into ``folder``, and say what it shows; nothing of one scenario alone."""
+    (folder / ENDINGS.file).unlink(missing_ok=True)
+    if len(results.scenarios) < 2:
+        return ""
+    try:
+        if not ENDINGS.write(folder / ENDINGS.file, results):
+            return ""
+    except Exception as error:  # a figure must not cost the report
+        return f"The figure of {ENDINGS.title} could not be drawn: {type(error).__name__}: {error}"
+    several = " Of several trials: in how many a run converged inside, and the worst." if results.trials > 1 else ""
+    return f"![{ENDINGS.title.capitalize()}](figures/{ENDINGS.file})\n\n*{ENDINGS.caption}{several}*"
 
 
 def draw_overview(results: Results, folder: Path) -> str:

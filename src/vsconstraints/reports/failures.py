@@ -30,7 +30,7 @@ def failures(results: Results, drawn: Mapping[str, Drawn]) -> str:
                 entries += [f"**{name}**{text}" for text in _counted(results, scenario, name)]
                 continue
             for line in results.runs(scenario, name):
-                sentences = _sentences(results, drawn[scenario], line)
+                sentences = _sentences(results, drawn.get(scenario, Drawn()), line)
                 if sentences:
                     entries.append(f"**{name}**: {' '.join(sentences)}")
         if entries:

@@ -1,4 +1,4 @@
-"""Which laws stand together in figures and wide tables: all of a few, of many those that know the same."""
+"""Which laws stand together in figures: all of a few, of many those that know the same."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from ..comparisons.suite import BASELINE
 from ..controllers import CONTROLLERS, make_controller
 from ..controllers.demands import USES
-from .markdown import enumeration, table
+from .markdown import enumeration
 
 MOST = 8
 """How many laws a figure shows beside tracking alone."""
@@ -92,37 +92,6 @@ def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
             else:
                 groups.append(new)
     return tuple(groups)
-
-
-def by_controller(
-    groups: Sequence[Group],
-    header: Sequence[str],
-    lines: Sequence[tuple[Sequence[str], Mapping[str, str]]],
-    left: int | None = None,
-) -> str:
-    """A table with one column per controller behind those of the header; of several groups one table each.
-
-    Parameters
-    ----------
-    groups
-        Of the controllers.
-    header
-        Of the first columns.
-    lines
-        The first cells of each line, and one cell for each controller.
-    left
-        How many columns stand to the left; those of the header if None.
-    """
-    left = len(header) if left is None else left
-    return "\n\n".join(
-        (f"{group.title}:\n\n" if group.title else "")
-        + table(
-            [*header, *group.controllers],
-            [[*first, *(cells[name] for name in group.controllers)] for first, cells in lines],
-            left,
-        )
-        for group in groups
-    )
 
 
 def _kind(used: Sequence[str] | None) -> str:

@@ -1,4 +1,4 @@
-"""The first lines of a report: what it is, and what was found, computed from the data."""
+"""What was found, computed from the data."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from urllib.parse import quote
 
 from ..comparisons.metrics import METRICS, Metric
 from ..comparisons.suite import BASELINE
-from .best import keeps_rows, shown
-from .markdown import bold, bullets, code, enumeration, plain
+from .best import shown
+from .markdown import bold, bullets, code, enumeration
 from .numbers import FORMATS, median, number
-from .results import CARRIED_THROUGH, Line, Results, violated, within_band
+from .results import CARRIED_THROUGH, Line, Results, clean, violated, within_band
 
 MOST_NAMES = 9
 """A sentence names no more scenarios than this."""
@@ -24,33 +24,9 @@ NOT_CONVERGED = {
 """What a controller did in runs that did not converge."""
 
 
-def opening(results: Results) -> str:
-    """Title, what this is, and the findings."""
-    configuration = results.stored.manifest["configuration"]
-    title = plain(str(configuration.get("title") or configuration.get("suite") or "Comparison"))
-    scenarios, controllers = len(results.scenarios), len(results.controllers)
-    trials = f", {results.trials} trials" if results.trials > 1 else ""
-    what = (
-        "This report compares controllers that keep visual servoing inside its limits. Every scenario was simulated "
-        f"with every controller ({_n(scenarios, 'scenario')}, {_n(controllers, 'controller')}{trials}): the same "
-        "robot, camera, task, start and constraint rows, and only the control law differs. "
-        f"*{BASELINE}* knows no constraints; it is the baseline that tells which rows a scenario challenges at all. "
-        "The numbers are in [results.csv](results.csv) and [constraints.csv](constraints.csv), what was run is in "
-        "[manifest.json](manifest.json); [definitions](#definitions), "
-        "[what makes the comparison fair](#what-makes-the-comparison-fair) and "
-        "[its limitations](#known-limitations) are at the end."
-    )
-    parts = [f"# {title}", what]
-    if results.finished < results.planned:
-        parts.append(
-            f"**Incomplete: {results.finished} of {results.planned} runs finished.** What is missing is blank below; "
-            "counts and means are over the runs that finished."
-        )
-    if len(results.groups) > 1:
-        shown_by = "Figures, and tables with a column for each law, show laws by the last of these that they use:"
-        parts.append(f"{shown_by}\n\n{bullets([f'{group.listed}.' for group in results.groups])}")
-    parts += ["## Findings", bullets(_findings(results))]
-    return "\n\n".join(parts)
+def findings(results: Results) -> str:
+    """What was found, a line each."""
+    return f"## Findings\n\n{bullets(_findings(results))}"
 
 
 def anchor(scenario: str) -> str:
@@ -61,14 +37,10 @@ def anchor(scenario: str) -> str:
 def _findings(results: Results) -> list[str]:
     if not results.competitors:
         return [f"Only {BASELINE} alone was run: there is nothing to compare."]
-    clean = {
-        name: sum(line["status"] == "converged" and not violated(line) for line in results.all_runs(name))
-        for name in results.competitors
-    }
-    ranked_names = sorted(clean, key=lambda name: -clean[name])
+    ranked_names = sorted(results.clean, key=lambda name: -results.clean[name])
     found = [
         "Runs that converged without violating a row: "
-        + ", ".join(_clean_runs(results, name, clean[name]) for name in ranked_names)
+        + ", ".join(_clean_runs(results, name) for name in ranked_names)
         + "."
     ]
     found += [_of_controller(results, name) for name in results.competitors]
@@ -84,10 +56,10 @@ def _findings(results: Results) -> list[str]:
     return found
 
 
-def _clean_runs(results: Results, name: str, clean: int) -> str:
+def _clean_runs(results: Results, name: str) -> str:
     lines = results.all_runs(name)
-    slight = sum(line["status"] == "converged" and not violated(line) and bool(within_band(line)) for line in lines)
-    text = f"{bold(name)} {clean} of {len(lines)}"
+    slight = sum(clean(line) and bool(within_band(line)) for line in lines)
+    text = f"{bold(name)} {results.clean[name]} of {len(lines)}"
     return f"{text} ({slight} of them outside within the sampling band)" if slight else text
 
 
@@ -96,7 +68,7 @@ def _of_controller(results: Results, name: str) -> str:
     if not lines:
         return f"{bold(name)}: no run finished."
     converged = sum(line["status"] == "converged" for line in lines)
-    text = f"{bold(name)} converged in {converged} of {_n(len(lines), 'run')}"
+    text = f"{bold(name)} converged in {converged} of {counted(len(lines), 'run')}"
     for status, did in NOT_CONVERGED.items():
         where = list(dict.fromkeys(line["scenario"] for line in lines if line["status"] == status))
         if where:
@@ -108,7 +80,7 @@ def _of_controller(results: Results, name: str) -> str:
     worst = max(outside, key=lambda line: float(line["violation_depth"]))
     where = list(dict.fromkeys(line["scenario"] for line in outside))
     return (
-        f"{text}; it violated rows in {_n(len(outside), 'run')} ({enumeration(some(where))}), at worst by "
+        f"{text}; it violated rows in {counted(len(outside), 'run')} ({enumeration(some(where))}), at worst by "
         f"{number(100.0 * worst['violation_depth'])} % of L ({_worst_row(results, worst)}, {worst['scenario']})."
     )
 
@@ -125,16 +97,19 @@ def _worst_row(results: Results, run: Line) -> str:
 
 
 def _winners(results: Results, metric: Metric) -> str:
-    """In which scenarios each controller is the best of those that converged without violating a row."""
+    """In which scenarios each controller is the best of those that converged without violating a row.
+
+    Nobody is where nothing is challenged, or where there is nobody else to be better than.
+    """
     (what, unit), show = metric.finding, FORMATS[metric.style]
     won: dict[str, list[str]] = {}
-    for scenario in results.scenarios:
+    for scenario in results.challenged_scenarios:
         values = {
             name: median([shown(metric, line) for line in results.runs(scenario, name)])
             for name in _clean(results, scenario)
         }
         values = {name: value for name, value in values.items() if math.isfinite(value)}
-        if not values:
+        if len({show(value) for value in values.values()}) < 2:
             continue
         top = show((max if metric.better == "more" else min)(values.values()))
         for name, value in values.items():
@@ -152,12 +127,8 @@ def _winners(results: Results, metric: Metric) -> str:
 
 def _clean(results: Results, scenario: str) -> list[str]:
     """Controllers that converged and violated nothing, in every trial."""
-    runs = {name: list(results.runs(scenario, name)) for name in results.competitors}
-    return [
-        name
-        for name, lines in runs.items()
-        if keeps_rows(lines) and all(line["status"] == "converged" for line in lines)
-    ]
+    runs = {name: results.runs(scenario, name) for name in results.competitors}
+    return [name for name, lines in runs.items() if lines and all(map(clean, lines))]
 
 
 def _ran(results: Results, scenario: str) -> bool:
@@ -169,5 +140,6 @@ def some(names: list[str]) -> list[str]:
     return names if len(names) <= MOST_NAMES else [*names[: MOST_NAMES - 1], f"{len(names) - MOST_NAMES + 1} more"]
 
 
-def _n(count: int, noun: str) -> str:
+def counted(count: int, noun: str) -> str:
+    """``1 run``, ``2 runs``."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -6,6 +6,47 @@ import re
 import unicodedata
 from collections.abc import Sequence
 
+PAGE = 1012
+"""Width at which GitHub shows a page [px]: a wider table scrolls sideways."""
+
+LETTER, COLUMN = 9, 27
+"""Width of a letter, and of what stands around a column, on such a page at most [px]."""
+
+
+def tables(header: Sequence[str], lines: Sequence[Sequence[str]], text_columns: int = 1) -> str:
+    """A table like :func:`table`; if it is wider than :data:`PAGE`, several that each begin with its first column."""
+    widths = page_widths(header, lines, text_columns)
+    parts = _parts(widths, len(widths))
+    # as many columns in each, where no more tables come of it
+    even = _parts(widths, -(-(len(widths) - 1) // max(len(parts), 1)))
+    return "\n\n".join(
+        table(
+            [header[k] for k in part],
+            [[line[k] for k in part] for line in lines],
+            sum(k < text_columns for k in part),
+        )
+        for part in (even if len(even) == len(parts) else parts)
+    )
+
+
+def _parts(widths: Sequence[int], most: int) -> list[list[int]]:
+    """Numbers of the columns of each table: the first one, and at most so many others, in order."""
+    parts = [[0]]
+    for i in range(1, len(widths)):
+        if len(parts[-1]) > 1 and (len(parts[-1]) > most or sum(widths[k] for k in (*parts[-1], i)) > PAGE):
+            parts.append([0])
+        parts[-1].append(i)
+    return parts
+
+
+def page_widths(header: Sequence[str], lines: Sequence[Sequence[str]], text_columns: int = 1) -> list[int]:
+    """How wide each column is on a page at least [px], where texts are broken at spaces and behind hyphens."""
+    columns = zip(header, *lines, strict=True)
+    return [
+        COLUMN + LETTER * max(_longest(head), *(_longest(text, i < text_columns) for text in body), 0)
+        for i, (head, *body) in enumerate(columns)
+    ]
+
 
 def table(header: Sequence[str], lines: Sequence[Sequence[str]], text_columns: int = 1) -> str:
     """A table with its columns aligned; the first ``text_columns`` to the left, the others to the right."""
@@ -49,6 +90,13 @@ def enumeration(names: Sequence[str]) -> str:
 def _cell(text: str) -> str:
     # a bar ends a cell even inside code
     return re.sub(r"(?<!\\)\|", r"\\|", " ".join(text.split()))
+
+
+def _longest(text: str, broken: bool = True) -> int:
+    """Letters of the longest part of a cell that stays in one line."""
+    shown = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)  # of a link only its text
+    shown = re.sub(r"[*`\\]", "", shown)
+    return max(_width(part) for part in (re.split(r"\s+|(?<=\w-)(?=[^\W\d])", shown) if broken else [shown]))
 
 
 def _pad(text: str, width: int, to_left: bool) -> str:

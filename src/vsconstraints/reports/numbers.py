@@ -52,12 +52,6 @@ def median(values: Sequence[float]) -> float:
     return float(np.median(exist)) if exist else math.nan
 
 
-def mean(values: Sequence[float]) -> float:
-    """Mean of the values that exist; NaN if none does."""
-    exist = [value for value in values if math.isfinite(value)]
-    return math.fsum(exist) / len(exist) if exist else math.nan
-
-
 def largest(values: Sequence[float]) -> float:
     """Greatest of the values that exist; NaN if none does."""
     return max((value for value in values if math.isfinite(value)), default=math.nan)

@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from .groups import by_controller
 from .headlines import anchor
+from .markdown import tables
 from .results import Line, Results, violated, within_band
 
 OUTSIDE, WITHIN = "†", "‡"
 
 
 def outcomes(results: Results) -> str:
-    """One line per scenario, one column per controller."""
-    lines = [
-        ([f"[{name}](#{anchor(name)})"], {one: _outcome(list(results.runs(name, one))) for one in results.controllers})
-        for name in results.scenarios
-    ]
+    """One line per scenario and one column per controller; the other way round where there are more controllers."""
+    laws, scenarios = results.controllers, results.scenarios
+    linked = {name: f"[{name}](#{anchor(name)})" for name in scenarios}
+    if len(laws) > len(scenarios):
+        header = ["controller", *linked.values()]
+        lines = [[law, *(_outcome(results, name, law) for name in scenarios)] for law in laws]
+    else:
+        header = ["scenario", *laws]
+        lines = [[link, *(_outcome(results, name, law) for law in laws)] for name, link in linked.items()]
     legend = f"{OUTSIDE} a row was violated. {WITHIN} none was, but one was outside within the sampling band."
     if results.trials > 1:
         legend += " Counts are of trials."
-    table = by_controller(results.groups, ["scenario"], lines, left=1 + len(results.controllers))
-    return "\n\n".join(("## Outcomes", table, legend))
+    return "\n\n".join(("## Outcomes", tables(header, lines, len(header)), legend))
 
 
-def _outcome(lines: list[Line]) -> str:
+def _outcome(results: Results, scenario: str, controller: str) -> str:
+    lines = results.runs(scenario, controller)
     if not lines:
         return "not run"
     endings = [f"{line['status'] or 'unknown'}{_mark(line)}" for line in lines]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..comparisons import StoredComparison
@@ -10,17 +11,23 @@ from ..comparisons.folder import held
 from ..errors import StorageError
 from ..runs.files import replaced
 from .closing import closing
-from .drawing import Drawn, draw_all, draw_overview, remove_stale, scenario_jobs
+from .drawing import Drawn, draw_all, draw_endings, draw_overview, remove_stale, scenario_jobs
 from .failures import failures
-from .headlines import opening
+from .headlines import findings
+from .opening import opening
 from .outcomes import outcomes
 from .results import Results
 from .scenario_section import scenarios_section
 from .summary import summary
+from .telling import telling
 
 
 def write_report(
-    folder: Path, *, figures: bool = True, on_drawn: Callable[[int, int], None] = lambda done, total: None
+    folder: Path,
+    *,
+    figures: bool = True,
+    all_figures: bool = False,
+    on_drawn: Callable[[int, int], None] = lambda done, total: None,
 ) -> Path:
     """Write report.md and its figures from what a comparison left in its folder.
 
@@ -33,6 +40,8 @@ def write_report(
         Where the comparison is stored.
     figures
         Whether to draw figures; without them a report takes no time, and those that are there stay as they are.
+    all_figures
+        Whether to draw those of every scenario of a large suite, too, not of the most telling ones alone.
     on_drawn
         Told how many scenarios have their figures, and how many there are.
 
@@ -51,22 +60,26 @@ def write_report(
     results = Results(StoredComparison.load(folder))
     with held(folder):
         try:
-            return _write(folder, results, on_drawn if figures else None)
+            chosen = results.scenarios if all_figures else telling(results)
+            return _write(folder, results, chosen, on_drawn if figures else None)
         except OSError as error:
             raise StorageError(f"the report cannot be written to {folder}: {error}") from error
 
 
-def _write(folder: Path, results: Results, on_drawn: Callable[[int, int], None] | None) -> Path:
-    drawn, overview = {name: Drawn() for name in results.scenarios}, ""
+def _write(folder: Path, results: Results, chosen: Sequence[str], on_drawn: Callable[[int, int], None] | None) -> Path:
+    pictures = Pictures({name: Drawn() for name in results.scenarios})
     if on_drawn is not None:
-        drawn, overview = _draw(results, on_drawn)
+        pictures = _draw(results, chosen, on_drawn)
+    # of one scenario there is no heat map
+    first, second = (pictures.endings, pictures.overview) if pictures.endings else (pictures.overview, "")
     parts = [
-        opening(results),
+        opening(results, first),
+        findings(results),
         summary(results),
+        second,
         outcomes(results),
-        overview,
-        scenarios_section(results, drawn),
-        failures(results, drawn),
+        scenarios_section(results, pictures.scenarios),
+        failures(results, pictures.scenarios),
         closing(results),
     ]
     report = folder / "report.md"
@@ -75,10 +88,19 @@ def _write(folder: Path, results: Results, on_drawn: Callable[[int, int], None] 
     return report
 
 
-def _draw(results: Results, on_drawn: Callable[[int, int], None]) -> tuple[dict[str, Drawn], str]:
+@dataclass(frozen=True)
+class Pictures:
+    """What was drawn: figures of scenarios by name, and those of the whole comparison with their captions."""
+
+    scenarios: dict[str, Drawn]
+    endings: str = ""
+    overview: str = ""
+
+
+def _draw(results: Results, chosen: Sequence[str], on_drawn: Callable[[int, int], None]) -> Pictures:
     folder = results.stored.folder / "figures"
     folder.mkdir(exist_ok=True)
-    overview = draw_overview(results, folder)
-    drawn = draw_all(scenario_jobs(results), on_drawn)
+    endings, overview = draw_endings(results, folder), draw_overview(results, folder)
+    drawn = draw_all(scenario_jobs(results, chosen), on_drawn)
     remove_stale(folder, {name for one in drawn.values() for name in one.files.values()})
-    return drawn, overview
+    return Pictures(drawn, endings, overview)

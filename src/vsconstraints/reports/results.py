@@ -16,6 +16,9 @@ Line = dict[str, Any]
 CARRIED_THROUGH = ("converged", "trapped", "unfinished")
 """Statuses of runs that went on to the end of their time."""
 
+DIVERGED = 1.0
+"""A run that does not converge and is outside by more than this share of L has diverged."""
+
 
 class Results:
     """Lines of results.csv and constraints.csv, looked up by scenario and controller.
@@ -74,12 +77,25 @@ class Results:
         """Lines of results.csv of a controller, over all scenarios."""
         return [line for scenario in self.scenarios for line in self.runs(scenario, controller)]
 
+    @cached_property
+    def clean(self) -> dict[str, int]:
+        """How many runs of each controller that is compared converged and violated no row."""
+        return {name: sum(map(clean, self.all_runs(name))) for name in self.competitors}
+
+    @property
+    def challenged_scenarios(self) -> list[str]:
+        """Names of the scenarios that tell laws apart."""
+        return [name for name in self.scenarios if self.tells_apart(name)]
+
+    def form(self, controller: str, scenario: str | None = None) -> str:
+        """What answered a controller's calls, in a scenario or in all."""
+        lines = self.all_runs(controller) if scenario is None else self.runs(scenario, controller)
+        forms = {bool(line.get("compiled")) for line in lines if line["duration_s"] >= 0.0}
+        return " and ".join(name for compiled, name in ((True, "compiled"), (False, "NumPy")) if compiled in forms)
+
     def statuses(self, scenario: str) -> list[list[str]]:
-        """For each controller, the status of each trial; none for tracking alone, which does not compete."""
-        return [
-            [line["status"] for line in self.runs(scenario, name)] if name != BASELINE else []
-            for name in self.controllers
-        ]
+        """For each controller that is compared, the status of each trial."""
+        return [[line["status"] for line in self.runs(scenario, name)] for name in self.competitors]
 
     def rows(self, scenario: str, controller: str, label: str | None = None) -> list[Line]:
         """Lines of constraints.csv, of one row or of all."""
@@ -97,6 +113,21 @@ class Results:
             line["constraint"] for name in self.controllers for line in self.rows(scenario, name) if line["challenged"]
         }
         return tuple(label for label in self.labels(scenario) if label in hit)
+
+    def tells_apart(self, scenario: str) -> bool:
+        """Whether a scenario challenges anything, as far as is known; no law is better than others in one that does not."""
+        baseline = self.runs(scenario, BASELINE)
+        return bool(self.challenged(scenario)) or not baseline or any(violated(line) for line in baseline)
+
+
+def clean(line: Line) -> bool:
+    """Whether a run converged and violated no row."""
+    return line["status"] == "converged" and not violated(line)
+
+
+def diverged(line: Line) -> bool:
+    """Whether a run did not converge and was outside by more than L."""
+    return bool(line["status"] != "converged" and line["violation_depth"] > DIVERGED)
 
 
 def violated(line: Line) -> list[str]:

@@ -16,23 +16,31 @@ from .challenges import challenges, held_rows
 from .drawing import Drawn
 from .figures import FIGURES
 from .headlines import anchor
-from .markdown import bullets, code, plain, table
-from .numbers import DASH, FORMATS, number
+from .markdown import bullets, code, plain, tables
+from .numbers import DASH, FORMATS, number, over_trials
+from .opening import robot_name
 from .results import Line, Results, violated, within_band
 from .rows_shown import lanes_left_out
 
+GROUPS = ("outcome", "task", "chattering", "time")
+"""Of metrics: a table each."""
+
+ALL_FIGURES = "`vsconstraints report FOLDER --all-figures`."
+"""What draws those that a report of a large suite leaves out."""
+
 HOW_TO_READ = (
-    "**Bold** is the best of a column, judged by the digits shown; ties are all bold. More utilization is better, of "
-    "everything else less. In parentheses is what is not compared: values of "
-    f"{BASELINE}, and of controllers that did not converge; in the columns other than depth and time outside also of "
-    "those that violated a row, and φ bands of those that lost a sliding mode. Times are not judged: they differ from "
-    f"run to run as much as between laws. {DASH} stands where there is no value.",
+    "**Bold** is the best of a column, judged by the digits shown; ties are all bold. None is bold where another value "
+    "of the column is better, nor where all that are compared are alike, nor where tracking alone violates no row. "
+    "More utilization is better, of everything else less. In parentheses is what is not compared: values of "
+    "controllers that did not converge; in the columns other than depth and time outside also of those that violated a "
+    "row, and φ bands of those that lost a sliding mode. Times are not judged: they differ from run to run as much as "
+    f"between laws, and those of NumPy stand beside those of compiled code. {DASH} stands where there is no value.",
     "**Violated rows** were deeper outside than sampling alone explains; ‡ marks rows that were outside only within "
     "the sampling band T_s u⁺, which have no part in depth and time outside.",
     "**Challenged rows**: least clearance / mean unused margin. The mean is over the time in which tracking alone is "
     "outside. A negative clearance is how far the row was outside, which counts from "
-    f"{100.0 * NEGLIGIBLE:g} % of L on. Bold: the smallest mean among the controllers that converged and did not "
-    "violate the row.",
+    f"{100.0 * NEGLIGIBLE:g} % of L on. The mean is judged, among the controllers that converged and did not violate "
+    "the row.",
     "**Rows that held the arm back**: usage [%] of the room that was left at the arm's speed, while the row did, and "
     "for how long. Its mean, weighted by those times, is the utilization of a run that converged.",
 )
@@ -40,35 +48,39 @@ HOW_TO_READ = (
 
 def scenarios_section(results: Results, drawn: Mapping[str, Drawn]) -> str:
     """How to read tables and figures, then one part per scenario."""
-    figures = [figure.reading for figure in FIGURES] + ["Dashed vertical lines: the goal changes."]
-    several = (
-        [
+    reading = list(HOW_TO_READ)
+    if any(one.files for one in drawn.values()):
+        reading += [*(figure.reading for figure in FIGURES), "Dashed vertical lines: the goal changes."]
+    if results.trials > 1:
+        reading.append(
             "Each scenario was run several times: values are the median of the trials, with the least and the greatest "
             "in brackets where they differ; figures show the first trial."
-        ]
-        if results.trials > 1
-        else []
-    )
-    parts = [scenario_section(results, name, drawn[name]) for name in results.scenarios]
-    return "\n\n".join(["## Scenarios", bullets([*HOW_TO_READ, *figures, *several]), *parts])
+        )
+    parts = ["## Scenarios", bullets(reading)]
+    if len(results.groups) > 1:
+        listed = bullets([f"{group.listed}." for group in results.groups])
+        parts.append(f"Figures show laws by the last of these that they use:\n\n{listed}")
+    return "\n\n".join([*parts, *(scenario_section(results, name, drawn.get(name)) for name in results.scenarios)])
 
 
-def scenario_section(results: Results, name: str, drawn: Drawn) -> str:
+def scenario_section(results: Results, name: str, drawn: Drawn | None) -> str:
     """Title, tables and figures of a scenario."""
     scenario = results.stored.scenarios[name]
     parts = [f'<a id="{anchor(name)}"></a>\n\n### {name}: {plain(scenario.title)}']
     parts += [text for text in (" ".join(scenario.description.split()), _facts(scenario)) if text]
     if not any(results.runs(name, controller) for controller in results.controllers):
         return "\n\n".join([*parts, "No run of this scenario finished."])
-    parts += [metric_table(results, name, group) for group in ("task", "chattering")]
-    parts += [text for text in (challenges(results, name), held_rows(results, name)) if text]
+    parts += [_alone(results, name), *(metric_table(results, name, group) for group in GROUPS)]
+    parts += [challenges(results, name), held_rows(results, name)]
+    if drawn is None:
+        return "\n\n".join([*(part for part in parts if part), f"Its figures: {ALL_FIGURES}"])
     for figure, group in product(FIGURES, results.groups):
         if file := drawn.files.get((figure.name, group.suffix)):
             caption = f"{figure.caption}{group.sentence}{_addition(results, name, figure.name)}"
             parts.append(f"![{name}: {figure.name}](figures/{quote(file)})\n\n*{caption}*")
     if drawn.problems:
         parts.append(bullets([plain(problem) for problem in drawn.problems]))
-    return "\n\n".join(parts)
+    return "\n\n".join(part for part in parts if part)
 
 
 def _addition(results: Results, name: str, kind: str) -> str:
@@ -80,53 +92,66 @@ def _addition(results: Results, name: str, kind: str) -> str:
 
 def _facts(scenario: Scenario) -> str:
     """What the scenario's tables say about robot, time and task, as far as they do."""
-    tables = scenario.tables
-    robot, task = tables.get("robot"), tables.get("task")
-    facts = []
-    if isinstance(robot, str):
-        facts.append(f"Robot: {plain(robot)}")
-    elif isinstance(robot, dict) and robot.get("name"):
-        facts.append(f"Robot: {plain(str(robot['name']))}")
+    keys = scenario.tables
+    task, robot = keys.get("task"), robot_name(scenario)
+    facts = [f"Robot: {robot}"] if robot else []
     if isinstance(task, dict):
         goals = task.get("goals")
         number_of = f", {len(goals)} goals" if isinstance(goals, list) and len(goals) > 1 else ""
         facts.append(f"task: {task.get('feature', '?')}{number_of}")
-    facts += _unusual(tables)
-    if isinstance(tables.get("sampling_time"), (int, float)):
-        facts.append(f"T_s = {1e3 * tables['sampling_time']:g} ms")
-    if isinstance(tables.get("duration"), (int, float)):
-        facts.append(f"{tables['duration']:g} s")
+    facts += _unusual(keys)
+    if isinstance(keys.get("sampling_time"), (int, float)):
+        facts.append(f"T_s = {1e3 * keys['sampling_time']:g} ms")
+    if isinstance(keys.get("duration"), (int, float)):
+        facts.append(f"{keys['duration']:g} s")
     return "; ".join(facts) + "." if facts else ""
 
 
-def _unusual(tables: Mapping[str, Any]) -> list[str]:
+def _unusual(keys: Mapping[str, Any]) -> list[str]:
     """What is otherwise than with a still target, a camera on the arm and everything as the control assumes."""
-    parts = [tables.get("target"), *tables.get("constraints", [])]
+    parts = [keys.get("target"), *keys.get("constraints", [])]
     facts = []
     for part in parts:
         motion = part.get("motion") if isinstance(part, dict) else None
         if isinstance(motion, dict):
             what = plain(str(part.get("name") or part.get("type") or "target"))
             facts.append(f"the {what} moves, {'' if motion.get('known', True) else 'un'}known to the controllers")
-    camera, disturbances = tables.get("camera"), tables.get("disturbances")
+    camera, disturbances = keys.get("camera"), keys.get("disturbances")
     if isinstance(camera, dict) and "fixed" in camera:
         facts.append("fixed camera")
-    if tables.get("actuation") == "position":
+    if keys.get("actuation") == "position":
         facts.append("position-controlled")
     if isinstance(disturbances, dict):
         facts += [f"{key} {plain(str(value))}" for key, value in disturbances.items()]
     return facts
 
 
+def _alone(results: Results, scenario: str) -> str:
+    """What tracking alone does, in a sentence: it is not compared, and stands in no column with those that are."""
+    lines = results.runs(scenario, BASELINE)
+    if not lines:
+        return ""
+    facts = [_status(lines), f"violated rows: {_violated(lines)}"]
+    for metric in METRICS:
+        if metric.header and metric.better and metric.group != "time" and metric.judged != "sliding":
+            text = over_trials([shown(metric, line) for line in lines], FORMATS[metric.style])
+            what, _, unit = metric.header.removesuffix("]").partition(" [")
+            facts += [f"{what} {text} {unit}"] if text != DASH else []
+    return f"Tracking alone: {'; '.join(facts)}."
+
+
 def metric_table(results: Results, scenario: str, group: str) -> str:
-    """One of a scenario's tables of metrics, with one line per controller."""
-    with_status = group == "task"
-    runs = {name: list(results.runs(scenario, name)) for name in results.controllers}
-    may = comparable(results.statuses(scenario))
+    """One of a scenario's tables of metrics, with one line per controller; empty if no run has a value."""
+    names = results.controllers if group == "time" else results.competitors
+    runs = {name: results.runs(scenario, name) for name in names}
+    apart, may = results.tells_apart(scenario), comparable([[line["status"] for line in own] for own in runs.values()])
     header, parts = ["controller"], [list(runs)]
-    if with_status:
+    if group == "outcome":
         header += ["status", "violated rows"]
         parts += [[_status(own) for own in runs.values()], [_violated(own) for own in runs.values()]]
+    if group == "time":
+        header, parts = [*header, "form"], [*parts, [results.form(name, scenario) or DASH for name in names]]
+    first = len(header)
     for metric in METRICS:
         if metric.group != group or not metric.header:
             continue
@@ -135,9 +160,9 @@ def metric_table(results: Results, scenario: str, group: str) -> str:
             continue
         judged = [ok and judged_by(metric, own) for ok, own in zip(may, runs.values(), strict=True)]
         header.append(metric.header)
-        parts.append(marked(cells, judged, metric.better))
+        parts.append(marked(cells, judged, metric.better if apart else None))
     lines = [[part[i] for part in parts] for i in range(len(runs))]
-    return table(header, lines, text_columns=3 if with_status else 1)
+    return tables(header, lines, first) if lines and (group == "outcome" or len(header) > first) else ""
 
 
 def _status(lines: Sequence[Line]) -> str:

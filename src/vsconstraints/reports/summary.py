@@ -1,87 +1,133 @@
-"""The table over all scenarios."""
+"""The tables over all scenarios: the one that a report begins with, how runs ended, and further scores."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
 from ..comparisons.metrics import METRICS, Metric
-from ..comparisons.suite import BASELINE
-from .best import Cell, judged_by, marked, shown
-from .markdown import bullets, table
-from .numbers import DASH, FORMATS, count, largest, mean, median
-from .results import Line, Results, violated, within_band
+from .best import Better, Cell, judged_by, marked, shown
+from .markdown import bullets, tables
+from .numbers import DASH, FORMATS, count, largest, median
+from .results import DIVERGED, Line, Results, diverged, violated, within_band
 
-STATUSES = ("converged", "trapped", "aborted", "failed", "unfinished")
+STATUSES = ("converged", "trapped", "unfinished", "aborted", "failed")
 
-CONDENSED: dict[str, Callable[[Sequence[float]], float]] = {"mean": mean, "worst": largest, "median": median}
+CONDENSED: dict[str, Callable[[Sequence[float]], float]] = {"worst": largest, "median": median}
 """What stands for the values of several runs."""
+
+FIRST = ("violation_depth", "utilization", "acceleration_variation", "step_time_median_us")
+"""What the table that a report begins with has of the metrics."""
+
+MOST_COLUMNS = 7
+"""Of that table."""
+
+Column = tuple[str, list[str]]
+
+
+def law_table(results: Results) -> str:
+    """What matters most of each law, best first, in at most :data:`MOST_COLUMNS` columns; what is best is bold."""
+    names = results.competitors
+    runs = [len(results.all_runs(name)) for name in names]
+    good = [Cell(f"{n} of {of}", float(n), str(n)) for n, of in zip(results.clean.values(), runs, strict=True)]
+    better: Better | None = "more" if results.challenged_scenarios else None
+    scores = dict(_column(results, one) for one in METRICS if one.overall and one.column in FIRST)
+    columns = [
+        ("converged inside", marked(good, [of > 0 for of in runs], better)),
+        *scores.items(),
+        ("form", [results.form(name) for name in names]),
+    ]
+    order = sorted(range(len(names)), key=lambda i: -good[i].value)
+    return _table([names[i] for i in order], [(header, [texts[i] for i in order]) for header, texts in columns])
+
+
+FIRST_LEGEND = (
+    "*Converged inside*: runs that converged and violated no row. Medians are of the runs that converged, times of all. "
+    "**Bold** is the best of a column where no other value in it is better; in parentheses is what is not compared, "
+    "since the law did not converge in every run in which another one did, or violated a row. Times are not compared: "
+    "*form* says what they are times of."
+)
 
 
 def summary(results: Results) -> str:
-    """One line per controller, the best value of each column bold."""
-    lines = {name: results.all_runs(name) for name in results.controllers}
-    reached = {name: [line for line in own if line["status"] == "converged"] for name, own in lines.items()}
-    goals = {name: {(line["scenario"], line["trial"]) for line in own} for name, own in reached.items()}
-    anyone = set().union(*(goals[name] for name in results.competitors))
-    several = sum(bool(lines[name]) for name in results.competitors) > 1
-    whole = [several and name != BASELINE and bool(anyone) and goals[name] == anyone for name in results.controllers]
-    columns: list[tuple[str, list[str]]] = [("runs", [str(len(own)) for own in lines.values()])]
-    for status in STATUSES:
-        cells = [_count(sum(line["status"] == status for line in own)) for own in lines.values()]
-        competes = [several and name != BASELINE and bool(reached[name]) for name in results.controllers]
-        columns.append((status, marked(cells, competes, "more") if status == "converged" else [c.text for c in cells]))
-
-    for metric in METRICS:
-        if metric.overall:
-            runs = reached if metric.condensed == "mean" else lines
-            cells = [_cell(metric, own, len(lines[name])) for name, own in runs.items()]
-            may = [ok and judged_by(metric, runs[name]) for name, ok in zip(results.controllers, whole, strict=True)]
-            columns.append((metric.overall, marked(cells, may, metric.better)))
-        if metric.column == "violated":
-            columns += _violations(list(lines.values()), whole)
-    body = [[name, *(texts[i] for _, texts in columns)] for i, name in enumerate(results.controllers)]
-    return "\n\n".join(
-        (
-            "## All scenarios",
-            table(["controller", *(header for header, _ in columns)], body),
-            bullets(_legend()),
-        )
-    )
-
-
-def _legend() -> list[str]:
-    return [
-        "**Bold** is the best of a column, judged by the digits shown; ties are all bold. More is better for "
-        "*converged* and *utilization*, less for the others. In parentheses is what is not compared: the baseline's "
-        f"({BASELINE}), and that of a controller that did not converge in every run in which another one did. Only "
-        "controllers that violated no row in the runs concerned are compared in other columns than those of "
-        "violations, only those that never lost a sliding mode by their φ band, and nobody by times or by the other "
-        "counts.",
-        "*Mean* is over the runs that converged, *worst* the greatest and *median* the median of all runs; where fewer "
-        f"runs than all have a value, it says of how many. {DASH} stands where no run has one: utilization needs a "
-        "row that acts, the φ band a row at its boundary.",
+    """How all runs ended, and the scores that the first table does not have."""
+    legend = [
+        f"*Diverged*: did not converge, and was outside by more than {100.0 * DIVERGED:g} % of L. These runs are "
+        "counted under their status, too.",
+        "*Worst* is the greatest of all runs. Medians are of the runs that converged, and say of how many if not all "
+        f"of these have a value; {DASH} stands where none has: the φ band needs a row at its boundary, utilization a "
+        "row that acts.",
+        "**Bold** is the best of a column, judged by the digits shown; ties are all bold. None is bold where another "
+        "value of the column is better, nor where all that are compared are alike. In parentheses is what is not "
+        "compared: that of a controller that did not converge in every run in which another one did. Only controllers "
+        "that violated no row in the runs concerned are compared in other columns than those of violations, and only "
+        "those that never lost a sliding mode by their φ band.",
         "Depth is relative to the row's characteristic length L. The φ band is compared with T_s u⁺ (43): up to 1 "
         "means chattering as small as the sampling time allows, and much more that a sliding mode was lost.",
     ]
+    return "\n\n".join(
+        text for text in ("## All scenarios", _endings(results), _scores(results), bullets(legend)) if text
+    )
+
+
+def _endings(results: Results) -> str:
+    """How many runs of each controller ended how; tracking alone, too."""
+    lines = {name: results.all_runs(name) for name in results.controllers}
+    columns: list[Column] = [("runs", [str(len(own)) for own in lines.values()])]
+    for status in STATUSES:
+        columns.append((status, [str(sum(line["status"] == status for line in own)) for own in lines.values()]))
+    columns.append(("diverged", [str(sum(diverged(line) for line in own)) for own in lines.values()]))
+    return _table(results.controllers, columns)
+
+
+def _scores(results: Results) -> str:
+    if not results.competitors:
+        return ""
+    lines = {name: results.all_runs(name) for name in results.competitors}
+    outside = [_count(sum(bool(violated(line)) for line in own)) for own in lines.values()]
+    slight = [str(sum(not violated(line) and bool(within_band(line)) for line in own)) for own in lines.values()]
+    columns: list[Column] = [
+        ("runs with a violated row", marked(outside, _whole(results), "less")),
+        ("others outside within the sampling band", slight),
+    ]
+    columns += [_column(results, metric) for metric in METRICS if metric.overall and metric.column not in FIRST]
+    return _table(results.competitors, columns)
+
+
+def _whole(results: Results) -> list[bool]:
+    """Who converged in every run in which anybody that is compared did; nobody if there is only one."""
+    goals = {
+        name: {(line["scenario"], line["trial"]) for line in results.all_runs(name) if line["status"] == "converged"}
+        for name in results.competitors
+    }
+    anyone = set().union(*goals.values())
+    several = sum(bool(results.all_runs(name)) for name in results.competitors) > 1
+    return [several and bool(anyone) and own == anyone for own in goals.values()]
+
+
+def _column(results: Results, metric: Metric) -> Column:
+    """A metric over all scenarios, of each controller that is compared."""
+    cells, may = [], []
+    for name, whole in zip(results.competitors, _whole(results), strict=True):
+        lines = results.all_runs(name)
+        if metric.condensed != "worst" and metric.kind != "time":
+            lines = [line for line in lines if line["status"] == "converged"]
+        cells.append(_cell(metric, lines))
+        may.append(whole and judged_by(metric, lines))
+    return metric.overall, marked(cells, may, metric.better)
+
+
+def _cell(metric: Metric, lines: list[Line]) -> Cell:
+    """One value of several runs; if it does not rest on all of them, with how many it rests on."""
+    values = [shown(metric, line) for line in lines]
+    value = CONDENSED[metric.condensed](values)
+    text, rests_on = FORMATS[metric.style](value), sum(v == v for v in values)
+    return Cell(text if text == DASH or rests_on == len(lines) else f"{text}, {rests_on} of {len(lines)}", value, text)
 
 
 def _count(value: int) -> Cell:
     return Cell(count(value), float(value), count(value))
 
 
-def _violations(lines: list[list[Line]], whole: list[bool]) -> list[tuple[str, list[str]]]:
-    """Two columns: how many runs of each controller violate a row, and how many more are outside by sampling."""
-    outside = [_count(sum(bool(violated(line)) for line in own)) for own in lines]
-    slight = [str(sum(not violated(line) and bool(within_band(line)) for line in own)) for own in lines]
-    return [
-        ("runs with a violated row", marked(outside, whole, "less")),
-        ("others outside within the sampling band", slight),
-    ]
-
-
-def _cell(metric: Metric, lines: list[Line], runs: int) -> Cell:
-    """One value of several runs; if it does not rest on all of a controller's runs, with how many it rests on."""
-    values = [shown(metric, line) for line in lines]
-    value = CONDENSED[metric.condensed](values)
-    text, rests_on = FORMATS[metric.style](value), sum(v == v for v in values)
-    return Cell(text if text == DASH or rests_on == runs else f"{text}, {rests_on} of {runs}", value, text)
+def _table(names: Sequence[str], columns: Sequence[Column]) -> str:
+    lines = [[name, *(texts[i] for _, texts in columns)] for i, name in enumerate(names)]
+    return tables(["controller", *(header for header, _ in columns)], lines)

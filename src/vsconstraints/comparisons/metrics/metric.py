@@ -38,8 +38,9 @@ class Metric:
     over
         Column that it is divided by; empty if by none.
     overall, condensed
-        What the table over all scenarios calls it, if it is there; and what stands for several runs: the ``mean`` over
-        those that converged, or the ``worst`` or ``median`` of all.
+        What the tables over all scenarios call it, if it is there; and what stands for several runs: the ``median`` of
+        those that converged, of a time of all, or the
+        ``worst`` of all. No mean: one run that diverges would be all of it.
     finding
         Sentence of the findings that tells who has the best value, and its unit; empty for none.
     added
@@ -52,12 +53,12 @@ class Metric:
     better: Literal["less", "more"] | None = "less"
     definition: str = ""
     kind: Literal["number", "time", "text", "flag"] = "number"
-    group: Literal["task", "chattering"] = "chattering"
+    group: Literal["outcome", "task", "chattering", "time"] = "chattering"
     judged: Literal["any", "inside", "sliding"] = "inside"
     factor: float = 1.0
     style: Literal["number", "error", "percent", "count"] = "number"
     over: str = ""
     overall: str = ""
-    condensed: Literal["mean", "worst", "median"] = "mean"
+    condensed: Literal["median", "worst"] = "median"
     finding: tuple[str, str] = ("", "")
     added: int = 0

@@ -24,7 +24,7 @@ METRICS = (
     Metric("final_feature_error_px", lambda m: m.run.feature_error_px[-1], "image error [px]",
            group="task", style="error"),
     Metric("utilization", lambda m: utilization.utilization(m.record, m.held), "utilization [%]", "more",
-           group="task", style="percent", overall="mean utilization [%]",
+           group="outcome", style="percent", overall="median utilization [%]",
            finding=("Most of the allowed space used", "%"),
            definition="usage_held over all rows, each weighted by the time for which it holds the arm back. No value "
            "where the goal is not reached and held, or no row acts: standing still uses nothing."),
@@ -32,12 +32,12 @@ METRICS = (
            definition=f"Rows whose clearance fell below −{NEGLIGIBLE:g} L and below the sampling band, separated by "
            "semicolons."),
     Metric("violation_depth", lambda m: float((m.clearances.violated / m.record.length).max(initial=0.0)),
-           "worst depth [% of L]", group="task", judged="any", factor=100.0, overall="worst depth [% of L]",
+           "worst depth [% of L]", group="outcome", judged="any", factor=100.0, overall="worst depth [% of L]",
            condensed="worst",
            definition="Of the violated rows, in results.csv the greatest depth as a fraction of L; in constraints.csv "
            "in the row's natural unit. Includes the instants between samples."),
     Metric("violation_time_s", lambda m: float(m.clearances.outside.any(axis=1).sum() * m.Ts), "time outside [s]",
-           group="task", judged="any",
+           group="outcome", judged="any",
            definition="Sampling periods in which, at their beginning or at an instant inside, a clearance is as low "
            "as for violated rows: of any row in results.csv, of this row in constraints.csv."),
     Metric("phi_band", lambda m: m.band[0], "φ band", None,
@@ -64,17 +64,18 @@ METRICS = (
     Metric("step_time_median_us", lambda m: timing.step_time(m.record, np.median), "call, median [µs]", None,
            "Wall time of the call controller.command(rows, task) [µs], the same call for every law, shipped or own, "
            "with its checks of input and answer; without the first call. Laws with a compiled form answer it from "
-           "there, all others in Python.", "time", overall="median call [µs]", condensed="median"),
+           "there, all others in Python.", "time", "time", overall="median call [µs]"),
     Metric("step_time_p99_us", lambda m: timing.step_time(m.record, lambda each: np.quantile(each, 0.99)),
-           "p99 [µs]", None, kind="time"),
-    Metric("step_time_max_us", lambda m: timing.step_time(m.record, np.max), "max [µs]", None, kind="time"),
+           "p99 [µs]", None, kind="time", group="time"),
+    Metric("step_time_max_us", lambda m: timing.step_time(m.record, np.max), "max [µs]", None,
+           kind="time", group="time"),
     Metric("rows_time_median_us", lambda m: timing.rows_time(m.record), "rows and task, median [µs]", None,
            "Wall time of kinematics, features, rows and task [µs], the same code for every controller. Where a "
            "controller is deceived (disturbances, motions it is not told of) without the kinematics, and in the NumPy "
-           "form.", "time"),
+           "form.", "time", "time"),
     Metric("missed_periods", lambda m: timing.missed_periods(m.record), "missed periods", None,
            "Samples in which rows, task and controller together took longer than T_s; without the first.", "time",
-           style="count"),
+           "time", style="count"),
     Metric("compiled", lambda m: m.run.compiled, kind="flag", added=1,
            definition="Whether rows, task and controller all have a compiled form, which answers that call; what runs "
            "in NumPy takes longer."),

@@ -1,21 +1,32 @@
-"""Figures of a report: one that shows a whole comparison, and the table of those of each scenario."""
+"""Figures of a report: two that show a whole comparison, and the table of those of each scenario."""
 
 from ...figures import Figure
 from .acceleration import draw_acceleration
+from .endings import draw_endings
 from .errors import draw_errors
 from .phi import draw_phi
 from .tracks import draw_tracks
 from .trade_off import draw_trade_off
 from .view import View
 
-__all__ = ["FIGURES", "OVERVIEW", "View"]
+__all__ = ["ENDINGS", "FIGURES", "OVERVIEW", "View"]
+
+ENDINGS = Figure(
+    "endings",
+    "how every scenario ended",
+    "How every scenario ended. A number alone: converged inside the limits, and the utilization [%] (✓ where no row "
+    "held the arm back). † and a number: outside, by that share of L [%]. T: trapped, U: unfinished, A: aborted, F: "
+    "failed.",
+    draw_endings,
+)
+"""Drawn from :class:`~vsconstraints.reports.results.Results`."""
 
 OVERVIEW = Figure(
     "trade-off",
     "utilization against acceleration variation",
     "Each small marker is one run that converged: how much of the allowed space it used where rows held it back, "
-    "and how much its command chattered. The lower right corner is best. Large markers are the means. Hollow: a "
-    "row was violated in the run, or for a mean in at least one of its runs.",
+    "and how much its command chattered. The lower right corner is best. Large markers are the medians. Hollow: "
+    "a row was violated in the run, or for medians in at least one of the runs.",
     draw_trade_off,
 )
 """Drawn from :class:`~vsconstraints.reports.results.Results`."""

@@ -9,7 +9,7 @@ from typing import Any
 from ...comparisons.suite import BASELINE
 from ...figures import WIDTH, Look, Sheet, darker, decades, logarithmic, looks, shortened
 from ...figures.image import symbol
-from ..numbers import mean
+from ..numbers import largest, median
 from ..results import Line, Results
 
 LEAST_UNUSED = 1e-4
@@ -18,7 +18,6 @@ LEAST_UNUSED = 1e-4
 SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999)
 """Ticks of utilization."""
 
-COLUMNS = ("utilization", "acceleration_variation", "violation_depth")
 RIGHT, HEIGHT = 2.25, 3.6
 GREY = "#666666"
 OTHER = symbol("o", "#D0D0D0", "none", 4.0)
@@ -38,7 +37,7 @@ def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[L
 
 
 def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None:
-    """A small marker for each run and a large one for the mean of each controller that has several.
+    """A small marker for each run and a large one for the medians of each controller that has several.
 
     The runs of those that are not among these controllers stand behind them, in grey.
     """
@@ -56,12 +55,16 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
         for run in own:
             _mark(ax, run, look[name], size=5.0, alpha=0.75, zorder=3)
         if len(own) > 1:
-            means = {column: mean([run[column] for run in own]) for column in COLUMNS}
-            _mark(ax, means, look[name], size=12.0, alpha=0.9, zorder=2.5)
+            middle = {
+                "utilization": median([run["utilization"] for run in own]),
+                "acceleration_variation": median([run["acceleration_variation"] for run in own]),
+                "violation_depth": largest([run["violation_depth"] for run in own]),
+            }
+            _mark(ax, middle, look[name], size=12.0, alpha=0.9, zorder=2.5)
     _axes(ax, [run for own in every.values() for run in own])
     entries = [symbol(look[n].marker, look[n].colour, look[n].colour, 8.0, label=shortened(n)) for n in found]
     entries += [
-        symbol("o", GREY, GREY, 12.0, label="mean of a controller's runs"),
+        symbol("o", GREY, GREY, 12.0, label="medians of a controller's runs"),
         symbol("o", GREY, GREY, 5.0, label="one run"),
         symbol("o", "white", GREY, 7.0, label="hollow: a row was violated") | {"markeredgewidth": 1.5},
     ]
@@ -71,7 +74,7 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
 
 
 def _mark(ax: Any, run: Line, look: Look, size: float, **options: Any) -> None:
-    """A run or the mean of several, hollow if a row was violated."""
+    """A run or the medians of several, hollow if a row was violated."""
     kept = run["violation_depth"] == 0.0
     face, edge = (look.colour, darker(look.colour)) if kept else ("white", look.colour)
     mark = symbol(look.marker, face, edge, size) | {"markeredgewidth": 0.7 if kept else 1.5}
