@@ -20,7 +20,7 @@ from vsconstraints.reports import write_report
 
 assert RESULT_COLUMNS[-1] == "camera_path_m" and "camera_path_m" in DEFINITIONS
 assert score(made([[1.0, 2.0]]), None).result["camera_path_m"] == 0.0
-lines = [result("tracking"), result("a", camera_path_m=0.25), result("b", camera_path_m=0.5)]
+lines = [result("tracking", violated="x"), result("a", camera_path_m=0.25), result("b", camera_path_m=0.5)]
 report = write_report(stored(Path(sys.argv[1]), lines), figures=False).read_text()
 assert "Shortest way of the camera, among the controllers that converged and violated no row: **a** in one" in report
 assert report.count("camera path [mm]") == 2 and "**250**" in report and "**camera_path_m**: Length" in report

@@ -18,6 +18,7 @@ from .commands.families import families
 from .commands.terminal import (
     NOTHING_DONE,
     USAGE_ERROR,
+    AllFigures,
     Figures,
     Jobs,
     app,
@@ -65,6 +66,7 @@ def compare(
         bool, typer.Option("--fresh", help="Run again what is stored, and replace another comparison in the folder.")
     ] = False,
     figures: Figures = True,
+    all_figures: AllFigures = False,
     run_limit: Annotated[
         float | None,
         typer.Option(
@@ -121,7 +123,7 @@ def compare(
         )
         raise typer.Exit(exit_code(result.interrupted))
     try:
-        report = _report(out, figures)
+        report = _report(out, figures, all_figures)
     except INTERRUPTS as interrupt:
         errors.print(f"Interrupted: all {total} runs are stored in {out}, the report is not; the same command goes on.")
         raise typer.Exit(exit_code(signal_of(interrupt))) from interrupt
@@ -142,9 +144,13 @@ def list_() -> None:
 
 
 @app.command()
-def report(folder: Annotated[Path, typer.Argument(help="Folder of a comparison.")], figures: Figures = True) -> None:
+def report(
+    folder: Annotated[Path, typer.Argument(help="Folder of a comparison.")],
+    figures: Figures = True,
+    all_figures: AllFigures = False,
+) -> None:
     """Write a comparison's report again from what is stored."""
-    console.print(f"Report: {_report(folder, figures)}")
+    console.print(f"Report: {_report(folder, figures, all_figures)}")
 
 
 @app.command()
@@ -192,7 +198,7 @@ def study(
             errors.print(f"  {failure}")
 
 
-def _report(folder: Path, figures: bool) -> Path:
+def _report(folder: Path, figures: bool, all_figures: bool) -> Path:
     """Write a comparison's report, and show how far its figures are."""
     from .reports import write_report
 
@@ -205,7 +211,7 @@ def _report(folder: Path, figures: bool) -> Path:
                 shown.enter_context(progress)
             progress.update(bar, completed=done, total=total)
 
-        return write_report(folder, figures=figures, on_drawn=drawn)
+        return write_report(folder, figures=figures, all_figures=all_figures, on_drawn=drawn)
 
 
 def _version(value: bool) -> None:

@@ -32,6 +32,10 @@ NOTHING_DONE, USAGE_ERROR = 1, 2
 Jobs = Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")]
 
 Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Whether the report has figures.")]
+AllFigures = Annotated[
+    bool,
+    typer.Option("--all-figures", help="Figures of every scenario of a large suite, not of the most telling alone."),
+]
 
 
 def typed_command() -> list[str]:

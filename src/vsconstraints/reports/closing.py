@@ -6,7 +6,7 @@ from typing import Any
 
 from ..comparisons.metrics import DEFINITIONS
 from .groups import uses
-from .markdown import bullets, code, enumeration, plain, table
+from .markdown import bullets, code, enumeration, plain, table, tables
 from .numbers import DASH, number
 from .results import Results
 
@@ -27,11 +27,12 @@ LIMITATIONS = (
     "Simulation only: an arm without dynamics of its own and images without a camera. What is disturbed, a scenario's "
     "facts say; in all others commands are carried out exactly, and perception is perfect and immediate.",
     "No controller's options are tuned to a scenario; another choice can change the order. A few scenarios are no "
-    "sample of all tasks, and means over them weigh each alike.",
-    "Switching gains and approach times are those of the sliding-mode law's publication in its own scenarios, and were "
-    "chosen by watching that law in all others, the UR5 and the Panda among them; other laws might choose others.",
-    "Times are those of Python calls, of compiled functions where the machine's table says so, while other runs use "
-    "the machine's other cores; they differ somewhat from run to run.",
+    "sample of all tasks, and medians over them weigh each alike.",
+    "Switching gains u⁺ and approach times K belong to a scenario and are the same for every law. Those of scenarios "
+    "that come with the package are the sliding-mode law's own or were chosen by watching it; other laws might choose "
+    "others.",
+    "Times are those of Python calls, of compiled functions where *form* says so, while other runs use the machine's "
+    "other cores; they differ somewhat from run to run. A law in NumPy would be faster compiled; by how much is open.",
     "Which row holds the arm back is worked out, not known: of the rows that the command slows, the nearest. A law "
     "that departs from tracking for a reason of its own is taken to do so for that row. Utilization averages over "
     "rows, however different they are; the mean unused margin compares equal times, at which runs may be at different "
@@ -54,7 +55,7 @@ def closing(results: Results) -> str:
         bullets([f"**{name}**: {text}" for name, text in DEFINITIONS.items()]),
         "## What makes the comparison fair",
         bullets(FAIR),
-        _options(manifest),
+        _options(results, manifest),
         "## Known limitations",
         bullets(LIMITATIONS),
         "## Machine and versions",
@@ -63,16 +64,20 @@ def closing(results: Results) -> str:
     return "\n\n".join(parts)
 
 
-def _options(manifest: dict[str, Any]) -> str:
+def _options(results: Results, manifest: dict[str, Any]) -> str:
     lines = []
     for name, entry in manifest["configuration"]["controllers"].items():
         options = [f"{key} = {value}" for key, value in entry.items() if key != "type"]
         kind = str(entry.get("type", name))
         used = uses(name, entry)
         told = "said by its code" if used is None else ", ".join(used) or "no more"
-        lines.append([name, plain(kind), plain(", ".join(options)) or "defaults", plain(told)])
-    text = "*Uses* is what a law needs beside φ, L_gφ, u⁺ and the scale of rows, and J and b of the task."
-    return table(["controller", "type", "options", "uses"], lines, text_columns=4) + f"\n\n{text}"
+        form = results.form(name) or DASH
+        lines.append([name, plain(kind), plain(", ".join(options)) or "defaults", plain(told), form])
+    text = (
+        "*Uses* is what a law needs beside φ, L_gφ, u⁺ and the scale of rows, and J and b of the task. *Form*: whether "
+        "its calls were answered by compiled code or by NumPy, which takes longer."
+    )
+    return tables(["controller", "type", "options", "uses", "form"], lines, text_columns=5) + f"\n\n{text}"
 
 
 def _forms(results: Results) -> str:

@@ -151,7 +151,11 @@ def draw_endings(results: Results, folder: Path) -> str:
             return ""
     except Exception as error:  # a figure must not cost the report
         return f"The figure of {ENDINGS.title} could not be drawn: {type(error).__name__}: {error}"
-    several = " Of several trials: in how many a run converged inside, and the worst." if results.trials > 1 else ""
+    several = (
+        " Of several trials: the median, or in how many a run converged inside and the worst."
+        if results.trials > 1
+        else ""
+    )
     return f"![{ENDINGS.title.capitalize()}](figures/{ENDINGS.file})\n\n*{ENDINGS.caption}{several}*"
 
 

@@ -77,6 +77,9 @@ def _challenge(results: Results) -> str:
 
 
 def _ranking(results: Results) -> str:
+    """Who converged without leaving a row, and how often; of several trials with exact intervals."""
+    from ..statistics import rate_of, rate_text
+
     by_count: dict[tuple[int, int], list[str]] = defaultdict(list)
     for name, good in results.clean.items():
         by_count[good, len(results.all_runs(name))].append(name)
@@ -85,9 +88,13 @@ def _ranking(results: Results) -> str:
     texts = []
     for k, ((good, of), names) in enumerate(ranked):
         named = [bold(name) for name in names] if contested and k == 0 else names
-        whole = f" of {counted(of, 'run')}" if k == 0 or of != ranked[0][0][1] else ""
-        texts.append(f"{enumeration(named)} {'in' if k else 'converged in'} {good}{whole}")
-    return f"Without leaving a row, {'; '.join(texts)}."
+        if results.trials > 1:
+            often = rate_text(rate_of(good, of))
+        else:
+            often = str(good) if k and of == ranked[0][0][1] else f"{good} of {counted(of, 'run')}"
+        texts.append(f"{enumeration(named)} {'in' if k else 'converged in'} {often}")
+    of_trials = " Intervals are over the trials of these scenarios, not over others." if results.trials > 1 else ""
+    return f"Without leaving a row, {'; '.join(texts)}.{of_trials}"
 
 
 def _times(results: Results) -> str:

@@ -115,7 +115,7 @@ class Results:
         return tuple(label for label in self.labels(scenario) if label in hit)
 
     def tells_apart(self, scenario: str) -> bool:
-        """Whether a scenario challenges anything, as far as is known; no law is better than others in one that does not."""
+        """Whether a scenario challenges anything, as far as is known; in one that does not, no law is the best."""
         baseline = self.runs(scenario, BASELINE)
         return bool(self.challenged(scenario)) or not baseline or any(violated(line) for line in baseline)
 

@@ -29,12 +29,12 @@ ALL_FIGURES = "`vsconstraints report FOLDER --all-figures`."
 """What draws those that a report of a large suite leaves out."""
 
 HOW_TO_READ = (
-    "**Bold** is the best of a column, judged by the digits shown; ties are all bold. None is bold where another value "
-    "of the column is better, nor where all that are compared are alike, nor where tracking alone violates no row. "
-    "More utilization is better, of everything else less. In parentheses is what is not compared: values of "
-    "controllers that did not converge; in the columns other than depth and time outside also of those that violated a "
-    "row, and φ bands of those that lost a sliding mode. Times are not judged: they differ from run to run as much as "
-    f"between laws, and those of NumPy stand beside those of compiled code. {DASH} stands where there is no value.",
+    "**Bold** is the best of a column, judged by the digits shown; ties are all bold. Nothing is bold where another "
+    "value of the column is better, nor where all are alike, nor where tracking alone violates no row. More "
+    "utilization is better, of everything else less. In parentheses is what is not compared: values of controllers "
+    "that did not converge; in the columns other than depth and time outside also of those that violated a row, and "
+    "φ bands of those that lost a sliding mode. Times are not judged: they differ from run to run as much as between "
+    f"laws, and those of NumPy stand beside those of compiled code. {DASH} stands where there is no value.",
     "**Violated rows** were deeper outside than sampling alone explains; ‡ marks rows that were outside only within "
     "the sampling band T_s u⁺, which have no part in depth and time outside.",
     "**Challenged rows**: least clearance / mean unused margin. The mean is over the time in which tracking alone is "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 from ..comparisons.metrics import METRICS, Metric
@@ -28,23 +29,26 @@ def law_table(results: Results) -> str:
     """What matters most of each law, best first, in at most :data:`MOST_COLUMNS` columns; what is best is bold."""
     names = results.competitors
     runs = [len(results.all_runs(name)) for name in names]
-    good = [Cell(f"{n} of {of}", float(n), str(n)) for n, of in zip(results.clean.values(), runs, strict=True)]
+    good = [
+        Cell(f"{n} of {of}", float(n) if of else math.nan, str(n))
+        for n, of in zip(results.clean.values(), runs, strict=True)
+    ]
     better: Better | None = "more" if results.challenged_scenarios else None
     scores = dict(_column(results, one) for one in METRICS if one.overall and one.column in FIRST)
     columns = [
-        ("converged inside", marked(good, [of > 0 for of in runs], better)),
+        ("converged inside", marked(good, [True] * len(names), better)),
         *scores.items(),
         ("form", [results.form(name) for name in names]),
     ]
-    order = sorted(range(len(names)), key=lambda i: -good[i].value)
+    order = sorted(range(len(names)), key=lambda i: -results.clean[names[i]])
     return _table([names[i] for i in order], [(header, [texts[i] for i in order]) for header, texts in columns])
 
 
 FIRST_LEGEND = (
-    "*Converged inside*: runs that converged and violated no row. Medians are of the runs that converged, times of all. "
-    "**Bold** is the best of a column where no other value in it is better; in parentheses is what is not compared, "
-    "since the law did not converge in every run in which another one did, or violated a row. Times are not compared: "
-    "*form* says what they are times of."
+    "*Converged inside*: runs that converged and violated no row. Medians are of the runs that converged, those of "
+    "times of all. **Bold** is the best of a column where no other value in it is better; in parentheses is what is "
+    "not compared, since the law did not converge in every run in which another one did, or violated a row. Times are "
+    "not compared: *form* says what they are times of."
 )
 
 
@@ -56,10 +60,10 @@ def summary(results: Results) -> str:
         "*Worst* is the greatest of all runs. Medians are of the runs that converged, and say of how many if not all "
         f"of these have a value; {DASH} stands where none has: the φ band needs a row at its boundary, utilization a "
         "row that acts.",
-        "**Bold** is the best of a column, judged by the digits shown; ties are all bold. None is bold where another "
-        "value of the column is better, nor where all that are compared are alike. In parentheses is what is not "
-        "compared: that of a controller that did not converge in every run in which another one did. Only controllers "
-        "that violated no row in the runs concerned are compared in other columns than those of violations, and only "
+        "**Bold** is the best of a column, judged by the digits shown; ties are all bold. Nothing is bold where "
+        "another value of the column is better, nor where all are alike. In parentheses is what is not compared: "
+        "that of a controller that did not converge in every run in which another one did. Only controllers that "
+        "violated no row in the runs concerned are compared in other columns than those of violations, and only "
         "those that never lost a sliding mode by their φ band.",
         "Depth is relative to the row's characteristic length L. The φ band is compared with T_s u⁺ (43): up to 1 "
         "means chattering as small as the sampling time allows, and much more that a sliding mode was lost.",

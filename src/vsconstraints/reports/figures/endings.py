@@ -17,11 +17,13 @@ LETTERS = {"trapped": "T", "aborted": "A", "failed": "F", "unfinished": "U"}
 NARROW = 9
 """More columns than these have room for short texts only."""
 
-LEAST_UNUSED, MOST_UNUSED = 1e-4, 0.3
+UNUSED = (1e-4, 0.3)
 """Shares of the allowed space left unused where the colours of runs that stayed inside end."""
 
-DEEP = 0.3
-"""Share of L by which the worst colour is outside."""
+SCALE = ("far outside", "inside, all of the space used")
+
+DEPTHS = (1e-4, 0.3)
+"""Shares of L outside where the colours of runs that did not end."""
 
 
 def draw_endings(results: Results) -> Sheet | None:
@@ -33,22 +35,28 @@ def draw_endings(results: Results) -> Sheet | None:
         rows, columns, cells = laws, scenarios, [list(line) for line in zip(*cells, strict=True)]
     values = np.array([[worth(list(own)) for own in line] for line in cells]).reshape(len(rows), len(columns))
     texts = [[told(list(own), len(columns) > NARROW) for own in line] for line in cells]
-    return draw_heat_map(HeatMap(rows, columns, values, texts, ("far outside", "inside, all of the space used")))
+    return draw_heat_map(HeatMap(rows, columns, values, texts, SCALE))
 
 
 def worth(lines: list[Line]) -> float:
-    """From 0 to 1: below 1/2 what was not done inside the limits in every trial, above it by how much room was used."""
+    """From 0 to 1: the mean of the trials, but below 1/2 if any was not done inside the limits; NaN of no run."""
     if not lines:
         return math.nan
-    good, depth = sum(map(clean, lines)) / len(lines), largest([line["violation_depth"] for line in lines])
-    if good < 1.0:
-        outside = min(depth / DEEP, 1.0) if math.isfinite(depth) else 1.0
-        return 0.1 + 0.3 * good - 0.1 * outside + 0.05 * all(line["status"] == "converged" for line in lines)
-    unused = 1.0 - median([line["utilization"] for line in lines])
-    if not math.isfinite(unused):
-        return 0.75
-    share = math.log(max(unused, LEAST_UNUSED) / MOST_UNUSED) / math.log(LEAST_UNUSED / MOST_UNUSED)
-    return 0.65 + 0.35 * min(max(share, 0.0), 1.0)
+    mean = sum(map(_worth, lines)) / len(lines)
+    return mean if all(map(clean, lines)) else min(mean, 0.48)
+
+
+def _worth(line: Line) -> float:
+    """Inside the limits, from 0.65 by the room used; without reaching the goal 0.4; outside, less by how deep."""
+    depth, unused = line["violation_depth"], 1.0 - line["utilization"]
+    if not clean(line):
+        return 0.4 if depth == 0.0 else 0.25 * (1.0 - _share(depth, *DEPTHS)) if math.isfinite(depth) else 0.0
+    return 0.65 + 0.35 * (1.0 - _share(unused, *UNUSED)) if math.isfinite(unused) else 0.75
+
+
+def _share(value: float, least: float, greatest: float) -> float:
+    """Where a value is between two others on a logarithmic scale, from 0 to 1."""
+    return float(np.clip(math.log(max(value, least) / least) / math.log(greatest / least), 0.0, 1.0))
 
 
 def told(lines: list[Line], narrow: bool = False) -> str:

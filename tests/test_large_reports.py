@@ -1,0 +1,183 @@
+"""Reports of many scenarios and laws: tables that fit a page, a heat map, and figures of the most telling scenarios."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from documents import ROOT
+from test_reports import made, result, row
+from vsconstraints.comparisons import StoredComparison
+from vsconstraints.reports import report, write_report
+from vsconstraints.reports.drawing import Drawn, ScenarioJob
+from vsconstraints.reports.figures import FIGURES
+from vsconstraints.reports.figures.endings import told, worth
+from vsconstraints.reports.figures.heat_map import HeatMap
+from vsconstraints.reports.markdown import PAGE, tables
+from vsconstraints.reports.results import Results
+from vsconstraints.reports.telling import MOST_FIGURES, TELLING, telling
+
+LAWS = list(tomllib.loads((ROOT / "comparisons" / "laws.toml").read_text(encoding="utf-8"))["controllers"])
+SCENARIOS = (
+    "example-2d-heart-concave",
+    "case-study-6r",
+    "panda-fov",
+    "ur5-fov",
+    "example-2d-fast-high-gain",
+    "example",
+)
+ROWS = ("occlusion[heart, marker 1]", "range[joint 6].upper", "fov[marker 2]", "sphere[tip]", "speed[joint 3].lower")
+
+
+def large(folder: Path, trials: int = 1) -> Path:
+    """18 laws, six scenarios and five rows; long numbers, and every ending somewhere."""
+    endings = cycle(["converged", "trapped", "converged", "unfinished", "failed", "aborted", "converged"])
+    values = cycle([-0.000123456, 98765.4321, 12.3456789])
+    lines = [
+        result(law, scenario, trial, status=next(endings), jerk_rms=next(values), acceleration_variation=next(values),
+               violated="; ".join(ROWS), within_band="; ".join(ROWS), violation_depth=0.123)
+        for law in LAWS for scenario in SCENARIOS for trial in range(trials)
+    ]  # fmt: skip
+    rows = [
+        row(law, label, scenario, trial=trial, clearance_min=next(values), mean_unused_margin=next(values))
+        for law in LAWS for scenario in SCENARIOS for label in ROWS for trial in range(trials)
+    ]  # fmt: skip
+    return made(folder, lines, rows, trials=trials)
+
+
+def page_width(block: str) -> float:
+    """How wide a browser makes a table at least [px], with 8.6 px a letter: what stands together in each column."""
+    lines = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in block.splitlines()]
+    del lines[1]
+    shown = [[re.sub(r"\]\(.*?\)|[*`]", "", cell) for cell in line] for line in lines]
+    return sum(
+        27.0 + 8.6 * max(len(word) for cell in cells for word in re.split(r" |(?<=[a-z]-)(?=[a-z])", cell))
+        for cells in zip(*shown, strict=True)
+    )
+
+
+@pytest.mark.parametrize("trials", [1, 3])
+def test_no_table_of_many_laws_scrolls_sideways(tmp_path: Path, trials: int) -> None:
+    text = write_report(large(tmp_path, trials), figures=False).read_text(encoding="utf-8")
+    blocks = re.findall(r"(?:^\|.*\n?)+", text, flags=re.MULTILINE)
+    assert len(blocks) > 5 * len(SCENARIOS)
+    assert max(map(page_width, blocks)) <= PAGE
+    # and every law is in each of them that is about laws
+    for block in blocks:
+        if block.startswith(("| controller", "| challenged")):
+            assert block.count("\n") >= 2 + len(LAWS) - 1
+
+
+def test_the_committed_suites_name_no_paper_where_there_is_none(tmp_path: Path) -> None:
+    text = write_report(large(tmp_path), figures=False).read_text(encoding="utf-8")
+    assert text.startswith("# Made up\n")
+    opening = text.partition("## Findings")[0]
+    assert f"{len(LAWS) - 1} laws" in opening
+    assert all(law in opening for law in LAWS)
+    assert "paper" not in opening
+
+
+@given(st.lists(st.tuples(st.integers(1, 60), st.integers(1, 60)), min_size=1, max_size=40))
+def test_a_wide_table_is_cut_between_columns(sizes: list[tuple[int, int]]) -> None:
+    header, line = ["first", *("h" * a for a, _ in sizes)], ["name", *("x" * b for _, b in sizes)]
+    blocks = tables(header, [line]).split("\n\n")
+    cells = [[[c.strip() for c in row.split("|")[1:-1]] for row in block.splitlines()] for block in blocks]
+    assert [c for head, _, _ in cells for c in head[1:]] == header[1:]
+    assert [c for _, _, body in cells for c in body[1:]] == line[1:]
+    assert all(head[0] == "first" and body[0] == "name" for head, _, body in cells)
+    assert all(page_width(block) <= PAGE for block in blocks)
+    whole = 27.0 + 9.0 * 5 + sum(27.0 + 9.0 * max(pair) for pair in sizes)
+    assert (len(blocks) == 1) == (whole <= PAGE or len(sizes) == 1)
+
+
+def results_of(folder: Path, lines: list[dict[str, Any]]) -> Results:
+    return Results(StoredComparison.load(made(folder, lines)))
+
+
+def test_the_most_telling_scenarios_are_those_that_divide_laws(tmp_path: Path) -> None:
+    """Of thirteen scenarios: one halves four laws, two part one from three, all others are kept by all or by none."""
+    few = {"half": 2, "one of four": 1, "three of four": 3}
+    lines = []
+    for name in [*few, *(f"s{k}" for k in range(10))]:
+        good = few.get(name, 4 * (name < "s5"))
+        lines += [result(f"law {k}", name, **({} if k < good else {"violated": "x", "violation_depth": 0.1}))
+                  for k in range(4)]  # fmt: skip
+    results = results_of(tmp_path, lines)
+    assert len(results.scenarios) * len(FIGURES) > MOST_FIGURES
+    assert set(telling(results)) == set(few)
+    assert len(few) == TELLING
+    small = results_of(tmp_path, [line for line in lines if line["scenario"] != "s9"])
+    assert telling(small) == small.scenarios
+
+
+def test_only_the_most_telling_scenarios_are_drawn_unless_all_are_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[str] = []
+
+    def draw_all(jobs: list[ScenarioJob], on_drawn: Any) -> dict[str, Drawn]:
+        drawn[:] = [job.scenario.name for job in jobs]
+        return {name: Drawn() for name in drawn}
+
+    monkeypatch.setattr(report, "draw_all", draw_all)
+    monkeypatch.setattr(report, "draw_overview", lambda results, folder: "![Trade-off](figures/trade-off.png)")
+    text = write_report(large(tmp_path)).read_text(encoding="utf-8")
+    assert len(drawn) == TELLING
+    assert text.count("Its figures: `vsconstraints report FOLDER --all-figures`.") == len(SCENARIOS) - TELLING
+    first, second, *_ = re.findall(r"\(figures/([^)]+)\)", text)
+    assert (first, second) == ("endings.png", "trade-off.png")
+    assert text.index("figures/endings.png") < text.index("| controller") < text.index("## Findings")
+    assert (tmp_path / "figures" / "endings.png").stat().st_size > 10_000
+    text = write_report(tmp_path, all_figures=True).read_text(encoding="utf-8")
+    assert drawn == list(SCENARIOS)
+    assert "Its figures:" not in text
+
+
+def test_cells_of_the_heat_map_say_what_happened() -> None:
+    clean, used = result("a", utilization=0.9876), result("a", utilization=math.nan)
+    outside = result("a", violated="x", violation_depth=0.0123)
+    trapped = result("a", status="trapped", utilization=math.nan)
+    failed = {**outside, "status": "failed"}
+    assert [told([one]) for one in (clean, used, outside, trapped, failed)] == ["98.76", "✓", "†1.23", "T", "F†1.23"]
+    assert [told([one], narrow=True) for one in (clean, outside, failed)] == ["99", "†1", "F†1"]
+    assert told([clean, clean, outside]) == "2 of 3 †1.23"
+    assert told([clean, trapped], narrow=True) == "1/2"
+    assert told([]) == ""
+    assert math.isnan(worth([]))
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=5), st.floats(1e-9, 5.0), st.floats(1e-9, 5.0))
+def test_colours_order_runs_as_a_reader_would(used: list[float], depth: float, deeper: float) -> None:
+    """All clean before any that is not; more of the space used before less; less deep before deeper."""
+    clean = [result("a", utilization=value) for value in used]
+    trapped = result("a", status="trapped", utilization=math.nan)
+    outside, worse = (result("a", violated="x", violation_depth=value) for value in sorted((depth, deeper)))
+    assert 1.0 >= worth([*clean]) >= 0.65 > 0.5 > worth([*clean, trapped]) >= worth([trapped])
+    assert worth([trapped]) > worth([outside]) >= worth([worse]) >= 0.0
+    best, least = worth([result("a", utilization=max(used))]), worth([result("a", utilization=min(used))])
+    assert best >= worth(clean) - 1e-12
+    assert least <= worth(clean) + 1e-12
+
+
+def test_the_heat_map_has_the_longer_side_down(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from vsconstraints.reports.figures import endings
+
+    shown: list[HeatMap] = []
+    monkeypatch.setattr(endings, "draw_heat_map", shown.append)
+    lines = [result(law, scenario, utilization=0.5 if law == "a" else 1.0) for law in "abc" for scenario in ("x", "y")]
+    endings.draw_endings(results_of(tmp_path, lines))
+    endings.draw_endings(results_of(tmp_path, [{**line, "scenario": line["controller"], "controller": line["scenario"]}
+                                               for line in lines]))  # fmt: skip
+    for one in shown:
+        assert (list(one.rows), list(one.columns)) == (["a", "b", "c"], ["x", "y"])
+    assert shown[0].texts == [["50.00", "50.00"], ["100.00", "100.00"], ["100.00", "100.00"]]
+    assert (np.diff(shown[0].values, axis=0)[0] > 0.0).all()
