@@ -75,8 +75,8 @@ class Drawn:
     first_outside: dict[tuple[str, str], float] = field(default_factory=dict)
 
 
-def scenario_jobs(results: Results, scenarios: Sequence[str]) -> list[ScenarioJob]:
-    """What is to be drawn of each of these scenarios of a stored comparison."""
+def scenario_jobs(results: Results, scenarios: Sequence[str] | None = None) -> list[ScenarioJob]:
+    """What is to be drawn of each of these scenarios of a stored comparison, or of all."""
     stored = results.stored
     return [
         ScenarioJob(
@@ -93,7 +93,7 @@ def scenario_jobs(results: Results, scenarios: Sequence[str]) -> list[ScenarioJo
             lane_rows(results, name),
         )
         for name, scenario in stored.scenarios.items()
-        if name in scenarios
+        if scenarios is None or name in scenarios
     ]
 
 
