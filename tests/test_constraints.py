@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -33,6 +33,7 @@ from vsconstraints.constraints import (
     SpeedConstraint,
     Trace,
     boundary,
+    image_constraint,
     robot_points,
 )
 from vsconstraints.errors import ConfigurationError, InvalidInput
@@ -464,6 +465,36 @@ def test_clearance_at_a_concave_corner_is_that_of_the_nearest_side(
         dense = np.concatenate([a + share * (b - a) for a, b in pairwise(line)])
         expected = np.minimum(expected, cKDTree(dense).query(points)[0])
     np.testing.assert_allclose(boundary.Polylines(wedge).distance(points), expected, atol=3e-3)
+
+
+def test_a_curve_is_found_once_for_all_that_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of another setting have another one, and where the formula is not all that counts it is found each time."""
+    found, real = [], image_constraint.zero_lines
+
+    def counted(*arguments: Any) -> Any:
+        found.append(arguments)
+        return real(*arguments)
+
+    monkeypatch.setattr(image_constraint, "zero_lines", counted)
+    pixels = np.random.default_rng(1).uniform(-200.0, 200.0, (5, 2))
+
+    def clearance(radius: float, centre: float = 41.37) -> Array:
+        one = Occlusion(Curve(Circle(radius), (centre, 0.0)), **GAINS)
+        return one.clearance(trace_of_pixels(pixels), slice(0, 0))
+
+    for radius, centre in ((31.7, 41.37), (31.7, 41.37), (31.8, 41.37), (31.7, 41.38), (31.8, 41.37)):
+        away = np.hypot(pixels[:, 0] - centre, pixels[:, 1]) - radius
+        np.testing.assert_allclose(clearance(radius, centre)[:, 0], away, atol=2e-3)
+    assert len(found) == 3
+
+    class Own(Occlusion):
+        def sigma(self, pixels: Array) -> Array:
+            return super().sigma(pixels)
+
+    own = Own(Curve(Circle(31.7), (41.37, 0.0)), **GAINS)
+    for _ in range(2):
+        np.testing.assert_array_equal(own.clearance(trace_of_pixels(pixels), slice(0, 0)), clearance(31.7))
+    assert len(found) == 5
 
 
 def test_clearance_of_a_curve_outside_the_image_is_infinite() -> None:

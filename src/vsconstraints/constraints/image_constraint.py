@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -32,7 +34,6 @@ class ImageConstraint(PositionConstraint):
 
     unit = "px"
     coordinates = 2
-    _outline: tuple[Any, Polylines] | None = None
 
     def __init__(self, *, K: float, switching_gain: float, length: float, markers: Sequence[int] | None = None) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
@@ -91,15 +92,10 @@ class ImageConstraint(PositionConstraint):
         return list(self._still(image_size).lines)
 
     def _still(self, image_size: tuple[float, float]) -> Polylines:
-        """The curve as it is without its motion, found anew if what it follows from has changed.
-
-        Finding one takes as long as a thousand control steps. What an own sigma depends on is not known.
-        """
-        place = None if self.frame is None else [part.tolist() for part in self.frame]
-        said = image_size, self.formula, self.parameters, self.margin, place
-        if not self._known or self._outline is None or self._outline[0] != said:
-            self._outline = said, Polylines(zero_lines(self.sigma, self.gradient, self._on_grid, image_size))
-        return self._outline[1]
+        """The curve as it is without its motion: found anew each time where nobody knows what σ depends on."""
+        place = None if self.frame is None else tuple(tuple(part.ravel().tolist()) for part in self.frame)
+        said = tuple(image_size), self.formula, self.parameters, self.margin, place
+        return _outline(_Curve(said, self)) if self._known else _found(self, image_size)
 
     @property
     def _known(self) -> bool:
@@ -116,3 +112,21 @@ class ImageConstraint(PositionConstraint):
     def characteristic_length(self, scene: Scene) -> Array:
         """The same length for every marker."""
         return np.full(len(self.labels(scene)), self.length)
+
+
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    """A constraint, of which two are the same if their curves are: the image's size comes first in what is said."""
+
+    said: tuple[Any, ...]
+    constraint: ImageConstraint = field(compare=False)
+
+
+@lru_cache(maxsize=32)
+def _outline(curve: _Curve) -> Polylines:
+    """The curve of a constraint, which is kept: finding one takes as long as a thousand control steps."""
+    return _found(curve.constraint, curve.said[0])
+
+
+def _found(constraint: ImageConstraint, image_size: tuple[float, float]) -> Polylines:
+    return Polylines(zero_lines(constraint.sigma, constraint.gradient, constraint._on_grid, image_size))
