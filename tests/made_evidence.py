@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy.stats import norm
-from vsconstraints.evidence import Evidence
 
 from vsconstraints.comparisons.metrics.table import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN
+from vsconstraints.evidence import Evidence
 
 LABELS = ("fov[marker 2]", "range[joint 6].upper", "speed[joint 2].lower")
 

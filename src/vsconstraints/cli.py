@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from contextlib import ExitStack
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated
@@ -15,6 +14,7 @@ from . import __version__
 from .commands.difference import diff
 from .commands.evidence import evidence, merge
 from .commands.families import families
+from .commands.reporting import comparison_report, report
 from .commands.terminal import (
     NOTHING_DONE,
     USAGE_ERROR,
@@ -37,6 +37,7 @@ app.command()(diff)
 app.command()(families)
 app.command()(evidence)
 app.command()(merge)
+app.command()(report)
 app.command()(tune)
 
 
@@ -123,11 +124,11 @@ def compare(
         )
         raise typer.Exit(exit_code(result.interrupted))
     try:
-        report = _report(out, figures, all_figures)
+        report_file = comparison_report(out, figures, all_figures)
     except INTERRUPTS as interrupt:
         errors.print(f"Interrupted: all {total} runs are stored in {out}, the report is not; the same command goes on.")
         raise typer.Exit(exit_code(signal_of(interrupt))) from interrupt
-    console.print(f"{total} runs in {result.wall_time:.1f} s. Report: {report}")
+    console.print(f"{total} runs in {result.wall_time:.1f} s. Report: {report_file}")
     if result.all_failed:
         errors.print(
             "error: every run of the controllers that were to be compared failed; the report gives the reasons"
@@ -141,16 +142,6 @@ def list_() -> None:
     from .listing import print_listing
 
     print_listing(console)
-
-
-@app.command()
-def report(
-    folder: Annotated[Path, typer.Argument(help="Folder of a comparison.")],
-    figures: Figures = True,
-    all_figures: AllFigures = False,
-) -> None:
-    """Write a comparison's report again from what is stored."""
-    console.print(f"Report: {_report(folder, figures, all_figures)}")
 
 
 @app.command()
@@ -196,22 +187,6 @@ def study(
             console.print(f"  {sentence}")
         for failure in result.failures:
             errors.print(f"  {failure}")
-
-
-def _report(folder: Path, figures: bool, all_figures: bool) -> Path:
-    """Write a comparison's report, and show how far its figures are."""
-    from .reports import write_report
-
-    progress = progress_bar()
-    bar = progress.add_task("drawing figures")
-    with ExitStack() as shown:
-
-        def drawn(done: int, total: int) -> None:
-            if done == 0:
-                shown.enter_context(progress)
-            progress.update(bar, completed=done, total=total)
-
-        return write_report(folder, figures=figures, all_figures=all_figures, on_drawn=drawn)
 
 
 def _version(value: bool) -> None:

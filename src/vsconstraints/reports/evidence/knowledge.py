@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..markdown import plain, table
 from ..numbers import DASH, median, number
 from .material import Material
+from .opening import told_uses
 
 
 def knowledge(material: Material) -> str:
@@ -16,11 +17,18 @@ def knowledge(material: Material) -> str:
         options = ", ".join(f"{key} = {_value(value)}" for key, value in entry.items() if key != "type")
         kind = str(entry.get("type", law))
         own = material.runs[material.runs["controller"] == law]
-        used = material.uses[law]
-        told = "said by its code" if used is None else plain(", ".join(used)) or "no more"
         each = [float(number_) for number_ in own["step_time_median_us"]]
         what = DASH if kind == law else plain(kind)
-        lines.append([law, what, plain(options) or "defaults", told, form(own["compiled"]), number(median(each))])
+        lines.append(
+            [
+                law,
+                what,
+                plain(options) or "defaults",
+                told_uses(material, law),
+                form(own["compiled"]),
+                number(median(each)),
+            ]
+        )
     text = (
         f"*Type* is the law's own name, {DASH} where it is called by that. "
         "*Uses* is what a law needs beside φ, L_gφ, u⁺ and the scale of rows, and J and b of the task. *Form*: whether "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ..markdown import bold, bullets, plain, table
 from ..numbers import DASH, median, number
@@ -14,14 +15,14 @@ from .material import Material
 from .sentence import Sentence
 from .standing import Standing, standing
 from .turning import gained, nowhere, turned
-from .words import count, of_scenes, where
+from .words import count, of_scenes, within
 
 MOST_COLUMNS = 7
 
 
 @dataclass(frozen=True)
 class Opening:
-    """The first screen, and the sentences that it makes.
+    """The first screen, and the numbers in it.
 
     Attributes
     ----------
@@ -29,10 +30,18 @@ class Opening:
         Markdown.
     sentences
         All claims, in their order.
+    table
+        The numbers of the table's lines, unrounded.
     """
 
     text: str
-    sentences: tuple[Sentence, ...]
+    sentences: tuple[Sentence, ...] = ()
+    table: tuple[dict[str, Any], ...] = ()
+
+    def as_data(self) -> dict[str, Any]:
+        """For files: what is no number is None."""
+        lines = [{name: None if value != value else value for name, value in line.items()} for line in self.table]
+        return {"sentences": [one.as_data() for one in self.sentences], "table": lines}
 
 
 def opening(material: Material) -> Opening:
@@ -43,16 +52,17 @@ def opening(material: Material) -> Opening:
     by_condition = answers(material)
     if not by_condition:
         parts.append("There is nothing to compare: no law but tracking alone has a run.")
-        return Opening("\n\n".join(parts), ())
+        return Opening("\n\n".join(parts))
     gain = gained(material)
     others = [*turned(material), *([gain] if gain else []), *nowhere(material)]
     lines = [" ".join(one.text for one in own) for own in by_condition.values()]
     parts.append(bullets([*lines, *(one.text for one in others)]))
     standings = [standing(material, condition) for condition in by_condition]
-    parts.append(shown(material, SUCCESS, standings, material.laws))
-    parts.append(overview(material, standings))
+    laws = [*standings[0].laws, *(law for law in material.laws if law not in standings[0].laws)]
+    numbers = [_numbers(material, standings, law) for law in laws]
+    parts += [shown(material, SUCCESS, standings, material.laws), _table(material, standings, numbers)]
     every = [one for own in by_condition.values() for one in own] + others
-    return Opening("\n\n".join(part for part in parts if part), tuple(every))
+    return Opening("\n\n".join(part for part in parts if part), tuple(every), tuple(numbers))
 
 
 def _what(material: Material) -> str:
@@ -68,25 +78,39 @@ def _what(material: Material) -> str:
     )
 
 
-def overview(material: Material, standings: Sequence[Standing]) -> str:
+def _numbers(material: Material, standings: Sequence[Standing], law: str) -> dict[str, Any]:
+    """What the table says of a law."""
+    runs = material.runs[material.runs["controller"] == law]
+    clean = runs[(runs["condition"] == material.conditions[0]) & runs["success"]]
+    return {
+        "law": law,
+        **{one.condition: one.shares[law].value for one in standings if law in one.laws},
+        "variation": median(clean["acceleration_variation"].astype(float).tolist()),
+        "call": median(runs["step_time_median_us"].astype(float).tolist()),
+    }
+
+
+def _table(material: Material, standings: Sequence[Standing], numbers: Sequence[dict[str, Any]]) -> str:
     """One line per law, those in front in the first condition on top; seven columns at most."""
-    first = standings[0].laws
-    laws = [*first, *(law for law in material.laws if law not in first)]
-    header, cells = ["law"], [[law] for law in laws]
-    room = MOST_COLUMNS - 2 - len(standings)
-    columns: list[tuple[str, list[str]]] = []
+    laws = [str(line["law"]) for line in numbers]
+    conditions = standings[: MOST_COLUMNS - 2]
+    room = MOST_COLUMNS - 2 - len(conditions)
+    columns = {"law": laws}
     if room >= 1:
-        columns.append(("uses", [_uses(material, law) for law in laws]))
-    for one in standings[: MOST_COLUMNS - 2]:
-        columns.append((f"{where(one.condition).lower()} [%]", success_cells(one, laws)))
+        columns["uses"] = [told_uses(material, law) for law in laws]
+    for one in conditions:
+        columns[f"{within(one.condition)} [%]"] = success_cells(one, laws)
     if room >= 2:
-        columns.append(("variation [rad/s³]", [_variation(material, law) for law in laws]))
-    columns.append(("call [µs]", [_call(material, law) for law in laws]))
-    for name, texts in columns:
-        header.append(name)
-        for line, text in zip(cells, texts, strict=True):
-            line.append(text)
-    return "\n\n".join((table(header, cells, 2 if room >= 1 else 1), _legend(room)))
+        columns["variation [rad/s³]"] = [number(line["variation"]) for line in numbers]
+    columns["call [µs]"] = [number(line["call"]) for line in numbers]
+    lines = [list(line) for line in zip(*columns.values(), strict=True)]
+    return "\n\n".join((table(list(columns), lines, 2 if room >= 1 else 1), _legend(room)))
+
+
+def told_uses(material: Material, law: str) -> str:
+    """What a law uses, for a table's cell."""
+    used = material.uses[law]
+    return "said by its code" if used is None else plain(", ".join(used)) or "no more"
 
 
 def success_cells(one: Standing, laws: Sequence[str]) -> list[str]:
@@ -108,19 +132,3 @@ def _legend(room: int) -> str:
     if room >= 2:
         text += " *Variation*: median of Σ‖Δq̈‖ per second over successes of the first condition."
     return f"{text} *Call*: median time of the law itself."
-
-
-def _uses(material: Material, law: str) -> str:
-    used = material.uses[law]
-    return "said by its code" if used is None else plain(", ".join(used)) or "no more"
-
-
-def _variation(material: Material, law: str) -> str:
-    runs = material.among(material.conditions[0])
-    own = runs[(runs["controller"] == law) & runs["success"]]
-    return number(median(own["acceleration_variation"].astype(float).tolist()))
-
-
-def _call(material: Material, law: str) -> str:
-    own = material.runs[material.runs["controller"] == law]
-    return number(median(own["step_time_median_us"].astype(float).tolist()))

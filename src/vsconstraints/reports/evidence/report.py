@@ -35,7 +35,17 @@ SECTIONS: tuple[Callable[[Material], str], ...] = (
 CLAIMS = "claims.json"
 
 
-def write_evidence_report(folder: Path, *, figures: bool = True, tuning: Path | None = None) -> Path:
+OnWritten = Callable[[int, int], None]
+"""Told how many parts of a report are there, and how many there will be."""
+
+
+def write_evidence_report(
+    folder: Path,
+    *,
+    figures: bool = True,
+    tuning: Path | None = None,
+    on_written: OnWritten = lambda done, total: None,
+) -> Path:
     """Write report.md, its figures and claims.json from the evidence in a folder.
 
     Parameters
@@ -46,6 +56,8 @@ def write_evidence_report(folder: Path, *, figures: bool = True, tuning: Path | 
         Whether to draw figures; without them, those that are there stay as they are, and the report shows none.
     tuning
         Folder of the tuning that tuned settings come from; ``tuning`` in the campaign's folder if not given.
+    on_written
+        Told how many parts are there, and how many there will be.
 
     Returns
     -------
@@ -59,15 +71,19 @@ def write_evidence_report(folder: Path, *, figures: bool = True, tuning: Path | 
     StorageError
         if the report cannot be written.
     """
-    return write_report_of(Material(Evidence.load(folder), tuning_folder(folder, tuning), figures))
+    return write_report_of(Material(Evidence.load(folder), tuning_folder(folder, tuning), figures), on_written)
 
 
-def write_report_of(material: Material) -> Path:
+def write_report_of(material: Material, on_written: OnWritten = lambda done, total: None) -> Path:
     """Write the report of evidence that has been read."""
     first = opening(material)
-    parts = [first.text, *(section(material) for section in (SECTIONS if first.sentences else (scenes, closing)))]
+    sections = SECTIONS if first.sentences else (scenes, closing)
+    parts = [first.text]
+    for section in sections:
+        on_written(len(parts), 1 + len(sections))
+        parts.append(section(material))
     report = material.folder / "report.md"
-    claims = json.dumps([one.as_data() for one in first.sentences], indent=1, ensure_ascii=False)
+    claims = json.dumps(first.as_data(), indent=1, ensure_ascii=False)
     try:
         for path, text in ((report, "\n\n".join(part for part in parts if part)), (material.folder / CLAIMS, claims)):
             with replaced(path) as part:

@@ -1,0 +1,67 @@
+"""``vsconstraints report``, and what writes a report at the end of other commands."""
+
+from __future__ import annotations
+
+import json
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .terminal import AllFigures, Figures, console, progress_bar
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="Folder of a comparison, or of a campaign.")],
+    figures: Figures = True,
+    all_figures: AllFigures = False,
+    tuning: Annotated[
+        Path | None,
+        typer.Option(help="Of a campaign: the folder of `vsconstraints tune` that its tuned settings come from."),
+    ] = None,
+) -> None:
+    """Write the report of a comparison, or of a campaign, again from what is stored."""
+    if holds_evidence(folder):
+        console.print(f"Report: {evidence_report(folder, figures, tuning)}")
+    else:
+        console.print(f"Report: {comparison_report(folder, figures, all_figures)}")
+
+
+def holds_evidence(folder: Path) -> bool:
+    """Whether a folder is that of a campaign; asked without the packages that reading it takes."""
+    try:
+        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+        return "families" in manifest["configuration"]
+    except (OSError, ValueError, RecursionError, KeyError, TypeError):
+        return False
+
+
+def comparison_report(folder: Path, figures: bool, all_figures: bool) -> Path:
+    """Write a comparison's report, and show how far its figures are."""
+    from ..reports import write_report
+
+    progress = progress_bar()
+    bar = progress.add_task("drawing figures")
+    with ExitStack() as shown:
+
+        def drawn(done: int, total: int) -> None:
+            if done == 0:
+                shown.enter_context(progress)
+            progress.update(bar, completed=done, total=total)
+
+        return write_report(folder, figures=figures, all_figures=all_figures, on_drawn=drawn)
+
+
+def evidence_report(folder: Path, figures: bool, tuning: Path | None = None) -> Path:
+    """Write a campaign's report, and show how many of its parts are there."""
+    from ..reports.evidence import write_evidence_report
+
+    with progress_bar() as progress:
+        bar = progress.add_task("writing the report", total=None)
+        return write_evidence_report(
+            folder,
+            figures=figures,
+            tuning=tuning,
+            on_written=lambda done, total: progress.update(bar, completed=done, total=total),
+        )
