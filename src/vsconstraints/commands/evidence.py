@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from ..runs.signals import exit_code
-from .terminal import NOTHING_DONE, Jobs, console, errors, note_processes, progress_bar, typed_command
+from .reporting import evidence_report
+from .terminal import NOTHING_DONE, Figures, Jobs, console, errors, note_processes, progress_bar, typed_command
 
 if TYPE_CHECKING:
     from ..evidence import Finished, Keep, Progress
@@ -43,6 +44,7 @@ def evidence(
         ),
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Replace what the folder holds.")] = False,
+    figures: Figures = True,
     run_limit: Annotated[
         float | None,
         typer.Option(
@@ -52,7 +54,7 @@ def evidence(
         ),
     ] = None,
 ) -> None:
-    """Run every controller on thousands of drawn scenes, and store the scores as Parquet shards."""
+    """Run every controller on thousands of drawn scenes, store the scores as Parquet shards, and write a report."""
     from ..evidence import Campaign, Plan, Shard, collect, processes
 
     chosen = Campaign.load(campaign).select(family or (), controller or (), scenes, settings or ())
@@ -67,6 +69,11 @@ def evidence(
 
         finished = collect(chosen, out, plan, command=typed_command(), on_progress=show)
     _say(finished)
+    if plan.shard.of == 1:
+        console.print(f"Report: {evidence_report(out, figures)}")
+    if finished.progress.all_failed:
+        errors.print("error: every run of the controllers that were to be compared failed; column reason says why")
+        raise typer.Exit(NOTHING_DONE)
 
 
 def _say(finished: Finished) -> None:
@@ -85,17 +92,16 @@ def _say(finished: Finished) -> None:
         f"{progress.done - progress.stored_before} scenes, {progress.runs} runs in {finished.wall_time:.1f} s: "
         f"{finished.rate:.1f} runs a second. Stored in {out}"
     )
-    if progress.all_failed:
-        errors.print("error: every run of the controllers that were to be compared failed; column reason says why")
-        raise typer.Exit(NOTHING_DONE)
 
 
 def merge(
     out: Annotated[Path, typer.Argument(help="Folder for all of it.")],
     shards: Annotated[list[Path], typer.Argument(help="Folders that `evidence --shard` has written.")],
+    figures: Figures = True,
 ) -> None:
-    """Put the parts of a campaign together that were run apart."""
+    """Put the parts of a campaign together that were run apart, and write its report."""
     from ..evidence import merge as put_together
 
     merged = put_together(out, shards)
     console.print(f"{merged.scenes} scenes, {merged.runs} runs of {len(shards)} folders. Stored in {out}")
+    console.print(f"Report: {evidence_report(out, figures)}")

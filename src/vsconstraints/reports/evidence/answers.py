@@ -6,18 +6,22 @@ import math
 from collections.abc import Sequence
 
 from ...controllers.demands import USES
-from ...statistics import paired
+from ...runs.spec import BASELINE
+from ...statistics import paired, rate
 from ..markdown import bold, enumeration
 from ..numbers import number
 from .material import Material
 from .sentence import Sentence
 from .standing import Standing, standing
-from .words import count, first_of, of_scenes, percentage, where
+from .words import Share, count, first_of, of_scenes, percentage, where
 
 DOES, DO = "keeps all rows and reaches the goal", "keep all rows and reach the goal"
 
 SPARED: tuple[tuple[str, str], ...] = ((USES["Lf"], USES["Lf"]), ("model", "a model"))
 """What a reader may not have: as laws say it, and in words."""
+
+ATTAINABLE = 0.9
+"""Where tracking alone reaches the goal less often than this, it is said."""
 
 
 def answers(material: Material) -> dict[str, list[Sentence]]:
@@ -26,7 +30,13 @@ def answers(material: Material) -> dict[str, list[Sentence]]:
     for condition in material.conditions:
         one = standing(material, condition)
         if one.scenes:
-            several = [best(one), *sparing(material, one), calmest(material, one), violations(material, condition)]
+            several = [
+                best(one),
+                *sparing(material, one),
+                calmest(material, one),
+                violations(material, condition),
+                attainable(material, condition),
+            ]
             found[condition] = [sentence for sentence in several if sentence is not None]
     return found
 
@@ -139,6 +149,20 @@ def violations(material: Material, condition: str) -> Sentence:
         alike = ", which are not distinguishable" if len(one.front) > 1 else ""
         text = f"A row is violated least often by {told}{alike}."
     return Sentence(text, "violations", condition, tuple(named), numbers)
+
+
+def attainable(material: Material, condition: str) -> Sentence | None:
+    """How often tracking alone reaches the goal, where that is not nearly always: then it is not rows that hinder."""
+    runs = material.evidence.runs
+    own = runs[(runs["controller"] == BASELINE) & (runs["condition"] == condition)]
+    share = Share.of(rate((own["status"] == "converged").to_numpy(bool)))
+    if not len(own) or share.value >= ATTAINABLE:
+        return None
+    text = (
+        f"Tracking alone, which knows no rows, reaches the goal in {share.text(count(len(own), 'scene'))}: where it does "
+        "not, it is no row that keeps a law from the goal, and violations say more than success."
+    )
+    return Sentence(text, "attainable", condition, (), {**share.numbers("reached"), "scenes": len(own)})
 
 
 def _in_front(one: Standing) -> tuple[list[str], str]:

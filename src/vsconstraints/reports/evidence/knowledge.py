@@ -17,18 +17,10 @@ def knowledge(material: Material) -> str:
         options = ", ".join(f"{key} = {_value(value)}" for key, value in entry.items() if key != "type")
         kind = str(entry.get("type", law))
         own = material.runs[material.runs["controller"] == law]
-        each = [float(number_) for number_ in own["step_time_median_us"]]
+        each = [float(value) for value in own["step_time_median_us"]]
         what = DASH if kind == law else plain(kind)
-        lines.append(
-            [
-                law,
-                what,
-                plain(options) or "defaults",
-                told_uses(material, law),
-                form(own["compiled"]),
-                number(median(each)),
-            ]
-        )
+        cells = [what, plain(options) or "defaults", told_uses(material, law), form(own["compiled"])]
+        lines.append([law, *cells, number(median(each))])
     text = (
         f"*Type* is the law's own name, {DASH} where it is called by that. "
         "*Uses* is what a law needs beside φ, L_gφ, u⁺ and the scale of rows, and J and b of the task. *Form*: whether "

@@ -110,7 +110,7 @@ def _table(material: Material, standings: Sequence[Standing], numbers: Sequence[
 def told_uses(material: Material, law: str) -> str:
     """What a law uses, for a table's cell."""
     used = material.uses[law]
-    return "said by its code" if used is None else plain(", ".join(used)) or "no more"
+    return "said by its code" if used is None else plain(", ".join(used)) or "rows and task"
 
 
 def success_cells(one: Standing, laws: Sequence[str]) -> list[str]:

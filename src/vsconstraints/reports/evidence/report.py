@@ -82,6 +82,7 @@ def write_report_of(material: Material, on_written: OnWritten = lambda done, tot
     for section in sections:
         on_written(len(parts), 1 + len(sections))
         parts.append(section(material))
+    on_written(len(parts), len(parts))
     report = material.folder / "report.md"
     claims = json.dumps(first.as_data(), indent=1, ensure_ascii=False)
     try:

@@ -14,7 +14,7 @@ from ....statistics import Profile
 MOST_RATIO = 100.0
 """Ratios are drawn up to this one."""
 
-TICKS = (1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100)
+TICKS = (1, 1.05, 1.1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100)
 
 
 class Panel(NamedTuple):
@@ -43,7 +43,8 @@ def draw_profiles(panels: Sequence[Panel], laws: Sequence[str], columns: int) ->
                 ax.plot(tau, shares[:, k], color=look[law].colour, linestyle=look[law].line, linewidth=width[law])
             ax.set_xlim(1.0, last)
             ax.set_ylim(0.0, 102.0)
-            logarithmic(ax.xaxis, [tick for tick in TICKS if tick <= last][:: 1 if last < 12.0 else 2])
+            few = [tick for tick in TICKS if tick <= last and (last < 1.6 or tick not in (1.05, 1.1, 1.2))]
+            logarithmic(ax.xaxis, few[:: 1 if last < 12.0 else 2])
             ax.set_title(panel.title, loc="left", fontsize=8.5, pad=4)
     sheet.legend([line(shortened(law), look[law].colour, look[law].line) for law in laws])
     return sheet

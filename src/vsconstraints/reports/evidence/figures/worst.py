@@ -54,11 +54,11 @@ def draw_worst(shown: Sequence[Shown], laws: Sequence[str]) -> Sheet | None:
     look = looks(laws)
     width = (WIDTH - LEFT - 0.1 - GAP * (COLUMNS - 1)) / COLUMNS
     planes = [Plane.of(one.setup) for one in shown]
-    height = width * max(plane.size[1] / plane.size[0] for plane in planes)
     sheet = Sheet(left=LEFT)
     for row in range(rows_of(len(shown), COLUMNS)):
         some = slice(row * COLUMNS, (row + 1) * COLUMNS)
         left, top = LEFT, sheet.at + TITLE
+        height = width * max(plane.size[1] / plane.size[0] for plane in planes[some])
         for one, plane in zip(shown[some], planes[some], strict=True):
             ax = sheet.axes(left, top, width, height)
             _panel(ax, one, plane, look[one.controller].colour)
