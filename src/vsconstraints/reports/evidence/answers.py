@@ -159,8 +159,8 @@ def attainable(material: Material, condition: str) -> Sentence | None:
     if not len(own) or share.value >= ATTAINABLE:
         return None
     text = (
-        f"Tracking alone, which knows no rows, reaches the goal in {share.text(count(len(own), 'scene'))}: where it does "
-        "not, it is no row that keeps a law from the goal, and violations say more than success."
+        f"Tracking alone, which knows no rows, reaches the goal in {share.text(count(len(own), 'scene'))}: where it "
+        "does not, it is no row that keeps a law from the goal, and violations say more than success."
     )
     return Sentence(text, "attainable", condition, (), {**share.numbers("reached"), "scenes": len(own)})
 
