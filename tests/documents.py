@@ -16,6 +16,7 @@ import typer
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
 from vsconstraints.controllers import Tracking
+from vsconstraints.families import Family
 from vsconstraints.scenarios import Scenario
 from vsconstraints.scenarios.toml import read_toml
 from vsconstraints.simulation import simulate
@@ -78,13 +79,16 @@ def _python(block: Block, folder: Path, names: dict[str, Any]) -> None:
 
 
 def _toml(block: Block, folder: Path, names: dict[str, Any]) -> None:
-    """Load a suite, or simulate a few samples of a scenario or of a change of :data:`BASE`."""
+    """Load a suite, draw scenes of a family, or simulate a few samples of a scenario or a change of :data:`BASE`."""
     tables = tomllib.loads(block.code)
     path = folder / (block.file or f"line-{block.line}.toml")
     whole = {"robot", "extends", "controllers"} & set(tables)
     path.write_text(("" if whole else f'extends = "{BASE}"\n') + block.code, encoding="utf-8")
     if "controllers" in tables:
         Suite.load(path)
+        return
+    if "conditions" in tables:
+        Family.load(path).demand_scenes()
         return
     scenario = Scenario.load(path)
     scenario = scenario.with_override("duration", 4.0 * scenario.tables["sampling_time"])

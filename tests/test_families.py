@@ -415,6 +415,11 @@ def test_tracking_alone_leaves_the_rows_that_are_named(name: str) -> None:
         left = {line["constraint"] for line in lines if line["challenged"]}
         assert scene.challenged
         assert set(scene.challenged) <= left
+        # possible at its ends: nothing is violated at the start, every marker is in the image there and at the goal
+        assert (record.trajectory.clearance[0] >= 0.0).all()
+        camera = setup.scene.camera
+        assert camera.sees(record.trajectory.features_px[0]).all()
+        assert camera.sees(setup.task.goals[-1].pixels).all()
 
 
 @pytest.mark.parametrize("name", families())
