@@ -30,7 +30,7 @@ from .commands.terminal import (
     typed_command,
 )
 from .commands.tune import tune
-from .errors import StorageError, VsconstraintsError
+from .errors import StorageError, VsconstraintsError, WorkersLost
 from .runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 
 app.command()(diff)
@@ -215,7 +215,7 @@ def main() -> None:
         app()
     except (VsconstraintsError, OSError) as error:
         errors.print(f"error: {' '.join(str(error).splitlines())}")
-        sys.exit(NOTHING_DONE if isinstance(error, StorageError) else USAGE_ERROR)
+        sys.exit(NOTHING_DONE if isinstance(error, StorageError | WorkersLost) else USAGE_ERROR)
     except INTERRUPTS as interrupt:
         errors.print("Interrupted.")
         sys.exit(exit_code(signal_of(interrupt)))

@@ -37,6 +37,10 @@ class SolverError(VsconstraintsError):
     """No QP solver gave an answer that passes the check."""
 
 
+class WorkersLost(VsconstraintsError):
+    """Who makes the runs is gone: for example, the scheduler of a cluster."""
+
+
 class StorageError(VsconstraintsError):
     """Results cannot be written: for example, the disk is full."""
 
