@@ -17,7 +17,7 @@ from ..errors import StorageError, described
 from ..kernels import prepare
 from ..provenance import Files, digests, imported, noted
 from ..runs.files import replaced
-from ..runs.machine import git_commit, machine, package_versions
+from ..runs.machine import code_hash, git_commit, machine, package_versions
 from ..runs.pool import Failure, carry_out
 from ..runs.resources import run_limit
 from ..runs.signals import INTERRUPTS, signal_of
@@ -244,6 +244,7 @@ def _manifest(suite: Suite, command: Sequence[str]) -> dict[str, Any]:
     return {
         "version": __version__,
         "git_commit": git_commit(),
+        "code": code_hash()[:16],
         "command": list(command),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "seed": suite.seed,

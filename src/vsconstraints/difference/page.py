@@ -18,6 +18,9 @@ from .times import ratios
 FIRST = 10
 """So many runs or names of a kind are named, and the others counted."""
 
+MOST_LINES = 100
+"""So many lines has the table of metrics, those with the least p first."""
+
 FEW = 3
 """So many names stand in a cell."""
 
@@ -90,9 +93,9 @@ def _runs(found: Difference) -> str:
             more = f", and {len(alone) - FIRST} more" if len(alone) > FIRST else ""
             lines.append(f"{len(alone)} only in {name}: {plain('; '.join(runs))}{more}.")
     for name, side in (("A", found.a), ("B", found.b)):
-        planned, finished = side.manifest.get("runs"), side.manifest.get("finished")
+        planned, finished = side.manifest.get(side.unit), side.manifest.get("finished")
         if planned != finished:
-            lines.append(f"{name} is not finished: {finished} of {planned} runs.")
+            lines.append(f"{name} is not finished: {finished} of {planned} {side.unit}.")
     return bullets(lines)
 
 
@@ -148,7 +151,8 @@ def _shifts(found: Difference) -> str:
         for one, p in sorted(own, key=lambda own: (own[1] is None, own[1] or 0.0))
     ]
     header = ["law", *places, "metric", "", "runs", "better", "worse", "median of B − A", "p"]
-    return table(header, lines, text_columns=3 + len(places))
+    shown = table(header, lines[:MOST_LINES], text_columns=3 + len(places))
+    return f"{shown}\n\n{len(lines) - MOST_LINES} more, less surely." if len(lines) > MOST_LINES else shown
 
 
 def _times(found: Difference) -> str:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ..comparisons import StoredComparison
 from ..comparisons.metrics import RESULT_COLUMNS
 from ..errors import ConfigurationError, unknown_name
+from ..evidence import RUNS, SCENES, Evidence
+from ..statistics import SCENE
 
 
 @dataclass(frozen=True)
@@ -26,9 +28,11 @@ class Side:
         Columns that say which scene a run is of.
     group
         Those of them by which results are told apart: none, or family and condition.
+    unit
+        What the manifest counts, ``runs`` or ``scenes``: as many as were asked for, and as many as are finished.
     drawn
-        What was drawn for each scene, as text, by the columns of ``scene`` without the condition; None where scenes
-        are chosen.
+        pandas.Series of what was drawn for each scene, as text, by the columns of ``scene`` but the condition; None
+        where scenes are chosen.
     """
 
     folder: Path
@@ -36,6 +40,7 @@ class Side:
     runs: Any
     scene: tuple[str, ...]
     group: tuple[str, ...]
+    unit: str
     drawn: Any
 
     @property
@@ -45,7 +50,7 @@ class Side:
 
     @classmethod
     def load(cls, folder: Path, renamed: Mapping[str, str] | None = None) -> Side:
-        """Read a folder of ``compare``.
+        """Read a folder of ``compare`` or of ``evidence``.
 
         Parameters
         ----------
@@ -57,9 +62,10 @@ class Side:
         Raises
         ------
         ConfigurationError
-            if there is no comparison, or no such controller in it.
+            if it holds neither, or no such controller.
         """
-        return _renamed(_chosen(folder), renamed or {})
+        side = _drawn(folder) if Evidence.is_in(folder) else _chosen(folder)
+        return _renamed(side, renamed or {})
 
 
 def _chosen(folder: Path) -> Side:
@@ -68,7 +74,16 @@ def _chosen(folder: Path) -> Side:
     stored = StoredComparison.load(folder)
     runs = pandas.DataFrame(stored.results, columns=list(RESULT_COLUMNS))
     runs["trial"] = runs["trial"].astype(int)
-    return Side(folder, stored.manifest, runs, ("scenario", "trial"), (), None)
+    return Side(folder, stored.manifest, runs, ("scenario", "trial"), (), "runs", None)
+
+
+def _drawn(folder: Path) -> Side:
+    evidence = Evidence.load(folder)
+    # what has few values may have others on the other side
+    runs = evidence.runs.astype({column.name: "str" for column in RUNS if column.category})
+    scenes = evidence.scenes.astype({column.name: "str" for column in SCENES if column.category})
+    drawn = scenes.set_index(["family", "half", "scene"])["values"]
+    return Side(folder, evidence.manifest, runs, SCENE, ("family", "condition"), "scenes", drawn)
 
 
 def _renamed(side: Side, names: Mapping[str, str]) -> Side:
@@ -83,5 +98,4 @@ def _renamed(side: Side, names: Mapping[str, str]) -> Side:
             raise ConfigurationError(f"{old} cannot be called {new}: {side.folder} has a controller of that name")
     tables = {names.get(name, name): table for name, table in controllers.items()}
     manifest = {**side.manifest, "configuration": {**configuration, "controllers": tables}}
-    runs = side.runs.assign(controller=side.runs["controller"].replace(names))
-    return Side(side.folder, manifest, runs, side.scene, side.group, side.drawn)
+    return replace(side, manifest=manifest, runs=side.runs.assign(controller=side.runs["controller"].replace(names)))

@@ -186,6 +186,10 @@ class Campaign:
             "family": of_family(family),
         }
 
+    def identities(self) -> dict[str, Identity]:
+        """All that results depend on, by family."""
+        return {family.name: self.identity(family) for family in self.families}
+
     def resolved(self) -> dict[str, Any]:
         """Everything that determines the results but for code and files, as data."""
         return {

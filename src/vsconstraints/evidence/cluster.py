@@ -119,7 +119,7 @@ class _Cluster:
     def _threads(self) -> int:
         """How many calls can be answered at once; raises WorkersLost when there has been nobody for long."""
         with self._cluster_may_go():
-            threads = sum(self._client.nthreads().values())
+            threads = sum(map(int, self._client.nthreads().values()))
         if threads:
             self._seen = time.monotonic()
         elif time.monotonic() - self._seen > PATIENCE:

@@ -104,7 +104,7 @@ def what_is_there(folder: Path, campaign: Campaign) -> There:
     """
     demand_no_comparison(folder)
     _remove_unfinished(folder)
-    identities = {family.name: campaign.identity(family) for family in campaign.families}
+    identities = campaign.identities()
     there = There()
     for name in shard_names(folder):
         facts = Facts.of(shard_file(folder, MARK, name))

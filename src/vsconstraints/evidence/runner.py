@@ -12,7 +12,7 @@ from typing import Any
 from .. import __version__
 from ..comparisons.folder import held
 from ..kernels import prepare
-from ..runs.machine import git_commit, machine, package_versions
+from ..runs.machine import code_hash, git_commit, machine, package_versions
 from ..runs.pool import Failure
 from ..runs.signals import INTERRUPTS, signal_of
 from .campaign import Campaign
@@ -136,7 +136,7 @@ class _Store:
     """Takes what tasks come to: writes it, counts it, and forgets it."""
 
     def __init__(self, campaign: Campaign, folder: Path, progress: Progress, on_progress: OnProgress) -> None:
-        self._identities = {family.name: campaign.identity(family) for family in campaign.families}
+        self._identities = campaign.identities()
         self._folder, self._progress, self._on_progress = folder, progress, on_progress
 
     def __call__(self, task: Task, part: Part) -> None:
@@ -162,6 +162,7 @@ def _manifest(campaign: Campaign, plan: Plan, command: Sequence[str]) -> dict[st
     return {
         "version": __version__,
         "git_commit": git_commit(),
+        "code": code_hash()[:16],
         "command": list(command),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "seed": campaign.seed,
