@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
+from ..errors import ConfigurationError
 from ..runs.signals import exit_code
 from .reporting import evidence_report
 from .terminal import NOTHING_DONE, Figures, Jobs, console, errors, note_processes, progress_bar, typed_command
 
 if TYPE_CHECKING:
-    from ..evidence import Finished, Keep, Progress
+    from ..evidence import Campaign, Finished, Keep, OpenWorkers, Progress
 
 Given = list[str] | None
 """An option that can be repeated."""
@@ -30,6 +32,10 @@ def evidence(
     family: Annotated[Given, typer.Option(help="Only this family: a name or a path. Can be repeated.")] = None,
     controller: Annotated[Given, typer.Option(help="Only this controller. Can be repeated.")] = None,
     jobs: Jobs = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, whose workers make the runs: tcp://10.0.0.1:8786."),
+    ] = None,
     keep: Annotated[str, typer.Option(help="Whose trajectories are kept: none, failed, worst, first or all.")] = "none",
     shard: Annotated[
         str, typer.Option(metavar="I/N", help="Only this part of the scenes, for machines that share no folder.")
@@ -55,13 +61,16 @@ def evidence(
     ] = None,
 ) -> None:
     """Run every controller on thousands of drawn scenes, store the scores as Parquet shards, and write a report."""
-    from ..evidence import Campaign, Plan, Shard, collect, processes
+    from ..evidence import Campaign, Plan, Shard, collect
 
+    if cluster is not None and jobs is not None:
+        raise ConfigurationError("--jobs is how many processes of this machine are used: with --cluster there are none")
     chosen = Campaign.load(campaign).select(family or (), controller or (), scenes, settings or ())
     note_processes(jobs)
-    # whether it is one is said before anything runs
-    plan = Plan(Shard.parsed(shard), cast("Keep", keep), run_limit, fresh, processes(jobs))
-    with progress_bar() as bar:
+    part = Shard.parsed(shard)
+    with _workers(cluster, jobs, chosen) as workers, progress_bar() as bar:
+        # whether it is a way to keep is said before anything runs
+        plan = Plan(part, cast("Keep", keep), run_limit, fresh, workers)
         shown = bar.add_task("scenes", total=None)
 
         def show(progress: Progress) -> None:
@@ -74,6 +83,17 @@ def evidence(
     if finished.progress.all_failed:
         errors.print("error: every run of the controllers that were to be compared failed; column reason says why")
         raise typer.Exit(NOTHING_DONE)
+
+
+def _workers(address: str | None, jobs: int | None, campaign: Campaign) -> AbstractContextManager[OpenWorkers]:
+    """Who makes the runs; of a cluster it is found out first whether it is there, and like this machine."""
+    from ..evidence import processes
+
+    if address is None:
+        return nullcontext(processes(jobs))
+    from ..evidence.cluster import cluster
+
+    return cluster(address, campaign.identities)
 
 
 def _say(finished: Finished) -> None:

@@ -36,6 +36,8 @@ CHECK = 1.0
 PATIENCE = 60.0
 """How long a cluster may be without any worker [s]: those that died may be started again."""
 
+GOES_ON = "what was finished is stored, and the same command goes on"
+
 
 @contextmanager
 def cluster(address: str, told: Callable[[], Any]) -> Iterator[OpenWorkers]:
@@ -148,10 +150,9 @@ class _Cluster:
         try:
             yield
         except (CancelledError, OSError, RuntimeError) as error:  # what a client says whose scheduler is gone
-            raise WorkersLost(f"the scheduler at {self._address} is gone ({type(error).__name__}); {GOES_ON}") from error
-
-
-GOES_ON = "what was finished is stored, and the same command goes on"
+            raise WorkersLost(
+                f"the scheduler at {self._address} is gone ({type(error).__name__}); {GOES_ON}"
+            ) from error
 
 
 def _connected(address: str) -> Any:

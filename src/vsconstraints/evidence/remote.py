@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from multiprocessing.util import Finalize
 from typing import Any
 
-from ..runs.pool import THREAD_VARIABLES, Failure, Pool
+from ..runs.pool import THREAD_VARIABLES, Pool
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Stranger:
     address
         Which one.
     told
-        What results depend on there; why that cannot be said, as a :class:`Failure`.
+        What results depend on there; why that cannot be said, as a :class:`~vsconstraints.runs.pool.Failure`.
     """
 
     address: str
@@ -118,7 +118,7 @@ def end(session: str) -> None:
 
 
 def _process(session: Session) -> _Process | Stranger:
-    """This thread's process; a new one where there is none, or one of an earlier session."""
+    """The process of this thread; a new one where there is none, or one of an earlier session."""
     thread = threading.get_ident()
     process = _processes.by_thread.get(thread)
     if process is not None and process.session == session.name:
