@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, get_args
 from ..comparisons.record import RunRecord
 from ..errors import unknown_name
 from ..families import Drawn
-from ..runs.deadline import process_ends_after
+from ..runs.deadline import Deadline
 from ..runs.pool import Failure
 from .columns import RUNS
 from .folder import MARK, TRAJECTORIES, shard_file, shard_names
@@ -100,15 +100,16 @@ def keep_trajectories(folder: Path, keep: Keep, work: Work, workers: OpenWorkers
 def made(task: Task, keys: tuple[RunKey, ...]) -> dict[RunKey, RunRecord]:
     """Make runs of one scene again: what workers do."""
     found: dict[RunKey, RunRecord] = {}
-    with process_ends_after(task.limit):
-        scene = drawn(task, task.scenes[0])
-    if not isinstance(scene, Drawn):
-        return found
     entries = {entry.name: entry for entry in task.controllers}
-    for condition in dict.fromkeys(key.condition for key in keys):
-        bench = Bench(scene, condition)
-        for key in keys:
-            if key.condition == condition:
-                with process_ends_after(task.limit):
+    with Deadline(task.limit) as deadline:
+        deadline.step()
+        scene = drawn(task, task.scenes[0])
+        if not isinstance(scene, Drawn):
+            return found
+        for condition in dict.fromkeys(key.condition for key in keys):
+            bench = Bench(scene, condition)
+            for key in keys:
+                if key.condition == condition:
+                    deadline.step()
                     found[key] = bench.run(entries[key.controller])
     return found

@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterator
 from contextlib import chdir
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 from ..comparisons.metrics import Score, score
@@ -15,7 +14,7 @@ from ..comparisons.record import RunRecord
 from ..errors import described
 from ..families import Drawn
 from ..plugins import beside
-from ..runs.deadline import process_ends_after
+from ..runs.deadline import Deadline
 from ..runs.signals import INTERRUPTS
 from ..runs.spec import BASELINE, ControllerSpec
 from ..simulation import Setup, simulate
@@ -74,19 +73,19 @@ def scored(task: Task) -> Part:
     All controllers see the same scene with the same disturbances and noise. A run that fails in any way becomes a line
     with its reason; what ends the process is left to the caller.
     """
-    begun, lines, guarded = time.perf_counter(), _Lines([], [], []), partial(process_ends_after, task.limit)
-    for number in task.scenes:
-        with guarded():
+    begun, lines = time.perf_counter(), _Lines([], [], [])
+    with Deadline(task.limit) as deadline:
+        for number in task.scenes:
+            deadline.step()
             scene = drawn(task, number)
-        if task.single is None:
-            lines.scenes.append(_of_scene(task, number, scene))
-        if not isinstance(scene, Drawn) or not scene.found:
-            continue
-        for condition in task.conditions:
-            if task.single is not None and task.single.condition != condition:
+            if task.single is None:
+                lines.scenes.append(_of_scene(task, number, scene))
+            if not isinstance(scene, Drawn) or not scene.found:
                 continue
-            for entry, result in _scores(task, scene, condition):
-                lines.add(keys_of(task, number, condition, entry.name), result)
+            for condition in task.conditions:
+                if task.single is None or task.single.condition == condition:
+                    for entry, result in _scores(task, scene, condition, deadline):
+                        lines.add(keys_of(task, number, condition, entry.name), result)
     return lines.part(time.perf_counter() - begun)
 
 
@@ -146,14 +145,13 @@ def _worth_keeping(row: Line) -> bool:
     return bool(row["challenged"] or left or row["active_time_s"] > 0.0)
 
 
-def _scores(task: Task, scene: Drawn, condition: str) -> Iterator[tuple[ControllerSpec, Score]]:
+def _scores(task: Task, scene: Drawn, condition: str, deadline: Deadline) -> Iterator[tuple[ControllerSpec, Score]]:
     """Each controller's score, held against tracking alone, which is the first of them."""
     bench, baseline = Bench(scene, condition), None
     for entry in task.controllers:
         wanted = task.single is None or task.single.controller == entry.name
-        if not wanted and entry.name != BASELINE:
-            continue
-        with process_ends_after(task.limit):
+        if wanted or entry.name == BASELINE:
+            deadline.step()
             record = bench.run(entry)
             if entry.name == BASELINE:
                 baseline = record
