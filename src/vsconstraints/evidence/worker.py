@@ -180,7 +180,7 @@ class Bench:
 
     def __init__(self, scene: Drawn, condition: str) -> None:
         self._scene, self._condition = scene, condition
-        self._setup: Setup | None = None
+        self._ready: tuple[Setup, list[str]] | None = None
 
     def run(self, entry: ControllerSpec) -> RunRecord:
         """A run; whatever goes wrong becomes a failed one with its reason."""
@@ -188,13 +188,17 @@ class Bench:
             # own parts may change the working directory, and import what lies beside them whenever they like
             with chdir("."), beside(self._scene.folder, entry.folder):
                 scenario = self._scene.scenario(self._condition)
-                setup = self._setup or self._scene.setup(self._condition)
-                self._setup = None
-                record = RunRecord.of(setup, simulate(setup, entry.make()), "")
+                setup, remarks = self._ready or self._set_up()
+                self._ready = None
+                record = RunRecord.of(setup, simulate(setup, entry.make(), remarks=remarks), "")
         except INTERRUPTS:
             raise
         except BaseException as error:  # even SystemExit: this is where one run ends and the others begin
             return RunRecord.failed(described(error), "")
         if record.trajectory.status != "failed" and ":" not in entry.law and not scenario.own_parts:
-            self._setup = setup
+            self._ready = setup, remarks
         return record
+
+    def _set_up(self) -> tuple[Setup, list[str]]:
+        setup = self._scene.setup(self._condition)
+        return setup, setup.check_start()

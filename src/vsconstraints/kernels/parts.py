@@ -10,6 +10,7 @@ import hashlib
 import inspect
 import warnings
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 from .compiler import IN_PLACE, compiled, numba
@@ -17,8 +18,12 @@ from .compiler import IN_PLACE, compiled, numba
 VOID, INT = numba.types.void, numba.types.int64
 
 
+@lru_cache(maxsize=256)
 def address(function: Any) -> int:
-    """Where a compiled function of one signature begins; it stays there as long as the function is kept."""
+    """Where a compiled function of one signature begins; it stays there as long as the function is kept.
+
+    Numba looks for it for as long as ten control steps take.
+    """
     result = function.overloads[function.signatures[0]]
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from time import perf_counter
 
@@ -31,7 +32,9 @@ CHUNK = 512
 """Samples that compiled code takes at once: in between, signals are heard."""
 
 
-def simulate(setup: Setup, controller: Controller, *, by_public_call: bool = False) -> Trajectory:
+def simulate(
+    setup: Setup, controller: Controller, *, by_public_call: bool = False, remarks: Sequence[str] | None = None
+) -> Trajectory:
     """Run a controller on a setup, from t = 0 to its duration or until it cannot go on.
 
     A scene that can no longer be evaluated, a controller that fails, and own parts that raise anything end the run with
@@ -50,18 +53,21 @@ def simulate(setup: Setup, controller: Controller, *, by_public_call: bool = Fal
         Whether every law is asked by ``controller.command(rows, task)``, as a user's own loop does, so that the times
         of different laws are those of the same call. Otherwise compiled laws run on the arrays of the compiled step,
         which is faster; their commands are the same.
+    remarks
+        What :meth:`Setup.check_start` has said of this setup; it is asked if None.
 
     Raises
     ------
     ConfigurationError
         if the robot cannot start (see :meth:`Setup.check_start`).
     """
-    remarks = setup.check_start()
+    if remarks is None:
+        remarks = setup.check_start()
     run = _Run(setup, controller, whole=True, by_public_call=by_public_call)
     run.to_the_end()
     trajectory = run.trajectory()
-    remarks += hidden_markers(setup.scene, trajectory.t, trajectory.q) + run.remarks()
-    return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *remarks))))
+    said = (*remarks, *hidden_markers(setup.scene, trajectory.t, trajectory.q), *run.remarks())
+    return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *said))))
 
 
 def score_run(setup: Setup, controller: Controller) -> RunScores:

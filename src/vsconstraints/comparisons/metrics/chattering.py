@@ -62,6 +62,8 @@ def longest_run(flags: BoolArray) -> int:
 
 
 def _runs(flags: BoolArray) -> list[tuple[int, int]]:
+    if not flags.any():
+        return []
     edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 

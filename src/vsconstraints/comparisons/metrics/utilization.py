@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from ...rows import Array, BoolArray
@@ -19,7 +17,8 @@ def held(record: RunRecord) -> BoolArray:
     closed = active.copy()
     for i, step in enumerate(record.Ts * record.switching_gain):
         at = np.flatnonzero(active[:, i])
-        for begin, end in pairwise(at):
+        # where it acts in the sample after, nothing lies in between
+        for begin, end in ((at[k], at[k + 1]) for k in np.flatnonzero(np.diff(at) > 1)):
             if phi[begin:end, i].min() >= -STEPS * step:
                 closed[begin:end, i] = True
     return closed
