@@ -112,12 +112,12 @@ def what_is_there(folder: Path, campaign: Campaign) -> There:
             raise _another(folder, [f"family {facts.family} is only there"])
         if facts.identity != identities[facts.family]:
             raise _another(folder, list(differences(facts.identity, identities[facts.family])))
-        last = max(facts.scenes)
-        if last >= campaign.scenes:
-            raise _another(folder, [f"it holds scene {last}: give --scenes {last + 1} or more"])
         there.scenes.setdefault(facts.family, set()).update(facts.scenes)
         there.runs += facts.runs
         there.seconds += facts.seconds
+    most = 1 + max((max(numbers) for numbers in there.scenes.values()), default=0)
+    if most > campaign.scenes:
+        raise _another(folder, [f"it has scenes up to number {most - 1}: give --scenes {most} or more"])
     return there
 
 
