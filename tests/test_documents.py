@@ -28,6 +28,7 @@ NOT_RUN: dict[tuple[str, str], str] = {
         "checks.md",
         "python -m checks.mutation                        # every mutant: some hours on two cores",
     ): "takes an hour; `.ci/run` runs a sample",
+    ("checks.md", "python -m checks.statistics                      # a quarter of an hour"): "takes that long",
 }
 """Blocks of the language ``text``, which cannot be run, by page and first line, and why they cannot."""
 
