@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -495,6 +496,29 @@ def test_a_curve_is_found_once_for_all_that_have_it(monkeypatch: pytest.MonkeyPa
     for _ in range(2):
         np.testing.assert_array_equal(own.clearance(trace_of_pixels(pixels), slice(0, 0)), clearance(31.7))
     assert len(found) == 5
+
+
+def test_a_moving_curve_is_found_once_for_times_that_are_nearly_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, real = [], image_constraint.zero_lines
+
+    def counted(*arguments: Any) -> Any:
+        found.append(arguments)
+        return real(*arguments)
+
+    monkeypatch.setattr(image_constraint, "zero_lines", counted)
+    velocity = np.array([-310.0, 140.0])
+    one = Occlusion(Curve(Circle(31.9), (41.37, 0.0)), **GAINS)
+    one.moving(Motion(velocity.tolist()))
+    pixels = np.random.default_rng(1).uniform(-200.0, 200.0, (60, 2))
+    for first, last in ((0.0, 2.0), (0.1, 1.95), (0.0, 2.2)):
+        t = np.linspace(first, last, 60)
+        trace = dataclasses.replace(trace_of_pixels(pixels), t=t)
+        away = np.linalg.norm(pixels - [41.37, 0.0] - t[:, None] * velocity, axis=1) - 31.9
+        np.testing.assert_allclose(one.clearance(trace, slice(0, 0))[:, 0], away, atol=2e-3)
+    assert len(found) == 1
+    trace = dataclasses.replace(trace_of_pixels(pixels), t=np.linspace(2.0, 3.0, 60))
+    one.clearance(trace, slice(0, 0))
+    assert len(found) == 2
 
 
 def test_clearance_of_a_curve_outside_the_image_is_infinite() -> None:

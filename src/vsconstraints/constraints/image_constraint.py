@@ -76,9 +76,7 @@ class ImageConstraint(PositionConstraint):
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Distance to the curve σ = 0 in the image [px], with the sign of −σ."""
         pixels = self.displaced(trace.pixels[:, self._at], trace.t)
-        moves = self.motion is not None and len(trace.t) > 0
-        lines = Polylines(self.boundary(trace.image_size, trace.t)) if moves else self._still(trace.image_size)
-        distance = lines.distance(pixels)
+        distance = self._lines(trace.image_size, trace.t).distance(pixels)
         return np.where(self.sigma(pixels) > 0.0, -distance, distance)
 
     def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
@@ -86,16 +84,16 @@ class ImageConstraint(PositionConstraint):
 
         It is looked for in and around the image (W, H) [px] and, if it moves, wherever it is in the image at times t.
         """
-        moved = None if self.motion is None or t is None or not len(t) else self.motion.displacement(t)
-        if moved is not None:
-            return zero_lines(self.sigma, self.gradient, self._on_grid, image_size, moved)
-        return list(self._still(image_size).lines)
+        return list(self._lines(image_size, t).lines)
 
-    def _still(self, image_size: tuple[float, float]) -> Polylines:
-        """The curve as it is without its motion: found anew each time where nobody knows what σ depends on."""
+    def _lines(self, image_size: tuple[float, float], t: Array | None = None) -> Polylines:
+        """The same: found anew each time where nobody knows what σ depends on."""
+        moved = None if self.motion is None or t is None or not len(t) else self.motion.displacement(t)
+        if not self._known:
+            return _found(self, image_size, moved)
         place = None if self.frame is None else tuple(tuple(part.ravel().tolist()) for part in self.frame)
-        said = tuple(image_size), self.formula, self.parameters, self.margin, place
-        return _outline(_Curve(said, self)) if self._known else _found(self, image_size)
+        said = self.formula, self.parameters, self.margin, place
+        return _outline(_Curve(tuple(image_size), _corners(image_size, moved), said, self))
 
     @property
     def _known(self) -> bool:
@@ -114,10 +112,16 @@ class ImageConstraint(PositionConstraint):
         return np.full(len(self.labels(scene)), self.length)
 
 
+Corners = tuple[tuple[float, ...], ...]
+"""The least and the greatest displacement of a curve [px]; none of one that stands still."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Curve:
-    """A constraint, of which two are the same if their curves are: the image's size comes first in what is said."""
+    """A constraint, of which two are the same if their curves are: where they are looked for, and what is said of σ."""
 
+    image_size: tuple[float, ...]
+    corners: Corners
     said: tuple[Any, ...]
     constraint: ImageConstraint = field(compare=False)
 
@@ -125,8 +129,18 @@ class _Curve:
 @lru_cache(maxsize=32)
 def _outline(curve: _Curve) -> Polylines:
     """The curve of a constraint, which is kept: finding one takes as long as a thousand control steps."""
-    return _found(curve.constraint, curve.said[0])
+    W, H = curve.image_size
+    return _found(curve.constraint, (W, H), np.array(curve.corners) if curve.corners else None)
 
 
-def _found(constraint: ImageConstraint, image_size: tuple[float, float]) -> Polylines:
-    return Polylines(zero_lines(constraint.sigma, constraint.gradient, constraint._on_grid, image_size))
+def _corners(image_size: tuple[float, float], moved: Array | None) -> Corners:
+    """Displacements (N, 2), in halves of the image outwards: where a curve is looked for at nearly the same times."""
+    if moved is None:
+        return ()
+    half = 0.5 * np.asarray(image_size)
+    ends = np.floor(moved.min(axis=0) / half) * half, np.ceil(moved.max(axis=0) / half) * half
+    return tuple(tuple(end.tolist()) for end in ends)
+
+
+def _found(constraint: ImageConstraint, image_size: tuple[float, float], moved: Array | None) -> Polylines:
+    return Polylines(zero_lines(constraint.sigma, constraint.gradient, constraint._on_grid, image_size, moved))
