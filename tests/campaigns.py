@@ -32,14 +32,14 @@ from vsconstraints.controllers import Tracking
 
 
 class Bad(Tracking):
-    """Misbehaves in scenes whose goal is so far away."""
+    """Misbehaves where a row is so far outside."""
 
     def __init__(self, how="raise", above=-9.0):
         super().__init__()
         self.how, self.above = how, above
 
     def solve(self, rows, task):
-        if rows.phi[0] > self.above:
+        if rows.phi.max() > self.above:
             if self.how == "raise":
                 raise ValueError("no idea")
             if self.how == "die":

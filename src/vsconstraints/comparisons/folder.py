@@ -75,6 +75,8 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
     Lost are finished runs that are no part of it, or have other settings in it. Runs that are made again since the
     code, the machine or a file has changed are not lost: the same is asked of them.
     """
+    if "families" in _dict(_manifest(folder).get("configuration")):
+        raise ConfigurationError(f"{folder} holds evidence, not a comparison: give another folder with --out")
     earlier, now = _settings(_manifest(folder).get("configuration")), _settings(_plain(suite.resolved()))
     planned = {(scenario, controller, str(trial)) for scenario, controller, trial in (run.key for run in suite.runs())}
     for scenario, controller, trial in _finished(folder):
