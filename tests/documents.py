@@ -16,6 +16,7 @@ import typer
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
 from vsconstraints.controllers import Tracking
+from vsconstraints.evidence import Campaign
 from vsconstraints.families import Family
 from vsconstraints.scenarios import Scenario
 from vsconstraints.scenarios.toml import read_toml
@@ -85,7 +86,7 @@ def _toml(block: Block, folder: Path, names: dict[str, Any]) -> None:
     whole = {"robot", "extends", "controllers"} & set(tables)
     path.write_text(("" if whole else f'extends = "{BASE}"\n') + block.code, encoding="utf-8")
     if "controllers" in tables:
-        Suite.load(path)
+        (Campaign if "families" in tables else Suite).load(path)
         return
     if "conditions" in tables:
         Family.load(path).demand_scenes()
