@@ -136,4 +136,5 @@ def _anything(arguments: list[str], folder: Path) -> None:
 
 
 RUN = {"python": _python, "toml": _toml, "xml": _markup, "sh": _shell}
-COMMANDS = {"vsconstraints": _vsconstraints, "pip": _pip, "sphinx-build": _sphinx, "pytest": _anything}
+OTHERS = dict.fromkeys(("pytest", "dask"), _anything)
+COMMANDS = {"vsconstraints": _vsconstraints, "pip": _pip, "sphinx-build": _sphinx, **OTHERS}
