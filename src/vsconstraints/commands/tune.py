@@ -20,8 +20,8 @@ def tune(
     ),
     evaluations: Annotated[int, typer.Option(help="Settings of each law and tuner seed, the default included.")] = 40,
     seeds: Annotated[int, typer.Option(help="How often tuning is repeated with another seed.")] = 3,
-    scenes: Annotated[int, typer.Option(help="Training scenes of each family.")] = 4,
-    violations: Annotated[float, typer.Option(help="Share of runs that may have a violated row.")] = 0.1,
+    scenes: Annotated[int, typer.Option(help="Training scenes of each family.")] = 6,
+    violations: Annotated[float, typer.Option(help="Share of runs that may have a violated row.")] = 0.2,
     family: Annotated[list[str] | None, typer.Option(help="Only this family. Can be repeated.")] = None,
     controller: Annotated[list[str] | None, typer.Option(help="Only this controller. Can be repeated.")] = None,
     settings: Annotated[
@@ -58,6 +58,6 @@ def tune(
             on_progress=lambda what, done, total: progress.update(bar, description=what, completed=done, total=total),
         )
     for law in tuning.laws:
-        if law.law.ranges and law.chosen is None:
+        if law.chosen is not None and not law.chosen.feasible:
             errors.print(f"note: no setting of {law.law.law.name} keeps to the violations that are allowed")
     console.print(f"Settings: {out / TUNED}. Report: {out / REPORT}")

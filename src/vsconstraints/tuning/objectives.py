@@ -39,6 +39,9 @@ OBJECTIVES = (
 
 REFERENCE = tuple(objective.worst for objective in OBJECTIVES)
 
+UNFINISHED = "unfinished"
+"""Status of a run that is still moving when time is up."""
+
 Point = tuple[float, ...]
 """A value of each objective."""
 
@@ -87,11 +90,13 @@ class Judged(NamedTuple):
 def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
     """What a run says, by its line of results and that of tracking alone in the same scene.
 
-    A run that does not converge has the worst value of every objective. Of one that does, the unused space is left out
-    where nothing held the arm back, and the settling time where tracking alone does not settle.
+    A run that does not converge has the worst value of every objective, unless it is still moving when time is up and
+    tracking alone is too: a goal that wrong images keep everyone from says nothing of a law, and what is left of such a
+    run is its variation. Of one that converges, the unused space is left out where nothing held the arm back, and the
+    settling time where tracking alone does not settle.
     """
     status, violated = str(result["status"]), bool(result["violated"])
-    if status != "converged":
+    if status != "converged" and not status == baseline["status"] == UNFINISHED:
         return Outcome(status, violated, REFERENCE)
     variation, tracking = float(result["acceleration_variation"]), float(baseline["settling_time_s"])
     values = (

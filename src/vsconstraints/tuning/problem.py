@@ -40,8 +40,8 @@ class Budget:
 
     evaluations: int = 40
     seeds: int = 3
-    scenes: int = 4
-    violations: float = 0.1
+    scenes: int = 6
+    violations: float = 0.2
 
     def __post_init__(self) -> None:
         for name in ("evaluations", "seeds", "scenes"):

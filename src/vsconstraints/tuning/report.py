@@ -40,11 +40,8 @@ def _lines(law: Tuned) -> Iterator[tuple[str, ...]]:
     if law.chosen is not None:
         options = ", ".join(f"{key} = {_short(value)}" for key, value in law.chosen.asked.options.items())
         chosen = "default is best" if law.chosen.asked.number == 0 else options
-        yield "", chosen, *_cells(law.chosen), ""
-    elif law.law.ranges:
-        least = min(one.judged.violations for one in law.evaluations)
-        said = f"none of {len(law.evaluations)} is feasible"
-        yield "", said, *("–" for _ in OBJECTIVES), f"at least {100 * least:.0f} %", ""
+        said = "" if law.chosen.feasible else f"none of {len(law.evaluations)} is feasible, least: "
+        yield "", said + chosen, *_cells(law.chosen), ""
     else:
         yield "", "nothing is searched", *("" for _ in OBJECTIVES), "", ""
 
@@ -71,7 +68,8 @@ def _remarks(tuning: Tuning) -> Iterator[str]:
     units = ", ".join(f"{objective.unit:g} of {objective.title}" for objective in OBJECTIVES)
     yield (
         "Chosen is, of the feasible settings of all tuner seeds, the one nearest to the ideal point, which has the "
-        f"least value of each objective on the front; distances are in units of {units}, for all laws alike."
+        "least value of each objective on the front, and where none is feasible, of those that violate least; "
+        f"distances are in units of {units}, for all laws alike."
     )
 
 

@@ -64,8 +64,8 @@ class Tuned:
     hypervolumes
         Of each tuner seed's feasible evaluations, to :data:`vsconstraints.tuning.objectives.REFERENCE`.
     chosen
-        The setting that is taken over: see :func:`vsconstraints.tuning.fronts.choose`. None if nothing is searched or
-        nothing is feasible.
+        The setting that is taken over: of the feasible ones by :func:`vsconstraints.tuning.fronts.choose`, and where
+        there is none, of those that violate least (Deb 2000). None if nothing is searched.
     """
 
     law: Searched
@@ -83,13 +83,15 @@ class Tuned:
         """A law's evaluations, judged by the share of violations that is allowed."""
         ordered = sorted(found, key=lambda one: (one[0].seed, one[0].number))
         feasible = [(asked, judged) for asked, judged in ordered if judged.violations <= allowed]
-        best = front([judged.point for _, judged in feasible])
-        on_front = {(feasible[i][0].seed, feasible[i][0].number) for i in best}
+        not_beaten = front([judged.point for _, judged in feasible])
+        on_front = {(feasible[i][0].seed, feasible[i][0].number) for i in not_beaten}
         evaluations = tuple(
             Evaluation(asked, judged, judged.violations <= allowed, (asked.seed, asked.number) in on_front)
             for asked, judged in ordered
         )
         kept = [one for one in evaluations if one.feasible]
+        least = min(one.judged.violations for one in evaluations)
+        best = kept or [one for one in evaluations if one.judged.violations == least]
         return cls(
             law,
             evaluations,
@@ -97,7 +99,7 @@ class Tuned:
                 hypervolume([one.judged.point for one in kept if one.asked.seed == seed])
                 for seed in dict.fromkeys(asked.seed for asked, _ in ordered)
             ),
-            kept[choose([one.judged.point for one in kept])] if kept and law.ranges else None,
+            best[choose([one.judged.point for one in best])] if law.ranges else None,
         )
 
 

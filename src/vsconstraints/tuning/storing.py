@@ -80,10 +80,16 @@ def _families(tuning: Tuning) -> str:
 def _table(law: Tuned) -> list[str]:
     name = law.law.law.name
     if law.chosen is None:
-        return [f"# {name}: {'no setting is feasible' if law.law.ranges else 'nothing is searched'}"]
+        return [f"# {name}: nothing is searched"]
+    share = f"{100.0 * law.chosen.judged.violations:.3g} % of its runs violate a row"
+    remark = [] if law.chosen.feasible else [f"# {name}: no setting is feasible; {share}"]
     setting = law.law.setting(law.chosen.asked.options)
     options = {"type": setting.law, **setting.options}
-    return [f"[controllers.{_text(f'{name}-tuned')}]", *(f"{_key(key)} = {_value(options[key])}" for key in options)]
+    return [
+        *remark,
+        f"[controllers.{_text(f'{name}-tuned')}]",
+        *(f"{_key(key)} = {_value(options[key])}" for key in options),
+    ]
 
 
 def _value(value: Any) -> str:
