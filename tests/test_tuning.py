@@ -390,6 +390,8 @@ def test_the_chosen_point_by_hand() -> None:
     assert choose(points) == 1
     assert choose([*points, points[1]]) == 1
     assert choose([*points, (0.1, 1.0, 1.0)]) == 4
+    # from the ideal point (0.1, 1, 1) the first is 0.4 away and the second 0.8; from zero the second is nearer
+    assert choose([(0.1, 1.0, 1.04), (0.18, 1.0, 1.0)]) == 0
     assert [objective.unit for objective in OBJECTIVES] == [0.1, 1.0, 0.1]
     assert front([]) == []
     assert hypervolume([]) == 0.0
