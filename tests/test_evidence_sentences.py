@@ -413,3 +413,21 @@ def test_best_of_a_standing_is_as_of_its_laws() -> None:
     own = standing(made_up, "nominal").among(["a", "c"])
     assert own.leader == "c"
     assert best(own).laws == ("c", "a")
+
+
+def test_who_only_fails_is_not_praised_for_violating_nothing() -> None:
+    made_up = material({"nominal": {"a": "f" * 20, "b": "+" * 10 + "v" * 10, "c": "v" * 20}})
+    (sentence,) = claims(made_up, "violations")
+    assert sentence.text == "A row is violated least often by **b** (50 %, 27–73 %)."
+    (alone,) = claims(material({"nominal": {"a": "f" * 20, "b": "f" * 20}}), "violations")
+    assert alone.laws == ("a", "b")
+
+
+def test_where_tracking_alone_misses_the_goal_it_is_said() -> None:
+    made_up = material({"nominal": {"tracking": "v" * 8 + "t" * 2, "a": "+" * 10, "b": "+" * 10}})
+    (sentence,) = claims(made_up, "attainable")
+    assert sentence.numbers["reached"] == 0.8
+    assert sentence.text.startswith(
+        "Tracking alone, which knows no rows, reaches the goal in 80 % (44–97 %, 10 scenes):"
+    )
+    assert not claims(material({"nominal": {"tracking": "v" * 9 + "t", "a": "+" * 10}}), "attainable")

@@ -129,12 +129,13 @@ def calmest(material: Material, one: Standing) -> Sentence | None:
         f"{count(pair.n, 'scene')} in which all of them succeed)."
     )
     numbers = {"ratio": middle, "ratio_low": low, "ratio_high": high, "ratio_scenes": pair.n}
-    return Sentence(text, "calmest", one.condition, (calm, second), numbers)
+    others = tuple(law for law in front if law not in (calm, second))
+    return Sentence(text, "calmest", one.condition, (calm, second, *others), numbers)
 
 
 def violations(material: Material, condition: str) -> Sentence:
     """Which law leaves a row least often in a condition."""
-    one = standing(material, condition, "kept")
+    one = standing(material, condition, "kept").among(material.going(condition))
     left = {law: share.complement for law, share in one.shares.items()}
     named, more = first_of(one.front)
     told = enumeration([*(f"{bold(law)} ({left[law].percent} %, {left[law].interval} %)" for law in named), *more])

@@ -42,7 +42,8 @@ def decisions(material: Material) -> str:
     header = ["condition", "succeeds most often", "violates least often", *(aim for aim, _ in AIMS)]
     lines = []
     for condition in material.conditions:
-        one, kept = standing(material, condition), standing(material, condition, "kept")
+        one = standing(material, condition)
+        kept = standing(material, condition, "kept").among(material.going(condition))
         if one.scenes:
             never = one.shares[one.leader].value == 0.0
             aims = [DASH if never else _told(best_by(material, condition, one.front, metric)) for _, metric in AIMS]

@@ -107,6 +107,12 @@ class Material:
         wide = wide.reindex(index=ran.index)[(ran > 0).all(axis=1)]
         return wide[[name for name in self.laws if name in wide.columns]]
 
+    def going(self, condition: str) -> tuple[str, ...]:
+        """Laws that came to anything in a condition: standing still violates nothing. All, if none did."""
+        runs = self.among(condition)
+        came = set(runs[~runs["status"].isin(["failed", "aborted"])]["controller"])
+        return tuple(law for law in self.laws if law in came) or self.laws
+
     def families_of(self, condition: str) -> tuple[str, ...]:
         """Families that have runs in a condition."""
         there = set(self.among(condition)["family"])

@@ -48,8 +48,9 @@ def opening(material: Material) -> Opening:
     """Title, question, answers, figure and table."""
     title = plain(str(material.configuration.get("title") or "Evidence"))
     question = plain(str(material.configuration.get("question") or ""))
-    parts = [f"# {title}", *([f"**{question}**"] if question else []), _what(material)]
+    parts = [f"# {title}", *([f"**{question}**"] if question else [])]
     by_condition = answers(material)
+    parts.append(_what(material, whole=bool(by_condition)))
     if not by_condition:
         parts.append("There is nothing to compare: no law but tracking alone has a run.")
         return Opening("\n\n".join(parts))
@@ -65,16 +66,17 @@ def opening(material: Material) -> Opening:
     return Opening("\n\n".join(part for part in parts if part), tuple(every), tuple(numbers))
 
 
-def _what(material: Material) -> str:
+def _what(material: Material, whole: bool) -> str:
     scenes = material.evidence.scenes
     found = int(scenes["found"].sum())
     kinds = f"{count(len(material.laws), 'law')}, {count(len(material.conditions), 'condition')}"
+    where_laws_fail = "[Where each law fails](#where-each-law-fails) is below; " if whole else ""
     return (
         f"{of_scenes(found, len(material.families))} {'was' if found == 1 else 'were'} drawn at random, with rows that "
         f"tracking alone would leave, and run with every law ({kinds}): the same robot, camera, task, rows and "
         "disturbances for all. In parentheses are 95 % intervals; laws are told apart only where a test on "
-        "the same scenes does. [What words mean](#what-words-mean), [limitations](#known-limitations) and where each "
-        "law [fails](#where-each-law-fails) are below."
+        f"the same scenes does. {where_laws_fail}[what words mean](#what-words-mean) and "
+        "[limitations](#known-limitations) are at the end."
     )
 
 

@@ -35,8 +35,9 @@ def rates(material: Material) -> str:
     parts.append(
         "*Success*: all rows kept and the goal reached. *Violated*: a row was left deeper than sampling explains, "
         "whether the goal was reached or not. The last columns say how runs ended that did not converge; those that "
-        "failed or were aborted count nowhere but here and as no success. **Bold** is the best of a column where it is "
-        "distinguishable from all others; ≈ marks the best and what is not distinguishable from it."
+        "failed or were aborted count nowhere but here and as no success. **Bold** is the best of a column where it "
+        "is distinguishable from all others; ≈ marks the best and what is not distinguishable from it. Laws that only "
+        "failed are not compared by violations: who does nothing violates nothing."
     )
     parts.append(shown(material, MAP, family_map(material)))
     for condition in material.conditions:
@@ -55,16 +56,16 @@ def _together(material: Material, one: Standing) -> str:
     for law, cell in zip(one.laws, success_cells(one, one.laws), strict=True):
         statuses = runs[runs["controller"] == law]["status"]
         endings = [str(int((statuses == ending).sum())) for ending in ENDINGS]
-        lines.append([law, cell, _violated(kept, law), *endings])
+        lines.append([law, cell, _violated(material, kept, law), *endings])
     text = f"{of_scenes(one.scenes, one.families)}; success and violated in per cent, the others in runs."
     return f"{text}\n\n" + table(["law", "success", "violated", *ENDINGS], lines)
 
 
-def _violated(kept: Standing, law: str) -> str:
-    cell = kept.shares[law].complement.cell
-    if len(kept.laws) < 2 or law not in kept.front:
+def _violated(material: Material, kept: Standing, law: str) -> str:
+    cell, going = kept.shares[law].complement.cell, kept.among(material.going(kept.condition))
+    if len(going.laws) < 2 or law not in going.front:
         return cell
-    return bold(cell) if len(kept.front) == 1 else f"≈ {cell}"
+    return bold(cell) if len(going.front) == 1 else f"≈ {cell}"
 
 
 def _by_family(material: Material, condition: str) -> list[str]:
@@ -84,7 +85,7 @@ def _by_family(material: Material, condition: str) -> list[str]:
                     elif column == "success":
                         cells.append(success_cells(one, [law])[0])
                     else:
-                        cells.append(_violated(one, law))
+                        cells.append(_violated(material, one, law))
                 lines.append([law, *cells])
             parts.append(f"{what} in each family, in per cent:\n\n" + table(["law", *chosen], lines))
     return parts

@@ -20,7 +20,7 @@ class Sentence:
     condition
         In which condition; empty where it is about several.
     laws
-        Those it names, in its order.
+        Those it is about, those it names first and in its order.
     numbers
         Every number that the text shows, unrounded, shares as such and not in per cent. Those of a law stand behind its
         name, as in ``success[sliding-mode]``.

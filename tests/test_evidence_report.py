@@ -1,0 +1,217 @@
+"""The report of evidence as a whole: of made-up runs of every kind, what is written holds together."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from documents import DOCS, blocks
+from made_evidence import drawn_runs, frame, made, run
+from vsconstraints.reports.evidence.material import Material
+from vsconstraints.reports.evidence.report import write_report_of
+
+WIDEST = 8
+
+RATES = {
+    "nominal": {"sliding-mode": 0.8, "potential-field": 0.6, "hierarchical-qp": 0.95, "hierarchical-qp-tuned": 0.95},
+    "disturbed": {"sliding-mode": 0.8, "potential-field": 0.3, "hierarchical-qp": 0.4, "hierarchical-qp-tuned": 0.7},
+    "limited": {"sliding-mode": 0.5, "potential-field": 0.5, "hierarchical-qp": 0.5, "hierarchical-qp-tuned": 0.5},
+}
+
+
+def written(runs: pd.DataFrame, folder: Path, *, figures: bool = False, tuning: Path | None = None, **more: Any) -> str:
+    path = write_report_of(Material(made(runs, folder, **more), tuning, figures))
+    return path.read_text(encoding="utf-8")
+
+
+def tables(text: str) -> list[list[list[str]]]:
+    """Cells of every table of a text, its header first."""
+    found: list[list[list[str]]] = [[]]
+    for line in text.splitlines():
+        if line.startswith("| "):
+            found[-1].append([cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]])
+        elif found[-1]:
+            found.append([])
+    return [[table[0], *table[2:]] for table in found if table]
+
+
+def first_number(cell: str) -> float:
+    found = re.search(r"[−-]?\d+(\.\d+)?", cell)
+    return float(found[0].replace("−", "-")) if found else float("nan")
+
+
+def check(text: str, folder: Path) -> None:
+    """What holds of every report."""
+    for table in tables(text):
+        assert len(table[0]) <= WIDEST
+        assert all(len(line) == len(table[0]) for line in table)
+        for column in zip(*table, strict=True):
+            better = -1.0 if column[0].startswith("violated") else 1.0
+            values = [better * first_number(cell) for cell in column[1:]]
+            for cell, value in zip(column[1:], values, strict=True):
+                if cell.startswith("**") and "(" in cell:
+                    assert value == np.nanmax(values), column
+                    assert "≈" not in "".join(column)
+    for link in re.findall(r"!\[[^]]*\]\(([^)]*)\)", text):
+        assert (folder / link).is_file()
+    headings = {
+        re.sub(r"[^\w -]", "", title).lower().replace(" ", "-") for title in re.findall(r"^#+ (.*)", text, re.M)
+    }
+    assert set(re.findall(r"\]\(#([^)]*)\)", text)) <= headings
+    assert "nan" not in re.sub(r"[a-z]*nan[a-z]+|[a-z]+nan", "", text)
+    assert "could not be drawn" not in text
+
+
+def test_a_whole_report(tmp_path: Path) -> None:
+    text = written(drawn_runs(RATES, ["planar-arm", "ur5"], 60, alike=0.8), tmp_path, figures=True)
+    check(text, tmp_path)
+    lines = text.splitlines()
+    assert lines[0] == "# Made up"
+    assert lines[2] == "**Which law keeps its rows?**"
+    assert "120 scenes of 2 families were drawn" in text
+    first = tables(text)[0]
+    assert len(first[0]) <= 7
+    assert [line[0] for line in first[1:3]] in (
+        ["hierarchical-qp", "hierarchical-qp-tuned"],
+        ["hierarchical-qp-tuned", "hierarchical-qp"],
+    )
+    assert "The order turns over: without disturbances, hierarchical-qp succeeds" in text
+    for name in ("success", "families", "profiles", "ranks"):
+        assert (tmp_path / "figures" / f"{name}.png").stat().st_size > 5000
+    for heading in ("Which law to take", "Where each law fails", "Tuning", "Scenes", "Machine and versions"):
+        assert f"\n## {heading}\n" in text
+    assert '" mrad"' not in text
+    assert "runs per second | 150" in re.sub(" +", " ", text)
+
+
+ONE = {"nominal": {"sliding-mode": 0.5}}
+FAILING = {"reason": "the law gave nothing at 0.5 s", "status": "failed", "utilization": np.nan}
+
+
+@pytest.mark.parametrize(
+    ("runs", "said"),
+    [
+        (drawn_runs(ONE, ["ur5"], 20), "Without disturbances, **sliding-mode** keeps all rows and reaches the goal in"),
+        (drawn_runs(ONE, ["ur5"], 1), "1 scene of 1 family was drawn"),
+        (drawn_runs({"nominal": {"a": 0.0, "b": 0.0}}, ["ur5"], 20), "no law keeps all rows and reaches the goal"),
+        (drawn_runs({"nominal": {"a": 1.0, "b": 1.0}}, ["ur5"], 20), "20 scenes of 1 family tell no law from the best"),
+        (drawn_runs({"odd": {"a": 1.0, "b": 0.1}}, ["ur5"], 20), "In the condition odd, **a** keeps all rows"),
+        (drawn_runs({"nominal": {}}, ["ur5"], 3), "There is nothing to compare"),
+        (
+            frame([run(controller=law, scene=i, **(FAILING if law == "b" else {})) for i in range(9) for law in "ab"]),
+            "**b** gets nowhere: each of its 9 runs failed or was aborted, most often: the law gave nothing at 0.5 s.",
+        ),
+        (
+            frame([run(controller=law, scene=i) for i in range(9) for law in "ab"]),
+            "No law failed in any run.",
+        ),
+        (
+            frame([run(controller=f"a-law-with-a-rather-long-name-{i}", scene=0) for i in range(20)]),
+            "1 scene of 1 family are too few to tell laws apart",
+        ),
+    ],
+)
+def test_whatever_there_is_a_report_is_written_that_says_so(runs: pd.DataFrame, said: str, tmp_path: Path) -> None:
+    text = written(runs, tmp_path)
+    check(text, tmp_path)
+    assert said in text
+
+
+def test_figures_are_drawn_of_little(tmp_path: Path) -> None:
+    for i, rates in enumerate((ONE, {"nominal": {"a": 0.0, "b": 0.0}})):
+        folder = tmp_path / str(i)
+        folder.mkdir()
+        check(written(drawn_runs(rates, ["ur5"], 2), folder, figures=True), folder)
+
+
+def test_runs_that_cannot_be_made_again_are_named(tmp_path: Path) -> None:
+    text = written(drawn_runs({"nominal": {"sliding-mode": 0.5}}, ["ur5"], 9), tmp_path, figures=True)
+    assert "The worst run of sliding-mode could not be made again: " in text
+
+
+def test_scenes_are_counted_with_what_was_rejected(tmp_path: Path) -> None:
+    """Twenty scenes, each behind three attempts that were rejected; two of them were beyond the arm's limits."""
+    text = written(drawn_runs(ONE, ["ur5"], 20), tmp_path)
+    (found,) = [table for table in tables(text) if table[0][0] == "family"]
+    line = found[1]
+    assert line[:4] == ["ur5", "20", "80", "marker not visible at the start 75"]
+    assert line[4] == "10 (1–32)"
+
+
+def test_the_worst_and_the_typical_failure_of_a_law(tmp_path: Path) -> None:
+    depths = [0.0, 0.3, 0.1, 0.0, 0.2]
+    lines = [
+        run(
+            scene=i,
+            violation_depth=d,
+            violated="fov[marker 2]" if d else "",
+            status="trapped" if not d else "converged",
+        )
+        for i, d in enumerate(depths)
+    ]
+    text = written(frame([*lines, run(scene=9)]), tmp_path)
+    (found,) = [table for table in tables(text) if "ended" in table[0]]
+    assert [line[1:3] for line in found[1:]] == [
+        ["typical", "planar-arm 2, nominal"],
+        ["worst", "planar-arm 1, nominal"],
+    ]
+    assert found[2][4] == "outside `fov[marker 2]` by 30.0 px"
+    (ways,) = [table for table in tables(text) if "runs without success" in table[0]]
+    assert ways[1] == ["a", "5 of 6", "fov violated 60 %; trapped, all rows kept 40 %"]
+    assert 'replay(".", family="planar-arm", scene=1, condition="nominal", controller="a")' in text
+
+
+def test_fronts_of_a_tuning_are_shown(tmp_path: Path) -> None:
+    tuning = tmp_path / "tuning"
+    tuning.mkdir()
+    rng = np.random.default_rng(0)
+    pd.DataFrame(
+        {
+            "law": np.repeat(["sliding-mode", "hierarchical-qp"], 20),
+            "number": [*range(20), *range(20)],
+            "options": '{"alpha": 5.0}',
+            "unused": rng.uniform(size=40),
+            "log_variation": rng.uniform(size=40),
+            "feasible": [True] * 30 + [False] * 10,
+            "on_front": rng.uniform(size=40) > 0.8,
+            "chosen": [i == 3 for i in range(40)],
+        }
+    ).to_parquet(tuning / "evaluations.parquet")
+    pd.DataFrame({"law": ["sliding-mode"] * 3, "seed": range(3), "hypervolume": [0.3, 0.1, 0.2]}).to_parquet(
+        tuning / "hypervolumes.parquet"
+    )
+    text = written(drawn_runs(RATES, ["ur5"], 20), tmp_path, figures=True, tuning=tuning)
+    check(text, tmp_path)
+    (found,) = [table for table in tables(text) if "hypervolume" in table[0]]
+    assert found[1] == ["sliding-mode", "20", "20", "0.200 (0.100–0.300)", "alpha: 5.0"]
+    assert found[2] == ["hierarchical-qp", "20", "10", "–", "–"]
+    assert (tmp_path / "figures" / "fronts.png").is_file()
+
+
+def test_training_scenes_are_never_passed_off_as_held_out(tmp_path: Path) -> None:
+    assert "**These are training scenes:**" in written(drawn_runs(RATES, ["ur5"], 10), tmp_path, half="training")
+
+
+def test_the_script_of_the_documentation_finds_every_number_again(tmp_path: Path) -> None:
+    """On made-up runs that bring about sentences of nearly every kind."""
+    runs = drawn_runs(RATES, ["planar-arm", "ur5"], 60, alike=0.8)
+    broken = runs[runs["controller"] == "sliding-mode"].assign(controller="broken", **FAILING)
+    astray = runs["controller"].eq("tracking") & runs["condition"].eq("disturbed")
+    runs.loc[astray, "status"] = "unfinished"
+    # of the two in front without disturbances, one is calmer
+    calm = runs["controller"] == "hierarchical-qp"
+    runs.loc[calm, "acceleration_variation"] *= 0.1
+    every = frame(pd.concat([runs, broken]).to_dict("records"))
+    written(every, tmp_path)
+    (tmp_path / "runs").mkdir()
+    every.to_parquet(tmp_path / "runs" / "part-1.parquet")
+    script = [block for block in blocks(DOCS / "evidence-numbers.md") if "def told_apart" in block.code]
+    names: dict[str, Any] = {"folder": tmp_path}
+    exec(script[0].code, names)
+    kinds = {claim["about"] for claim in names["claims"]["sentences"]}
+    assert kinds >= {"best", "without L_fφ", "calmest", "violations", "turned", "tuned", "nowhere", "attainable"}
