@@ -1,0 +1,109 @@
+"""``vsconstraints evidence`` and ``merge``: what they say, and how they end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner, Result
+
+from campaigns import assert_same, campaign, tables
+from documents import ROOT
+from test_evidence import here
+from vsconstraints.cli import app
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.evidence import Campaign, parquet
+from vsconstraints.evidence.columns import Column
+from vsconstraints.families import families
+
+
+@pytest.fixture(autouse=True)
+def _here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("vsconstraints.evidence.processes", lambda asked: here)
+    # reports have tests of their own
+    monkeypatch.setattr("vsconstraints.commands.evidence.evidence_report", lambda folder, figures: folder / "report.md")
+    monkeypatch.chdir(tmp_path)
+
+
+def say(*words: str) -> Result:
+    return CliRunner().invoke(app, [*words, *(["--no-figures"] if words[0] in ("evidence", "merge") else [])])
+
+
+def test_a_campaign_in_parts_and_whole(tmp_path: Path) -> None:
+    campaign(tmp_path)
+    for i in (1, 2):
+        done = say("evidence", "small.toml", "--scenes", "2", "--shard", f"{i}/2", "--out", f"part-{i}")
+        assert done.exit_code == 0, done.output
+        assert "1 scenes, 6 runs in" in done.output
+        assert "runs a second" in done.output
+        assert "Report" not in done.output
+    assert say("merge", "whole", "part-1", "part-2").exit_code == 0
+    again = say("evidence", "small.toml", "--scenes", "2", "--out", "whole")
+    assert again.exit_code == 0
+    assert "2 of 2 scenes were stored" in again.output
+    alone = say("evidence", "small.toml", "--scenes", "2", "--out", "alone")
+    assert "Report: alone/report.md" in alone.output
+    assert_same(tables(tmp_path / "alone"), tables(tmp_path / "whole"))
+
+
+def test_a_law_that_fails_everywhere(tmp_path: Path) -> None:
+    campaign(tmp_path, '[controllers.odd]\ntype = "odd:Bad"\nabove = -1e9\n')
+    done = say("evidence", "small.toml", "--scenes", "1", "--controller", "odd")
+    assert done.exit_code == 1
+    assert "quick · nominal · odd: 1 of 1 runs failed, " in done.output
+    assert "no idea" in done.output
+    assert (tables(tmp_path / "vsconstraints-evidence")["runs"]["status"] == "failed").sum() == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        (["--shard", "3/2"], "--shard takes i/n"),
+        (["--keep", "some"], "unknown --keep 'some'"),
+        (["--scenes", "0"], "scenes must be from 1"),
+        (["--family", "planar"], "unknown family 'planar'"),
+    ],
+)
+def test_nonsense(words: list[str], what: str, tmp_path: Path) -> None:
+    campaign(tmp_path)
+    refused = say("evidence", "small.toml", *words)
+    assert isinstance(refused.exception, ConfigurationError)
+    assert what in str(refused.exception)
+    assert not list(tmp_path.rglob("*.parquet"))
+
+
+def test_a_comparison_leaves_evidence_alone(tmp_path: Path) -> None:
+    campaign(tmp_path)
+    say("evidence", "small.toml", "--scenes", "1", "--out", "out")
+    refused = say("compare", "--scenario", "example-2d-fov", "--controller", "tracking", "--out", "out")
+    assert "holds evidence, not a comparison" in str(refused.exception)
+
+
+def test_the_shipped_campaign_is_the_one_that_is_run_when_none_is_given() -> None:
+    shipped, default = Campaign.load(ROOT / "comparisons" / "evidence.toml"), Campaign.load()
+    laws = ([(entry.name, entry.law, entry.options) for entry in each.controllers] for each in (shipped, default))
+    assert next(laws) == next(laws)
+    assert {family.name for family in shipped.families} == {family.name for family in default.families} == {*families()}
+    one, other = ((each.title, each.scenes, each.half, each.seed) for each in (shipped, default))
+    assert one == other
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.lists(
+        st.fixed_dictionaries(
+            {"t": st.text(), "f": st.booleans(), "w": st.integers(-(2**53), 2**53), "n": st.floats()}
+        ),
+        max_size=5,
+    )
+)
+def test_tables_are_read_as_they_were_written(lines: list[dict[str, object]]) -> None:
+    columns = (Column("t", "text"), Column("f", "flag"), Column("w", "whole"), Column("n", "number"))
+    found = parquet.table(columns, lines).to_pylist()
+    for line, told in zip(lines, found, strict=True):
+        assert told["t"] == str(line["t"]).encode("utf-8", "backslashreplace").decode()
+        assert (told["f"], told["w"]) == (line["f"], line["w"])
+        number = float(str(line["n"]))
+        assert told["n"] == (number if abs(number) < float("inf") else None)
