@@ -22,6 +22,7 @@ from vsconstraints.statistics import (
     OUTCOMES,
     compare_laws,
     costs,
+    difference_interval,
     holm,
     judged_metrics,
     medians,
@@ -77,6 +78,37 @@ def test_outcomes_count_every_scene(runs: pd.DataFrame) -> None:
     assert (table.loc["b", "low"], table.loc["b", "high"]) == (known.low, known.high)
     assert list(rates(runs, "success")["count"]) == [9, 9]
     assert list(rates(runs, "violation")["share"]) == [1 / 11, 0.0]
+
+
+def test_chances_of_outcomes_are_those_of_wins_and_losses() -> None:
+    """Of 10 scenes a wins 3 and loses none, by success; by violation it is the other way round."""
+    a, b = made("a", [1.0] * 10), made("b", [1.0] * 10, violated=["q[1]"] * 3 + [""] * 7)
+    runs = pd.concat([a, b])
+    low, high = difference_interval(3, 0, 10)
+    for outcome, difference in (("success", 0.3), ("violation", -0.3)):
+        line = compare_laws(runs, outcome).iloc[0]
+        assert (line.difference, line.effect) == pytest.approx((difference, 0.65))
+        assert (line.effect_low, line.effect_high) == pytest.approx(((1 + low) / 2, (1 + high) / 2))
+    never = compare_laws(pd.concat([a[:5], b[5:]]), "success").iloc[0]
+    assert (never.scenes, never.effect, never.effect_low, never.effect_high) == (0, 0.5, 0.0, 1.0)
+    assert never.verdict == "too few"
+
+
+@pytest.mark.parametrize("first", ["a", "b"])
+def test_ratios_of_nothing_negative(first: str) -> None:
+    """One negative value leaves differences alone; zeros have ratios."""
+    usual, odd = np.arange(1.0, 10.0), np.arange(1.0, 10.0)[::-1] ** 2
+    for value in (-1.0, 0.0):
+        odd[0] = value
+        runs = pd.concat([made(law, (usual if law == first else odd).tolist()) for law in "ab"])
+        line = compare_laws(runs, "jerk_rms").iloc[0]
+        a, b = (usual, odd) if first == "a" else (odd, usual)
+        if value < 0.0:
+            assert math.isnan(line.ratio)
+            assert line.p == pytest.approx(scipy.stats.wilcoxon(a, b).pvalue)
+        else:
+            assert line.ratio == pytest.approx(sorted(x / y if y else math.inf for x, y in zip(a, b, strict=True))[4])
+            assert line.p != pytest.approx(scipy.stats.wilcoxon(a, b).pvalue)
 
 
 def test_medians_are_of_runs_that_count(runs: pd.DataFrame) -> None:
