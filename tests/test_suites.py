@@ -168,3 +168,12 @@ def test_names_may_have_spaces_and_letters_of_any_language(tmp_path: Path, name:
 def test_names_that_files_cannot_have_are_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(ConfigurationError, match="used in file names"):
         load(tmp_path, f"{{ scenario = 'example-2d-fov', name = {json.dumps(name)} }}")
+
+
+def test_a_selection_is_called_one() -> None:
+    """The title of a suite speaks of all that is in it."""
+    suite = Suite.load()
+    assert suite.select(seed=3, settings=["scenario.duration=1.0"]).title == suite.title
+    assert suite.select([one.name for one in suite.scenarios]).title == suite.title
+    assert suite.select(["ur5-fov"]).title == f"{suite.title}: a selection"
+    assert suite.select(controllers=["sliding-mode"]).title == f"{suite.title}: a selection"

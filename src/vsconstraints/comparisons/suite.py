@@ -120,6 +120,9 @@ class Suite:
             own = {scenario.name: scenario for scenario in self.scenarios}
             suite = replace(suite, scenarios=tuple(own.get(name) or Scenario.load(name) for name in unique(scenarios)))
         suite = replace(suite, controllers=chosen_entries(self.controllers, controllers))
+        if (suite.scenarios, suite.controllers) != (self.scenarios, self.controllers):
+            # the title speaks of all of them
+            suite = replace(suite, title=f"{suite.title}: a selection")
         if seed is not None:
             suite = replace(suite, seed=seed)
         for setting in settings:
@@ -237,5 +240,6 @@ def _demand_variety(scenario: Scenario, trials: int, seed: int) -> None:
     if not first.disturbances.random and (first.q0 == second.q0).all():
         raise ConfigurationError(
             f"{trials} trials of {scenario.name} would be the same run: nothing in it is random. Set start_deviation, "
-            "or pixel_noise, lost_frames or acceleration_noise in disturbances; or trials = 1"
+            "or pixel_noise, lost_frames or acceleration_noise in disturbances, for example with "
+            f"--set {scenario.name}.start_deviation=0.01; or trials = 1"
         )
