@@ -45,12 +45,17 @@ def zigzag(t: Array, y: Array, bins: int) -> tuple[Array, Array]:
     """
     if len(t) <= 4 * bins:
         return t, y
-    at: set[int] = set()
-    for part in np.split(np.arange(len(t)), edges(len(t), bins)[1:]):
-        at.update((part[0], part[-1]))
-        if np.isfinite(y[part]).any():
-            at.update((part[np.nanargmin(y[part])], part[np.nanargmax(y[part])]))
-    chosen = sorted(at)
+    starts = edges(len(t), bins)
+    ends = np.append(starts[1:], len(t)) - 1
+    # the bins as lines of a table; a short one ends with its last sample again, which is no first extreme
+    table = np.minimum(starts[:, None] + np.arange((ends - starts).max() + 1), ends[:, None])
+    values = y[table]
+    some = np.isfinite(values).any(axis=1)
+    least = np.where(np.isnan(values), np.inf, values).argmin(axis=1)
+    greatest = np.where(np.isnan(values), -np.inf, values).argmax(axis=1)
+    line = np.arange(len(starts))
+    extreme = np.concatenate([table[line, k][some] for k in (least, greatest)])
+    chosen = np.unique(np.concatenate([starts, ends, extreme]))
     return t[chosen], y[chosen]
 
 

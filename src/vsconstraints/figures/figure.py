@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,9 +66,21 @@ class Figure:
         """
         from matplotlib import rc_context
 
-        with rc_context({**STYLE, **(FORMULAS if self.formulas else {})}), warnings.catch_warnings():
+        with rc_context({**STYLE, **(FORMULAS if self.formulas else {})}), warnings.catch_warnings(), _uncollected():
             warnings.simplefilter("ignore")
             sheet = self.draw(*needed)
             if sheet is not None:
                 sheet.save(path)
         return sheet is not None
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Without looking for unreachable objects: a figure makes many that all live until it is written."""
+    collected = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collected:
+            gc.enable()

@@ -14,6 +14,12 @@ WIDTH = 8.0
 """Width of every figure [in]: at this width the smallest text is 8 pt."""
 
 DPI = 150
+SHADES = np.round(np.round(np.arange(256) * (31.0 / 255.0)) * (255.0 / 31.0)).astype(np.uint8)
+"""Of a channel, the nearest of 32 that are kept: nobody sees it, and the file is a quarter smaller."""
+
+COMPRESSION = 7
+"""Of zlib: 9 takes three times as long for 3 % less."""
+
 FOOT = 0.45
 """Room below a row of panels for its numbers and label [in]."""
 
@@ -163,11 +169,9 @@ class Sheet:
             bottom = self.at - top - height
             ax.set_position((left / WIDTH, bottom / self.at, width / WIDTH, height / self.at))
         self.canvas.draw()
-        pixels = np.asarray(self.canvas.buffer_rgba())[..., :3]
-        # 32 shades a channel: nobody sees it, and the file is a quarter smaller
-        pixels = np.round(np.round(pixels * (31.0 / 255.0)) * (255.0 / 31.0)).astype(np.uint8)
+        pixels = SHADES[np.asarray(self.canvas.buffer_rgba())[..., :3]]
         with replaced(path) as part:
-            Image.fromarray(pixels).save(part, format="PNG", optimize=True, dpi=(DPI, DPI))
+            Image.fromarray(pixels).save(part, format="PNG", compress_level=COMPRESSION, dpi=(DPI, DPI))
 
 
 def rows_of(count: int, columns: int) -> int:
