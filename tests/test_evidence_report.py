@@ -12,6 +12,7 @@ import pytest
 
 from documents import DOCS, blocks
 from made_evidence import drawn_runs, frame, made, run
+from vsconstraints.figures import looks
 from vsconstraints.reports.evidence.material import Material
 from vsconstraints.reports.evidence.report import write_report_of
 
@@ -215,3 +216,12 @@ def test_the_script_of_the_documentation_finds_every_number_again(tmp_path: Path
     exec(script[0].code, names)
     kinds = {claim["about"] for claim in names["claims"]["sentences"]}
     assert kinds >= {"best", "without L_fφ", "calmest", "violations", "turned", "tuned", "nowhere", "attainable"}
+
+
+def test_a_tuned_law_looks_like_the_law_that_it_was_tuned_from() -> None:
+    look = looks(["sliding-mode", "own", "sliding-mode-tuned", "own-tuned", "other-tuned"])
+    assert look["sliding-mode-tuned"].colour == look["sliding-mode"].colour
+    assert look["own-tuned"].colour == look["own"].colour != look["sliding-mode"].colour
+    assert look["own-tuned"].line != look["own"].line
+    assert look["other-tuned"].line == look["own"].line
+    assert len({one.marker for one in look.values()}) == 5

@@ -335,7 +335,7 @@ def test_what_tuning_gains_is_told_law_by_law() -> None:
     assert sentence.numbers["difference[a]"] == 0.75
     assert sentence.numbers["difference[b]"] == -0.75
     assert "succeed more often: a by 75 %" in sentence.text
-    assert "succeed less often: b by −75 %" in sentence.text
+    assert "succeed less often: b by 75 % (47–89 %)" in sentence.text
     assert "not distinguishable from the settings it comes with: c (20 held-out scenes)" in sentence.text
     assert gained(material({"nominal": {"a": "+"}})) is None
 

@@ -60,6 +60,9 @@ OWN_COLOURS = {
 SPARE_COLOURS = ("#56B4E9", "#000000", "#9C8A00", "#7B4B2A")
 """For controllers of other names."""
 
+TUNED = "-tuned"
+"""How the name of a tuned law ends, behind that of the law it was tuned from."""
+
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "*")
 
@@ -79,15 +82,20 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
     Parameters
     ----------
     controllers
-        Names, in the comparison's order. Names that the package knows keep their colour in every comparison.
+        Names, in the comparison's order. Names that the package knows keep their colour in every comparison; a tuned
+        law has that of the law behind which it stands.
     """
     taken = [OWN_COLOURS[name] for name in controllers if name in OWN_COLOURS]
     free = [*SPARE_COLOURS, *(colour for colour in OWN_COLOURS.values() if colour not in taken)]
     every = [*SPARE_COLOURS, *OWN_COLOURS.values()]
     spare = chain(product(LINES[:1], free), cycle(product(LINES[1:], every)))
-    result = {}
+    result: dict[str, Look] = {}
     for i, name in enumerate(controllers):
-        line, colour = (LINES[0], OWN_COLOURS[name]) if name in OWN_COLOURS else next(spare)
+        as_it_comes = result.get(name.removesuffix(TUNED))
+        if as_it_comes is not None:
+            line, colour = LINES[1], as_it_comes.colour
+        else:
+            line, colour = (LINES[0], OWN_COLOURS[name]) if name in OWN_COLOURS else next(spare)
         result[name] = Look(colour, MARKERS[i % len(MARKERS)], line)
     return result
 

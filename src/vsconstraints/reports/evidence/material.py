@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...figures.style import TUNED
 from ...runs.spec import BASELINE
 from ...statistics.judged import OUTCOMES
 from ..groups import uses
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
 
 SCENE = ["family", "scene"]
 """Columns that say which scene it is: laws are compared on the same ones."""
-
-TUNED = "-tuned"
-"""How the name of a tuned law ends, behind that of the law it was tuned from."""
 
 
 @dataclass(frozen=True)

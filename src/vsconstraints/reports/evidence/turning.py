@@ -54,17 +54,17 @@ def gained(material: Material) -> Sentence | None:
     condition = material.conditions[0]
     one = standing(material, condition)
     pairs = {law: one.pair(name, law) for law, name in material.tuned.items() if {law, name} <= set(one.laws)}
-    told = {law: pair.difference for law, pair in pairs.items() if pair.distinguishable}
-    better = {law: share for law, share in told.items() if share.value > 0.0}
-    worse = {law: share for law, share in told.items() if share.value < 0.0}
+    told = {law: pair for law, pair in pairs.items() if pair.distinguishable}
+    better = {law: pair.difference for law, pair in told.items() if pair.difference.value > 0.0}
+    worse = {law: pair.reversed().difference for law, pair in told.items() if pair.difference.value < 0.0}
     alike = [law for law in pairs if law not in told]
     parts, numbers = [], {"scenes": float(one.scenes)}
     for does, laws in (("succeed more often", better), ("succeed less often", worse)):
         if laws:
             of = [f"{law} by {share.text()}" for law, share in laws.items()]
             parts.append(f"{does}: {enumeration(of)}")
-        for law, share in laws.items():
-            numbers |= share.numbers("difference", law=law)
+        for law in laws:
+            numbers |= told[law].difference.numbers("difference", law=law)
     if alike:
         named, more = first_of(alike)
         parts.append(f"not distinguishable from the settings it comes with: {enumeration([*named, *more])}")
