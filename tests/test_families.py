@@ -16,7 +16,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
+from typer.testing import CliRunner
 
+from vsconstraints.cli import app
 from vsconstraints.comparisons.metrics import score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.controllers import Tracking
@@ -223,7 +225,8 @@ def test_what_is_impossible_is_rejected_by_its_reason(
     by_hand: Callable[..., Family], changes: tuple[tuple[str, str], ...], reason: Reason
 ) -> None:
     scene = by_hand(*changes).scene(0)
-    assert scene.rejected == {reason.value: 30}
+    # a build that is refused in the same words again and again is not tried for ever
+    assert scene.rejected == {reason.value: 10 if reason is Reason.BUILD_REFUSED else 30}
     assert scene.refusal.startswith(reason.value)
 
 
@@ -258,8 +261,27 @@ fixed = { xyz = [-0.6, -0.1, 0.4], rpy = [-1.5708, 0.0, -1.5708] }
 """
     (tmp_path / "behind.toml").write_text(text)
     scene = Family.load(tmp_path / "behind.toml").scene(0)
-    assert set(scene.rejected) <= {Reason.START_HIDDEN.value, Reason.START_BEHIND.value, Reason.START_UNSEEN.value}
-    assert scene.attempts == 3
+    assert scene.rejected == {Reason.START_HIDDEN.value: 3}
+    assert "marker 1 by forearm_link" in scene.refusal
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ((("q0 = ", "q0 = { look-at = { distanse = 1.0 } } # "),), ["distanse", "distance", "tilt"]),
+        ((("pixel_noise", "pixel_nois"),), ["pixel_nois", "Did you mean 'pixel_noise'"]),
+        ((("duration = 0.5", 'duration = { choice = ["long"] }'),), ["duration", "'long'"]),
+        ((("upper = [0.5, 0.5, 0.5]", "upper = { joint-path = { beyond = 0.1, goal = 2 } }"),), ["no goal 2"]),
+        ((("[conditions.disturbed.disturbances]", "[conditions.disturbed.constraints.7]"),), ["constraints", "7"]),
+    ],
+)
+def test_slips_in_a_family_are_named_before_thousands_are_drawn(
+    by_hand: Callable[..., Family], changes: tuple[tuple[str, str], ...], words: list[str]
+) -> None:
+    with pytest.raises(ConfigurationError) as refused:
+        by_hand(*changes).demand_scenes()
+    for word in words:
+        assert word in str(refused.value)
 
 
 def test_attempts_are_those_rejected_and_the_accepted_one() -> None:
@@ -270,6 +292,17 @@ def test_attempts_are_those_rejected_and_the_accepted_one() -> None:
         assert set(scene.rejected) <= {reason.value for reason in Reason}
     assert sum(summary.rejected.values()) + len(summary.found) == sum(scene.attempts for scene in summary.scenes)
     assert summary.acceptance == pytest.approx(6 / sum(scene.attempts for scene in summary.scenes))
+
+
+def test_the_command_says_what_scenes_are_like(by_hand: Callable[..., Family]) -> None:
+    family = by_hand()
+    file = str(family.folder / "own.toml")
+    done = CliRunner().invoke(app, ["families", file, "--scenes", "4"])
+    assert done.exit_code == 0
+    for words in ("own: Two markers", "4 of 4 scenes found", "speed", "nominal, disturbed"):
+        assert words in done.output
+    listed = CliRunner().invoke(app, ["families"])
+    assert all(name in listed.output for name in families())
 
 
 # the same scene everywhere
@@ -301,6 +334,7 @@ def test_halves_have_nothing_in_common() -> None:
     assert len(set(starts)) == len(starts)
     entropies = {Streams(0, half, i, a).entropy("q0") for half in HALVES for i in range(100) for a in range(10)}
     assert len(entropies) == 2000
+    assert len({Streams(0, "training", 0, 0).entropy(key) for key in ("q0", "task.Kp0", "q0.look-at", "")}) == 4
 
 
 def test_a_further_key_that_is_drawn_shifts_no_other(by_hand: Callable[..., Family]) -> None:

@@ -35,6 +35,10 @@ ATTEMPTS = 200
 """Attempts at one scene, if a family says nothing else."""
 
 
+REFUSALS = 10
+"""Attempts whose build is refused in the same words, after which a scene is given up: whatever is drawn, it will be."""
+
+
 @cache
 def families() -> tuple[str, ...]:
     """Names of the families that come with the package."""
@@ -148,7 +152,7 @@ class Family:
         Returns
         -------
         :class:`Drawn`
-            Not ``found`` if as many attempts as the family allows were rejected.
+            Not ``found`` if as many attempts as the family allows were rejected, or no build can succeed.
 
         Raises
         ------
@@ -161,6 +165,7 @@ class Family:
             raise ConfigurationError(f"a scene's number and seed must be zero or more, not {number} and {seed}")
         scene = Drawn(self.name, number, half, seed, self.folder)
         rejected: Counter[str] = Counter()
+        refusals: Counter[str] = Counter()
         refusal = ""
         with beside(self.folder):
             for attempt in range(self.attempts):
@@ -169,6 +174,9 @@ class Family:
                 except Rejected as error:
                     rejected[error.reason.value] += 1
                     refusal = str(error)
+                    refusals[refusal] += error.reason is Reason.BUILD_REFUSED
+                    if refusals[refusal] >= REFUSALS:
+                        break
                 else:
                     return replace(scene, rejected=dict(rejected), refusal=refusal, **known)
         return replace(scene, rejected=dict(rejected), refusal=refusal)
