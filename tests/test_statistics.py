@@ -132,6 +132,7 @@ def test_mcnemar_by_enumeration() -> None:
 def test_holm_by_hand_and_on_paper() -> None:
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
     assert holm([0.9, 0.8]) == pytest.approx([1.0, 1.0])
+    assert holm([0.0, 1.0, 0.2]) == pytest.approx([0.0, 1.0, 0.4])
     assert len(holm([])) == 0
 
 
@@ -143,6 +144,14 @@ def test_the_bootstrap_of_a_median_is_scipys(n: int) -> None:
     assert found.median == np.median(x)
     between = np.quantile(x, 0.5 + np.array([-1, 1]) * 0.5 / math.sqrt(n)) / 2  # a fifth of the width, for the draws
     assert (found.low, found.high) == pytest.approx((known.low, known.high), abs=0.2 * float(np.diff(between)[0]))
+
+
+@pytest.mark.parametrize("zeros", [50, 51])
+def test_the_bootstrap_of_ties_is_scipys(zeros: int) -> None:
+    """Where one value more or less moves the median; where it does not, scipy divides zero by zero."""
+    x = np.repeat([0.0, 1.0], [zeros, 101 - zeros])
+    known = scipy.stats.bootstrap((x,), np.median, vectorized=True, rng=np.random.default_rng(1)).confidence_interval
+    assert median(x)[1:3] == (known.low, known.high)
 
 
 @pytest.mark.parametrize("n", [7, 8])

@@ -31,6 +31,7 @@ from vsconstraints.statistics import (
     rate_of,
     rates,
 )
+from vsconstraints.statistics.judged import resolution
 
 SCENES = 8
 
@@ -145,6 +146,7 @@ def test_depth_counts_where_rows_were_violated_and_bands_where_sliding_was_not_l
     assert band.paired.tolist() == [0, 0, 6]
     assert band.iloc[2].ratio == pytest.approx(3.0)
     assert band.verdict.tolist() == ["too few", "too few", "worse"]
+    assert band.p_corrected.tolist() == [1.0, 1.0, band.p[2]]  # what is too few is no test
 
 
 def test_every_pair_is_corrected_within_its_group() -> None:
@@ -212,6 +214,8 @@ def test_a_remaining_error_that_reports_do_not_show_does_not_distinguish() -> No
         [made(law, [1.0] * 20, final_translation_error_m=error) for law, error in (("a", 1e-9), ("b", 5e-8))]
     )
     line = compare_laws(runs, "final_translation_error_m").iloc[0]
+    assert resolution(judged_metrics()["final_translation_error_m"]) == 1e-6  # a thousandth of the millimetre shown
+    assert resolution(judged_metrics()["jerk_rms"]) == 0.0
     assert (line.ratio, line.p < 1e-4, line.verdict) == (pytest.approx(0.02), True, "not distinguishable")
     assert compare_laws(runs, "final_translation_error_m", least=0.0).verdict.tolist() == ["better"]
 
