@@ -297,7 +297,7 @@ def test_folders_of_something_else_are_refused(tmp_path: Path, run: Any) -> None
     run(Problem(own, Budget(2, 1)), tmp_path / "out")
     before = files(tmp_path / "out")
     for another, words in (
-        (Problem(own, Budget(2, 1, scenes=7)), "scenes is 6 there and 7 here"),
+        (Problem(own, Budget(2, 1, scenes=7)), "scenes is 10 there and 7 here"),
         (Problem(own, Budget(2, 1, violations=0.3)), r"violations is 0\.2 there and 0\.3 here"),
         (Problem(replace(own, seed=3), Budget(2, 1)), "seed is 0 there and 3 here"),
         (Problem(own.select(controllers=["cbf-filter"]), Budget(2, 1)), r"controllers\.sliding-mode is only there"),

@@ -20,7 +20,7 @@ def tune(
     ),
     evaluations: Annotated[int, typer.Option(help="Settings of each law and tuner seed, the default included.")] = 40,
     seeds: Annotated[int, typer.Option(help="How often tuning is repeated with another seed.")] = 3,
-    scenes: Annotated[int, typer.Option(help="Training scenes of each family.")] = 6,
+    scenes: Annotated[int, typer.Option(help="Training scenes of each family.")] = 10,
     violations: Annotated[float, typer.Option(help="Share of runs that may have a violated row.")] = 0.2,
     family: Annotated[list[str] | None, typer.Option(help="Only this family. Can be repeated.")] = None,
     controller: Annotated[list[str] | None, typer.Option(help="Only this controller. Can be repeated.")] = None,

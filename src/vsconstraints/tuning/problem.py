@@ -40,7 +40,7 @@ class Budget:
 
     evaluations: int = 40
     seeds: int = 3
-    scenes: int = 6
+    scenes: int = 10
     violations: float = 0.2
 
     def __post_init__(self) -> None:
