@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,16 @@ import pytest
 
 from documents import DOCS, blocks
 from made_evidence import drawn_runs, frame, made, run
+from vsconstraints.comparisons.metrics import score
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.evidence import Campaign, Task, scored
+from vsconstraints.families import Family
 from vsconstraints.figures import looks
+from vsconstraints.reports.evidence import replay
 from vsconstraints.reports.evidence.material import Material
 from vsconstraints.reports.evidence.report import write_report_of
+from vsconstraints.reports.evidence.singles import telling
+from vsconstraints.runs.spec import ControllerSpec
 
 WIDEST = 8
 
@@ -225,3 +233,30 @@ def test_a_tuned_law_looks_like_the_law_that_it_was_tuned_from() -> None:
     assert look["own-tuned"].line != look["own"].line
     assert look["other-tuned"].line == look["own"].line
     assert len({one.marker for one in look.values()}) == 5
+
+
+def test_a_run_made_again_is_the_run_that_was_scored(tmp_path: Path) -> None:
+    entries = (ControllerSpec("tracking"), ControllerSpec("qp", "hierarchical-qp", {"alpha": 5.0}))
+    campaign = Campaign("c", "", "", (Family.load("planar-arm"),), entries, ("disturbed",), scenes=3)
+    task = Task(campaign.families[0], (2,), ("disturbed",), entries, campaign.half, campaign.seed)
+    lines = scored(task).runs.to_pylist()
+    (tmp_path / "manifest.json").write_text(json.dumps({"configuration": campaign.resolved()}))
+    record = replay(tmp_path, "planar-arm", 2, "disturbed", "qp")
+    again = score(record, replay(tmp_path, "planar-arm", 2, "disturbed", "tracking")).result
+    stored = next(line for line in lines if line["controller"] == "qp")
+    assert again["status"] == stored["status"]
+    for name in ("duration_s", "acceleration_variation", "violation_depth", "final_feature_error_px"):
+        assert again[name] == stored[name]
+    with pytest.raises(ConfigurationError, match="controller"):
+        replay(tmp_path, "planar-arm", 2, "disturbed", "qq")
+    with pytest.raises(ConfigurationError, match="family"):
+        replay(tmp_path, "planar", 2, "disturbed", "qp")
+
+
+def test_the_scene_that_divides_laws_most_is_shown() -> None:
+    left = {"status": "trapped"}
+    lost = {"a": (2,), "b": (1, 2, 3), "c": (1, 3), "d": (1, 3, 0)}
+    lines = [run(controller=law, scene=i, **(left if i in own else {})) for law, own in lost.items() for i in range(5)]
+    assert telling(Material(made(frame(lines), Path())), "planar-arm") == 2
+    same = [run(controller=law, scene=i) for law in "ab" for i in range(5)]
+    assert telling(Material(made(frame(same), Path())), "planar-arm") is None

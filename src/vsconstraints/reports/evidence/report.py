@@ -18,6 +18,7 @@ from .opening import opening
 from .profiles import profiles
 from .rates import rates
 from .scenes import scenes
+from .singles import singles
 from .tuned import tuned, tuning_folder
 
 SECTIONS: tuple[Callable[[Material], str], ...] = (
@@ -26,6 +27,7 @@ SECTIONS: tuple[Callable[[Material], str], ...] = (
     profiles,
     knowledge,
     failing,
+    singles,
     tuned,
     scenes,
     closing,
