@@ -373,6 +373,8 @@ def test_what_cannot_be_compared_is_said() -> None:
         rate([True, math.nan])
     with pytest.raises(InvalidInput, match="of which one is NaN"):
         median([math.nan])
+    with pytest.raises(InvalidInput, match="values must hold numbers only"):
+        median(["x"])
     with pytest.raises(InvalidInput, match="is no rate"):
         rate_of(3, 2)
     with pytest.raises(InvalidInput, match="must be numbers, or infinite"):

@@ -33,7 +33,7 @@ def checked_name(what: str, name: object, candidates: Any) -> None:
 
 def flags(values: ArrayLike, name: str = "flags") -> BoolArray:
     """(n,) booleans; numbers have to be 0 or 1."""
-    given = _line(values, name)
+    given = line(values, name)
     if given.dtype != np.bool_ and not np.isin(given, (0, 1)).all():
         raise InvalidInput(f"{name} must be true or false in every scene; give only scenes in which that is known")
     found: BoolArray = given.astype(np.bool_)
@@ -42,7 +42,7 @@ def flags(values: ArrayLike, name: str = "flags") -> BoolArray:
 
 def numbers(values: ArrayLike, name: str) -> Array:
     """(n,) floats; NaN stands for a run that does not count, and nothing may be infinite."""
-    given: Array = _line(values, name).astype(float)
+    given: Array = line(values, name).astype(float)
     if np.isinf(given).any():
         raise InvalidInput(f"{name} holds {shown(given[np.isinf(given)][0])}: NaN stands for a run that does not count")
     return given
@@ -64,7 +64,8 @@ def table(costs: ArrayLike) -> Array:
     return given
 
 
-def _line(values: ArrayLike, name: str) -> Any:
+def line(values: ArrayLike, name: str) -> Any:
+    """(n,) numbers or booleans."""
     given = _array(values, name)
     if given.ndim != 1:
         raise InvalidInput(f"{name} must be of shape (scenes,), not {given.shape}")
