@@ -184,6 +184,8 @@ def test_a_pair_by_hand_and_by_scipy() -> None:
     assert found.p == pytest.approx(scipy.stats.wilcoxon(a, b).pvalue)
     assert found.effect == np.mean(a < b)
     assert paired(a, b, better="more").effect == np.mean(a > b)
+    low, high = difference_interval(int((a < b).sum()), int((a > b).sum()), 40)
+    assert (found.effect_low, found.effect_high) == pytest.approx(((1 + low) / 2, (1 + high) / 2))
     ratio = paired(a, b, "log-ratio")
     assert ratio.median == pytest.approx(np.median(np.log(a / b)))
     assert ratio.p == pytest.approx(scipy.stats.wilcoxon(np.log(a / b)).pvalue)
