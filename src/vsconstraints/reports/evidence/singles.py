@@ -41,7 +41,8 @@ def _single(material: Material, family: str) -> str:
     condition, scene = material.conditions[0], telling(material, family)
     if scene is None:
         return ""
-    laws = standing(material, condition, families=[family]).laws[:MOST]
+    best = standing(material, condition, families=[family]).laws[:MOST]
+    laws = [law for law in material.laws if law in best]  # in this order they have the colours of other figures
     own: Any = material.paired(condition, "success", [family]).astype(bool).loc[(family, scene)]
     try:
         setup = setup_of(material.evidence, family, scene, condition)
