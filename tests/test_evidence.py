@@ -118,11 +118,15 @@ def test_every_scene_has_every_run_once_in_order(whole: tuple[Campaign, Path]) -
     assert evidence.runs["compiled"].dtype == bool
 
 
-def test_setups_that_are_shared_change_nothing(tmp_path: Path) -> None:
-    """Every law of the default comparison, after all others and on a setup of its own."""
-    small = campaign(tmp_path)
+@pytest.mark.parametrize("condition", ["limited", "noisy"])
+def test_setups_that_are_shared_change_nothing(condition: str, tmp_path: Path) -> None:
+    """Every law of the default comparison, after all others and on a setup of its own: noise is the same for all."""
+    campaign(tmp_path)
+    noisy = "[conditions.noisy.disturbances]\npixel_noise = 0.5\ndelay = 1\n"
+    (tmp_path / "quick.toml").write_text((tmp_path / "quick.toml").read_text() + noisy)
+    small = Campaign.load(tmp_path / "small.toml")
     shared = replace(small, controllers=(*Campaign.load().controllers, ControllerSpec("again", "sliding-mode")))
-    task = replace(next(iter(Work(shared).tasks().values())), scenes=(0,), conditions=("limited",))
+    task = replace(next(iter(Work(shared).tasks().values())), scenes=(0,), conditions=(condition,))
     together = scored(task).runs.drop_columns(list(TIMING)).to_pylist()
     baseline, *_ = task.controllers
     for entry, line in zip(task.controllers, together, strict=True):
@@ -151,15 +155,20 @@ def test_shards_are_read_by_all_three(whole: tuple[Campaign, Path], reader: str)
     assert found == expected
 
 
-def test_shards_merged_and_processes_give_the_same(whole: tuple[Campaign, Path], tmp_path: Path) -> None:
+def test_shards_merged_and_processes_give_the_same(
+    whole: tuple[Campaign, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     small, out = whole
     for i in (1, 2, 3):
         collect(small, tmp_path / str(i), replace(HERE, shard=Shard(i, 3)))
     merged = merge(tmp_path / "merged", [tmp_path / "3", tmp_path / "1", tmp_path / "2"])
     assert (merged.scenes, merged.runs) == (6, 36)
     assert_same(tables(out), tables(tmp_path / "merged"))
-    # scenes that are there twice, but the same, count once
-    merge(tmp_path / "twice", [tmp_path / "merged", tmp_path / "2", out])
+    # scenes that are there twice, but the same, count once, however they are split
+    monkeypatch.setattr("vsconstraints.evidence.task.LEAST_TASKS", 2)
+    collect(small, tmp_path / "large", HERE)
+    assert len(folders.shard_names(tmp_path / "large")) == 2
+    merge(tmp_path / "twice", [tmp_path / "2", tmp_path / "large", out])
     assert_same(tables(out), tables(tmp_path / "twice"))
     collect(small, tmp_path / "pool", Plan(workers=processes(1)))
     assert_same(tables(out), tables(tmp_path / "pool"))
@@ -290,6 +299,26 @@ def test_a_scene_that_kills_is_found_and_others_are_kept(whole: tuple[Campaign, 
     assert (found["runs"][dead]["status"] == "failed").all()
     pd.testing.assert_frame_equal(expected["runs"][~dead], found["runs"][~dead])
     pd.testing.assert_frame_equal(expected["scenes"], found["scenes"])
+
+
+def test_noise_is_another_one_in_every_scene(tmp_path: Path) -> None:
+    campaign(tmp_path)
+    noisy = "q0 = [-0.72, -1.744, 1.074]\n[conditions.noisy.disturbances]\npixel_noise = 0.5\n"
+    (tmp_path / "quick.toml").write_text(f'extends = "example-2d-fast"\nduration = 0.8\n{noisy}')
+    collect(Campaign.load(tmp_path / "small.toml").select(scenes=2), tmp_path / "out", HERE)
+    runs = Evidence.load(tmp_path / "out").runs
+    variation = runs[runs["controller"] == "sliding-mode"].set_index(["condition", "scene"])["acceleration_variation"]
+    assert variation["nominal", 0] == variation["nominal", 1]
+    assert variation["noisy", 0] != variation["noisy", 1]
+
+
+def test_a_campaign_none_of_whose_scenes_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    small = campaign(tmp_path, scenes=2)
+    monkeypatch.setattr(worker, "drawn", lambda task, number: "ValueError: no")
+    finished = collect(small, tmp_path / "out", HERE)
+    assert (finished.progress.done, finished.progress.found, finished.progress.all_failed) == (2, 0, False)
+    evidence = Evidence.load(tmp_path / "out")
+    assert (len(evidence.runs), len(evidence.rows), evidence.scenes["found"].sum()) == (0, 0, 0)
 
 
 def test_a_scene_that_cannot_be_drawn_is_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
