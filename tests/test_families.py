@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
+from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from vsconstraints.cli import app
@@ -397,8 +398,11 @@ def test_look_at_puts_the_target_where_it_says() -> None:
         assert middle[2] == pytest.approx(values[f"{key}.distance"], abs=1e-8)
         pixels = setup.scene.camera.pixels(middle[:2] / middle[2])
         assert pixels == pytest.approx(values[f"{key}.image_px"], abs=1e-5)
-        # the optical axis is tilted against straight down
-        assert math.acos(-camera.R[2, 2]) == pytest.approx(values[f"{key}.tilt"], abs=1e-6)
+        # straight down and rolled, then tilted away to where the azimuth points
+        tilt, azimuth, roll = (values[f"{key}.{angle}"] for angle in ("tilt", "azimuth", "roll"))
+        tilting = Rotation.from_rotvec(tilt * np.array([-math.sin(azimuth), math.cos(azimuth), 0.0]))
+        wanted = tilting * Rotation.from_euler("x", math.pi) * Rotation.from_euler("z", roll)
+        assert np.allclose(camera.R, wanted.as_matrix(), atol=1e-7)
 
 
 @pytest.mark.parametrize("name", sorted(READY_MADE))
