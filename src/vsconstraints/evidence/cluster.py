@@ -84,7 +84,7 @@ class _Cluster:
 
     def __init__(self, client: Any, address: str, session: Session, function: Callable[..., Any]) -> None:
         self._client, self._address, self._session, self._function = client, address, session, function
-        self._seen = time.monotonic()
+        self._seen = 0.0
 
     def run(
         self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None, *, again: bool = True
@@ -92,6 +92,7 @@ class _Cluster:
         waiting, limits = deque(calls), limits or {}
         under_way: dict[Any, Key] = {}
         done: SimpleQueue[Any] = SimpleQueue()
+        self._seen = time.monotonic()
         try:
             while waiting or under_way:
                 room = PER_THREAD * self._threads() - len(under_way)
