@@ -275,8 +275,11 @@ def test_costs_of_zero_are_shifted_as_said() -> None:
     assert found.ratios == pytest.approx(np.array([[1.0, 2.0], [1.0, math.inf], [3.0, 1.0]]))
     assert profile([[0.0, 0.0, 0.0, 4.0]]).ratios[0] == pytest.approx([1, 1, 1, 5])
     assert profile([[0.0, 0.0]]).ratios[0] == pytest.approx([1, 1])
+    assert profile([[0.0, 0.0]]).shift == 1.0
     with pytest.raises(InvalidInput, match="positive costs: the least is -3, and 1 is added"):
         profile([[-3.0, 1.0]], shift=1.0)
+    with pytest.raises(InvalidInput, match="positive costs: the least is -3, and 3 is added"):
+        profile([[-3.0, 1.0]], shift=3.0)
 
 
 def test_ranks_as_demsar_2006() -> None:
