@@ -22,9 +22,12 @@ from vsconstraints.reports.drawing import Drawn, ScenarioJob
 from vsconstraints.reports.figures import FIGURES
 from vsconstraints.reports.figures.endings import told, worth
 from vsconstraints.reports.figures.heat_map import HeatMap
-from vsconstraints.reports.markdown import PAGE, tables
+from vsconstraints.reports.markdown import tables
 from vsconstraints.reports.results import Results
 from vsconstraints.reports.telling import MOST_FIGURES, TELLING, telling
+
+PAGE = 1012
+"""Width of a page on GitHub [px]."""
 
 LAWS = list(tomllib.loads((ROOT / "comparisons" / "laws.toml").read_text(encoding="utf-8"))["controllers"])
 SCENARIOS = (

@@ -318,13 +318,16 @@ MORE = ("converged inside", "utilization [%]", "median utilization [%]")
 @given(st.data())
 def test_no_bold_value_is_worse_than_another_of_its_column(tmp_path_factory: Any, data: Any) -> None:
     numbers = st.sampled_from([0.0, 0.5, 1.0, 2.0, 1e5, math.nan])
-    names = ("utilization", "violation_depth", "phi_band", "sliding_lost_s", "jerk_rms", "acceleration_variation")
+    names = ("utilization", "phi_band", "jerk_rms", "acceleration_variation", "settling_time_s")
+    # mostly runs that are compared: where hardly any are, hardly any is bold
+    mostly_none = st.sampled_from([0.0, 0.0, 0.0, 0.0, 0.5])
     lines = [
         result(
             controller,
             scenario,
             status=data.draw(st.sampled_from(["converged", "converged", "trapped", "failed", "unfinished"])),
             **{name: data.draw(numbers) for name in names},
+            **{name: data.draw(mostly_none) for name in ("violation_depth", "sliding_lost_s")},
         )
         for scenario in ("one", "two")
         for controller in ("tracking", "a", "b", "c")
@@ -351,6 +354,19 @@ def test_no_bold_value_is_worse_than_another_of_its_column(tmp_path_factory: Any
                 assert len(set(others)) > 1, (name, line)
             if line.get("controller") == "tracking" or line.get("status", "converged") != "converged":
                 assert not any("**" in cell for cell in line.values())
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from([0.0, 1.0, 1.0001, 2.0, 1e5, math.nan]), st.booleans()), min_size=1, max_size=6),
+    st.sampled_from(["less", "more"]),
+)
+def test_bold_is_beaten_by_nothing_and_beats_something(given: list[tuple[float, bool]], better: Any) -> None:
+    texts = marked([Cell.of([v]) for v, _ in given], [may for _, may in given], better)
+    values = [value(text) for text in texts if text != "–"]
+    for text, (v, may) in zip(texts, given, strict=True):
+        assert text.startswith("(") == (not may and math.isfinite(v))
+        best = value(text) == (min if better == "less" else max)(values, default=math.nan) and len(set(values)) > 1
+        assert text.startswith("**") == (may and best)
 
 
 @pytest.mark.parametrize(
