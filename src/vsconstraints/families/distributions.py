@@ -30,10 +30,11 @@ class Distribution(ABC):
         """A value of Python's own, as files hold it."""
 
 
-class _TwoNumbers(Distribution):
+class TwoNumbers(Distribution):
     """Two numbers, or two arrays, of one shape after broadcasting."""
 
     words: ClassVar[str]
+    """What the two are, for messages."""
 
     def __init__(self, value: object, where: str) -> None:
         self.where = f"{where}: {self.name}"
@@ -60,7 +61,7 @@ class _TwoNumbers(Distribution):
         return [self.first.tolist(), self.second.tolist()]
 
 
-class Uniform(_TwoNumbers):
+class Uniform(TwoNumbers):
     """Every number between two is as likely."""
 
     name, words = "uniform", "least, greatest"
@@ -74,7 +75,7 @@ class Uniform(_TwoNumbers):
         return np.asarray(random.uniform(self.first, self.second)).tolist()
 
 
-class LogUniform(_TwoNumbers):
+class LogUniform(TwoNumbers):
     """Every order of magnitude between two is as likely."""
 
     name, words = "log-uniform", "least, greatest"
@@ -90,7 +91,7 @@ class LogUniform(_TwoNumbers):
         return np.clip(drawn, self.first, self.second).tolist()
 
 
-class Gaussian(_TwoNumbers):
+class Gaussian(TwoNumbers):
     """The normal distribution; called by its other name since half-spaces have normals."""
 
     name, words = "gaussian", "mean, standard deviation"
@@ -104,7 +105,7 @@ class Gaussian(_TwoNumbers):
         return np.asarray(random.normal(self.first, self.second)).tolist()
 
 
-class Integer(_TwoNumbers):
+class Integer(TwoNumbers):
     """Every integer between two, both included, is as likely."""
 
     name, words = "integer", "least, greatest"
