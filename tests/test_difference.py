@@ -66,10 +66,11 @@ def answer(*arguments: object) -> tuple[int, str]:
 
 
 def test_the_same_is_not_different(tmp_path: Path) -> None:
-    a = Made().stored(tmp_path / "a")
+    # a value that exists in neither is the same
+    a = Made().set("two", [4], settling_time_s=math.nan).stored(tmp_path / "a")
     # times differ always
     slower = dict.fromkeys(TIMING_COLUMNS, 100.0)
-    b = Made().set("one", range(12), **slower).stored(tmp_path / "b")
+    b = Made().set("one", range(12), **slower).set("two", [4], settling_time_s=math.nan).stored(tmp_path / "b")
     found = difference(a, b)
     assert not found.worse
     assert not found.found
