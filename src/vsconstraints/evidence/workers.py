@@ -20,6 +20,8 @@ class Workers(Protocol):
     ) -> Iterator[tuple[Key, Any]]:
         """Answers as they come, with their keys.
 
+        That of a call that has no other is a :class:`vsconstraints.runs.pool.Failure` with its reason.
+
         Parameters
         ----------
         calls
@@ -28,11 +30,6 @@ class Workers(Protocol):
             How long a call may take [s]; as long as it likes if it is not there.
         again
             Whether a call whose process died is made once more.
-
-        Returns
-        -------
-        iterator of (key, answer)
-            A :class:`vsconstraints.runs.pool.Failure` with its reason is the answer of a call that has no other.
         """
 
 
