@@ -334,6 +334,8 @@ def test_what_tuning_gains_is_told_law_by_law() -> None:
     assert sentence is not None
     assert sentence.numbers["difference[a]"] == 0.75
     assert sentence.numbers["difference[b]"] == -0.75
+    assert sentence.numbers["low[b]"] == pytest.approx(-sentence.numbers["high[a]"])
+    assert sentence.numbers["high[b]"] == pytest.approx(-sentence.numbers["low[a]"])
     assert "succeed more often: a by 75 %" in sentence.text
     assert "succeed less often: b by 75 % (47–89 %)" in sentence.text
     assert "not distinguishable from the settings it comes with: c (20 held-out scenes)" in sentence.text
