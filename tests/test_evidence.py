@@ -22,11 +22,11 @@ from vsconstraints.evidence import (
     KEYS,
     TABLES,
     TIMING,
+    Batch,
     Campaign,
     Evidence,
     Plan,
     Shard,
-    Task,
     collect,
     merge,
     processes,
@@ -43,7 +43,7 @@ from vsconstraints.simulation import simulate
 class Here:
     """Workers that are this process; those of ``mourned`` tasks die, as often as they are asked."""
 
-    def __init__(self, function: Callable[..., Any], mourned: Callable[[Task], bool] = lambda task: False) -> None:
+    def __init__(self, function: Callable[..., Any], mourned: Callable[[Batch], bool] = lambda task: False) -> None:
         self.function, self.mourned = function, mourned
 
     def run(
@@ -281,7 +281,7 @@ def test_a_scene_that_kills_is_found_and_others_are_kept(whole: tuple[Campaign, 
     """Whoever is asked for scene 4 with a law dies: of a batch, that run alone fails."""
     small, out = whole
 
-    def mourned(task: Task) -> bool:
+    def mourned(task: Batch) -> bool:
         return 4 in task.scenes and (
             (task.single is None and bool(task.conditions))
             or (task.single is not None and task.single.controller == "sliding-mode")
@@ -324,7 +324,7 @@ def test_a_campaign_none_of_whose_scenes_is_found(tmp_path: Path, monkeypatch: p
 def test_a_scene_that_cannot_be_drawn_is_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small = campaign(tmp_path, scenes=2)
 
-    def drawn(task: Task, number: int) -> Any:
+    def drawn(task: Batch, number: int) -> Any:
         return "ValueError: no" if number else task.family.scene(number, task.half, task.seed)
 
     monkeypatch.setattr(worker, "drawn", drawn)

@@ -15,7 +15,7 @@ from documents import DOCS, blocks
 from made_evidence import drawn_runs, frame, made, run
 from vsconstraints.comparisons.metrics import score
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.evidence import Campaign, Task, scored
+from vsconstraints.evidence import Batch, Campaign, scored
 from vsconstraints.families import Family
 from vsconstraints.figures import looks
 from vsconstraints.reports.evidence import replay
@@ -238,7 +238,7 @@ def test_a_tuned_law_looks_like_the_law_that_it_was_tuned_from() -> None:
 def test_a_run_made_again_is_the_run_that_was_scored(tmp_path: Path) -> None:
     entries = (ControllerSpec("tracking"), ControllerSpec("qp", "hierarchical-qp", {"alpha": 5.0}))
     campaign = Campaign("c", "", "", (Family.load("planar-arm"),), entries, ("disturbed",), scenes=3)
-    task = Task(campaign.families[0], (2,), ("disturbed",), entries, campaign.half, campaign.seed)
+    task = Batch(campaign.families[0], (2,), ("disturbed",), entries, campaign.half, campaign.seed)
     lines = scored(task).runs.to_pylist()
     (tmp_path / "manifest.json").write_text(json.dumps({"configuration": campaign.resolved()}))
     record = replay(tmp_path, "planar-arm", 2, "disturbed", "qp")

@@ -6,7 +6,7 @@ from .merge import Merged, merge
 from .progress import Finished, Progress
 from .runner import Plan, collect
 from .stored import Evidence
-from .task import Shard, Task
+from .task import Batch, Shard
 from .trajectories import Keep, RunKey
 from .worker import Part, scored
 from .workers import OpenWorkers, Workers, processes
@@ -18,6 +18,7 @@ __all__ = [
     "SCENES",
     "TABLES",
     "TIMING",
+    "Batch",
     "Campaign",
     "Column",
     "Evidence",
@@ -30,7 +31,6 @@ __all__ = [
     "Progress",
     "RunKey",
     "Shard",
-    "Task",
     "Workers",
     "collect",
     "merge",

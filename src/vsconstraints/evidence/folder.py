@@ -17,7 +17,7 @@ from . import parquet
 from .campaign import Campaign
 from .columns import TABLES
 from .identity import Identity, differences, in_words
-from .task import Task
+from .task import Batch
 from .worker import Part
 
 MARK = "runs"
@@ -72,7 +72,7 @@ def shard_file(folder: Path, table: str, name: str) -> Path:
     return folder / table / f"{name}.parquet"
 
 
-def write_shard(folder: Path, task: Task, part: Part, identity: Identity) -> None:
+def write_shard(folder: Path, task: Batch, part: Part, identity: Identity) -> None:
     """Write a task's tables; raises OSError."""
     facts = Facts(task.family.name, task.scenes, identity, machine(), part.runs.num_rows, part.seconds)
     write_parts(folder, task.name, {name: getattr(part, name) for name in TABLES}, facts)

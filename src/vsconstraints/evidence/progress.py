@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..runs.spec import BASELINE
-from .task import Task
+from .task import Batch
 from .worker import Part
 
 
@@ -48,7 +48,7 @@ class Progress:
     reasons: dict[Kind, str] = field(default_factory=dict)
     seconds: float = 0.0
 
-    def add(self, task: Task, part: Part) -> None:
+    def add(self, task: Batch, part: Part) -> None:
         """Count what a task came to."""
         self.done += len(task.scenes)
         self.found += sum(part.scenes["found"].to_pylist())

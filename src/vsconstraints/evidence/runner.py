@@ -19,7 +19,7 @@ from .campaign import Campaign
 from .folder import clear, manifest_of, storing, what_is_there, write_manifest, write_shard
 from .pieces import by_pieces
 from .progress import Finished, Progress
-from .task import Shard, Task, Work
+from .task import Batch, Shard, Work
 from .trajectories import Keep, demand_keep, keep_trajectories
 from .worker import Part, scored
 from .workers import OpenWorkers, Workers, processes
@@ -139,14 +139,14 @@ class _Store:
         self._identities = campaign.identities()
         self._folder, self._progress, self._on_progress = folder, progress, on_progress
 
-    def __call__(self, task: Task, part: Part) -> None:
+    def __call__(self, task: Batch, part: Part) -> None:
         with storing(self._folder):
             write_shard(self._folder, task, part, self._identities[task.family.name])
         self._progress.add(task, part)
         self._on_progress(self._progress)
 
 
-def _carry_out(tasks: Mapping[str, Task], workers: Workers, store: Callable[[Task, Part], None]) -> None:
+def _carry_out(tasks: Mapping[str, Batch], workers: Workers, store: Callable[[Batch, Part], None]) -> None:
     """Store what every task comes to; one that no worker survives is made again by pieces when all others are done."""
     broken = []
     for name, answer in workers.run({name: (task,) for name, task in tasks.items()}, again=False):

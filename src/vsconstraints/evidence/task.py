@@ -29,7 +29,7 @@ class Single:
 
 
 @dataclass(frozen=True)
-class Task:
+class Batch:
     """What a worker is given: all that it needs, so that it can be sent anywhere.
 
     Attributes
@@ -63,12 +63,12 @@ class Task:
         """Of its shard: family, first and last scene."""
         return f"part-{self.family.name}-{self.scenes[0]:07d}-{self.scenes[-1]:07d}"
 
-    def each(self) -> Iterator[Task]:
+    def each(self) -> Iterator[Batch]:
         """One task for each scene."""
         for number in self.scenes:
             yield replace(self, scenes=(number,))
 
-    def singles(self) -> Iterator[Task]:
+    def singles(self) -> Iterator[Batch]:
         """One task for each run, the last one for what is to be said of the scenes without any."""
         for condition in self.conditions:
             for entry in self.controllers:
@@ -110,7 +110,7 @@ class Work:
     shard
         Which of them.
     limit
-        See :class:`Task`; by the number of samples of a run if None.
+        See :class:`Batch`; by the number of samples of a run if None.
     there
         Numbers of the scenes that are done already, by family.
     """
@@ -120,20 +120,20 @@ class Work:
     limit: float | None = None
     there: Mapping[str, set[int]] = field(default_factory=dict)
 
-    def tasks(self) -> dict[str, Task]:
+    def tasks(self) -> dict[str, Batch]:
         """Tasks by their names, families in turn, so that a family of slow scenes is not left for the end."""
         each = [self._of_family(family) for family in self.campaign.families]
         longest = max(map(len, each), default=0)
         in_turn = [tasks[i] for i in range(longest) for tasks in each if i < len(tasks)]
         return {task.name: task for task in in_turn}
 
-    def task(self, family: Family, scenes: Sequence[int]) -> Task:
+    def task(self, family: Family, scenes: Sequence[int]) -> Batch:
         """The task of these scenes of a family."""
         campaign, limit = self.campaign, self.limit or run_limit(family.tables)
         conditions = campaign.conditions_of(family)
-        return Task(family, tuple(scenes), conditions, campaign.controllers, campaign.half, campaign.seed, limit)
+        return Batch(family, tuple(scenes), conditions, campaign.controllers, campaign.half, campaign.seed, limit)
 
-    def _of_family(self, family: Family) -> list[Task]:
+    def _of_family(self, family: Family) -> list[Batch]:
         scenes = self.shard.scenes(self.campaign.scenes)
         runs = len(self.campaign.conditions_of(family)) * len(self.campaign.controllers)
         size = max(1, min(RUNS_OF_TASK // runs, ceil(len(scenes) / LEAST_TASKS)))

@@ -13,7 +13,7 @@ from ..runs.pool import Failure
 from .columns import RUNS
 from .folder import MARK, TRAJECTORIES, shard_file, shard_names
 from .parquet import read
-from .task import Task, Work
+from .task import Batch, Work
 from .worker import Bench, drawn
 from .workers import OpenWorkers
 
@@ -97,7 +97,7 @@ def keep_trajectories(folder: Path, keep: Keep, work: Work, workers: OpenWorkers
     return kept
 
 
-def made(task: Task, keys: tuple[RunKey, ...]) -> dict[RunKey, RunRecord]:
+def made(task: Batch, keys: tuple[RunKey, ...]) -> dict[RunKey, RunRecord]:
     """Make runs of one scene again: what workers do."""
     found: dict[RunKey, RunRecord] = {}
     entries = {entry.name: entry for entry in task.controllers}

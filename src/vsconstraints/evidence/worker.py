@@ -20,7 +20,7 @@ from ..runs.spec import BASELINE, ControllerSpec
 from ..simulation import Setup, simulate
 from . import parquet
 from .columns import TABLES
-from .task import Task
+from .task import Batch
 
 Line = dict[str, Any]
 """Values by columns."""
@@ -67,7 +67,7 @@ class _Lines(NamedTuple):
         )
 
 
-def scored(task: Task) -> Part:
+def scored(task: Batch) -> Part:
     """Draw the scenes of a task, run every controller on each in every condition, and score the runs.
 
     All controllers see the same scene with the same disturbances and noise. A run that fails in any way becomes a line
@@ -89,7 +89,7 @@ def scored(task: Task) -> Part:
     return lines.part(time.perf_counter() - begun)
 
 
-def failed(task: Task, reason: str) -> Part:
+def failed(task: Batch, reason: str) -> Part:
     """What is left of a task of one scene, and of one run if that is what it asks for, that no process survives."""
     lines, (number,) = _Lines([], [], []), task.scenes
     if task.single is None:
@@ -100,7 +100,7 @@ def failed(task: Task, reason: str) -> Part:
     return lines.part(0.0)
 
 
-def drawn(task: Task, number: int) -> Drawn | str:
+def drawn(task: Batch, number: int) -> Drawn | str:
     """A scene; or why drawing it raised something, which only own parts do."""
     try:
         with chdir("."), beside(task.family.folder):
@@ -109,7 +109,7 @@ def drawn(task: Task, number: int) -> Drawn | str:
         return described(error)
 
 
-def keys_of(task: Task, number: int, condition: str, controller: str) -> Line:
+def keys_of(task: Batch, number: int, condition: str, controller: str) -> Line:
     """Which run it is."""
     return {
         "family": task.family.name,
@@ -120,7 +120,7 @@ def keys_of(task: Task, number: int, condition: str, controller: str) -> Line:
     }
 
 
-def _of_scene(task: Task, number: int, scene: Drawn | str) -> Line:
+def _of_scene(task: Batch, number: int, scene: Drawn | str) -> Line:
     line = {"family": task.family.name, "half": task.half, "scene": number}
     if isinstance(scene, str):
         empty = {"found": False, "attempts": 1, "challenged": "", "share_to_hold": float("nan"), "values": "{}"}
@@ -145,7 +145,7 @@ def _worth_keeping(row: Line) -> bool:
     return bool(row["challenged"] or left or row["active_time_s"] > 0.0)
 
 
-def _scores(task: Task, scene: Drawn, condition: str, deadline: Deadline) -> Iterator[tuple[ControllerSpec, Score]]:
+def _scores(task: Batch, scene: Drawn, condition: str, deadline: Deadline) -> Iterator[tuple[ControllerSpec, Score]]:
     """Each controller's score, held against tracking alone, which is the first of them."""
     bench, baseline = Bench(scene, condition), None
     for entry in task.controllers:

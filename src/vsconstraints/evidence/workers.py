@@ -18,9 +18,9 @@ class Workers(Protocol):
     def run(
         self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None, *, again: bool = True
     ) -> Iterator[tuple[Key, Any]]:
-        """Answers as they come, with their keys.
+        """Answers as they come, each with the key of its call.
 
-        That of a call that has no other is a :class:`vsconstraints.runs.pool.Failure` with its reason.
+        A :class:`vsconstraints.runs.pool.Failure` with its reason is the answer of a call that has no other.
 
         Parameters
         ----------
