@@ -311,7 +311,9 @@ def test_ranks_where_nothing_differs(scenes: int, laws: int) -> None:
     assert found.p == 1.0
     assert np.all(found.means == (laws + 1) / 2)
     assert found.groups == ((tuple(range(laws)),) if laws > 1 else ())
-    assert not np.isnan(found.p_values).any()
+    assert np.array_equal(found.p_values, np.ones((laws, laws)))
+    assert found.n == scenes
+    assert (found.critical_difference == 0.0) == (laws == 1)
 
 
 def test_the_rule_of_verdicts() -> None:
