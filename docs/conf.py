@@ -78,6 +78,7 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.runs.pool.Key"),
     ("py:class", "vsconstraints.formulas.F"),
     ("py:class", "vsconstraints.renamed.Made"),
+    ("py:class", "vsconstraints.controllers.named.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
     ("py:class", "LawArrays"),  # of vsconstraints.kernels, as above
 ]

@@ -67,7 +67,7 @@ class GoalGovernor(Controller):
     horizon
         How long a response is predicted before it comes to rest [s]; None for four time constants of the tracking law.
     demand, resolver, options
-        Of the law underneath, as of :class:`.Pair`; tracking if not given.
+        Of the law underneath, as of :class:`vsconstraints.controllers.named.Pair`; tracking if not given.
 
     Attributes
     ----------

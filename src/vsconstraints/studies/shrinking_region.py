@@ -104,7 +104,7 @@ class ShrinkingRegion(Study):
         return points, numbers, sentences
 
     def figure(self, result: StudyResult) -> Sheet:
-        """One column per scenario; rows as in :data:`ROWS`."""
+        """One column per scenario; rows as in ``ROWS``."""
         sheet = Sheet(left=0.95)
         names = [potential_field(blend).name for blend in BLENDS]
         sheet.legend([*controller_entries(names), line("sliding-mode", **REFERENCE)])

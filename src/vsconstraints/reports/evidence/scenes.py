@@ -30,11 +30,11 @@ def scenes(material: Material) -> str:
         missing = int((~own["found"].astype(bool)).sum())
         if missing:
             facts.append(f"{plain(family)}: {count(missing, 'scene')} was not found, every attempt was rejected.")
-    header = ["family", "scenes", "attempts", "rejected, in % of the attempts", "none could hold [%]"]
+    header = ["family", "scenes", "attempts", "rejected, in % of the attempts", "beyond limits [%]"]
     text = (
-        "A scene is drawn until an attempt is physically possible and tracking alone leaves a row. *None could hold*: "
-        "scenes in which, from where tracking alone first comes to a boundary, holding a row takes more than all that "
-        f"the actuators' limits allow, of those in which that is known; {DASH} without limits."
+        "A scene is drawn until an attempt is physically possible and tracking alone leaves a row. *Beyond limits*: "
+        "scenes in which no law could hold a row from where tracking alone first comes to its boundary, since that "
+        f"takes more than all that the actuators' limits allow; a law that brakes before can. {DASH} without limits."
     )
     parts = ["## Scenes", table(header, lines), text, bullets(facts), _challenged(material)]
     return "\n\n".join(part for part in parts if part)
