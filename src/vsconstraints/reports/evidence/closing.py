@@ -40,8 +40,8 @@ LIMITATIONS = (
     "Laws have the settings that they come with, but for those that are called tuned. Another setting can change the "
     "order.",
     "Times are those of this machine with other runs beside it.",
-    "Of no scene it is known that no law can hold it: what is told is whether one could from where tracking alone meets "
-    "the boundary.",
+    "Of no scene it is known that no law can hold it: what is told is whether one could from where tracking alone "
+    "meets the boundary.",
 )
 
 
