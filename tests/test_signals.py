@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from processes import MAIN, left_over, marked, needs_proc
-from vsconstraints import cli
+from vsconstraints.commands.terminal import note_processes
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.runs import resources
 from vsconstraints.studies import RunSummary, run_studies
@@ -175,8 +175,8 @@ def test_more_processes_than_make_sense_are_not_used_and_that_is_said(
 ) -> None:
     monkeypatch.setattr(resources, "cores", lambda: 4)
     monkeypatch.setattr(resources, "available_memory", lambda: 64e9)
-    cli._note_processes(64)
+    note_processes(64)
     assert capsys.readouterr().err == "note: --jobs 64: there are cores and memory for 4; 4 used\n"
-    cli._note_processes(4)
-    cli._note_processes(None)
+    note_processes(4)
+    note_processes(None)
     assert capsys.readouterr().err == ""
