@@ -14,11 +14,12 @@ from pathlib import Path
 import pytest
 
 from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.comparisons.folder import LOCK, demand_nothing_lost, held
+from vsconstraints.comparisons.folder import demand_nothing_lost
 from vsconstraints.comparisons.metrics import RESULT_COLUMNS
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report
+from vsconstraints.runs.folder import LOCK, Kind, held
 
 ROOT = Path(__file__).parent.parent
 MAIN = [sys.executable, "-W", "error", "-c", "from vsconstraints.cli import main; main()"]
@@ -62,16 +63,45 @@ def test_a_folder_with_something_else_is_refused_untouched(
 
 
 def test_an_empty_folder_and_one_of_a_comparison_are_taken(tmp_path: Path) -> None:
-    with held(tmp_path), held(tmp_path):
+    with held(tmp_path, "a comparison"), held(tmp_path, "a comparison"):
         assert (tmp_path / LOCK).is_file()
     # whatever else is damaged
     (tmp_path / "manifest.json").write_bytes(b"")
-    with held(tmp_path):
+    with held(tmp_path, "a comparison"):
         pass
     (tmp_path / LOCK).unlink()
     (tmp_path / "manifest.json").write_text('{"configuration": {}}')
-    with held(tmp_path):
+    with held(tmp_path, "a comparison"):
         pass
+
+
+MANIFESTS: dict[Kind, str] = {
+    "a comparison": '{"configuration": {"scenarios": {}}}',
+    "evidence": '{"configuration": {"families": {}}}',
+    "a tuning": '{"tuning": {}, "campaign": {}}',
+}
+
+
+@pytest.mark.parametrize("mine", MANIFESTS)
+@pytest.mark.parametrize("theirs", MANIFESTS)
+def test_results_of_another_kind_are_never_taken(mine: Kind, theirs: Kind, tmp_path: Path) -> None:
+    with held(tmp_path, theirs):
+        (tmp_path / "manifest.json").write_text(MANIFESTS[theirs])
+    if mine == theirs:
+        with held(tmp_path, mine):
+            pass
+    else:
+        with pytest.raises(ConfigurationError, match=f"holds {theirs}, not {mine}"), held(tmp_path, mine):
+            pass
+    assert (tmp_path / "manifest.json").read_text() == MANIFESTS[theirs]
+
+
+def test_not_even_by_a_fresh_comparison(tmp_path: Path) -> None:
+    for manifest in (MANIFESTS["evidence"], MANIFESTS["a tuning"]):
+        (tmp_path / "manifest.json").write_text(manifest)
+        with pytest.raises(ConfigurationError, match="not a comparison"):
+            compare(suite(), tmp_path, workers=1, fresh=True)
+        assert (tmp_path / "manifest.json").read_text() == manifest
 
 
 def kept(folder: Path, *suites: Suite) -> Path:
@@ -130,8 +160,8 @@ def test_fresh_replaces_another_comparison(tmp_path: Path) -> None:
 HOLD = """
 import sys, time
 from pathlib import Path
-from vsconstraints.comparisons.folder import held
-with held(Path(sys.argv[1])):
+from vsconstraints.runs.folder import held
+with held(Path(sys.argv[1]), "a comparison"):
     print("held", flush=True)
     time.sleep(300)
 """
@@ -152,7 +182,7 @@ def test_a_second_comparison_is_refused_with_the_process_that_holds_the_folder(
     holder: subprocess.Popen[str], tmp_path: Path
 ) -> None:
     for _ in range(2):
-        with pytest.raises(ConfigurationError, match=f"process {holder.pid} is storing a comparison in"):
+        with pytest.raises(ConfigurationError, match=f"process {holder.pid} is storing results in"):
             compare(suite(), tmp_path, workers=1)
     done = subprocess.run([*MAIN, "compare", "--out", str(tmp_path)], capture_output=True, text=True, timeout=120)
     assert done.returncode == 2, done.stderr
@@ -163,7 +193,7 @@ def test_a_second_comparison_is_refused_with_the_process_that_holds_the_folder(
 def test_a_lock_ends_with_its_process(holder: subprocess.Popen[str], tmp_path: Path) -> None:
     os.kill(holder.pid, signal.SIGKILL)
     holder.wait()
-    with held(tmp_path):
+    with held(tmp_path, "a comparison"):
         assert (tmp_path / LOCK).read_text() == f"{os.getpid()}\n"
 
 

@@ -306,7 +306,7 @@ def test_folders_of_something_else_are_refused(tmp_path: Path, run: Any) -> None
             run(another, tmp_path / "out")
     assert files(tmp_path / "out") == before
     (tmp_path / "out" / "manifest.json").write_text('{"configuration": {}}', "utf-8")
-    with pytest.raises(ConfigurationError, match="holds other results, not a tuning"):
+    with pytest.raises(ConfigurationError, match="holds a comparison, not a tuning"):
         run(Problem(own, Budget(2, 1)), tmp_path / "out")
 
 

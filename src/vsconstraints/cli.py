@@ -80,16 +80,16 @@ def compare(
     """Run every scenario with every controller, and write a report."""
     from .comparisons import RunSpec, Suite
     from .comparisons import compare as run
-    from .comparisons.folder import held
     from .comparisons.metrics import Score
     from .reports.failures import kind
+    from .runs.folder import held
 
     chosen = Suite.load(suite).select(scenario or (), controller or (), seed, settings or ())
     for remark in chosen.remarks():
         errors.print(f"note: {remark}")
     total = len(chosen.with_baseline().runs())
     note_processes(jobs)
-    context.with_resource(held(out))
+    context.with_resource(held(out, "a comparison"))
     failed: Counter[str] = Counter()
     with progress_bar() as progress:
         bar = progress.add_task("comparing", total=total)

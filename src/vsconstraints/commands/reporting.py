@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
@@ -22,19 +21,12 @@ def report(
     ] = None,
 ) -> None:
     """Write the report of a comparison, or of a campaign, again from what is stored."""
-    if holds_evidence(folder):
+    from ..runs.folder import kind_of
+
+    if kind_of(folder) == "evidence":
         console.print(f"Report: {evidence_report(folder, figures, tuning)}")
     else:
         console.print(f"Report: {comparison_report(folder, figures, all_figures)}")
-
-
-def holds_evidence(folder: Path) -> bool:
-    """Whether a folder is that of a campaign; asked without the packages that reading it takes."""
-    try:
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-        return "families" in manifest["configuration"]
-    except (OSError, ValueError, RecursionError, KeyError, TypeError):
-        return False
 
 
 def comparison_report(folder: Path, figures: bool, all_figures: bool) -> Path:

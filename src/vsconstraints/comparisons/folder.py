@@ -1,72 +1,15 @@
-"""A comparison's folder: held by one process at a time, and never taken from anything else that is stored there."""
+"""What a comparison would lose of one that is stored in its folder."""
 
 from __future__ import annotations
 
 import csv
-import fcntl
 import json
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError
+from ..runs.folder import manifest_of
 from .suite import Suite
-
-LOCK = ".vsconstraints-lock"
-"""File that names the process that holds the folder. It stays, and says that the folder is a comparison's."""
-
-_held: set[Path] = set()
-
-
-@contextmanager
-def held(folder: Path) -> Iterator[None]:
-    """Hold a folder, made if it is not there, so that no other process stores anything in it meanwhile.
-
-    A process may hold it more than once. The lock ends with the process, however that ends.
-
-    Raises
-    ------
-    ConfigurationError
-        if the folder cannot be made, holds something and no comparison, or another process holds it. Nothing in it has
-        been touched then.
-    """
-    path = folder.absolute()
-    if path in _held:
-        yield
-        return
-    try:
-        if path.is_dir() and any(path.iterdir()) and not _is_comparison(path):
-            raise ConfigurationError(
-                f"{path} holds something, and no comparison that could go on: give a folder that is empty or new"
-            )
-        path.mkdir(parents=True, exist_ok=True)
-        lock = (path / LOCK).open("a+", encoding="utf-8")
-    except (OSError, ValueError) as error:
-        if isinstance(error, ConfigurationError):
-            raise
-        raise ConfigurationError(f"results cannot be stored in {folder}: {error}") from error
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            lock.seek(0)
-            raise ConfigurationError(
-                f"process {lock.read().strip() or 'unknown'} is storing a comparison in {folder}: "
-                "wait until it ends, or give another folder"
-            ) from None
-        except OSError:
-            pass  # a file system without locks
-        with suppress(OSError):  # a full disk: whoever is refused is not told by whom
-            lock.truncate(0)
-            lock.write(f"{os.getpid()}\n")
-            lock.flush()
-        _held.add(path)
-        try:
-            yield
-        finally:
-            _held.discard(path)
 
 
 def demand_nothing_lost(folder: Path, suite: Suite) -> None:
@@ -75,9 +18,7 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
     Lost are finished runs that are no part of it, or have other settings in it. Runs that are made again since the
     code, the machine or a file has changed are not lost: the same is asked of them.
     """
-    if "families" in _dict(_manifest(folder).get("configuration")):
-        raise ConfigurationError(f"{folder} holds evidence, not a comparison: give another folder with --out")
-    earlier, now = _settings(_manifest(folder).get("configuration")), _settings(_plain(suite.resolved()))
+    earlier, now = _settings(manifest_of(folder).get("configuration")), _settings(_plain(suite.resolved()))
     planned = {(scenario, controller, str(trial)) for scenario, controller, trial in (run.key for run in suite.runs())}
     for scenario, controller, trial in _finished(folder):
         parts = ("seed", ""), ("scenario", scenario), ("controller", controller)
@@ -91,19 +32,6 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
             f"{folder} holds another comparison, which would be lost: {scenario} with {controller}, trial {trial}, "
             f"{why}. Give another folder with --out, or --fresh to replace what is there"
         )
-
-
-def _is_comparison(folder: Path) -> bool:
-    return (folder / LOCK).is_file() or "configuration" in _manifest(folder)
-
-
-def _manifest(folder: Path) -> dict[str, Any]:
-    """The manifest of a folder; empty if there is none that can be read."""
-    try:
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return _dict(manifest)
 
 
 def _settings(configuration: object) -> dict[tuple[str, str], Any]:

@@ -17,12 +17,13 @@ from ..errors import StorageError, described
 from ..kernels import prepare
 from ..provenance import Files, digests, imported, noted
 from ..runs.files import replaced
+from ..runs.folder import held
 from ..runs.machine import code_hash, git_commit, machine, package_versions
 from ..runs.pool import Failure, carry_out
 from ..runs.resources import run_limit
 from ..runs.signals import INTERRUPTS, signal_of
 from ..runs.spec import BASELINE, RunSpec
-from .folder import demand_nothing_lost, held
+from .folder import demand_nothing_lost
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, Score, score
 from .record import RunRecord, run_file, stored_run
 from .run import perform
@@ -111,7 +112,7 @@ def compare(
     StorageError
         if the tables cannot be written; what could be stored stays.
     """
-    with held(folder):
+    with held(folder, "a comparison"):
         started = time.perf_counter()
         prepare()
         suite, folder = suite.with_baseline(), folder.absolute()  # a law may change the working directory

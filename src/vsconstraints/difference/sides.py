@@ -11,6 +11,7 @@ from ..comparisons import StoredComparison
 from ..comparisons.metrics import RESULT_COLUMNS
 from ..errors import ConfigurationError, unknown_name
 from ..evidence import RUNS, SCENES, Evidence
+from ..runs.folder import kind_of
 from ..statistics import SCENE
 
 
@@ -64,7 +65,7 @@ class Side:
         ConfigurationError
             if it holds neither, or no such controller.
         """
-        side = _drawn(folder) if Evidence.is_in(folder) else _chosen(folder)
+        side = _drawn(folder) if kind_of(folder) == "evidence" else _chosen(folder)
         return _renamed(side, renamed or {})
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..errors import ConfigurationError, StorageError
 from ..runs.files import replaced
+from ..runs.folder import MANIFEST
 from ..runs.machine import machine
 from . import parquet
 from .campaign import Campaign
@@ -24,7 +25,6 @@ MARK = "runs"
 """The table that is written last: a shard is there when this part of it is."""
 
 TRAJECTORIES = "trajectories"
-MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,6 @@ def what_is_there(folder: Path, campaign: Campaign) -> There:
     ConfigurationError
         if the folder holds something else, or scenes that are no part of this campaign or were made otherwise.
     """
-    demand_no_comparison(folder)
     _remove_unfinished(folder)
     identities = campaign.identities()
     there = There()
@@ -119,12 +118,6 @@ def what_is_there(folder: Path, campaign: Campaign) -> There:
     if most > campaign.scenes:
         raise _another(folder, [f"it has scenes up to number {most - 1}: give --scenes {most} or more"])
     return there
-
-
-def demand_no_comparison(folder: Path) -> None:
-    """Raise ConfigurationError if a folder holds a comparison of a suite."""
-    if "scenarios" in manifest_of(folder).get("configuration", {}):
-        raise ConfigurationError(f"{folder} holds a comparison, not evidence: give another folder with --out")
 
 
 def _another(folder: Path, found: list[str]) -> ConfigurationError:
@@ -151,18 +144,8 @@ def _remove_unfinished(folder: Path) -> None:
 
 def clear(folder: Path) -> None:
     """Remove everything that a campaign left."""
-    demand_no_comparison(folder)
     for name in (*TABLES, TRAJECTORIES):
         shutil.rmtree(folder / name, ignore_errors=True)
-
-
-def manifest_of(folder: Path) -> dict[str, Any]:
-    """The manifest of a folder; empty if there is none that can be read."""
-    try:
-        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return manifest if isinstance(manifest, dict) else {}
 
 
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..comparisons.folder import held
 from ..errors import ConfigurationError
 from ..runs.files import replaced
+from ..runs.folder import held, manifest_of
 from . import parquet
 from .columns import TABLES, TIMING
 from .folder import (
@@ -19,7 +19,6 @@ from .folder import (
     TRAJECTORIES,
     Facts,
     clear,
-    manifest_of,
     shard_file,
     shard_names,
     storing,
@@ -85,7 +84,7 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
         raise ConfigurationError(f"{out} holds results of its own: give a folder that is empty or new")
     if out.resolve() in {folder.resolve() for folder in folders}:
         raise ConfigurationError(f"{out} is one of the folders that are to be merged: give another one to be written")
-    with held(out):
+    with held(out, "evidence"):
         clear(out)
         with storing(out):
             for source, scenes in once:

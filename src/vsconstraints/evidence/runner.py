@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..comparisons.folder import held
 from ..kernels import prepare
+from ..runs.folder import held, manifest_of
 from ..runs.machine import code_hash, git_commit, machine, package_versions
 from ..runs.pool import Failure
 from ..runs.signals import INTERRUPTS, signal_of
 from .campaign import Campaign
-from .folder import clear, manifest_of, storing, what_is_there, write_manifest, write_shard
+from .folder import clear, storing, what_is_there, write_manifest, write_shard
 from .pieces import by_pieces
 from .progress import Finished, Progress
 from .task import Batch, Shard, Work
@@ -88,7 +88,7 @@ def collect(
     """
     plan = plan or Plan()
     demand_keep(plan.keep)
-    with held(folder):
+    with held(folder, "evidence"):
         started = time.perf_counter()
         folder = folder.absolute()  # own parts may change the working directory
         if plan.fresh:

@@ -11,10 +11,11 @@ from typing import Any, get_args
 from ..comparisons.record import RunRecord
 from ..errors import ConfigurationError
 from ..families import SHIPPED, Drawn, Family
+from ..runs.folder import MANIFEST, kind_of, manifest_of
 from ..simulation.trajectory import Outcome
 from . import parquet
 from .columns import TABLES
-from .folder import MANIFEST, manifest_of, shard_file, shard_names
+from .folder import shard_file, shard_names
 from .trajectories import RunKey, trajectory_file
 
 
@@ -36,15 +37,9 @@ class Evidence:
     @classmethod
     def load(cls, folder: Path) -> Evidence:
         """Read a folder; raises ConfigurationError that says what is missing in it."""
-        manifest = manifest_of(folder)
-        if "families" not in manifest.get("configuration", {}):
+        if kind_of(folder) != "evidence":
             raise ConfigurationError(f"{folder} holds no evidence: {MANIFEST} is missing, or is not a campaign's")
-        return cls(folder, manifest)
-
-    @staticmethod
-    def is_in(folder: Path) -> bool:
-        """Whether a folder holds evidence."""
-        return "families" in manifest_of(folder).get("configuration", {})
+        return cls(folder, manifest_of(folder))
 
     @property
     def families(self) -> dict[str, Family]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..comparisons import StoredComparison
-from ..comparisons.folder import held
 from ..errors import StorageError
 from ..runs.files import replaced
+from ..runs.folder import held
 from .closing import closing
 from .drawing import Drawn, draw_all, draw_endings, draw_overview, remove_stale, scenario_jobs
 from .failures import failures
@@ -58,7 +58,7 @@ def write_report(
         if the report cannot be written.
     """
     results = Results(StoredComparison.load(folder))
-    with held(folder):
+    with held(folder, "a comparison"):
         try:
             chosen = results.scenarios if all_figures else telling(results)
             return _write(folder, results, chosen, on_drawn if figures else None)

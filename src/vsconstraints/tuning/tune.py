@@ -6,12 +6,12 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from ..comparisons.folder import held
 from ..errors import ConfigurationError
 from ..evidence.identity import differences, in_words, plain
 from ..extras import demand
 from ..kernels import prepare
 from ..runs.files import replaced
+from ..runs.folder import held
 from ..runs.machine import git_commit, machine
 from .evaluation import Evaluator, evaluating
 from .journal import Journal, setting_key
@@ -62,7 +62,7 @@ def tune(
         if evaluations cannot be written; what could be stays.
     """
     demand("tune")
-    with held(folder):
+    with held(folder, "a tuning"):
         prepare()
         _claim(folder, problem, command)
         stages = problem.stages(workers, lambda done, total: on_progress("drawing training scenes", done, total))
@@ -109,8 +109,6 @@ def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
         there = {}
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"{path} cannot be read: {error}") from error
-    if there and not (isinstance(there, dict) and "tuning" in there):
-        raise ConfigurationError(f"{folder} holds other results, not a tuning: give another folder with --out")
     if there and there["tuning"] != here:
         raise ConfigurationError(
             f"{folder} holds another tuning: {in_words(list(differences(there['tuning'], here)))}. Give another folder "
