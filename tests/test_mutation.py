@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,9 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from checks.mutation.mutants import edited, mutants_of, sampled  # noqa: E402
-from checks.mutation.targets import suffices  # noqa: E402
+from checks.mutation.targets import COMPILED, GROUPS, files_of, suffices  # noqa: E402
+
+LISTS = ("equivalent.toml", "named.toml")
 
 SOURCE = '''"""A docstring with 1 and 2."""
 
@@ -67,6 +70,7 @@ def test_loop():
 
 RUN = """
 import sys
+import tomllib
 from pathlib import Path
 from checks.mutation import run
 from checks.mutation.__main__ import suffices  # noqa: E402
@@ -151,3 +155,15 @@ def test_what_tests_notice(tree: Path) -> None:
     assert states["return abs(φ) - [1, 2][low]", "return abs(φ) - [1, 9][low]"] == ("killed", "test_loop")
     assert states["return abs(φ) - [1, 2][low]", "return abs(φ) - [0, 2][low]"] == ("killed", "test_shared")
     assert (tree / "src/module.py").read_text(encoding="utf-8") == SOURCE
+
+
+def test_what_is_listed_is_there() -> None:
+    """Every mutant that is called equivalent is one, and every named mistake can be made."""
+    files = [file for group in GROUPS for file in files_of(ROOT, group)]
+    every = {mutant.key for file in files for mutant in mutants_of(ROOT, file, COMPILED)}
+    lists = {name: tomllib.loads((ROOT / "checks/mutation" / name).read_text("utf-8"))["mutant"] for name in LISTS}
+    assert [
+        table for table in lists["equivalent.toml"] if (table["file"], table["old"], table["new"]) not in every
+    ] == []
+    for table in lists["named.toml"]:
+        edited(ROOT, **table)
