@@ -10,8 +10,9 @@ import pytest
 
 from scenes import acting
 from vsconstraints.comparisons import RunRecord, score
-from vsconstraints.comparisons.metrics import TIMING_COLUMNS
+from vsconstraints.comparisons.metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS
 from vsconstraints.controllers import Controller, SlidingMode, Tracking, make_controller
+from vsconstraints.reports.best import shown
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Trajectory, simulate
@@ -453,3 +454,15 @@ def test_every_law_is_timed_by_the_same_call(monkeypatch: pytest.MonkeyPatch) ->
     run = simulate(setup, SlidingMode(), by_public_call=True)
     assert len(calls) == len(run.t)
     np.testing.assert_allclose(run.qdd_command, usual.qdd_command, rtol=1e-9, atol=1e-9)
+
+
+def test_columns_stand_in_the_order_in_which_they_were_added() -> None:
+    added = [metric.added for metric in METRICS if metric.added]
+    assert len(set(added)) == len(added), "two columns were added at once: which comes first is chance"
+    assert RESULT_COLUMNS[-5:] == ("compiled", "within_band", "sliding_lost_s", "held_time_s", "saturated_time_s")
+
+
+def test_a_depth_is_stored_as_a_share_and_shown_in_per_cent() -> None:
+    (depth,) = (metric for metric in METRICS if metric.column == "violation_depth")
+    assert "[%" in depth.header
+    assert shown(depth, {"violation_depth": 0.25}) == 25.0
