@@ -10,8 +10,10 @@ import pytest
 
 from vsconstraints.controllers import Controller, SlidingMode
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.motion import Motion, TargetMotion
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
+from vsconstraints.scene import Scene
 from vsconstraints.simulation import simulate
 from vsconstraints.simulation.line_of_sight import LinesOfSight
 
@@ -84,6 +86,7 @@ def test_hidden_is_what_a_point_on_the_line_inside_a_link_says(shape: str, tmp_p
         # a cylinder's prism is 0.5 % wider
         if abs(depth) > 2e-3:
             assert ((1, "flag") in lines.hidden(q, 0.0)) == (depth > 0.0)
+            assert lines.near(q[None], np.zeros(1))[0] >= (depth > 0.0)
             seen += depth > 0.0
     assert 50 < seen < 150
 
@@ -128,6 +131,22 @@ def test_an_arm_does_not_hide_what_the_camera_on_its_hand_sees(name: str) -> Non
     there = Scenario.load(name).setup()
     assert LinesOfSight(there.scene).bodies
     assert there.check_start() == []
+
+
+@pytest.mark.parametrize("name", ["ur5-fov", "panda-fov"])
+def test_nothing_is_hidden_where_no_line_is_near_a_link(name: str) -> None:
+    """Against distances of solids one by one, at random configurations, before a target that moves and one at rest."""
+    there = Scenario.load(name).setup().scene
+    moving = TargetMotion(Motion((0.2, -0.1, 0.1)), np.zeros(3), np.zeros(3))
+    for motion in (None, moving):
+        scene = Scene(there.robot, there.camera, there.markers, (), motion)
+        lines, rng = LinesOfSight(scene), np.random.default_rng(2)
+        q, t = rng.uniform(-2.5, 2.5, (100, there.robot.n)), rng.uniform(0.0, 2.0, 100)
+        near = lines.near(q, t)
+        hidden = np.array([bool(lines.hidden(*one)) for one in zip(q, t, strict=True)])
+        assert (near >= hidden).all()
+        assert (near == hidden).mean() > 0.7
+        assert 20 < hidden.sum() < 80
 
 
 def test_a_dh_arm_has_no_links_to_hide_behind() -> None:

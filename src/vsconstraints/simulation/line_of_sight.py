@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from ..constraints import Body, link_bodies
 from ..errors import ConfigurationError
-from ..rows import Array
+from ..rows import Array, BoolArray
 from ..scene import Scene
 
 THIN = 1e-6
@@ -18,6 +18,12 @@ THIN = 1e-6
 
 GLANCES = 100
 """How often in a run lines of sight are checked."""
+
+SLACK = 1e-5
+"""By how much the boxes around links are larger than they must be [m]: more than rounding, and a line's radius."""
+
+TINY = 1e-300
+"""For a coordinate that does not change along a line [m]."""
 
 
 class LinesOfSight:
@@ -38,6 +44,45 @@ class LinesOfSight:
         carrying = int(robot.model.frames[robot.frame_id("tip")].parentJoint)
         bodies: Sequence[Body] = () if robot.source is None else link_bodies(robot)
         self.bodies = tuple(body for body in bodies if body.joint != carrying)
+
+    def near(self, q: Array, t: Array) -> BoolArray:
+        """(N,) whether any line comes into the box around any part of a link, at ``q`` (N, n) and ``t`` (N,) [s].
+
+        Where none does, nothing is hidden. All instants are looked at together: far faster than distances of solids.
+        """
+        parts = [(body.joint, placement, solid) for body in self.bodies for placement, solid in body.parts]
+        if not parts:
+            return np.zeros(len(t), dtype=np.bool_)
+        joints, placements, solids = zip(*parts, strict=True)
+        low, high = (np.array(corner)[:, None] for corner in zip(*map(_box, solids), strict=True))
+        model, data, tip = self.scene.robot.model, self._data, self.scene.robot.frame_id("tip")
+        tips, moved = np.empty((len(t), 4, 4)), np.empty((len(t), model.njoints, 4, 4))
+        for k, configuration in enumerate(q):
+            pin.forwardKinematics(model, data, configuration)
+            tips[k] = pin.updateFramePlacement(model, data, tip).homogeneous
+            for joint in {*joints}:
+                moved[k, joint] = data.oMi[joint].homogeneous
+        frames = moved[:, joints] @ np.array([placement.homogeneous for placement in placements])
+        origin, R = frames[..., None, :3, 3], frames[..., :3, :3]
+        eyes, markers = ((p[:, None] - origin) @ R for p in self._ends(tips, t))
+        along = markers - eyes
+        along[along == 0.0] = TINY
+        shares = np.stack(((low - SLACK - eyes) / along, (high + SLACK - eyes) / along))
+        enters, leaves = shares.min(axis=0).max(axis=-1), shares.max(axis=0).min(axis=-1)
+        crosses: BoolArray = (np.maximum(enters, 0.0) <= np.minimum(leaves, 1.0)).any(axis=(1, 2))
+        return crosses
+
+    def _ends(self, tips: Array, t: Array) -> tuple[Array, Array]:
+        """(·, 1, 3) eyes and (·, M, 3) markers in the base frame, for tips (N, 4, 4) and times (N,) [s]."""
+        scene, camera = self.scene, self.scene.camera
+        R, origin = tips[:, :3, :3].transpose(0, 2, 1), tips[:, None, :3, 3]
+        if camera.fixed is not None:
+            return camera.fixed.t[None, None], scene.markers @ R + origin
+        if scene.motion is None:
+            markers = scene.markers[None]
+        else:
+            markers = np.array([scene.motion.pose(float(now)).act(scene.markers) for now in t])
+        return camera.mount.inverse.t[None] @ R + origin, markers
 
     def hidden(self, q: Array, t: float) -> list[tuple[int, str]]:
         """Numbers of the markers that a link hides at ``q`` (n,) and ``t`` [s], each with the first such link."""
@@ -67,6 +112,12 @@ class LinesOfSight:
         return ""
 
 
+def _box(solid: coal.CollisionGeometry) -> tuple[Array, Array]:
+    """(3,) least and greatest coordinates of a solid, in its own frame."""
+    solid.computeLocalAABB()
+    return np.array(solid.aabb_local.min_), np.array(solid.aabb_local.max_)
+
+
 def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
     """Which markers the robot's own links hide at times t (N,) [s] and q (N, n), in :data:`GLANCES` after the first."""
     try:
@@ -75,7 +126,8 @@ def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
         # said at the start
         return []
     first: dict[tuple[int, str], float] = {}
-    for k in np.unique(np.linspace(1, len(t) - 1, GLANCES).astype(int)) if len(t) > 1 else ():
+    glances = np.unique(np.linspace(1, len(t) - 1, GLANCES).astype(int)) if len(t) > 1 else np.empty(0, dtype=int)
+    for k in glances[lines.near(q[glances], t[glances])]:
         for hidden in lines.hidden(q[k], float(t[k])):
             first.setdefault(hidden, float(t[k]))
     return [
