@@ -5,6 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -60,19 +61,14 @@ def read_urdf(
     if not source.is_file():
         raise ConfigurationError(f"no URDF file at {str(source)!r}")
     try:
-        root = ElementTree.parse(source).getroot()
-    except ElementTree.ParseError as error:
-        raise ConfigurationError(f"{str(source)!r} is not XML: {error}") from error
-    except (OSError, ValueError, LookupError) as error:  # not readable, or in an unknown encoding
+        content = source.read_bytes()
+    except OSError as error:
         raise ConfigurationError(f"{str(source)!r} cannot be read: {error}") from error
-    if root.tag != "robot":
-        raise ConfigurationError(f"{str(source)!r} is not a URDF: its root is <{root.tag}>, not <robot>")
-    _complete_limits(root, source.name)
+    completed, mimics = _completed(source, content)
     try:
-        model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
+        model = pin.buildModelFromXML(completed)
     except (RuntimeError, ValueError, RecursionError) as error:
         raise ConfigurationError(f"{str(source)!r} cannot be read as a URDF: {error}") from error
-    mimics = {joint.get("name") for joint in root.iter("joint") if joint.find("mimic") is not None}
     bodies = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
     if tip is None:
         tip = bodies[-1]
@@ -112,6 +108,25 @@ def read_urdf(
     effort = np.array(model.effortLimit)
     effort[(effort <= 0.0) | (effort >= UNBOUNDED)] = np.inf
     return UrdfArm(model, model.getFrameId(tip), lower, upper, speed, origin, effort)
+
+
+@lru_cache(maxsize=16)
+def _completed(source: Path, content: bytes) -> tuple[str, frozenset[str | None]]:
+    """What a file holds, with all limits, and which joints mimic others: kept, since the scenes of one arm are many."""
+    try:
+        root = ElementTree.fromstring(content)
+    except ElementTree.ParseError as error:
+        raise ConfigurationError(f"{str(source)!r} is not XML: {error}") from error
+    except (ValueError, LookupError) as error:  # in an unknown encoding
+        raise ConfigurationError(f"{str(source)!r} cannot be read: {error}") from error
+    if root.tag != "robot":
+        raise ConfigurationError(f"{str(source)!r} is not a URDF: its root is <{root.tag}>, not <robot>")
+    _complete_limits(root, source.name)
+    mimics = frozenset(joint.get("name") for joint in root.iter("joint") if joint.find("mimic") is not None)
+    try:
+        return ElementTree.tostring(root, encoding="unicode"), mimics
+    except RecursionError as error:
+        raise ConfigurationError(f"{str(source)!r} cannot be read as a URDF: {error}") from error
 
 
 def collision_geometry(source: UrdfSource) -> pin.GeometryModel:
