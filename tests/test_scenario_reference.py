@@ -57,7 +57,7 @@ TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
 }
 """What is made of each table."""
 
-GIVEN = {("robot", "package_dirs"), ("task", "gains"), ("disturbances", "seed"), ("constraints.curve", "shape")}
+GIVEN = {("task", "gains"), ("disturbances", "seed"), ("constraints.curve", "shape")}
 """Arguments that files do not give."""
 
 Known = dict[tuple[str, str], inspect.Parameter]

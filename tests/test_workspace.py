@@ -594,7 +594,7 @@ def test_bad_input_is_refused_by_name(name: str, type_name: str, table: dict[str
 def test_a_missing_mesh_is_named() -> None:
     arm = robot("ur5")
     assert arm.source is not None
-    elsewhere = Robot.from_urdf(arm.source.path, package_dirs=["/nowhere"])
+    elsewhere = Robot.from_urdf(arm.source.path, "tool0", package_dirs=["/nowhere"])
     with pytest.raises(ConfigurationError, match=r"base\.stl"):
         link_bodies(elsewhere)
     with pytest.raises(ConfigurationError, match=r"base\.stl"):

@@ -180,21 +180,23 @@ class Robot:
         urdf
             The URDF file. Its meshes are read by :meth:`collision_geometry` only.
         tip
-            Name of the link at the tip; the last link of the file if not given. Joints that do not move it (a
-            gripper's fingers) are locked at their neutral position.
+            Name of the link at the tip; it may be left out where only one link is the last one. Joints that do not move
+            it (a gripper's fingers) are locked at their neutral position, or where the joint that they mimic puts them.
         locked
             Joints to lock, with their coordinate [rad or m].
         name
             For reports; the robot's name in the file if not given.
         package_dirs
-            Folders that ``package://`` paths of meshes start from; all folders above the file if not given.
+            Folders that ``package://`` paths of meshes start from; all folders above the file if not given. Those that
+            ``AMENT_PREFIX_PATH`` and ``ROS_PACKAGE_PATH`` name follow them.
         limits
             What the actuators can do beside the file's efforts.
 
         Raises
         ------
         ConfigurationError
-            if the file is missing or not a URDF, or a link or joint is unknown or of a kind an arm does not have.
+            if the file is missing or not a URDF, if several links may be the tip and none is named, or if a link or a
+            joint is unknown or of a kind an arm does not have.
         """
         arm = read_urdf(urdf, tip, locked or {}, package_dirs)
         if limits.effort is None and np.isfinite(arm.effort).any():

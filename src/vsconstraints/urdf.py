@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
 from .errors import ConfigurationError, unknown_name
 from .geometry import vector
+from .meshes import mesh_folders, with_whole_paths
 from .rows import Array
-
-UNBOUNDED = 1e9
-"""A joint coordinate or speed [rad, m, rad/s, m/s] beyond which a limit counts as none."""
+from .urdf_xml import UNBOUNDED, Mimic, UrdfFile, urdf_file
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class UrdfSource:
     path
         The URDF file.
     package_dirs
-        Folders that ``package://`` paths of meshes start from.
+        Folders that ``package://`` paths of meshes start from, those of the environment among them.
     model, locked, positions
         The file's model, the joints of it that are locked, and its coordinates then.
     """
@@ -58,31 +57,21 @@ def read_urdf(
 ) -> UrdfArm:
     """The arm of a URDF file; see :meth:`vsconstraints.Robot.from_urdf` for parameters and errors."""
     source = Path(path)
-    if not source.is_file():
-        raise ConfigurationError(f"no URDF file at {str(source)!r}")
+    file = urdf_file(source)
     try:
-        content = source.read_bytes()
-    except OSError as error:
-        raise ConfigurationError(f"{str(source)!r} cannot be read: {error}") from error
-    completed, mimics = _completed(source, content)
-    try:
-        model = pin.buildModelFromXML(completed)
+        model = pin.buildModelFromXML(file.text)
     except (RuntimeError, ValueError, RecursionError) as error:
         raise ConfigurationError(f"{str(source)!r} cannot be read as a URDF: {error}") from error
     bodies = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
     if tip is None:
-        tip = bodies[-1]
+        tip = _only_tip(file, model, locked, source.name)
     elif tip not in bodies:
         raise unknown_name(f"link in {source.name}", tip, bodies)
-    positions = pin.neutral(model)
-    for joint, value in locked.items():
-        if not model.existJointName(joint):
-            raise unknown_name(f"joint in {source.name}", joint, model.names[1:])
-        positions[model.joints[model.getJointId(joint)].idx_q] = vector([value], 1, f"locked {joint}")[0]
-    chain = set(model.supports[model.frames[model.getFrameId(tip, pin.FrameType.BODY)].parentJoint])
+    chain = set(_joints_of(model, tip))
+    positions = _locked_positions(model, locked, file.mimics, source.name)
     freeze = [i for i in range(1, model.njoints) if i not in chain or model.names[i] in locked]
     own_names = _distinguish_joints(model, bodies)
-    folders = source.resolve().parents if package_dirs is None else package_dirs
+    folders = mesh_folders(source, package_dirs, os.environ)
     origin = UrdfSource(source, tuple(map(str, folders)), model, tuple(freeze), positions)
     model = pin.buildReducedModel(model, freeze, positions)
     for i, joint_name in enumerate(model.names):
@@ -95,7 +84,7 @@ def read_urdf(
                 f"joint {joint_name!r} of {source.name} is a {joint.shortname()}: "
                 "only revolute, continuous and prismatic joints can be driven; lock it with locked={…}"
             )
-        if joint_name in mimics:
+        if joint_name in file.mimics:
             raise ConfigurationError(
                 f"joint {joint_name!r} of {source.name} mimics another one and moves the tip: "
                 "every joint of an arm must be driven by itself; lock it with locked={…}"
@@ -110,55 +99,68 @@ def read_urdf(
     return UrdfArm(model, model.getFrameId(tip), lower, upper, speed, origin, effort)
 
 
-@lru_cache(maxsize=16)
-def _completed(source: Path, content: bytes) -> tuple[str, frozenset[str | None]]:
-    """What a file holds, with all limits, and which joints mimic others: kept, since the scenes of one arm are many."""
-    try:
-        root = ElementTree.fromstring(content)
-    except ElementTree.ParseError as error:
-        raise ConfigurationError(f"{str(source)!r} is not XML: {error}") from error
-    except (ValueError, LookupError) as error:  # in an unknown encoding
-        raise ConfigurationError(f"{str(source)!r} cannot be read: {error}") from error
-    if root.tag != "robot":
-        raise ConfigurationError(f"{str(source)!r} is not a URDF: its root is <{root.tag}>, not <robot>")
-    _complete_limits(root, source.name)
-    mimics = frozenset(joint.get("name") for joint in root.iter("joint") if joint.find("mimic") is not None)
-    try:
-        return ElementTree.tostring(root, encoding="unicode"), mimics
-    except RecursionError as error:
-        raise ConfigurationError(f"{str(source)!r} cannot be read as a URDF: {error}") from error
-
-
 def collision_geometry(source: UrdfSource) -> pin.GeometryModel:
     """The collision geometry of a URDF's links, in the reduced model's frames.
 
     Raises
     ------
     ConfigurationError
-        if a mesh cannot be read; the message names the file.
+        if a mesh is not there or cannot be read; the message names it.
     """
+    root = ElementTree.fromstring(urdf_file(source.path).text)
+    with_whole_paths(root, source.path, source.package_dirs)
+    text = ElementTree.tostring(root, encoding="unicode")
     try:
-        geometry = pin.buildGeomFromUrdf(
-            source.model, str(source.path), pin.GeometryType.COLLISION, package_dirs=list(source.package_dirs)
-        )
+        geometry = pin.buildGeomFromUrdfString(source.model, text, pin.GeometryType.COLLISION)
     except (RuntimeError, ValueError) as error:
         raise ConfigurationError(f"collision geometry of {source.path} cannot be read: {error}") from error
     return pin.buildReducedModel(source.model, geometry, list(source.locked), source.positions)[1]
 
 
-def mesh_files(path: Path) -> list[Path]:
-    """The mesh files that a URDF's collision geometry names, where they are there; none if it cannot be read."""
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError):
-        return []
-    names = {mesh.get("filename", "") for collision in root.iter("collision") for mesh in collision.iter("mesh")}
-    found = []
-    for name in sorted(names):
-        scheme, _, rest = name.rpartition("://")
-        folders = path.resolve().parents if scheme == "package" else (Path(),)
-        found += [file for folder in folders if (file := folder / rest).is_file()][:1]
-    return found
+def _joints_of(model: pin.Model, link: str) -> list[int]:
+    """Indices of the joints that move a link."""
+    frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+    return [i for i in model.supports[frame.parentJoint] if i > 0]
+
+
+def _only_tip(file: UrdfFile, model: pin.Model, locked: Mapping[str, float], name: str) -> str:
+    """The last link that a joint moves, if there is only one; raises ConfigurationError that names all."""
+    last = file.last_links()
+    moved = [link for link in last if any(model.names[i] not in locked for i in _joints_of(model, link))]
+    if len(moved) > 1:
+        shared = set.intersection(*(set(file.above(link)) for link in moved))
+        branch = next(link for link in file.above(moved[0]) if link in shared)
+        raise ConfigurationError(
+            f"{name} has several links that may be the tip: {', '.join(moved)}; they branch off {branch!r}. "
+            'Say which link carries the camera: tip = "…"'
+        )
+    return (moved or last)[0]
+
+
+def _locked_positions(model: pin.Model, locked: Mapping[str, float], mimics: Mapping[str, Mimic], file: str) -> Array:
+    """Coordinates at which joints are locked: given ones, else neutral, or where the joint that one mimics puts it."""
+    positions: Array = pin.neutral(model)
+    at = {name: model.joints[i].idx_q for i, name in enumerate(model.names) if i > 0}
+    for joint, value in locked.items():
+        if joint not in at:
+            raise unknown_name(f"joint in {file}", joint, list(at))
+        positions[at[joint]] = vector([value], 1, f"locked {joint}")[0]
+
+    def position(joint: str, following: tuple[str, ...]) -> float:
+        if joint in mimics and joint not in locked:
+            leader, factor, offset = mimics[joint]
+            if leader not in at or leader in following:
+                raise ConfigurationError(
+                    f"joint {joint!r} of {file} mimics {leader!r}, which {'mimics it' if leader in at else 'is none'}; "
+                    "lock it with locked={…}"
+                )
+            return factor * position(leader, (*following, leader)) + offset
+        return float(positions[at[joint]])
+
+    for joint in mimics:
+        if joint in at:
+            positions[at[joint]] = position(joint, (joint,))
+    return positions
 
 
 def _distinguish_joints(model: pin.Model, bodies: Sequence[str]) -> dict[str, str]:
@@ -171,27 +173,3 @@ def _distinguish_joints(model: pin.Model, bodies: Sequence[str]) -> dict[str, st
         if frame.type != pin.FrameType.BODY and frame.name in bodies:
             frame.name += " (joint)"
     return own_names
-
-
-def _complete_limits(root: ElementTree.Element, file: str) -> None:
-    """Give every joint the limits the URDF parser insists on; 0 stands for no speed limit.
-
-    Continuous joints become revolute ones without bounds, so that every joint has one coordinate.
-    """
-    for joint in root.iter("joint"):
-        kind, limit = joint.get("type"), joint.find("limit")
-        if kind not in ("continuous", "revolute", "prismatic"):
-            continue
-        if limit is None:
-            if kind != "continuous":
-                raise ConfigurationError(
-                    f"the {kind} joint {joint.get('name')!r} of {file} has no limit element; "
-                    "only continuous joints may have none"
-                )
-            limit = ElementTree.SubElement(joint, "limit")
-        for attribute in ("effort", "velocity"):
-            limit.attrib.setdefault(attribute, "0")
-        if kind == "continuous":
-            joint.set("type", "revolute")
-            limit.set("lower", str(-UNBOUNDED))
-            limit.set("upper", str(UNBOUNDED))

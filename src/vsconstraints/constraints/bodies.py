@@ -13,9 +13,9 @@ import pinocchio as pin
 
 from ..errors import ConfigurationError
 from ..geometry import Pose, Vector3, vector
+from ..meshes import mesh_files
 from ..renamed import renamed
 from ..robot import Robot
-from ..urdf import mesh_files
 from .base import demand_positive
 from .link_points import FIXED, segments
 
@@ -100,17 +100,17 @@ class _Links:
             changed = source.path.stat().st_mtime_ns
             files = [
                 (source.path, changed),
-                *((mesh, mesh.stat().st_mtime_ns) for mesh in _meshes(source.path, changed)),
+                *((mesh, mesh.stat().st_mtime_ns) for mesh in _meshes(source.path, source.package_dirs, changed)),
             ]
         except OSError:  # gone, which is said where it is read
             files = []
-        return cls(tuple(files), tuple(source.package_dirs), robot.joint_names, tuple(source.positions.tolist()), robot)
+        return cls(tuple(files), source.package_dirs, robot.joint_names, tuple(source.positions.tolist()), robot)
 
 
 @lru_cache(maxsize=16)
-def _meshes(urdf: Path, changed: int) -> tuple[Path, ...]:
+def _meshes(urdf: Path, folders: tuple[str, ...], changed: int) -> tuple[Path, ...]:
     """The mesh files of a URDF of that date."""
-    return tuple(mesh_files(urdf))
+    return tuple(mesh_files(urdf, folders))
 
 
 @lru_cache(maxsize=16)

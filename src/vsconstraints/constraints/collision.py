@@ -201,7 +201,10 @@ class Collision(BodyDistance):
         moving = {name: body for name, body in _by_name(bodies, self.kind).items() if body.joint > 0}
         chosen = [_named(moving, name, self.kind) for name in (moving if links is None else links)]
         if not chosen:
-            raise ConfigurationError(f"{self.kind}: {robot.name} has no body that a joint moves")
+            raise ConfigurationError(
+                f"{self.kind}: {robot.name} has no body that a joint moves: does its URDF have collision "
+                "geometry? With link_radius, links are capsules"
+            )
         super().__init__(
             robot,
             [(body, obstacle) for body in chosen],

@@ -146,7 +146,7 @@ def _robot(value: str | Table, where: str, folder: Path) -> Robot:
     if isinstance(value, str):
         return ready_made(value)
     if "urdf" in value:
-        robot: Robot = made(Robot.from_urdf, value, where, {"folder": folder, "package_dirs": None})
+        robot: Robot = made(Robot.from_urdf, value, where, {"folder": folder})
         return robot
     return made(Robot.from_dh, value, where)
 

@@ -149,6 +149,8 @@ def checked(value: object, kind: Any, where: str, key: str, given: Given = NOTHI
             raise unknown_name(f"{key} in {where}", value, get_args(option))
     if Path in options:
         return given["folder"] / checked(value, str, where, key)
+    if any(get_origin(option) is Sequence and Path in get_args(get_args(option)[0]) for option in options):
+        return [given["folder"] / one for one in checked(value, list[str], where, key)]
     if not all(map(_of_files, options)):
         return value
     try:

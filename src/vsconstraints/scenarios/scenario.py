@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -12,16 +13,16 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConfigurationError, described, shown, unknown_name
+from ..meshes import mesh_files, mesh_folders
 from ..plugins import beside, module_files
 from ..simulation import Setup
-from ..urdf import mesh_files
 from .build import build
 from .toml import in_todays_words, override, read_toml
 
 SHIPPED = Path(__file__).parent
 """Folder of the scenarios that come with the package."""
 
-FILE_KEYS = ("urdf", "srdf", "file")
+FILE_KEYS = ("urdf", "srdf", "file", "package_dirs")
 """Keys whose values are paths, relative to the scenario's folder."""
 
 MOST_EXTENDED = 100
@@ -110,8 +111,16 @@ class Scenario:
         """Files besides its own that the scenario names: URDF and its meshes, those of obstacles, SRDF, own modules."""
         named = [self.folder / text for text in _texts(self.tables)]
         found = [file for file in named if _is_file(file)]
-        meshes = [mesh for file in found if file.suffix.lower() in (".urdf", ".xml") for mesh in mesh_files(file)]
+        urdfs = [file for file in found if file.suffix.lower() in (".urdf", ".xml")]
+        meshes = [mesh for file in urdfs for mesh in mesh_files(file, self._mesh_folders(file))]
         return (*found, *meshes, *module_files(self.own_parts, self.folder))
+
+    def _mesh_folders(self, urdf: Path) -> list[Path]:
+        """Where the meshes of a URDF of this scenario are looked for."""
+        robot = self.tables.get("robot")
+        said = robot.get("package_dirs") if isinstance(robot, dict) else None
+        given = [self.folder / one for one in said if isinstance(one, str)] if isinstance(said, list) else None
+        return mesh_folders(urdf, given, os.environ)
 
     def setup(self, trial: int = 0, seed: int = 0) -> Setup:
         """What is simulated.
@@ -133,7 +142,7 @@ def _from_base(key: str, value: object, base: Path) -> object:
         return str(base.absolute() / value) if key in FILE_KEYS else value
     if isinstance(value, dict):
         return {name: _from_base(name, inner, base) for name, inner in value.items()}
-    return [_from_base("", inner, base) for inner in value] if isinstance(value, list) else value
+    return [_from_base(key, inner, base) for inner in value] if isinstance(value, list) else value
 
 
 def _file(name: str, base: Path | None) -> Path:
