@@ -18,15 +18,14 @@ from ..comparisons.entries import (
     with_baseline,
     with_option,
 )
-from ..comparisons.suite import DEFAULT
 from ..errors import ConfigurationError, shown, unknown_name
-from ..families import HALVES, SHIPPED, Family, families
+from ..families import HALVES, SHIPPED, Family
 from ..scenarios.reading import Table, demand_known, demand_table, made
 from ..scenarios.toml import read_toml
 from .identity import Identity, of_code, of_controllers, of_family, plain
 
-TITLE = "Which law, when, how sure?"
-"""Of the campaign that is run when none is given."""
+DEFAULT = Path(__file__).parent / "evidence.toml"
+"""The campaign that is run when none is given; ``comparisons/evidence.toml`` is a link to it."""
 
 MOST_SCENES = 10_000_000
 """Scenes of a family that a campaign may have."""
@@ -71,27 +70,23 @@ class Campaign:
 
     @classmethod
     def load(cls, path: Path | None = None) -> Campaign:
-        """The campaign of a TOML file; without a path all shipped families with the default comparison's controllers.
+        """The campaign of a TOML file; without a path the one that comes with the package.
 
         Raises
         ------
         ConfigurationError, InvalidInput
             if the file cannot be read, has an unknown key, or something in it cannot be used.
         """
-        if path is None:
-            laws = read_toml(DEFAULT)["controllers"]
-            path, tables = Path("evidence.toml"), {"title": TITLE, "families": families(), "controllers": laws}
-        else:
-            tables = read_toml(path)
-        file: _File = made(_File, tables, path.name)
-        controllers = entries_of(file.controllers, f"{path.name}.controllers", path.parent)
+        source, folder = (DEFAULT, Path()) if path is None else (path, path.parent)
+        file: _File = made(_File, read_toml(source), source.name)
+        controllers = entries_of(file.controllers, f"{source.name}.controllers", folder)
         if file.tuned:
-            controllers += tuned_entries(path.parent / file.tuned, path.parent)
+            controllers += tuned_entries(folder / file.tuned, folder)
         return cls(
-            path.stem,
-            file.title or path.stem,
+            source.stem,
+            file.title or source.stem,
             file.question,
-            tuple(Family.load(name, path.parent) for name in file.families),
+            tuple(Family.load(name, folder) for name in file.families),
             controllers,
             tuple(file.conditions),
             file.scenes,
