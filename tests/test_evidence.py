@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -201,6 +202,39 @@ def test_what_is_done_is_not_done_again(
     manifest = Evidence.load(tmp_path).manifest
     assert (manifest["runs"], manifest["finished"]) == (36, 6)
     assert manifest["runs_per_s"] > 0.0
+
+
+def test_folders_from_before_a_column_was_there_are_read(whole: tuple[Campaign, Path], tmp_path: Path) -> None:
+    small, out = whole
+    collect(replace(small, scenes=2), tmp_path, HERE)
+    for name in folders.shard_names(tmp_path):
+        path = folders.shard_file(tmp_path, "scenes", name)
+        lines = folders.parquet.read([path], TABLES["scenes"]).drop_columns(["least_time_s", "duration_s"])
+        folders.parquet.write(path, lines, folders.parquet.facts_of(path))
+    earlier, now = tables(tmp_path)["scenes"], tables(out)["scenes"][:2]
+    assert now["least_time_s"].notna().all()
+    assert earlier["least_time_s"].isna().all()
+    pd.testing.assert_frame_equal(earlier.iloc[:, :-2], now.iloc[:, :-2])
+    # a column that was always there must be there
+    path = folders.shard_file(tmp_path, "scenes", name)
+    folders.parquet.write(path, lines.drop_columns(["found"]), {})
+    with pytest.raises(ConfigurationError, match=r"scenes/part-.* cannot be read"):
+        tables(tmp_path)
+
+
+@pytest.mark.parametrize(("before", "after"), [(12, 18), (18, 12), (24, 6)])
+def test_batches_of_another_size_are_gone_on_with(
+    whole: tuple[Campaign, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: int, after: int
+) -> None:
+    """What was stored by twos goes on by threes, and the other way round: nothing is lost or twice."""
+    small, out = whole
+    monkeypatch.setattr("vsconstraints.evidence.task.LEAST_TASKS", 1)
+    monkeypatch.setattr("vsconstraints.evidence.task.RUNS_OF_TASK", before)
+    collect(replace(small, scenes=4), tmp_path, HERE)
+    assert len(folders.shard_names(tmp_path)) == ceil(4 / (before // 6))
+    monkeypatch.setattr("vsconstraints.evidence.task.RUNS_OF_TASK", after)
+    assert collect(small, tmp_path, HERE).progress.stored_before == 4
+    assert_same(tables(out), tables(tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -443,7 +477,7 @@ def test_ten_thousand_scenes_are_opened_at_once(whole: tuple[Campaign, Path], tm
     small, out = whole
     many = replace(small, scenes=10_000)
     tasks = list(Work(many).tasks().values())
-    assert len(tasks) == 61
+    assert len(tasks) == 100
     some = folders.shard_names(out)[0]
     parts = {table: folders.parquet.read([folders.shard_file(out, table, some)], TABLES[table]) for table in TABLES}
     facts = folders.Facts.of(folders.shard_file(out, "runs", some))
