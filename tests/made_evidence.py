@@ -108,6 +108,8 @@ def scenes_of(runs: pd.DataFrame, rejected: int = 3) -> pd.DataFrame:
         challenged="; ".join(LABELS[:2]),
         share_to_hold=share,
         values=json.dumps({"Kp0": 2.0}),
+        least_time_s=np.where(np.arange(len(keys)) % 5 == 0, np.nan, share * 2.5),
+        duration_s=2.5,
     )
 
 

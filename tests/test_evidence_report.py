@@ -150,6 +150,8 @@ def test_scenes_are_counted_with_what_was_rejected(tmp_path: Path) -> None:
     line = found[1]
     assert line[:4] == ["ur5", "20", "80", "marker not visible at the start 75"]
     assert line[4] == "10 (1–32)"
+    # of every fifth scene the least time is not known, and one of the two in which it is 1.2 of the duration is such
+    assert "No law can arrive in time in 0 of 16 scenes with a known least time" in text
 
 
 def test_the_worst_and_the_typical_failure_of_a_law(tmp_path: Path) -> None:

@@ -61,6 +61,9 @@ def _print(family: Family, summary: Summary) -> None:
             f"  under its limits, no law could hold {summary.beyond_limits:.0%} of the scenes from where tracking "
             "alone meets a row"
         )
+    if summary.timed:
+        late = sum(scene.too_far for scene in summary.timed)
+        console.print(f"  under its limits, no law can arrive in time in {late} of {len(summary.timed)} scenes")
 
 
 def _counts(what: str, counts: Counter[str], of: int, unit: str) -> None:

@@ -12,11 +12,24 @@ Kind = Literal["text", "flag", "whole", "number"]
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its name, what a cell holds, and whether it has few values, which come again and again."""
+    """A column of a table.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    kind
+        What a cell holds.
+    category
+        Whether it has few values, which come again and again.
+    added
+        Whether files may lack it that were written before it was there; its values are missing then.
+    """
 
     name: str
     kind: Kind
     category: bool = False
+    added: bool = False
 
 
 KEYS = (
@@ -55,6 +68,8 @@ SCENES = (
     Column("challenged", "text"),
     Column("share_to_hold", "number"),
     Column("values", "text"),
+    Column("least_time_s", "number", added=True),
+    Column("duration_s", "number", added=True),
 )
 """One line for each scene: ``rejected`` and ``values`` as JSON."""
 

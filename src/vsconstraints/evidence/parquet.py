@@ -97,13 +97,18 @@ def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] 
     ConfigurationError
         if one of them cannot be read, or holds other columns.
     """
-    wanted = schema([column for column in columns if names is None or column.name in names])
+    columns = [column for column in columns if names is None or column.name in names]
+    wanted = schema(columns)
     found = [wanted.empty_table()]
     for path in paths:
         try:
             # a file by itself: nothing is taken from the names of its folders
             with pq.ParquetFile(path) as file:
-                found.append(file.read(wanted.names).select(wanted.names).replace_schema_metadata().cast(wanted))
+                lines = file.read(wanted.names).replace_schema_metadata()
+            for column in columns:
+                if column.added and column.name not in lines.column_names:
+                    lines = lines.append_column(column.name, pa.nulls(len(lines), _TYPES[column.kind]))
+            found.append(lines.select(wanted.names).cast(wanted))
         except (OSError, ValueError, KeyError) as error:
             raise ConfigurationError(f"{path} cannot be read: {error}") from error
     return pa.concat_tables(found)

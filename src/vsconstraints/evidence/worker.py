@@ -123,8 +123,8 @@ def keys_of(task: Batch, number: int, condition: str, controller: str) -> Line:
 def _of_scene(task: Batch, number: int, scene: Drawn | str) -> Line:
     line = {"family": task.family.name, "half": task.half, "scene": number}
     if isinstance(scene, str):
-        empty = {"found": False, "attempts": 1, "challenged": "", "share_to_hold": float("nan"), "values": "{}"}
-        return {**line, **empty, "rejected": _json({scene: 1})}
+        # what could not be drawn is a scene of which nothing else is known
+        scene = Drawn(task.family.name, number, task.half, task.seed, task.family.folder, rejected={scene: 1})
     return {
         **line,
         "found": scene.found,
@@ -133,6 +133,8 @@ def _of_scene(task: Batch, number: int, scene: Drawn | str) -> Line:
         "challenged": "; ".join(scene.challenged),
         "share_to_hold": scene.share_to_hold,
         "values": _json(scene.values),
+        "least_time_s": scene.least_time,
+        "duration_s": scene.duration,
     }
 
 

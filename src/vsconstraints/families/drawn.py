@@ -37,6 +37,11 @@ class Drawn:
     share_to_hold
         The greatest over rows, of tracking alone under the family's limits of actuators: above 1, no law could have
         held a row from where tracking alone first comes to its boundary. NaN without limits.
+    least_time
+        In which the arm can be at rest at its goal under the same limits, whatever the law [s]; NaN where that is not
+        known.
+    duration
+        Of a run, under the same limits [s].
     noise
         Seed of everything random in its disturbances: another one for every scene, the same for all laws.
     """
@@ -52,6 +57,8 @@ class Drawn:
     refusal: str = ""
     challenged: tuple[str, ...] = ()
     share_to_hold: float = math.nan
+    least_time: float = math.nan
+    duration: float = math.nan
     noise: int = 0
 
     @property
@@ -68,6 +75,11 @@ class Drawn:
     def attempts(self) -> int:
         """How many there were."""
         return sum(self.rejected.values()) + self.found
+
+    @property
+    def too_far(self) -> bool:
+        """Whether no law can arrive in time: the least time is longer than a run."""
+        return self.least_time > self.duration
 
     def scenario(self, condition: str = "nominal") -> Scenario:
         """The scenario in a condition.

@@ -13,6 +13,7 @@ from ..plugins import beside
 from ..scenarios import Scenario
 from ..scenarios.reading import Table, demand_table
 from ..scenarios.toml import read_toml
+from .arrival import least_time
 from .checks import check_ends, left_by_tracking, share_to_hold
 from .drawing import Streams, demand_no_placement, drawn, merged, parsed
 from .drawn import Drawn, reasons
@@ -23,7 +24,7 @@ SHIPPED = Path(__file__).parent
 """Folder of the families that come with the package."""
 
 NOMINAL, LIMITED = "nominal", "limited"
-"""The condition that every family has, and the one whose limits tell what any law could hold."""
+"""The condition that every family has, and the one whose limits tell what any law could do."""
 
 HALVES = ("training", "held-out")
 """Scenes that settings may be sought on, and those that are for judging alone."""
@@ -198,12 +199,15 @@ class Family:
             setups = {name: scenario.setup(seed=noise) for name, scenario in scenarios.items() if name != NOMINAL}
         except VsconstraintsError as error:
             raise Rejected(Reason.BUILD_REFUSED, str(error)) from error
+        limited = setups.get(LIMITED, nominal)
         values |= {"q0": common["q0"]} if "q0" not in values else {}
         return {
             "tables": tables,
             "values": values,
             "challenged": challenged,
-            "share_to_hold": share_to_hold(setups.get(LIMITED, nominal)),
+            "share_to_hold": share_to_hold(limited),
+            "least_time": least_time(limited, ends),
+            "duration": (limited.samples - 1) * limited.Ts,
             "noise": noise,
         }
 

@@ -60,6 +60,11 @@ class Summary:
         shares = np.array([scene.share_to_hold for scene in self.found])
         return float((shares > 1.0).mean()) if np.isfinite(shares).any() else np.nan
 
+    @property
+    def timed(self) -> list[Drawn]:
+        """Those of which the least time to arrive in is known."""
+        return [scene for scene in self.found if np.isfinite(scene.least_time)]
+
 
 def summarised(
     family: Family,

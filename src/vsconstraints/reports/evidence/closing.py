@@ -40,8 +40,9 @@ LIMITATIONS = (
     "Laws have the settings that they come with, but for those that are called tuned. Another setting can change the "
     "order.",
     "Times are those of this machine with other runs beside it.",
-    "Of no scene it is known that no law can hold it: what is told is whether one could from where tracking alone "
-    "meets the boundary.",
+    "Whether any law can succeed in a scene is not known. Told are two things that no law can do: hold a row from "
+    "where tracking alone meets its boundary, if that takes more than the limits allow; and arrive sooner than in the "
+    "least time.",
 )
 
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from typing import TYPE_CHECKING
 
 from ..markdown import bullets, enumeration, plain, table
 from ..numbers import DASH
 from .material import Material
 from .rates import share_of
 from .words import count, percentage
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_REASONS = 3
 
@@ -36,8 +40,21 @@ def scenes(material: Material) -> str:
         "scenes in which no law could hold a row from where tracking alone first comes to its boundary, since that "
         f"takes more than all that the actuators' limits allow; a law that brakes before can. {DASH} without limits."
     )
-    parts = ["## Scenes", table(header, lines), text, bullets(facts), _challenged(material)]
+    parts = ["## Scenes", table(header, lines), text, bullets(facts), _challenged(material), _in_time(every)]
     return "\n\n".join(part for part in parts if part)
+
+
+def _in_time(every: pd.DataFrame) -> str:
+    """In how many scenes no law can arrive in time."""
+    known = every[every["least_time_s"].notna()]
+    if known.empty:
+        return ""
+    late = int((known["least_time_s"] > known["duration_s"]).sum())
+    return (
+        f"No law can arrive in time in {late} of {count(len(known), 'scene')} with a known least time: from rest at "
+        "the start to rest at the goal's joint coordinates, each joint as fast as its limits of acceleration and speed "
+        "allow."
+    )
 
 
 def _reasons(rejected: Counter[str], attempts: int) -> str:
