@@ -378,6 +378,10 @@ def test_trajectories_are_those_of_the_runs(whole: tuple[Campaign, Path], tmp_pa
     collect(few, tmp_path / "whole", replace(HERE, keep=keep))
     kept, merged = (sorted(path.name for path in (tmp_path / name).rglob("*.npz")) for name in ("whole", "merged"))
     assert kept == merged
+    manifest = Evidence.load(tmp_path / "merged").manifest
+    of_parts = [part["trajectories"] for part in manifest["merged"]]
+    assert (manifest["trajectories"], manifest["scenes"], manifest["stored_before"]) == (len(kept), 3, 3)
+    assert of_parts == [len(list((tmp_path / part).rglob("*.npz"))) for part in "12"]
     evidence = Evidence.load(tmp_path / "whole")
     runs = evidence.runs
     deepest = {

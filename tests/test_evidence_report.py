@@ -131,6 +131,15 @@ def test_whatever_there_is_a_report_is_written_that_says_so(runs: pd.DataFrame, 
     assert said in text
 
 
+@pytest.mark.parametrize(("families", "columns"), [(2, [2]), (6, [6]), (7, [4, 3]), (13, [5, 4, 4])])
+def test_families_are_split_evenly_into_tables(families: int, columns: list[int], tmp_path: Path) -> None:
+    names = [f"f{i}" for i in range(families)]
+    found = tables(written(drawn_runs({"nominal": {"a": 0.8, "b": 0.5}}, names, 2), tmp_path))
+    headers = [table[0] for table in found if table[0][:1] == ["law"] and table[0][-1] in names]
+    assert [len(header) - 1 for header in headers] == columns * 2  # successes, and violations
+    assert [name for header in headers for name in header[1:]] == names * 2
+
+
 def test_figures_are_drawn_of_little(tmp_path: Path) -> None:
     for i, rates in enumerate((ONE, {"nominal": {"a": 0.0, "b": 0.0}})):
         folder = tmp_path / str(i)

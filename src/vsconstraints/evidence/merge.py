@@ -28,7 +28,20 @@ from .folder import (
 from .identity import differences, in_words
 from .trajectories import chosen, trajectory_file
 
-OWN = ("shard", "command", "started", "wall_time_s", "process_time_s", "runs", "runs_per_s", "finished", "machine")
+OWN = (
+    "shard",
+    "command",
+    "started",
+    "wall_time_s",
+    "process_time_s",
+    "scenes",
+    "runs",
+    "runs_per_s",
+    "finished",
+    "stored_before",
+    "trajectories",
+    "machine",
+)
 """Of a manifest: what may differ from folder to folder."""
 
 MOST_NAMED = 5
@@ -37,10 +50,11 @@ MOST_NAMED = 5
 
 @dataclass(frozen=True)
 class Merged:
-    """What was put together: how many scenes, and runs."""
+    """What was put together: how many scenes, and runs, and of how many of these the trajectories are there."""
 
     scenes: int
     runs: int
+    trajectories: int
 
 
 @dataclass(frozen=True)
@@ -239,7 +253,7 @@ def _counts(out: Path) -> Merged:
     names = shard_names(out)
     scenes = parquet.read([shard_file(out, "scenes", name) for name in names], TABLES["scenes"], ["scene"])
     runs = parquet.read([shard_file(out, MARK, name) for name in names], TABLES[MARK], ["scene"])
-    return Merged(scenes.num_rows, runs.num_rows)
+    return Merged(scenes.num_rows, runs.num_rows, len(list((out / TRAJECTORIES).glob("*.npz"))))
 
 
 def _together(manifests: Mapping[Path, dict[str, Any]], counts: Merged) -> dict[str, Any]:
@@ -249,4 +263,6 @@ def _together(manifests: Mapping[Path, dict[str, Any]], counts: Merged) -> dict[
     time = sum(manifest.get("process_time_s", 0.0) for manifest in manifests.values())
     shared = {name: value for name, value in first.items() if name not in OWN}
     own = {"version": __version__, "merged": parts, "machine": first.get("machine", {}), "process_time_s": time}
-    return {**shared, **own, "scenes": counts.scenes, "finished": counts.scenes, "runs": counts.runs, "shard": [1, 1]}
+    # nothing was run by this command: all scenes were there before
+    done = dict.fromkeys(("scenes", "finished", "stored_before"), counts.scenes)
+    return {**shared, **own, **done, "runs": counts.runs, "trajectories": counts.trajectories, "shard": [1, 1]}

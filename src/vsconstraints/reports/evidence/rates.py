@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import ceil
+
 import numpy as np
 
 from ...figures import Figure
@@ -19,7 +21,7 @@ ENDINGS = ("trapped", "unfinished", "aborted", "failed")
 """How runs end that do not converge."""
 
 FAMILIES = 6
-"""A table shows no more families than this."""
+"""A table shows no more families than this; of several tables each shows as many, or one more."""
 
 MAP = Figure(
     "families",
@@ -73,8 +75,8 @@ def _by_family(material: Material, condition: str) -> list[str]:
     families = material.families_of(condition)
     parts = []
     for what, column in (("Success", "success"), ("Violated", "kept")):
-        for start in range(0, len(families), FAMILIES):
-            chosen = families[start : start + FAMILIES]
+        for names in np.array_split(np.array(families), ceil(len(families) / FAMILIES)):
+            chosen = names.tolist()
             each = {name: standing(material, condition, column, [name]) for name in chosen}
             lines = []
             for law in material.laws:
