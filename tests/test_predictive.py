@@ -215,11 +215,9 @@ def test_a_linearisation_that_is_frozen_does_not_hold(monkeypatch: pytest.Monkey
 
     def frozen(rows: Rows, task: Task, seen: Any, at: Any, plan: Array, K: Array) -> condensed.Lookahead:
         ahead = anew(rows, task, seen, at, plan, K)
-        by_state = seen.Lg[0] / np.where(K == 0.0, 1.0, K)[:, None]
-        by_plan = np.where((K == 0.0)[:, None], at.V[:, None, :], at.Q[:, None, :])
-        gradient = (by_plan[..., None] * by_state[None, :, None, :]).reshape(ahead.gradient.shape)
-        moved = np.where((K == 0.0)[None, :], (at.qd - at.qd[0]) @ by_state.T, (at.q - at.q[0]) @ by_state.T)
-        return ahead._replace(value=ahead.value[0] + moved, gradient=gradient)
+        now = ahead.gradient[0]
+        moved = np.where((K == 0.0)[None, :], (at.qd - at.qd[0]) @ now.T, (at.q - at.q[0]) @ now.T)
+        return ahead._replace(value=ahead.value[0] + moved, gradient=np.broadcast_to(now, ahead.gradient.shape))
 
     scene, law = setup("example-2d-fast", duration=3.0), PredictiveControl(max_acceleration=0.5)
     assert excess(simulate(scene, law)) <= 0.0

@@ -11,6 +11,7 @@ import numpy as np
 
 from .errors import InvalidInput, SceneError
 from .evaluation import DefinedEvaluation, Evaluation
+from .formulas.tracking import gains
 from .kernels import load
 from .rows import Array, Rows
 from .scene import State
@@ -198,8 +199,9 @@ class Model:
 
     def gains(self, error: Array) -> Array:
         """(N, 2) K_p and K_v of the tracking law at errors (N, k)."""
-        gains = self._own.visual_task.gains
-        return np.array([gains.at(each) for each in error]).reshape(-1, 2)
+        own = self._own.visual_task.gains
+        squared = (error * error).sum(axis=1).tolist()
+        return np.array([gains(each, own.Kp0, own.Kp_slope, own.damping) for each in squared]).reshape(-1, 2)
 
     def _evaluated(self, t: float, q: Array, qd: Array) -> Evaluation:
         own = self._own

@@ -90,26 +90,26 @@ class Horizon:
         ``most`` (n,) is the greatest acceleration [rad/s²], infinite where there is no bound.
         """
         times, Q, V = self.times, self.Q, self.V
-        there, speed = q + times[:, None] * qd + Q @ plan, qd + V @ plan
-        N, stops = len(times), stopping_time(speed[-1], most)
+        N, stops = len(times), stopping_time(qd + V[-1] @ plan, most)
         if stops > 0.0:
             share = np.array(BRAKING)
             # q̇ falls linearly with time
-            gone = stops * share * (1.0 - 0.5 * share)
-            times = np.append(times, times[-1] + stops * share)
-            there = np.vstack((there, there[-1] + gone[:, None] * speed[-1]))
-            speed = np.vstack((speed, (1.0 - share)[:, None] * speed[-1]))
-            Q, V = np.vstack((Q, Q[-1] + gone[:, None] * V[-1])), np.vstack((V, (1.0 - share)[:, None] * V[-1]))
+            gone, slower = (stops * share * (1.0 - 0.5 * share))[:, None], (1.0 - share)[:, None]
+            times = np.concatenate((times, times[-1] + stops * share))
+            Q, V = np.concatenate((Q, Q[-1] + gone * V[-1])), np.concatenate((V, slower * V[-1]))
+        there, speed = q + times[:, None] * qd + Q @ plan, qd + V @ plan
+        if stops > 0.0:
+            # the speed of now is braked too
+            there[N:], speed[N:] = there[N - 1] + gone * speed[N - 1], slower * speed[N - 1]
         return Instants(times, there, speed, Q, V, N)
 
     def later(self, plan: Array, then: Array, after: float) -> Array:
         """The plan as it is ``after`` [s], means over the new blocks; after its last block comes ``then`` (n,)."""
-        ahead = int(np.ceil(after / self.length)) + 1
-        longer = np.vstack((plan, np.repeat(then[None, :], ahead, axis=0)))
-        before = np.vstack((np.zeros(plan.shape[1]), np.cumsum(longer, axis=0)))
-        at = np.arange(self.blocks + 1) + after / self.length
-        i = np.minimum(at.astype(int), len(longer) - 1)
-        means: Array = np.diff(before[i] + (at - i)[:, None] * longer[i], axis=0)
+        over, share = divmod(after / self.length, 1.0)
+        gone = min(int(over), self.blocks)
+        left = np.empty((self.blocks + 1, len(then)))
+        left[: self.blocks - gone], left[self.blocks - gone :] = plan[gone:], then
+        means: Array = (1.0 - share) * left[:-1] + share * left[1:]
         return means
 
     def brake(self, qd: Array, low: Array, high: Array) -> Array:
@@ -123,6 +123,7 @@ class Horizon:
 
 def stopping_time(qd: Array, most: Array) -> float:
     """Time [s] in which all joints can stop together; 0 if a joint that moves has no bound."""
-    moving = qd != 0.0
-    time = float((np.abs(qd[moving]) / most[moving]).max(initial=0.0))
-    return time if bool(np.isfinite(most[moving]).all()) else 0.0
+    unbounded = most == np.inf
+    if unbounded.any() and qd[unbounded].any():
+        return 0.0
+    return float((np.abs(qd) / most).max(initial=0.0))

@@ -11,11 +11,11 @@ import numpy as np
 from ..errors import InvalidInput, SolverError, shown
 from ..model import Model, Prediction, Present
 from ..qp import SolverChain
-from ..qp.lexicographic import PULLING
+from ..qp.lexicographic import PULLING, ZERO_GRADIENT
 from ..qp.penalised import Penalised, penalised
-from ..rows import Array, BoolArray, Command, Rows, Status, Task, in_box
+from ..rows import Array, BoolArray, Command, IntArray, Rows, Status, Task, in_box
 from .base import Controller
-from .condensed import Lookahead, bounded, cost, influenced, limits, look_ahead
+from .condensed import Lookahead, cost, limits, look_ahead
 from .horizon import Horizon, Instants, stopping_time
 from .options import positive
 from .ranges import Declared, Range
@@ -29,13 +29,27 @@ MOST_BLOCKS = 100
 MOST_PERIODS = 10_000
 """Of a block."""
 
+NO_ROWS: IntArray = np.empty(0, dtype=np.int64)
+"""Of the QP."""
+
 
 class Plan(NamedTuple):
-    """What was planned: q̈ of the blocks (H, n), what comes after them (n,), and when it was made [s]."""
+    """What was planned.
+
+    Attributes
+    ----------
+    qdd, then
+        q̈ of the blocks (H, n), and what comes after them (n,).
+    made
+        When it was made [s].
+    held
+        Which rows of the QP held it, by their indices there: those are likely to hold the next one.
+    """
 
     qdd: Array
     then: Array
     made: float
+    held: IntArray = NO_ROWS
 
 
 class PredictiveControl(Controller):
@@ -153,7 +167,7 @@ class PredictiveControl(Controller):
 
     def remark(self, labels: tuple[str, ...]) -> str:
         """See :class:`.Controller`."""
-        return Hierarchy(weights=self.weights).remark(labels)
+        return Hierarchy(weights=self.weights).remark(labels) if self.weights else ""
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """See the class.
@@ -183,12 +197,12 @@ class PredictiveControl(Controller):
             return self._answer(rows, plan[0], "suboptimal", reason=f"braking: {remark}")
         ahead = look_ahead(rows, task, seen, at, plan, model.K)
         try:
-            found, held, unmet = self._optimum(rows, ahead, horizon, (low, high))
+            found, held = self._optimum(rows, ahead, horizon, (low, high))
         except SolverError as error:
-            self.plan = self._planned(horizon, plan, now, most)
+            self.plan = self._planned(horizon, plan, now, most, NO_ROWS)
             return self._answer(rows, plan[0], "suboptimal", reason=f"the plan goes on as it was: {error}")
-        best = found.x.reshape(plan.shape)
-        self.plan = self._planned(horizon, best, now, most)
+        best, unmet = found.x.reshape(plan.shape), found.slack
+        self.plan = self._planned(horizon, best, now, most, found.rows[found.multipliers > 0.0])
         # bit by bit what tracking alone commands
         free = not found.multipliers.any() and not unmet.any()
         qdd = self._tracking.command(Rows.none(len(now.q)), task).qdd if free else best[0]
@@ -221,7 +235,8 @@ class PredictiveControl(Controller):
 
     def _box(self, rows: Rows, most: Array) -> tuple[Array, Array]:
         """Least and greatest q̈ of the blocks (H, n); what rows say of now holds for the first."""
-        high = np.tile(most, (self.horizon, 1))
+        high = np.empty((self.horizon, len(most)))
+        high[:] = most
         low = -high
         low[0], high[0] = in_box(rows, low[0]), in_box(rows, high[0])
         return low, high
@@ -231,32 +246,29 @@ class PredictiveControl(Controller):
         plan = self.plan
         if plan is None or not 0.0 <= now.t - plan.made < horizon.blocks * horizon.length:
             return horizon.brake(now.qd, low, high)
-        return np.clip(horizon.later(plan.qdd, plan.then, now.t - plan.made), low, high)
+        return np.minimum(np.maximum(horizon.later(plan.qdd, plan.then, now.t - plan.made), low), high)
 
     @staticmethod
-    def _planned(horizon: Horizon, plan: Array, now: Present, most: Array) -> Plan:
+    def _planned(horizon: Horizon, plan: Array, now: Present, most: Array, held: IntArray) -> Plan:
         end = now.qd + horizon.V[-1] @ plan
         stops = stopping_time(end, most)
-        return Plan(plan, -end / stops if stops > 0.0 else np.zeros_like(end), now.t)
+        return Plan(plan, -end / stops if stops > 0.0 else np.zeros_like(end), now.t, held)
 
     def _optimum(
         self, rows: Rows, ahead: Lookahead, horizon: Horizon, box: tuple[Array, Array]
-    ) -> tuple[Penalised, BoolArray, Array]:
-        """The QP's plan, which rows hold it (m,), and by how much each is exceeded (m,)."""
+    ) -> tuple[Penalised, BoolArray]:
+        """The QP's plan, and which rows hold it (m,)."""
         assert self.model is not None
-        m, K, scale = len(rows.labels), self.model.K, rows.scale
-        given = limits(ahead, self.approach * horizon.length, K)
-        has = influenced(given, scale)
-        unmet = np.zeros(m)
-        np.maximum.at(unmet, given.of[~has], -given.h[~has])
-        asked = bounded(given.where(has), *box)
+        given = limits(ahead, self.approach * horizon.length, box, ZERO_GRADIENT * rows.scale)
         begins = horizon.begins[horizon.begins < len(ahead.b)]
-        center, T = cost(ahead, horizon, self.model.gains(ahead.error[begins]), self.damping)
-        weights = row_weights(rows.labels, self.weights or {}) / scale
-        found = penalised(center, T, asked.G, asked.h, asked.of, weights, self.solvers)
-        held = np.zeros(m + 1, dtype=np.bool_)
-        held[asked.of[found.multipliers > PULLING * found.multipliers.max(initial=0.0)]] = True
-        return found, held[:m], np.maximum(unmet, found.slack)
+        best = cost(ahead, horizon, self.model.gains(ahead.error[begins]), self.damping)
+        weights = row_weights(rows.labels, self.weights or {}) / rows.scale
+        guess = NO_ROWS if self.plan is None else self.plan.held
+        found = penalised(best, given, weights, self.solvers, guess)
+        holding = found.rows[found.multipliers > PULLING * found.multipliers.max(initial=0.0)]
+        held = np.zeros(len(rows.labels) + 1, dtype=np.bool_)
+        held[given.of(holding)] = True
+        return found, held[:-1]
 
     def _answer(self, rows: Rows, qdd: Array, status: Status, reason: str) -> Command:
         none = np.zeros(len(rows.labels), dtype=np.bool_)
@@ -269,8 +281,10 @@ def _shortened(ahead: float) -> str:
 
 def _exceeded(labels: tuple[str, ...], unmet: Array) -> str:
     """Say which rows no plan meets and by how much; empty if none."""
+    if not unmet.any():
+        return ""
     amounts = ", ".join(f"{labels[i]} by {unmet[i]:.3g}" for i in np.flatnonzero(unmet))
-    return f"no plan meets every row; exceeded at most, in units of the rows: {amounts}" if amounts else ""
+    return f"no plan meets every row; exceeded at most, in units of the rows: {amounts}"
 
 
 def _positive(name: str, value: object) -> float:

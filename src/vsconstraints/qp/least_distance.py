@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,10 +47,22 @@ def least_distance(center: Array, T: Array, A: Array, c: Array) -> LeastDistance
     A, c
         (m, n) and (m,); A T must not have a row of zeros.
     """
-    G = A @ T
+    scaled = scale(A @ T, c - A @ center)
+    return None if scaled.size <= 0.0 else LeastDistance(scaled.G, scaled.h, center, T, scaled.size)
+
+
+class Scaled(NamedTuple):
+    """Rows G u ≤ h of unit norm, with −1 the smallest entry of h: what ``size`` u makes of rows of these norms."""
+
+    G: Array
+    h: Array
+    size: float
+    norms: Array
+
+
+def scale(G: Array, h: Array) -> Scaled:
+    """Scale rows G v ≤ h, none of them zero, as :class:`LeastDistance` says; the size is 0 if v = 0 meets all."""
     norms = np.sqrt(np.einsum("ij,ij->i", G, G))
-    h = (c - A @ center) / norms
+    h = h / norms
     size = -float(h.min(initial=0.0))
-    if size <= 0.0:
-        return None
-    return LeastDistance(G / norms[:, None], h / size, center, T, size)
+    return Scaled(G / norms[:, None], h / size if size > 0.0 else h, size, norms)
