@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import chdir
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from ..plugins import beside
 from ..runs.deadline import Deadline
 from ..runs.signals import INTERRUPTS
 from ..runs.spec import BASELINE, ControllerSpec
-from ..simulation import Setup, simulate
+from ..simulation import Prepared, Setup, simulate
 from . import parquet
 from .columns import TABLES
 from .task import Batch
@@ -77,14 +77,15 @@ def scored(task: Batch) -> Part:
     with Deadline(task.limit) as deadline:
         for number in task.scenes:
             deadline.step()
-            scene = drawn(task, number)
+            scene, setups = set_up(task, number)
             if task.single is None:
                 lines.scenes.append(_of_scene(task, number, scene))
             if not isinstance(scene, Drawn) or not scene.found:
                 continue
             for condition in task.conditions:
                 if task.single is None or task.single.condition == condition:
-                    for entry, result in _scores(task, scene, condition, deadline):
+                    bench = Bench(scene, condition, setups.get(condition))
+                    for entry, result in _scores(task, bench, deadline):
                         lines.add(keys_of(task, number, condition, entry.name), result)
     return lines.part(time.perf_counter() - begun)
 
@@ -102,11 +103,16 @@ def failed(task: Batch, reason: str) -> Part:
 
 def drawn(task: Batch, number: int) -> Drawn | str:
     """A scene; or why drawing it raised something, which only own parts do."""
+    return set_up(task, number)[0]
+
+
+def set_up(task: Batch, number: int) -> tuple[Drawn | str, Mapping[str, Setup]]:
+    """The same, and its setups by condition."""
     try:
         with chdir("."), beside(task.family.folder):
-            return task.family.scene(number, task.half, task.seed)
+            return task.family.set_up(number, task.half, task.seed)
     except Exception as error:  # own constraints can raise anything: the scene is listed with the reason
-        return described(error)
+        return described(error), {}
 
 
 def keys_of(task: Batch, number: int, condition: str, controller: str) -> Line:
@@ -147,9 +153,9 @@ def _worth_keeping(row: Line) -> bool:
     return bool(row["challenged"] or left or row["active_time_s"] > 0.0)
 
 
-def _scores(task: Batch, scene: Drawn, condition: str, deadline: Deadline) -> Iterator[tuple[ControllerSpec, Score]]:
+def _scores(task: Batch, bench: Bench, deadline: Deadline) -> Iterator[tuple[ControllerSpec, Score]]:
     """Each controller's score, held against tracking alone, which is the first of them."""
-    bench, baseline = Bench(scene, condition), None
+    baseline = None
     for entry in task.controllers:
         wanted = task.single is None or task.single.controller == entry.name
         if wanted or entry.name == BASELINE:
@@ -178,11 +184,13 @@ class Bench:
     ----------
     scene, condition
         What is set up.
+    setup
+        The same, if it is set up already.
     """
 
-    def __init__(self, scene: Drawn, condition: str) -> None:
-        self._scene, self._condition = scene, condition
-        self._ready: tuple[Setup, list[str]] | None = None
+    def __init__(self, scene: Drawn, condition: str, setup: Setup | None = None) -> None:
+        self._scene, self._condition, self._setup = scene, condition, setup
+        self._ready: tuple[Prepared, list[str]] | None = None
 
     def run(self, entry: ControllerSpec) -> RunRecord:
         """A run; whatever goes wrong becomes a failed one with its reason."""
@@ -190,17 +198,20 @@ class Bench:
             # own parts may change the working directory, and import what lies beside them whenever they like
             with chdir("."), beside(self._scene.folder, entry.folder):
                 scenario = self._scene.scenario(self._condition)
-                setup, remarks = self._ready or self._set_up()
+                prepared, remarks = self._ready or self._prepare(bool(scenario.own_parts))
                 self._ready = None
-                record = RunRecord.of(setup, simulate(setup, entry.make(), remarks=remarks), "")
+                run = simulate(prepared.setup, entry.make(), remarks=remarks, prepared=prepared)
+                record = RunRecord.of(prepared.setup, run, "")
         except INTERRUPTS:
             raise
         except BaseException as error:  # even SystemExit: this is where one run ends and the others begin
             return RunRecord.failed(described(error), "")
         if record.trajectory.status != "failed" and ":" not in entry.law and not scenario.own_parts:
-            self._ready = setup, remarks
+            self._ready = prepared, remarks
         return record
 
-    def _set_up(self) -> tuple[Setup, list[str]]:
-        setup = self._scene.setup(self._condition)
-        return setup, setup.check_start()
+    def _prepare(self, own_parts: bool) -> tuple[Prepared, list[str]]:
+        given, self._setup = self._setup, None
+        setup = self._scene.setup(self._condition) if given is None or own_parts else given
+        remarks = setup.check_start()
+        return Prepared(setup), remarks

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -13,6 +14,7 @@ from ..plugins import beside
 from ..scenarios import Scenario
 from ..scenarios.reading import Table, demand_table
 from ..scenarios.toml import read_toml
+from ..simulation import Setup
 from .arrival import least_time
 from .checks import check_ends, left_by_tracking, share_to_hold
 from .drawing import Streams, demand_no_placement, drawn, merged, parsed
@@ -141,6 +143,13 @@ class Family:
     def scene(self, number: int, half: str = "held-out", seed: int = 0) -> Drawn:
         """One scene, by its own attempts: independent of every other one, and of what else is drawn.
 
+        Parameters, what is returned first, and errors are those of :meth:`set_up`.
+        """
+        return self.set_up(number, half, seed)[0]
+
+    def set_up(self, number: int, half: str = "held-out", seed: int = 0) -> tuple[Drawn, Mapping[str, Setup]]:
+        """One scene, and what is simulated in each of its conditions: it was set up to be looked at.
+
         Parameters
         ----------
         number
@@ -152,8 +161,9 @@ class Family:
 
         Returns
         -------
-        :class:`Drawn`
-            Not ``found`` if as many attempts as the family allows were rejected, or no build can succeed.
+        tuple
+            The :class:`Drawn`, not ``found`` if as many attempts as the family allows were rejected, or no build can
+            succeed; and its setups by condition, the same that :meth:`Drawn.setup` gives.
 
         Raises
         ------
@@ -171,7 +181,7 @@ class Family:
         with beside(self.folder):
             for attempt in range(self.attempts):
                 try:
-                    known = self._attempt(Streams(seed, half, number, attempt))
+                    known, setups = self._attempt(Streams(seed, half, number, attempt))
                 except Rejected as error:
                     rejected[error.reason.value] += 1
                     refusal = str(error)
@@ -179,11 +189,11 @@ class Family:
                     if refusals[refusal] >= REFUSALS:
                         break
                 else:
-                    return replace(scene, rejected=dict(rejected), refusal=refusal, **known)
-        return replace(scene, rejected=dict(rejected), refusal=refusal)
+                    return replace(scene, rejected=dict(rejected), refusal=refusal, **known), setups
+        return replace(scene, rejected=dict(rejected), refusal=refusal), {}
 
-    def _attempt(self, streams: Streams) -> dict[str, Any]:
-        """What is to be known of a scene; raises Rejected."""
+    def _attempt(self, streams: Streams) -> tuple[dict[str, Any], dict[str, Setup]]:
+        """What is to be known of a scene, and its setups; raises Rejected."""
         values: dict[str, Any] = {}
         where, noise = f"{self.name}-{streams.number}", streams.entropy("noise", bits=32)
         bare = drawn(self._parsed, streams, "", values)
@@ -201,7 +211,7 @@ class Family:
             raise Rejected(Reason.BUILD_REFUSED, str(error)) from error
         limited = setups.get(LIMITED, nominal)
         values |= {"q0": common["q0"]} if "q0" not in values else {}
-        return {
+        known = {
             "tables": tables,
             "values": values,
             "challenged": challenged,
@@ -210,6 +220,7 @@ class Family:
             "duration": (limited.samples - 1) * limited.Ts,
             "noise": noise,
         }
+        return known, {NOMINAL: nominal, **setups}
 
     def demand_scenes(self, half: str = "held-out", seed: int = 0, scenes: int = 3) -> None:
         """Raise ConfigurationError with counts if none of the first scenes is found: before thousands are drawn."""

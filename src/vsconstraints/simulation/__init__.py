@@ -1,8 +1,9 @@
 """Simulation: a setup, the closed loop, and the trajectory it leaves."""
 
 from .loop import score_run, simulate
+from .prepared import Prepared
 from .scores import RunScores
 from .setup import Setup, Tolerances
 from .trajectory import Trajectory, intervals
 
-__all__ = ["RunScores", "Setup", "Tolerances", "Trajectory", "intervals", "score_run", "simulate"]
+__all__ = ["Prepared", "RunScores", "Setup", "Tolerances", "Trajectory", "intervals", "score_run", "simulate"]

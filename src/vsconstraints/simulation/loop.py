@@ -8,8 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ..control_step import ControlStep
-from ..controllers import Controller, Tracking
+from ..controllers import Controller
 from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
@@ -24,6 +23,7 @@ from .arrays import blank_step, make_loop
 from .between import between_clearance
 from .line_of_sight import hidden_markers
 from .outcome import judge
+from .prepared import Prepared
 from .scores import RunScores
 from .setup import Setup
 from .trajectory import Trajectory
@@ -33,7 +33,12 @@ CHUNK = 512
 
 
 def simulate(
-    setup: Setup, controller: Controller, *, by_public_call: bool = False, remarks: Sequence[str] | None = None
+    setup: Setup,
+    controller: Controller,
+    *,
+    by_public_call: bool = False,
+    remarks: Sequence[str] | None = None,
+    prepared: Prepared | None = None,
 ) -> Trajectory:
     """Run a controller on a setup, from t = 0 to its duration or until it cannot go on.
 
@@ -55,6 +60,8 @@ def simulate(
         which is faster; their commands are the same.
     remarks
         What :meth:`Setup.check_start` has said of this setup; it is asked if None.
+    prepared
+        Of this setup, to be used again; made if None.
 
     Raises
     ------
@@ -63,7 +70,7 @@ def simulate(
     """
     if remarks is None:
         remarks = setup.check_start()
-    run = _Run(setup, controller, whole=True, by_public_call=by_public_call)
+    run = _Run(prepared or Prepared(setup), controller, whole=True, by_public_call=by_public_call)
     run.to_the_end()
     trajectory = run.trajectory()
     said = (*remarks, *hidden_markers(setup.scene, trajectory.t, trajectory.q), *run.remarks())
@@ -81,7 +88,7 @@ def score_run(setup: Setup, controller: Controller) -> RunScores:
         if the robot cannot start (see :meth:`Setup.check_start`).
     """
     remarks = setup.check_start()
-    run = _Run(setup, controller, whole=False)
+    run = _Run(Prepared(setup), controller, whole=False)
     run.to_the_end()
     scores = run.scores()
     return replace(scores, reason="; ".join(filter(None, (scores.reason, *remarks, *run.remarks()))))
@@ -101,16 +108,14 @@ class _Run:
     """
 
     def __init__(
-        self, setup: Setup, controller: Controller, *, whole: bool = True, by_public_call: bool = False
+        self, prepared: Prepared, controller: Controller, *, whole: bool = True, by_public_call: bool = False
     ) -> None:
-        setup.task.reset()
-        self.setup, self.controller, self.baseline, self.whole = setup, controller, Tracking(), whole
-        self.control = setup.control()
-        self.plant, self.sensor, self.gradient_error = setup.plant(), setup.sensor(), setup.gradient_error()
-        # what is kept is what is true; where nothing is disturbed, that is what the control believes
-        self.world = self.control
-        if self.sensor.disturbed or self.gradient_error.any:
-            self.world = ControlStep(setup.scene, setup.constraints, setup.task, known=True)
+        prepared.restart()
+        setup = prepared.setup
+        self.prepared, self.setup, self.controller, self.whole = prepared, setup, controller, whole
+        self.control, self.world, self.bound = prepared.control, prepared.world, prepared.bound
+        self.gradient_error, self.baseline = prepared.gradient_error, prepared.baseline
+        self.plant, self.sensor = setup.plant(), setup.sensor()
         restart(controller, setup.Ts, self._model)
         self.samples = self.fallbacks = self.unfounded = 0
         self.ended, self.reason, self.compiled = "", "", False
@@ -142,8 +147,7 @@ class _Run:
 
     def _compiled_loop(self, by_public_call: bool) -> Loop | None:
         """A loop in which compiled code does what it can; None where the step has no compiled form."""
-        setup = self.setup
-        self.bound, true = self.control.bound(), self.world.bound()
+        setup, true = self.setup, self.prepared.true
         if self.bound is None or true is None or self.kernels is None:
             return None
         believed = self.bound.packed
@@ -156,9 +160,8 @@ class _Run:
                 self._sensing = self.sensor.sensing(setup.samples)
                 self._sensed = frozen(self._sensing)
                 loop.parts[5:] = load("sensing").OBSERVE, self._sensed.ctypes.data
-        now, acted, n = self.bound.now, loop.answer.acted, self.plant.x.shape[1]
-        law = self.controller.bind(now.rows, now.task, acted, loop.answer.qdd)
-        alone = self.baseline.bind(now.rows, now.task, np.empty_like(acted), np.empty(n))
+        now, alone = self.bound.now, self.prepared.alone
+        law = self.controller.bind(now.rows, now.task, loop.answer.acted, loop.answer.qdd)
         assert alone is not None  # where there is a compiler
         self.compiled = law is not None
         self._laws = [frozen(part.arrays) for part in (alone, law) if part is not None]
