@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -135,31 +135,84 @@ def checked(value: object, kind: Any, where: str, key: str, given: Given = NOTHI
         return value
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
-    every = get_args(kind) if get_origin(kind) in UNIONS else (kind,)
-    options = [one for one in every if get_origin(one) is not np.ndarray]
-    for option in options:
-        several = get_origin(option) is Sequence
-        part = get_args(option)[0] if several else option
-        if part in (Pose, Motion) or is_dataclass(part):
-            if not several:
-                return _part(part, value, f"{where}.{key}", given)
+    try:
+        said = _said(kind)
+    except TypeError:  # somebody's own annotation may be anything, also what cannot be kept
+        said = _said.__wrapped__(kind)
+    for option in said.options:
+        if option.made:
+            if not option.several:
+                return _part(option.part, value, f"{where}.{key}", given)
             tables = checked(value, list[Any], where, key)
-            return [_part(part, table, f"{where}.{key}[{i}]", given) for i, table in enumerate(tables)]
-        if get_origin(option) is Literal and isinstance(value, str) and value not in get_args(option):
-            raise unknown_name(f"{key} in {where}", value, get_args(option))
-    if Path in options:
+            return [_part(option.part, table, f"{where}.{key}[{i}]", given) for i, table in enumerate(tables)]
+        if option.words and isinstance(value, str) and value not in option.words:
+            raise unknown_name(f"{key} in {where}", value, option.words)
+    if said.path:
         return given["folder"] / checked(value, str, where, key)
-    if any(get_origin(option) is Sequence and Path in get_args(get_args(option)[0]) for option in options):
+    if said.paths:
         return [given["folder"] / one for one in checked(value, list[str], where, key)]
-    if not all(map(_of_files, options)):
+    if said.raw is None:
         return value
     try:
-        raw = any(Any in get_args(option) for option in options)  # checked further where it is read
-        return msgspec.convert(value if raw else _finite(value), Union[tuple(options)])  # noqa: UP007
+        return msgspec.convert(value if said.raw else _finite(value), said.kind)
     except FloatingPointError as error:
         raise ConfigurationError(f"{where}: {key} must be finite, and less than 1e308") from error
     except msgspec.ValidationError as error:
         raise ConfigurationError(f"{where}: {key} must be {_words(kind)}, not {shown(value)}") from error
+
+
+class _Option(NamedTuple):
+    """One of the types that an annotation allows.
+
+    Attributes
+    ----------
+    part, several, made
+        What is made of a table, or of each of several, if that is so.
+    words
+        The only strings; any, if there are none.
+    """
+
+    part: Any
+    several: bool
+    made: bool
+    words: tuple[Any, ...]
+
+
+class _Said(NamedTuple):
+    """What an annotation says of a value.
+
+    Attributes
+    ----------
+    options
+        Each type that it allows.
+    path, paths
+        Whether it is one of a file, or several.
+    kind, raw
+        What files may hold, for msgspec, and whether it is checked further where it is read; None of what they cannot.
+    """
+
+    options: tuple[_Option, ...]
+    path: bool
+    paths: bool
+    kind: Any
+    raw: bool | None
+
+
+@lru_cache(maxsize=512)
+def _said(kind: Any) -> _Said:
+    """What an annotation says: kept, since there are few, and taking one apart takes longer than to read a value."""
+    every = get_args(kind) if get_origin(kind) in UNIONS else (kind,)
+    allowed = [one for one in every if get_origin(one) is not np.ndarray]
+    options = []
+    for option in allowed:
+        several = get_origin(option) is Sequence
+        part = get_args(option)[0] if several else option
+        words = get_args(option) if get_origin(option) is Literal else ()
+        options.append(_Option(part, several, part in (Pose, Motion) or is_dataclass(part), words))
+    paths = any(get_origin(one) is Sequence and Path in get_args(get_args(one)[0]) for one in allowed)
+    raw = any(Any in get_args(one) for one in allowed) if all(map(_of_files, allowed)) else None
+    whole = None if raw is None else Union[tuple(allowed)]  # noqa: UP007
+    return _Said(tuple(options), Path in allowed, paths, whole, raw)
 
 
 def _part(part: Any, table: object, where: str, given: Given) -> Any:
