@@ -16,8 +16,10 @@ AT_BOUNDARY = 3
 
 def worst_band(record: RunRecord) -> tuple[float, float]:
     """Band of φ and its bound T_s u⁺, of the row in which the one is largest relative to the other; NaN without one."""
-    bounds = record.Ts * record.switching_gain
-    bands = np.array([_band(phi, bound) for phi, bound in zip(record.trajectory.phi.T, bounds, strict=True)])
+    bounds, phi = record.Ts * record.switching_gain, record.trajectory.phi
+    bands = np.full(len(bounds), np.nan)
+    for i in _reached(phi):
+        bands[i] = _band(phi[:, i], bounds[i])
     if len(record.trajectory.t) < 2 or not np.isfinite(bands).any():
         return np.nan, np.nan
     worst = np.nanargmax(bands / bounds)
@@ -27,7 +29,9 @@ def worst_band(record: RunRecord) -> tuple[float, float]:
 def sliding_lost(record: RunRecord) -> float:
     """Time for which some row's sliding mode is lost [s]; NaN for a run of one sample."""
     run, bounds = record.trajectory, record.Ts * record.switching_gain
-    lost = np.any([_lost(phi, bound) for phi, bound in zip(run.phi.T, bounds, strict=True)], axis=0)
+    lost = np.zeros(len(run.t), dtype=np.bool_)
+    for i in _reached(run.phi):
+        lost |= _lost(run.phi[:, i], bounds[i])
     return float(lost.sum() * record.Ts) if len(run.t) > 1 else np.nan
 
 
@@ -56,9 +60,24 @@ def _changes(record: RunRecord) -> Array:
     return change
 
 
+def longest_positive_runs(record: RunRecord) -> Array:
+    """(m,) longest time with φ ≥ 0 of each row [s]."""
+    phi = record.trajectory.phi
+    longest = np.zeros(phi.shape[1])
+    for i in _reached(phi):
+        longest[i] = longest_run(phi[:, i] >= 0.0) * record.Ts
+    return longest
+
+
 def longest_run(flags: BoolArray) -> int:
     """Most flags (N,) in a row."""
     return max((end - begin for begin, end in _runs(flags)), default=0)
+
+
+def _reached(phi: Array) -> list[int]:
+    """Numbers of the rows whose φ (N, m) is ever at or above zero: of the others there is nothing to be said."""
+    rows: list[int] = np.flatnonzero((phi >= 0.0).any(axis=0)).tolist()
+    return rows
 
 
 def _runs(flags: BoolArray) -> list[tuple[int, int]]:

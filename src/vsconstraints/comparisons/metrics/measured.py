@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
-from ...rows import BoolArray
+from ...rows import Array, BoolArray
 from ...simulation import Trajectory
 from ..record import RunRecord
 from .chattering import worst_band
 from .clearance import Clearances, clearances
-from .utilization import held
+from .utilization import held, usage_at_speed
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,11 @@ class Measured:
     def of(cls, record: RunRecord, baseline: RunRecord | None = None) -> Measured:
         """The same of a run."""
         return cls(record, baseline, clearances(record), held(record), worst_band(record))
+
+    @cached_property
+    def usage(self) -> Array:
+        """(N, m) of what is left at the speed at which it is used up, from 0 to 1."""
+        return usage_at_speed(self.record)
 
     @property
     def run(self) -> Trajectory:

@@ -23,7 +23,7 @@ METRICS = (
            group="task", factor=1e3, style="error"),
     Metric("final_feature_error_px", lambda m: m.run.feature_error_px[-1], "image error [px]",
            group="task", style="error"),
-    Metric("utilization", lambda m: utilization.utilization(m.record, m.held), "utilization [%]", "more",
+    Metric("utilization", lambda m: utilization.utilization(m.record, m.usage, m.held), "utilization [%]", "more",
            group="outcome", style="percent", overall="median utilization [%]",
            finding=("Most of the allowed space used", "%"),
            definition="usage_held over all rows, each weighted by the time for which it holds the arm back. No value "
@@ -108,14 +108,14 @@ ROW_METRICS = (
     Metric("violation_depth", lambda m: m.clearances.violated),
     Metric("violation_time_s", lambda m: m.clearances.outside.sum(axis=0) * m.Ts),
     Metric("phi_max", lambda m: m.run.phi.max(axis=0)),
-    Metric("longest_positive_run_s", lambda m: [chattering.longest_run(phi >= 0.0) * m.Ts for phi in m.run.phi.T]),
+    Metric("longest_positive_run_s", lambda m: chattering.longest_positive_runs(m.record)),
     Metric("sampling_band", lambda m: m.record.sampling_band,
            definition="How far outside sampling alone puts a row, in its natural unit: where φ is the clearance "
            "itself, as for speeds, one switching step T_s u⁺ (43). Rows of positions have none: φ = σ + K σ̇ smooths "
            "switching."),
     Metric("band_depth", lambda m: m.clearances.within_band),
     Metric("held_time_s", lambda m: m.held.sum(axis=0) * m.Ts),
-    Metric("usage_held", lambda m: utilization.usage_while_held(m.record, m.held),
+    Metric("usage_held", lambda m: utilization.usage_while_held(m.usage, m.held),
            definition="Mean of 1 − (clearance + K · its rate of change) / L, from 0 to 1, over the time for which the "
            "row holds the arm back: usage of the room that is left at the arm's speed. 1 means that the arm was on "
            "the boundary, or came to it as fast as φ ≤ 0 lets it. For speeds it is the mean usage."),

@@ -15,8 +15,9 @@ def held(record: RunRecord) -> BoolArray:
     """(N, m) when each row holds the arm back: it acts or, in a sliding mode, acts before and after."""
     active, phi = record.trajectory.active, record.trajectory.phi
     closed = active.copy()
-    for i, step in enumerate(record.Ts * record.switching_gain):
-        at = np.flatnonzero(active[:, i])
+    steps = record.Ts * record.switching_gain
+    for i in np.flatnonzero(active.any(axis=0)):
+        at, step = np.flatnonzero(active[:, i]), steps[i]
         # where it acts in the sample after, nothing lies in between
         for begin, end in ((at[k], at[k + 1]) for k in np.flatnonzero(np.diff(at) > 1)):
             if phi[begin:end, i].min() >= -STEPS * step:
@@ -46,16 +47,16 @@ def usage_at_speed(record: RunRecord) -> Array:
     return np.nan_to_num(usage)
 
 
-def usage_while_held(record: RunRecord, when: BoolArray) -> Array:
-    """(m,) mean usage of each row over the samples (N, m) in which it holds the arm back; NaN if there are none."""
+def usage_while_held(usage: Array, when: BoolArray) -> Array:
+    """(m,) mean usage (N, m) of each row over the samples in which it holds the arm back; NaN if there are none."""
     count = when.sum(axis=0)
-    total = np.where(when, usage_at_speed(record), 0.0).sum(axis=0)
+    total = np.where(when, usage, 0.0).sum(axis=0)
     mean: Array = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
     return mean
 
 
-def utilization(record: RunRecord, when: BoolArray) -> float:
+def utilization(record: RunRecord, usage: Array, when: BoolArray) -> float:
     """The same over all rows; NaN where the goal is not reached or nothing holds the arm back."""
     if record.trajectory.status != "converged" or not when.any():
         return float("nan")
-    return float(usage_at_speed(record)[when].mean())
+    return float(usage[when].mean())
