@@ -1,4 +1,4 @@
-"""The command line: ``vsconstraints compare``, ``evidence``, ``families``, ``report``, ``diff`` and more."""
+"""The command line: ``vsconstraints compare``, ``preview``, ``evidence``, ``families``, ``report`` and more."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from . import __version__
 from .commands.difference import diff
 from .commands.evidence import evidence, merge
 from .commands.families import families
+from .commands.preview import preview
 from .commands.reporting import comparison_report, report
 from .commands.terminal import (
     NOTHING_DONE,
@@ -37,6 +38,7 @@ app.command()(diff)
 app.command()(families)
 app.command()(evidence)
 app.command()(merge)
+app.command()(preview)
 app.command()(report)
 app.command()(tune)
 

@@ -44,6 +44,8 @@ class Goal:
         (m,) Z of the markers there [m]; None if not known.
     reference
         How s_ref moves on the way to the goal; None if it is the goal from the start.
+    q
+        (n,) joint coordinates at which the camera is there at t = 0; None where the goal was not given by them.
     """
 
     from_time: float
@@ -52,6 +54,7 @@ class Goal:
     camera: Pose | None = None
     depth: Array | None = None
     reference: Reference | None = None
+    q: Array | None = None
 
     @cached_property
     def interaction(self) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,9 @@ AROUND = 1.12
 FORBIDDEN: dict[str, Any] = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "hatch": "/////"}
 FRAME: dict[str, Any] = {"color": "#606060", "linewidth": 1.7, "solid_joinstyle": "miter"}
 BOUNDARY: dict[str, Any] = {"color": INK, "linewidth": 0.9}
+
+LABELLED = 0.93
+"""How far from the centre a time may stand, relative to the half of what is shown."""
 
 MOMENTS = 5
 """How often a boundary that moves is drawn."""
@@ -62,6 +65,18 @@ class Plane:
         moving = _moments([c for c in image if c.motion is not None], setup.duration, size)
         return cls(size, still, tuple(points for c in still for points in c.boundary(size)), moving)
 
+    @classmethod
+    def at(cls, setup: Setup, t: float) -> Plane:
+        """That of a setup with what moves in it where it is at time ``t`` [s]."""
+        plane = cls.of(setup)
+        moving = [c for c in setup.constraints.constraints if isinstance(c, ImageConstraint) and c.motion is not None]
+        every = np.linspace(0.0, setup.duration, INSTANTS)
+        lines: list[Array] = []
+        for c in moving:
+            if c.motion is not None:
+                lines += [line + c.motion.displacement(t) for line in c.boundary(plane.size, every)]
+        return replace(plane, moving=((t, lines),)) if lines else plane
+
     @property
     def half(self) -> Array:
         """(2,) half the size of the part that is shown [px]."""
@@ -74,6 +89,8 @@ class Plane:
         for t, lines in self.moving:
             for points in lines:
                 middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+                if (np.abs(middle) > LABELLED * self.half).any():
+                    continue  # its time would be cut off
                 time: dict[str, Any] = {"fontsize": 7.5, "color": FAINT, "zorder": 2.2}
                 ax.annotate(f"{t:.1f} s", middle, ha="center", va="center", clip_on=True, annotation_clip=True, **time)
         square(ax, np.zeros(2), u / AROUND, v / AROUND, **FRAME, zorder=2.5)
@@ -102,7 +119,7 @@ class Plane:
             ax.plot(*points.T, **BOUNDARY, zorder=3)
         for k, (_, lines) in enumerate(self.moving):
             for points in lines:
-                ax.plot(*points.T, **_moving(k), zorder=2.1)
+                ax.plot(*points.T, **_moving(k, len(self.moving)), zorder=2.1)
         ax.set_xlim(u[0], u[-1])
         ax.set_ylim(v[-1], v[0])
         ax.grid(False)
@@ -115,7 +132,7 @@ class Plane:
         if self.constraints:
             entries.append(patch(forbidden, **FORBIDDEN))
         if self.moving:
-            entries.append(line("moving boundary, at the times given", **_moving(2)))
+            entries.append(line("moving boundary, at the times given", **_moving(2, MOMENTS)))
         return entries
 
 
@@ -161,6 +178,6 @@ def _moments(
     return tuple((float(every[k]), [line + d[k] for d, line in lines]) for k in at)
 
 
-def _moving(moment: int) -> dict[str, Any]:
+def _moving(moment: int, of: int) -> dict[str, Any]:
     """How a moving boundary is drawn at one of its moments: later ones are darker."""
-    return {**BOUNDARY, "linestyle": "--", "alpha": 0.3 + 0.7 * moment / (MOMENTS - 1)}
+    return {**BOUNDARY, "linestyle": "--", "alpha": 0.3 + 0.7 * moment / (of - 1) if of > 1 else 1.0}

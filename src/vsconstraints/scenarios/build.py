@@ -241,15 +241,17 @@ def _goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal:
         return _image_goal(goal, goal.markers_px, where, len(scene.markers), believed, reference)
     if goal.depth_m is not None:
         raise ConfigurationError(f"{where}: depth_m goes with markers_px, not with {kinds[0]}")
+    q: Array | None = None
     if goal.camera_pose is not None:
         camera = made(Pose.from_xyz_rpy, goal.camera_pose, f"{where}.camera_pose")
     else:
-        camera = scene.camera_pose(scene.robot.configuration(goal.camera_at_q, f"{where}: camera_at_q"))
+        q = scene.robot.configuration(goal.camera_at_q, f"{where}: camera_at_q")
+        camera = scene.camera_pose(q)
     try:
         pixels, depth = scene.project(camera), scene.depth(camera)
     except SceneError as error:
         raise ConfigurationError(f"{where}: at the goal, {error}") from error
-    return Goal(goal.from_time, pixels, believed.normalised(pixels), camera, depth, reference)
+    return Goal(goal.from_time, pixels, believed.normalised(pixels), camera, depth, reference, q)
 
 
 def _image_goal(

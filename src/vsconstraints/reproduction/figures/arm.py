@@ -8,18 +8,16 @@ from typing import Any
 import numpy as np
 
 from ...figures import INK, WIDTH, Sheet, band, zero_line
+from ...figures.arm import add_arm
 from ...figures.mesh import Mesh
 from ...geometry import Pose
-from ...robot import Robot
 from ...rows import Array
 from ..claims.case_study import SPHERE, phases
 from ..runs import Run
 from . import lines as paper
 from .case_study import SHORT, frame_times
 
-LINK, JOINT, TARGET, ORANGE = "#C9CED6", "#4A5568", "#F4F1E6", "#F0A202"
-THICK, THIN = 0.034, 0.022
-"""Radii of the first and the last link [m]."""
+TARGET, ORANGE = "#F4F1E6", "#F0A202"
 
 LABEL_AT = {
     "F": (0.0, -0.14, 0.02),
@@ -32,25 +30,6 @@ LABEL_AT = {
 
 CUBE = ((0.27, 0.1, 0.33), 0.43, 22.0, -58.0)
 """What Figs. 9 and 12 show: centre and half side [m], elevation and azimuth of the look at it [deg]."""
-
-
-def add_arm(mesh: Mesh, robot: Robot, q: Array) -> None:
-    """Links as bars between the origins of the DH frames, with their elbows, and joints as drums."""
-    poses = [Pose.identity(), *(robot.pose(q, f"link {i}") for i in range(1, robot.n)), robot.pose(q)]
-    corners = [poses[0].t]
-    for k, (before, after) in enumerate(pairwise(poses)):
-        # from one frame to the next: along the joint's axis, then along the common normal
-        axis = before.R[:, 2]
-        elbow = before.t + float(axis @ (after.t - before.t)) * axis
-        corners += [point for point in (elbow, after.t) if np.linalg.norm(point - corners[-1]) > 1e-6]
-        radius = THICK + (THIN - THICK) * k / robot.n
-        drum = np.array([before.t - 1.35 * radius * axis, before.t + 1.35 * radius * axis])
-        mesh.tube(drum, 1.25 * radius, JOINT, 14)
-    for (a, b), radius in zip(pairwise(corners), np.linspace(THICK, THIN, len(corners)), strict=False):
-        pieces = max(2, int(np.linalg.norm(b - a) / 0.05))
-        mesh.tube(np.linspace(a, b, pieces), 0.8 * radius, LINK, 12)
-        mesh.ball(b, 0.8 * radius, LINK, count=12)
-    mesh.tube(np.array([[0.0, 0.0, -0.005], [0.0, 0.0, 0.04]]), 0.09, JOINT, 24)
 
 
 def add_path(mesh: Mesh, points: Array, radius: float, colour: str, most: int = 160) -> None:

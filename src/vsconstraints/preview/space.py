@@ -1,0 +1,194 @@
+"""A moment of a preview in space: the arm, its camera and what it sees, the target, and forbidden regions."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..camera import Camera
+from ..constraints import (
+    ForbiddenBox,
+    ForbiddenCapsule,
+    ForbiddenCylinder,
+    ForbiddenHalfSpace,
+    ForbiddenRegion,
+    ForbiddenSphere,
+)
+from ..figures import INK
+from ..figures.arm import JOINT, add_arm, bars_of
+from ..figures.mesh import Mesh
+from ..geometry import Pose
+from ..rows import Array
+from ..simulation import Setup
+from .moments import Moment
+
+TARGET, REGION, CAMERA = "#F4F1E6", "#F0A202", "#0072B2"
+GLASS = "66"
+"""Opacity of forbidden regions."""
+
+REACH = 0.8
+"""Of the arm whose bars are as thick as :mod:`vsconstraints.figures.arm` says [m]."""
+
+NEAREST = 0.05
+"""At which what the camera sees is drawn at least [m], where markers are behind it."""
+
+IN_VIEW = 1.16
+"""Half the height that a look shows, relative to half the side of its cube."""
+
+MARGIN = 1.12
+"""By how much more is shown than is there: bars have a thickness, and what is near is seen larger."""
+
+TALL, FLAT = 20.0, 55.0
+"""Elevation of the look at a scene, and at one that lies in a horizontal plane [deg]."""
+
+
+class Look(NamedTuple):
+    """What a view shows: centre (3,) and half side of a cube [m], elevation and azimuth of the look at it [deg]."""
+
+    centre: Array
+    half: float
+    elevation: float
+    azimuth: float
+
+
+class Places(NamedTuple):
+    """Where things are in a moment, in the base frame.
+
+    Attributes
+    ----------
+    arm
+        (p, 3) corners from the base to the tip.
+    camera
+        Its pose.
+    markers
+        (M, 3).
+    corners
+        (4, 3) of what the camera sees at the markers' distance.
+    """
+
+    arm: Array
+    camera: Pose
+    markers: Array
+    corners: Array
+
+    @classmethod
+    def of(cls, setup: Setup, moment: Moment) -> Places:
+        """Those of a moment whose configuration is known."""
+        scene = setup.scene
+        assert moment.q is not None
+        camera = scene.camera.fixed or scene.robot.pose(moment.q) @ scene.camera.mount.inverse
+        arm = np.concatenate(([] if scene.robot.prismatic[0] else [np.zeros((1, 3))]) + bars_of(scene.robot, moment.q))
+        markers = scene.markers_at(moment.q, moment.t)
+        depth = max(float(camera.inverse.act(markers)[:, 2].mean()), NEAREST)
+        return cls(arm, camera, markers, camera.act(depth * _rays(scene.camera)))
+
+    @property
+    def points(self) -> Array:
+        """(k, 3) all of them."""
+        return np.concatenate((self.arm, self.camera.t[None], self.markers, self.corners))
+
+
+def look_at(setup: Setup, moments: list[Moment], aspect: float) -> Look:
+    """One look for all moments: everything is in it, and seen from where it covers most of the picture.
+
+    ``aspect`` is the width of the views over their height, at least 1.
+    """
+    points = np.concatenate([Places.of(setup, moment).points for moment in moments])
+    size = float(np.ptp(points, axis=0).max())
+    elevation = FLAT if np.ptp(points[:, 2]) < 0.25 * size else TALL
+    azimuth = max(np.arange(-90.0, 91.0, 10.0), key=lambda azimuth: _area(points @ _axes(elevation, azimuth)))
+    axes = _axes(elevation, azimuth)
+    seen = points @ axes
+    middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    across, up = 0.5 * np.ptp(seen, axis=0)[:2]
+    return Look(axes @ middle, MARGIN * max(up, across / aspect) / IN_VIEW, elevation, float(azimuth))
+
+
+def _axes(elevation: float, azimuth: float) -> Array:
+    """(3, 3) directions to the right, up and towards the reader, as columns, of a look from two angles [deg]."""
+    e, a = np.deg2rad([elevation, azimuth])
+    right = np.array([-np.sin(a), np.cos(a), 0.0])
+    towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    return np.stack((right, np.cross(towards, right), towards), axis=1)
+
+
+def _area(seen: Array) -> float:
+    """How much of a picture is covered by points (k, 3) of which the first two coordinates are across and up."""
+    area: float = np.linalg.det(np.cov(seen[:, :2].T))
+    return area
+
+
+def drawn(setup: Setup, moment: Moment, size: float) -> Mesh:
+    """Everything at a moment whose configuration is known; ``size`` is half of what is shown [m]."""
+    assert moment.q is not None
+    mesh, places, scale = Mesh(), Places.of(setup, moment), size / REACH
+    for constraint in setup.constraints.constraints:
+        if isinstance(constraint, ForbiddenRegion):
+            moved = np.zeros(3) if constraint.motion is None else constraint.motion.displacement(moment.t)
+            _region(mesh, constraint, Pose(constraint.pose.R, constraint.pose.t + moved), size)
+    add_arm(mesh, setup.scene.robot, moment.q, scale)
+    _target(mesh, places.markers, scale)
+    _camera(mesh, setup.scene.camera, places, scale)
+    return mesh
+
+
+def _target(mesh: Mesh, markers: Array, scale: float) -> None:
+    if len(markers) > 2:
+        centre = markers.mean(axis=0)
+        around = centre + 1.25 * (markers - centre)
+        mesh.add(around, TARGET, shaded=False)
+        for side in pairwise([*around, around[0]]):
+            mesh.tube(np.array(side), 0.003 * scale, INK, 6)
+    for marker in markers:
+        mesh.ball(marker, 0.015 * scale, INK, count=10)
+
+
+def _camera(mesh: Mesh, camera: Camera, places: Places, scale: float) -> None:
+    """A pyramid at the camera, the edges of what it sees, and what the tip carries: the camera, or the target."""
+    base = places.camera.act(0.09 * scale * _rays(camera))
+    for a, b in pairwise([*base, base[0]]):
+        mesh.add(np.array([places.camera.t, a, b]), f"{CAMERA}8C", shaded=False)
+    for a, b in pairwise([*places.corners, places.corners[0]]):
+        for start, end in ((places.camera.t, a), (a, b)):
+            mesh.tube(np.linspace(start, end, 12), 0.0022 * scale, CAMERA, 4, caps=False)
+    carried = places.camera.t if camera.fixed is None else places.markers.mean(axis=0)
+    if np.linalg.norm(carried - places.arm[-1]) > 1e-6:
+        mesh.tube(np.linspace(places.arm[-1], carried, 6), 0.007 * scale, JOINT, 8)
+
+
+def _rays(camera: Camera) -> Array:
+    """(4, 3) where the corners of the image are at depth 1, in the camera's frame."""
+    half = 0.5 * np.asarray(camera.size)
+    edges = camera.normalised(half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]))
+    return np.concatenate((edges, np.ones((4, 1))), axis=1)
+
+
+def _region(mesh: Mesh, region: Any, at: Pose, size: float) -> None:
+    colour = REGION + GLASS
+    if isinstance(region, ForbiddenSphere):
+        mesh.ball(at.t, region.radius, colour, 20)
+    elif isinstance(region, ForbiddenBox):
+        for polygon in _box(0.5 * region.size):
+            mesh.add(at.act(polygon), colour)
+    elif isinstance(region, ForbiddenCapsule | ForbiddenCylinder):
+        radius, half = region.parameters
+        mesh.tube(at.act(np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])), radius, colour, 20)
+        if isinstance(region, ForbiddenCapsule):
+            for end in (-half, half):
+                mesh.ball(at.act(np.array([0.0, 0.0, end])), radius, colour, 16)
+    elif isinstance(region, ForbiddenHalfSpace):
+        corners = 0.8 * size * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+        mesh.add(at.act(corners), colour, shaded=False)
+
+
+def _box(half: Array) -> list[Array]:
+    """The six sides of a box around the origin, of half sizes (3,)."""
+    corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    sides = []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            side = np.insert(corners, axis, sign, axis=1)
+            sides.append(side * half)
+    return sides
