@@ -1,25 +1,213 @@
-"""What the compiler is run with."""
+"""What happens where there is no compiler, and what is kept of what is compiled."""
 
 from __future__ import annotations
 
-import gc
+import ast
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
 
 import pytest
 
-from vsconstraints.kernels import load
+from vsconstraints import kernels
 
-pytestmark = pytest.mark.skipif(load("laws") is None, reason="there is no compiler")
+SCRIPT = """
+import sys, numpy as np
+from vsconstraints.controllers import HierarchicalQP, SlidingMode
+from vsconstraints.rows import Rows, Task
+assert "numba" not in sys.modules
+rows = Rows(np.array([0.1, -9.0]), np.array([[1.0, 2.0], [0.5, 0.1]]), np.zeros(2), np.ones(2), ("a", "b"))
+task = Task(np.eye(2), np.array([3.0, 4.0]))
+for law in (SlidingMode(), SlidingMode(), HierarchicalQP()):
+    command = law.command(rows, task)
+    print(*command.qdd.tolist(), command.status, command.solver)
+print("numba" in sys.modules)
+"""
 
 
-@pytest.mark.parametrize("collects", [True, False])
-def test_garbage_is_collected_after_compiling_as_it_was_before(collects):
-    compile_or_read, before = load("compiler")._compile_or_read, gc.isenabled()
-    try:
-        (gc.enable if collects else gc.disable)()
-        assert not compile_or_read(lambda _: gc.isenabled(), None)
-        assert gc.isenabled() == collects
-        with pytest.raises(ZeroDivisionError):
-            compile_or_read(lambda _: 1 / 0, None)
-        assert gc.isenabled() == collects
-    finally:
-        (gc.enable if before else gc.disable)()
+def run(folder, **environment):
+    """Output and errors of the script."""
+    source = str(Path(kernels.__file__).parents[2])
+    path = os.pathsep.join([str(folder), source])
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT],
+        env={**os.environ, "PYTHONPATH": path, **environment},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split("\n")[:-1], done.stderr
+
+
+def test_compilation_can_be_turned_off(tmp_path):
+    lines, errors = run(tmp_path, VSCONSTRAINTS_COMPILE="0")
+    assert (lines[-1], errors) == ("False", "")
+    assert lines[2].endswith("daqp")
+
+
+@pytest.mark.parametrize(
+    ("numba", "reason"),
+    [
+        ("raise ImportError('Numba needs NumPy 1.0 or less')", "ImportError: Numba needs NumPy 1.0 or less"),
+        ("", "AttributeError: module 'numba' has no attribute"),
+    ],
+)
+def test_a_broken_compiler_is_told_once_and_the_definition_runs(tmp_path, numba, reason):
+    expected, _ = run(tmp_path, VSCONSTRAINTS_COMPILE="0")
+    (tmp_path / "numba.py").write_text(numba)
+    lines, errors = run(tmp_path)
+    assert lines[:-1] == expected[:-1]
+    assert errors.count("RuntimeWarning") == 1
+    assert reason in errors
+    assert "NumPy form" in errors
+
+
+def test_compilation_that_numba_is_told_to_leave_out_is_left_out(tmp_path):
+    expected, _ = run(tmp_path, VSCONSTRAINTS_COMPILE="0")
+    lines, errors = run(tmp_path, NUMBA_DISABLE_JIT="1")
+    assert lines[:-1] == expected[:-1]
+    assert errors.count("RuntimeWarning") == 1
+    assert "NUMBA_DISABLE_JIT is set" in errors
+
+
+@pytest.mark.parametrize("cut", ["nbi", "nbc"])
+def test_a_compiled_file_that_was_cut_short_is_made_again(tmp_path, cut):
+    code = "from vsconstraints import kernels; assert kernels.load('polylines')"
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "VSCONSTRAINTS_COMPILE": "alone"}
+    for _ in range(3):
+        done = subprocess.run(
+            [sys.executable, "-W", "error", "-c", code], env=environment, capture_output=True, text=True, timeout=120
+        )
+        assert done.returncode == 0, done.stderr
+        (file,) = tmp_path.rglob(f"polylines.search-*.{cut}")
+        assert file.stat().st_size > 100
+        os.truncate(file, 40)
+
+
+def test_a_cache_that_cannot_be_written_is_told_once_and_the_definition_runs(tmp_path):
+    expected, _ = run(tmp_path, VSCONSTRAINTS_COMPILE="0")
+    (tmp_path / "file").write_text("not a folder")
+    lines, errors = run(tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "file" / "cache"))
+    assert lines[:-1] == expected[:-1]
+    assert errors.count("RuntimeWarning") == 1
+    assert "no folder to keep compiled code in" in errors
+
+
+READ_ONLY = """
+import os, sys, tempfile
+cache, real, open_one = sys.argv[1], os.access, tempfile.TemporaryFile
+
+def access(path, mode, **options):
+    return not (mode & os.W_OK and str(path).startswith(cache)) and real(path, mode, **options)
+
+def temporary(*arguments, dir=None, **options):
+    if str(dir).startswith(cache):
+        raise PermissionError(13, "Permission denied", str(dir))
+    return open_one(*arguments, dir=dir, **options)
+
+# whoever tests may be one to whom every file can be written
+os.access, tempfile.TemporaryFile = access, temporary
+from vsconstraints import kernels
+assert kernels.load("polylines") is not None
+"""
+
+
+def test_a_filled_cache_that_cannot_be_written_is_used(tmp_path):
+    """As of an image that one user builds and another one runs."""
+    cache = tmp_path / "cache"
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "VSCONSTRAINTS_COMPILE": "alone"}
+    fill = "from vsconstraints import kernels; assert kernels.load('polylines')"
+    subprocess.run([sys.executable, "-c", fill], env=environment, check=True, capture_output=True, timeout=300)
+
+    def files():
+        return {path: path.stat().st_mtime_ns for path in cache.rglob("*") if path.is_file()}
+
+    before = files()
+    for path in (cache, *cache.rglob("*")):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", READ_ONLY, str(cache)],
+        env={**environment, "TMPDIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    for path in (cache, *cache.rglob("*")):
+        path.chmod(0o755)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert files() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["cache"]
+
+
+def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
+    """Also of the files that kernels take constants from, which are compiled in and leave no trace."""
+    compiler = kernels.load("compiler")
+    package = Path(kernels.__file__).parents[1]
+    files = {file.relative_to(package).with_suffix("").as_posix() for file in compiler._sources()}
+    types = {"rows"}
+    for kernel in (package / "kernels").glob("*.py"):
+        assert f"kernels/{kernel.stem}" in files
+        if kernel.stem in ("packing", "compiler", "constraint_parts"):
+            continue
+        for node in ast.walk(ast.parse(kernel.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.level == 2:
+                module = (node.module or "").replace(".", "/")
+                names = [f"{module}/{name.name}" for name in node.names] if (package / module).is_dir() else [module]
+                assert set(names) <= files | types, f"{kernel.name} imports from {names}"
+    assert all(file.is_file() for file in compiler._sources())
+    folder = compiler.cache_folder(kernels.load("task_priority").priority)
+    assert any(folder.rglob("*priority*.nbi"))
+
+
+def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
+    """Here one needs the search alone; the second process begins with the laws, and ends with the first."""
+    code = (
+        "import sys, time; from pathlib import Path; from vsconstraints import kernels; kernels.load('polylines')\n"
+        "while sys.argv[1:] and not any(Path(sys.argv[1]).glob('task_priority-*/**/*.nbi')): time.sleep(0.2)"
+    )
+    for name, variables in (("alone", {"VSCONSTRAINTS_COMPILE": "alone"}), ("together", {})):
+        kept = tmp_path / name
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(kept), **variables}
+        awaited = [str(kept)] if name == "together" else []
+        done = subprocess.run(
+            [sys.executable, "-c", code, *awaited],
+            env=environment, capture_output=True, text=True, timeout=240, check=True,
+        )  # fmt: skip
+        assert done.stderr.count("compiling the control step, once") == 1
+        assert any(kept.glob("polylines-*/**/*.nbi"))
+    assert len(list((tmp_path / "alone").iterdir())) == 1
+
+
+def test_code_that_was_not_used_for_long_is_removed(tmp_path, monkeypatch):
+    compiler, law = kernels.load("compiler"), kernels.load("task_priority").priority
+    for i in range(12):
+        old = tmp_path / f"task_priority-{i:016}"
+        (old / "inner").mkdir(parents=True)
+        os.utime(old, (1e9 + i, 1e9 + i))
+    (tmp_path / "task_priority_of_others").mkdir()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    folder = compiler._cache(law, ())
+    kept = {path.name for path in tmp_path.iterdir()}
+    last = {f"task_priority-{i:016}" for i in range(12 - compiler.KEPT + 1, 12)}
+    assert kept == {folder.name, "task_priority_of_others", *last}
+
+
+def test_of_several_that_need_a_function_one_compiles_it(tmp_path):
+    """The others wait: a lock of one folder is not held twice."""
+    compiler = pytest.importorskip("vsconstraints.kernels.compiler")
+    order = []
+
+    def other():
+        with compiler._alone(tmp_path):
+            order.append("second")
+
+    waiting = threading.Thread(target=other)
+    with compiler._alone(tmp_path):
+        waiting.start()
+        waiting.join(0.2)
+        order.append("first")
+    waiting.join()
+    assert order == ["first", "second"]

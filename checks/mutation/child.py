@@ -6,12 +6,14 @@ import importlib.abc
 import importlib.machinery
 import importlib.util
 import json
+import math
 import os
 import resource
+import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import CodeType, FrameType, ModuleType
@@ -21,6 +23,9 @@ import pytest
 
 from .mutants import Mutant
 from .targets import SLOW
+
+IMPORTS = 300
+"""Seconds that reading the tests' files may take on a busy machine."""
 
 MEMORY = 8 * 2**30
 """Bytes a process may take: a mistake in a size must not take the machine's."""
@@ -80,11 +85,15 @@ def watch(tests: Sequence[str], files: Sequence[Path], result: Path) -> int:
     return 0
 
 
-def judge(mutant: Mutant, root: Path, tests: Sequence[str], result: Path) -> int:
-    """Run tests, in this order, on a mutant; 0 if none fails. The name of the test that does is written down."""
+def judge(mutant: Mutant, root: Path, limits: Mapping[str, float], result: Path) -> int:
+    """Run tests, in this order, on a mutant; 0 if none fails. The name of the test that does is written down.
+
+    ``limits`` [s] are those of the tests: the process is ended by SIGALRM where one takes longer.
+    """
     sys.meta_path.insert(0, _Mutated(root / mutant.file, mutant.source))
-    files = list(dict.fromkeys(test.split("::")[0] for test in tests))
-    return int(pytest.main([*QUIET, *files], plugins=[_Chosen(tests, result)]))
+    files = list(dict.fromkeys(test.split("::")[0] for test in limits))
+    signal.alarm(IMPORTS)
+    return int(pytest.main([*QUIET, *files], plugins=[_Chosen(limits, result)]))
 
 
 class _Watch:
@@ -114,12 +123,15 @@ class _Watch:
 
 
 class _Chosen:
-    def __init__(self, tests: Sequence[str], result: Path) -> None:
-        self.place = {test: i for i, test in enumerate(tests)}
-        self.result = result
+    def __init__(self, limits: Mapping[str, float], result: Path) -> None:
+        self.limits, self.result = limits, result
+        self.place = {test: i for i, test in enumerate(limits)}
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         items[:] = sorted((item for item in items if item.nodeid in self.place), key=lambda i: self.place[i.nodeid])
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        signal.alarm(math.ceil(self.limits[nodeid]))
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.failed:

@@ -28,8 +28,8 @@ THIRD_PARTY = ("numpy", "scipy.linalg", "scipy.optimize", "pinocchio", "coal", "
                "rich.progress", "numpy.testing")  # fmt: skip
 """Imported before the first fork: they take seconds, and no mutant changes them."""
 
-SLACK, FACTOR = 30.0, 10.0
-"""A mutant's tests may take so many seconds, and so much longer than without a mistake."""
+SLACK, FACTOR = 20.0, 10.0
+"""Each test of a mutant may take so many seconds, and so much longer than without a mistake."""
 
 State = Literal["killed", "timed out", "survived", "not reached"]
 
@@ -105,13 +105,18 @@ class Runner:
         subprocess.run([sys.executable, str(script)], check=True, env=environment)
 
     def _watch(self, tests: Sequence[str], files: Sequence[Path]) -> dict[str, Reached]:
-        result, output = self.folder / "reached.json", self.folder / "reached.log"
-        process = fork(lambda: watch(tests, files, result), output)
-        os.waitpid(process, 0)
-        if not result.exists():
-            raise RuntimeError(f"the tests cannot be run:\n{output.read_text(encoding='utf-8')}")
-        found = json.loads(result.read_text(encoding="utf-8"))
-        return {test: Reached(seconds, {(f, n) for f, n in entered}) for test, (seconds, entered) in found.items()}
+        processes = {}
+        for i in range(min(self.jobs, len(tests))):
+            result, output = self.folder / f"reached-{i}.json", self.folder / f"reached-{i}.log"
+            processes[fork(lambda i=i, r=result: watch(tests[i :: self.jobs], files, r), output)] = result, output
+        reached = {}
+        for process, (result, output) in processes.items():
+            os.waitpid(process, 0)
+            if not result.exists():
+                raise RuntimeError(f"the tests cannot be run:\n{output.read_text(encoding='utf-8')}")
+            for test, (seconds, entered) in json.loads(result.read_text(encoding="utf-8")).items():
+                reached[test] = Reached(seconds, {(f, n) for f, n in entered})
+        return reached
 
     def tests_for(self, mutant: Mutant) -> list[str]:
         """Tests that enter the function, the quickest first; then the others of their files, which may share results.
@@ -135,7 +140,7 @@ class Runner:
     def judge(self, mutants: Sequence[Mutant]) -> Iterator[Verdict]:
         """What becomes of mutants, in the order in which that is known."""
         waiting = list(enumerate(mutants))[::-1]
-        running: dict[int, tuple[Mutant, Path, float]] = {}
+        running: dict[int, tuple[Mutant, Path]] = {}
         try:
             while waiting or running:
                 while waiting and len(running) < self.jobs:
@@ -145,27 +150,24 @@ class Runner:
                         yield Verdict(mutant, "not reached")
                         continue
                     result = self.folder / f"mutant-{number}.txt"
+                    limits = {test: SLACK + FACTOR * self.reached[test].seconds for test in tests}
                     process = fork(
-                        lambda m=mutant, t=tests, r=result: judge(m, self.folder, t, r), Path(f"{result}.log")
+                        lambda m=mutant, t=limits, r=result: judge(m, self.folder, t, r), Path(f"{result}.log")
                     )
-                    limit = SLACK + FACTOR * sum(self.reached[test].seconds for test in tests)
-                    running[process] = mutant, result, time.monotonic() + limit
+                    running[process] = mutant, result
                 yield from self._ended(running)
                 time.sleep(0.01)
         finally:
             for process in running:
                 os.killpg(process, signal.SIGKILL)
 
-    def _ended(self, running: dict[int, tuple[Mutant, Path, float]]) -> Iterator[Verdict]:
-        for process, (mutant, result, until) in list(running.items()):
+    def _ended(self, running: dict[int, tuple[Mutant, Path]]) -> Iterator[Verdict]:
+        for process, (mutant, result) in list(running.items()):
             ended, status = os.waitpid(process, os.WNOHANG)
-            late = not ended and time.monotonic() > until
-            if late:
-                os.killpg(process, signal.SIGKILL)
-                os.waitpid(process, 0)
-            if ended or late:
+            if ended:
                 del running[process]
                 by = result.read_text(encoding="utf-8") if result.exists() else ""
+                late = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM
                 yield Verdict(mutant, "timed out" if late else "killed" if status else "survived", by)
                 for left in (result, Path(f"{result}.log")):
                     left.unlink(missing_ok=True)
