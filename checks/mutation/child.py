@@ -22,7 +22,7 @@ from typing import Any
 import pytest
 
 from .mutants import Mutant
-from .targets import SLOW
+from .targets import COMPARED, SLOW
 
 IMPORTS = 300
 """Seconds that reading the tests' files may take on a busy machine."""
@@ -102,6 +102,9 @@ class _Watch:
         self.tests: dict[str, Reached] = {}
         self.passed: set[str] = set()
 
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        items[:] = [item for item in items if COMPARED not in getattr(item, "fixturenames", ())]
+
     @pytest.hookimpl(hookwrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         functions: set[tuple[str, int]] = set()
@@ -111,11 +114,11 @@ class _Watch:
             if code.co_filename in self.files:
                 functions.add((code.co_filename, code.co_firstlineno))
 
-        started = time.process_time()
+        started = time.monotonic()
         sys.settrace(enters)
         yield
         sys.settrace(None)
-        self.tests[item.nodeid] = Reached(time.process_time() - started, functions)
+        self.tests[item.nodeid] = Reached(time.monotonic() - started, functions)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "call" and report.passed:

@@ -115,3 +115,7 @@ SLOW = (
     "above_a_table",
 )
 """Tests with this in their names are left out."""
+
+COMPARED = "real"
+"""A fixture that simulates a whole comparison, in processes of its own and so without any mistake: its tests are left
+out."""
