@@ -217,7 +217,7 @@ def test_a_linearisation_that_is_frozen_does_not_hold(monkeypatch: pytest.Monkey
         ahead = anew(rows, task, seen, at, plan, K)
         now = ahead.gradient[0]
         moved = np.where((K == 0.0)[None, :], (at.qd - at.qd[0]) @ now.T, (at.q - at.q[0]) @ now.T)
-        return ahead._replace(value=ahead.value[0] + moved, gradient=np.broadcast_to(now, ahead.gradient.shape))
+        return ahead._replace(value=ahead.value[0] + moved, gradient=np.array([now] * len(ahead.gradient)))
 
     scene, law = setup("example-2d-fast", duration=3.0), PredictiveControl(max_acceleration=0.5)
     assert excess(simulate(scene, law)) <= 0.0

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import lapack
 
+from ..formulas import plans
+from ..kernels import load
 from ..model import Prediction
 from ..qp.penalised import Cost
 from ..rows import Array, BoolArray, IntArray, Rows, Task
@@ -26,8 +28,8 @@ class Lookahead(NamedTuple):
         (N, m) σ of rows, or φ of those on φ itself, if what the model says otherwise of now stays so.
     gradient
         (N, m, n) of them: of σ by q, of φ by q̇.
-    direct
-        (m,) which rows are on φ itself.
+    K
+        (m,) of the rows, 0 of those on φ itself.
     J, b, error
         (N, k, n), and (N, k) of the task, likewise.
     """
@@ -36,50 +38,27 @@ class Lookahead(NamedTuple):
     at: Instants
     value: Array
     gradient: Array
-    direct: BoolArray
+    K: Array
     J: Array
     b: Array
     error: Array
 
-    def rows(self, plan: Array) -> Array:
-        """(N, m) their values along another plan (H, n), to first order."""
-        away = plan - self.plan
-        moved: Array = (self.at.Q @ away)[:, None, :]
-        if self.direct.any():
-            moved = np.where(self.direct[:, None], (self.at.V @ away)[:, None, :], moved)
-        values: Array = self.value + (self.gradient * moved).sum(axis=2)
-        return values
 
-    def by_plan(self, instant: IntArray, row: IntArray) -> Array:
-        """(r, H, n) gradients by the plan of r rows, each at an instant."""
-        time = np.where(self.direct[row, None], self.at.V[instant], self.at.Q[instant])
-        gradients: Array = time[:, :, None] * self.gradient[instant, row][:, None, :]
-        return gradients
+def loops() -> Any:
+    """:mod:`vsconstraints.formulas.plans`, compiled where there is a compiler."""
+    return load("plans") or plans
 
 
 def look_ahead(rows: Rows, task: Task, seen: Prediction, at: Instants, plan: Array, K: Array) -> Lookahead:
     """Linearise a prediction along a plan; rows and task are those of now, K (m,) is 0 for rows on φ itself."""
-    direct = K == 0.0
+    # what the model says otherwise of now than φ does is otherwise of σ too, where that is not given
+    sigma = rows.sigma if len(rows.sigma) else seen.sigma[0] + rows.phi - seen.phi[0]
+    value, gradient = np.empty(seen.phi.shape), np.empty(seen.Lg.shape)
+    loops().linearise(seen.phi, seen.sigma, seen.Lg, K, np.where(K == 0.0, rows.phi, sigma), value, gradient)
     J = seen.J.copy()
     J[0] = task.J
-    return Lookahead(
-        plan,
-        at.first(len(seen)),
-        along(rows, seen, direct),
-        seen.Lg / np.where(direct, 1.0, K)[:, None],
-        direct,
-        J,
-        seen.b + (task.b - seen.b[0]),
-        seen.error,
-    )
-
-
-def along(rows: Rows, seen: Prediction, direct: BoolArray) -> Array:
-    """(N, m) σ, or φ of rows on φ itself, if what the model says otherwise of now stays so."""
-    now = np.where(direct, rows.phi, rows.sigma if len(rows.sigma) else seen.sigma[0] + rows.phi - seen.phi[0])
-    then = np.where(direct, seen.phi, seen.sigma)
-    value: Array = then + (now - then[0])
-    return value
+    b = seen.b + (task.b - seen.b[0])
+    return Lookahead(plan, at.first(len(seen)), value, gradient, K, J, b, seen.error)
 
 
 def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float) -> Cost:
@@ -98,16 +77,11 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float) -> Co
     # b falls with the errors that a plan makes: K_p J δq + K_v J δq̇
     feedback = gains[:, :1] * horizon.Q[begins] + gains[:, 1:] * horizon.V[begins]
     C = np.eye(H)[: len(begins)] + feedback
-    d = b + (J @ (feedback @ ahead.plan)[:, :, None])[:, :, 0]
-    # of Σ‖J (C u) − d‖² in blocks: P = Σ (C ᵀC) ⊗ (JᵀJ), each over the beginnings
-    squares = J.transpose(0, 2, 1) @ J
-    pairs = C[:, :, None] * C[:, None, :]
-    P = (pairs.reshape(-1, H * H).T @ squares.reshape(-1, n * n)).reshape(H, H, n, n)
-    P = P.transpose(0, 2, 1, 3).reshape(H * n, H * n)
+    P, q = np.zeros((H * n, H * n)), np.zeros(H * n)
+    loops().normal_equations(C, J, b, feedback @ ahead.plan, np.empty((n, n)), P, q)
     size = float(np.vdot(J, J)) / len(begins)
     P.ravel()[:: H * n + 1] += damping * (size if size > 0.0 else 1.0)
-    q = C.T @ (d[:, None, :] @ J)[:, 0, :]
-    L, center, refused = lapack.dposv(P.T, q.ravel(), lower=1, overwrite_a=1)
+    L, center, refused = lapack.dposv(P.T, q, lower=1, overwrite_a=1)
     if refused:
         raise np.linalg.LinAlgError("the cost of the plan is beyond the range of floating point")
     return Cost(center, L)
@@ -146,21 +120,27 @@ class Limits(NamedTuple):
 
     def excess(self, u: Array) -> Array:
         """G u − h of all of them."""
-        value = self.ahead.rows(u.reshape(self.ahead.plan.shape))
-        rows = value[1:] - self.falls[:, None] * value[:-1] - self.left
-        return np.concatenate((rows.ravel(), u - self.high, self.low - u))
+        ahead, (r, size) = self.ahead, (self.left.size, u.size)
+        away = u.reshape(ahead.plan.shape) - ahead.plan
+        over = np.empty(r + 2 * size)
+        rows = over[:r].reshape(self.left.shape)
+        moved = ahead.at.Q @ away, ahead.at.V @ away
+        loops().exceed(ahead.value, ahead.gradient, ahead.K, *moved, self.falls, self.left, rows)
+        over[r : r + size], over[r + size :] = u - self.high, self.low - u
+        return over
 
     def stated(self, which: IntArray) -> tuple[IntArray, Array]:
         """Those of these rows, in ascending order, that a plan has any influence on, and their G."""
         size, r = self.low.size, int(np.searchsorted(which, self.left.size))
-        before, row = np.divmod(which[:r], len(self.least))
-        fall = self.falls[before, None, None]
+        ahead, at = self.ahead, self.ahead.at
+        G, largest = np.zeros((len(which), size)), np.ones(len(which))
+        loops().differentiate(which[:r], ahead.gradient, ahead.K, at.Q, at.V, self.falls, G[:r], largest[:r])
         side, entry = np.divmod(which[r:] - self.left.size, size)
-        G, least = np.zeros((len(which), size)), np.zeros(len(which))
-        G[:r] = (self.ahead.by_plan(before + 1, row) - fall * self.ahead.by_plan(before, row)).reshape(r, size)
         G[np.arange(r, len(which)), entry] = 1.0 - 2.0 * side
-        least[:r] = self.least[row]
-        has = ~(np.abs(G).max(axis=1) <= least)
+        zero = largest[:r] <= self.least[which[:r] % max(len(self.least), 1)]
+        if not zero.any():
+            return which, G
+        has = np.append(~zero, np.ones(len(which) - r, dtype=np.bool_))
         return which[has], G[has]
 
     def open(self, G: Array, h: Array) -> BoolArray:
@@ -180,5 +160,5 @@ def limits(ahead: Lookahead, approach: float, box: tuple[Array, Array], least: A
     if len(times) > N:
         # what is outside now may come back as slowly while braking
         left[N - 1 :] = np.maximum(ahead.value[0], 0.0) * np.exp(-times[N:, None] / approach)
-        left[N - 1 :, ahead.direct] = np.inf
+        left[N - 1 :, ahead.K == 0.0] = np.inf
     return Limits(ahead, falls, left, box[0].ravel(), box[1].ravel(), least)
