@@ -35,6 +35,8 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "lost": {"lost_frames": 0.3, "pixel_noise": 0.3},
     "intrinsics": {"focal_factor": [1.05, 0.97], "principal_point_error": [4.0, -3.0]},
     "depth": {"depth_factor": 1.2},
+    "mount": {"mount_translation_error": [0.01, -0.004, 0.006], "mount_rotation_error": [0.02, 0.01, -0.03]},
+    "markers": {"marker_distance_factor": 1.05},
     "gradient": {"gradient_error": 0.3},
     "gradient alone": {"gradient_error": 0.3, "gradient_error_in_phi": False},
 }
@@ -208,7 +210,7 @@ def test_an_image_that_no_pose_explains_ends_both_forms_alike(monkeypatch: pytes
     assert len(compiled.t) == len(defined.t)
 
 
-@pytest.mark.parametrize("settings", ["intrinsics", "depth", "gradient", "gradient alone", "all"])
+@pytest.mark.parametrize("settings", ["intrinsics", "depth", "mount", "markers", "gradient", "gradient alone", "all"])
 def test_predictions_are_believed_alike_in_both_forms(settings: str) -> None:
     setup, rng = disturbed("case-study-6r", SETTINGS[settings]), np.random.default_rng(4)
     step, sensor, spoil = setup.control(), setup.sensor(), setup.gradient_error()

@@ -17,12 +17,13 @@ from documents import DOCS, blocks, reader_folder, run
 from vsconstraints import Camera, Robot
 from vsconstraints.constraints import Curve
 from vsconstraints.constraints.curves import SHAPES
+from vsconstraints.distortion import Distortion
 from vsconstraints.features import FEATURES
 from vsconstraints.geometry import Pose
 from vsconstraints.kinematics import RobotPoint
 from vsconstraints.limits import ActuatorLimits
 from vsconstraints.motion import Motion
-from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, build, constraint_types
+from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, build, cameras, constraint_types
 from vsconstraints.scenarios.reading import parameters, placed
 from vsconstraints.simulation import Setup, Tolerances
 from vsconstraints.simulation.disturbances import Disturbances
@@ -38,9 +39,9 @@ KEY = re.compile(r"^\| ((?:`\w+`(?:, )?)+) \| ([^|`]+) \| ([^|]+) \|", flags=re.
 TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
     "": (build.File,),
     "robot": (Robot.from_urdf, Robot.from_dh),
-    "camera": (Camera,),
-    "camera.mount": (placed,),
-    "camera.fixed": (placed,),
+    "camera": (Camera, cameras.Places, Camera.from_calibration),
+    **{f"camera.{place}": (cameras.measured,) for place in parameters(cameras.Places)},
+    "camera.distortion": (Distortion,),
     "target.square": (build.Square,),
     "target.motion": (Motion, build.Turn),
     "task": (*FEATURES.values(), TrackingGains, VisualTask),

@@ -176,18 +176,21 @@ class ControlStep:
         """Rows and task at time ``t`` [s], ``q`` and ``qd`` (n,).
 
         The model predicts the image, or takes what a camera has measured: see
-        :class:`vsconstraints.measurement.Measurement` for ``pixels``, ``depth``, ``taken`` and ``camera``.
+        :class:`vsconstraints.measurement.Measurement` for ``pixels``, ``depth``, ``taken`` and ``camera``. Pixels are
+        those on the sensor: where the camera's lens has distortion, they are undistorted first.
 
         Raises
         ------
         SceneError
             if a marker is not in front of the camera.
         InvalidInput
-            if t is not finite, q or qd are not (n,) finite numbers, or what is measured does not fit the scene.
+            if t is not finite, q or qd are not (n,) finite numbers, what is measured does not fit the scene, or a pixel
+            is where the lens cannot be inverted.
         """
         measured = None
         if any(value is not None for value in (pixels, depth, taken, camera)):
             measured = Measurement(pixels, depth, taken, camera).checked(len(self.scene.markers), t)
+            measured = measured.undistorted(self.scene.camera)
         return self._evaluated(t, q, qd, measured)
 
     def _evaluated(self, t: float, q: Array, qd: Array, measured: Measurement | None) -> Evaluation:
@@ -283,6 +286,7 @@ class ControlStep:
         both = partial(entry(kernels.command), packed.address, law.address, law.answer)
         refused, answer, copied = kernels.REFUSED, law.command, step.out.copy
         constraints, unknown = self.constraints, np.full(packed.size.M, np.nan)
+        undistort = self._undistortion()
 
         def in_one(
             t: float,
@@ -304,7 +308,8 @@ class ControlStep:
                 elif plain:
                     Z, at = unknown if depth is None else depth, t if taken is None else taken
                     plain = pixels.dtype is FLOAT and Z.dtype is FLOAT and pixels.ndim == 2 and Z.ndim == 1
-                    plain = plain and not measure(pixels, Z, at + 0.0, t + 0.0)
+                    seen = pixels if undistort is None or not plain else undistort(pixels)
+                    plain = plain and seen is not None and not measure(seen, Z, at + 0.0, t + 0.0)
                 # what is not so is asked for, and looked at, in Python
                 if plain:
                     code = both(t + 0.0, q, qd)
@@ -320,6 +325,19 @@ class ControlStep:
         # only a law that is bound has options that were read beforehand
         self._options, self._to_command = dict(vars(controller)), in_one
         return in_one
+
+    def _undistortion(self) -> Callable[[Array], Array | None] | None:
+        """What gives ideal pixels (M, 2), or None where they cannot be undistorted; None without distortion."""
+        camera = self.scene.camera
+        if camera.distortion is None:
+            return None
+        through, eye = load("lenses").through(camera.distortion.model), np.array(camera.eye)
+        ideal = np.empty((len(self.scene.markers), 2))
+
+        def undistort(pixels: Array) -> Array | None:
+            return None if pixels.shape != ideal.shape or through(eye, pixels, ideal, True) else ideal
+
+        return undistort
 
     def commanded(self, qdd: Array) -> None:
         """Tell what the robot was commanded (n,), from which limits of jerk are counted.

@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 import pinocchio as pin
 
+from .decomposition import svd
 from .errors import InvalidInput, shown
 from .formulas import rotation
 from .formulas.poses import angle
@@ -22,6 +23,9 @@ Numbers = Sequence[float] | Array
 Vector2 = Annotated[Sequence[float], msgspec.Meta(min_length=2, max_length=2)]
 Vector3 = Annotated[Sequence[float], msgspec.Meta(min_length=3, max_length=3)]
 """Any, two, and three numbers: arguments that files may give, too."""
+
+TYPED = 1e-3
+"""How far an entry may be from that of a rotation that was typed, or rounded."""
 
 
 def vector(value: object, length: int, what: str) -> Array:
@@ -55,6 +59,44 @@ class Pose:
         roll, pitch, yaw = vector(rpy, 3, "rpy")
         return cls(np.asarray(pin.rpy.rpyToMatrix(roll, pitch, yaw)), vector(xyz, 3, "xyz"))
 
+    @classmethod
+    def from_matrix(cls, matrix: Array | Sequence[Sequence[float]]) -> Pose:
+        """From a homogeneous matrix (4, 4) or (3, 4), its translation in metres.
+
+        A rotation that is one to three digits, as if typed, is taken for the nearest one.
+
+        Raises
+        ------
+        InvalidInput
+            if it is no such matrix: it says how far from a rotation it is, and which is the nearest.
+        """
+        try:
+            M = np.array(matrix, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InvalidInput(f"a pose's matrix must be 4 × 4 numbers, not {shown(matrix)}") from error
+        if M.shape not in ((4, 4), (3, 4)) or not np.isfinite(M).all():
+            raise InvalidInput(f"a pose's matrix must be 4 × 4 finite numbers; it has the shape {M.shape}")
+        if M.shape == (4, 4) and (np.abs(M[3] - (0.0, 0.0, 0.0, 1.0)) > 1e-9).any():
+            hint = "; is it transposed?" if np.array_equal(M[:, 3], (0.0, 0.0, 0.0, 1.0)) else ""
+            raise InvalidInput(f"the last row of a pose's matrix must be 0 0 0 1, not {shown(M[3].tolist())}{hint}")
+        return cls(demand_rotation(M[:3, :3]), M[:3, 3].copy())
+
+    @classmethod
+    def from_quaternion(
+        cls, xyz: Vector3, *, wxyz: Sequence[float] | None = None, xyzw: Sequence[float] | None = None
+    ) -> Pose:
+        """From a translation [m] and a unit quaternion in one of the two orders in use; raises InvalidInput if not."""
+        if (wxyz is None) == (xyzw is None):
+            raise InvalidInput("a quaternion is given as wxyz or as xyzw, in one of the two orders")
+        order = "wxyz" if xyzw is None else "xyzw"
+        value = vector(wxyz if xyzw is None else xyzw, 4, f"quaternion {order}")
+        norm = float(np.linalg.norm(value))
+        if abs(norm - 1.0) > TYPED:
+            nearest = f": {shown(np.round(value / norm, 6).tolist())} has length 1" if norm > 0.0 else ""
+            raise InvalidInput(f"a quaternion that is a rotation has length 1, not {norm:.6g}, as {order} has{nearest}")
+        w, x, y, z = value / norm if order == "wxyz" else np.roll(value, 1) / norm
+        return cls(pin.Quaternion(w, x, y, z).matrix(), vector(xyz, 3, "xyz"))
+
     @property
     def inverse(self) -> Pose:
         """BMa for this aMb."""
@@ -75,6 +117,31 @@ class Pose:
         V[:3, :3] = V[3:, 3:] = self.R
         V[:3, 3:] = skew(self.t) @ self.R
         return V
+
+
+def demand_rotation(R: Array) -> Array:
+    """The rotation nearest to R (3, 3), which has to be one to :data:`TYPED`.
+
+    Raises
+    ------
+    InvalidInput
+        if it is not: it says by how much, and which rotation is the nearest.
+    """
+    if np.abs(R.T @ R - np.eye(3)).max() < 1e-12 and np.linalg.det(R) > 0.0:
+        return R.copy()
+    U, s, Vt = svd(R)
+    proper = np.diag((1.0, 1.0, np.sign(np.linalg.det(U @ Vt))))
+    nearest: Array = U @ proper @ Vt
+    if proper[2, 2] < 0.0 and (np.abs(s - 1.0) <= TYPED).all():
+        raise InvalidInput("a matrix with determinant -1 is a mirror, and no rotation: an axis points the wrong way")
+    off = float(np.abs(R - nearest).max())
+    if off > TYPED:
+        raise InvalidInput(
+            f"no rotation: an entry is {off:.3g} away from the nearest one (columns of length "
+            f"{', '.join(f'{length:.4g}' for length in np.linalg.norm(R, axis=0))}), which is "
+            f"{shown(np.round(nearest, 6).tolist())}"
+        )
+    return nearest
 
 
 def distance(a: Pose, b: Pose) -> tuple[float, float]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
+from .camera import Camera
 from .errors import InvalidInput, shown
 from .geometry import Pose
 from .rows import Array
@@ -21,8 +22,8 @@ class Measurement:
     Attributes
     ----------
     pixels
-        (M, 2) of the markers, from the image's centre [px]; NaN for one that was not seen, which is taken to be as far
-        from where the model has it as when it was last seen.
+        (M, 2) of the markers, from the image's centre [px], on the sensor; NaN for one that was not seen, which is
+        taken to be as far from where the model has it as when it was last seen.
     depth
         (M,) Z of the markers [m], NaN or not given where the model's is to be taken.
     taken
@@ -51,10 +52,15 @@ class Measurement:
             raise InvalidInput(f"the measured pose of the camera must be a Pose, not {shown(self.camera)}")
         return type(self)(None if self.pixels is None else pixels, depth, taken, self.camera)
 
+    def undistorted(self, camera: Camera) -> Self:
+        """The same with ideal pixels; raises InvalidInput for one where the lens cannot be inverted."""
+        return self if self.pixels is None else replace(self, pixels=camera.undistort(self.pixels))
+
     def believed(self, scene: Scene, state: State, correction: Array) -> State:
         """What a controller believes that is told this of a state; the compiled step does the same.
 
-        ``correction`` (M, 2) is by how much markers were last seen beside where the model has them, and is kept up.
+        Pixels are ideal by now. ``correction`` (M, 2) is by how much markers were last seen beside where the model has
+        them, and is kept up.
         """
         if self.pixels is None:
             return scene.believed(state, self.camera)
@@ -65,10 +71,10 @@ class Measurement:
         seen = np.flatnonzero(np.isfinite(self.pixels).all(axis=1))
         there = state.pixels.position.copy()
         there[seen] = self.pixels[seen]
-        velocity = scene.believed(state, self.camera, (eye, there, Z)).normalised.velocity
+        velocity = scene.believed(state, self.camera, (there, Z)).normalised.velocity
         moved = eye.normalised(there) + (state.t - self.taken) * velocity
         correction[seen] = (moved - model)[seen]
-        return scene.believed(state, self.camera, (eye, eye.pixels(model + correction), Z))
+        return scene.believed(state, self.camera, (eye.pixels(model + correction), Z))
 
 
 def numbers(value: object, shape: tuple[int, ...], what: str) -> Array:

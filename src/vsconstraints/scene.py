@@ -174,9 +174,7 @@ class Scene:
         J, twist, drift = self._relative_motion(robot, self.motion, t)
         return _state(t, robot, camera, J, twist, drift, self._in_camera(camera), self.camera)
 
-    def believed(
-        self, state: State, camera: Pose | None = None, seen: tuple[Camera, Array, Array] | None = None
-    ) -> State:
+    def believed(self, state: State, camera: Pose | None = None, seen: tuple[Array, Array] | None = None) -> State:
         """The state as a controller believes it to be.
 
         It knows the target's motion only if told, and may have measured the image wrongly.
@@ -188,17 +186,22 @@ class Scene:
         camera
             Believed pose of the camera in the target's frame; the true one if None.
         seen
-            The camera it believes to look through, the markers' pixels (m, 2) and depths (m,) [m]; the true ones if
-            None.
+            The markers' pixels (m, 2) in this scene's camera, and their depths (m,) [m]; those of the state if None.
         """
         twist, drift = state.camera_twist, state.camera_drift
         if self.motion is not None and not self.motion.known:
             _, twist, drift = self._relative_motion(state.robot, None, state.t)
         believed_camera = camera or state.camera
-        eye, pixels, Z = seen or (self.camera, state.pixels.position, state.depth)
-        P = np.concatenate((eye.normalised(pixels) * Z[:, None], Z[:, None]), axis=1)
-        believed = _state(state.t, state.robot, believed_camera, state.camera_J, twist, drift, P, eye)
+        pixels, Z = seen or (state.pixels.position, state.depth)
+        P = np.concatenate((self.camera.normalised(pixels) * Z[:, None], Z[:, None]), axis=1)
+        believed = _state(state.t, state.robot, believed_camera, state.camera_J, twist, drift, P, self.camera)
         return replace(believed, believed=True)
+
+    def remounted(self, state: State) -> State:
+        """The state of the same scene with another mount, its camera's pose and motion as they are with this one."""
+        J, twist, drift = self._relative_motion(state.robot, self.motion, state.t)
+        camera = self._camera(state.robot.tip, state.t)
+        return replace(state, camera=camera, camera_J=J, camera_twist=twist, camera_drift=drift)
 
     def glance(self, q: Array, t: float = 0.0) -> tuple[Array, Array]:
         """(m, 2) pixels of the markers and (k, 3) robot points at ``q`` (n,), without their motion."""

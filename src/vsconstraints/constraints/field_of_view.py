@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
 
 import numpy as np
 
 from ..camera import Camera
+from ..distortion import MODELS
 from ..errors import ConfigurationError
 from ..formulas import curves as formulas
 from ..rows import Array
-from .base import demand_positive
+from .base import Trace, demand_positive
+from .by_formula import Formula
 from .image_constraint import ImageConstraint
 
 
 class FieldOfView(ImageConstraint):
     """Markers stay inside a hyperellipse in the image.
 
-    Keeps markers inside a hyperellipse |u/a|ⁿ + |v/b|ⁿ = 1 in the image (eqs. 20 to 24).
+    Keeps markers inside a hyperellipse |u/a|ⁿ + |v/b|ⁿ = 1 in the image (eqs. 20 to 24). Where the lens has distortion
+    it is one on the sensor, which is bent in ideal pixels; clearances then are distances on the sensor.
 
     Parameters
     ----------
@@ -33,11 +38,16 @@ class FieldOfView(ImageConstraint):
         Smoothing: 2 is an ellipse, large values come close to the rectangle.
     markers
         Numbers of the markers concerned, counted from 1; all if None.
+
+    Raises
+    ------
+    ConfigurationError
+        if the margin leaves no image, or leaves a part of it in which the lens cannot be inverted.
     """
 
     kind = "fov"
     formula = staticmethod(formulas.superellipse)
-    curvature_formula = staticmethod(formulas.superellipse_curvature)
+    curvature_formula: Formula | None = staticmethod(formulas.superellipse_curvature)
 
     def __init__(
         self,
@@ -64,3 +74,41 @@ class FieldOfView(ImageConstraint):
         self.n = float(n)
         self.parameters = (*self.half_size.tolist(), self.n)
         super().__init__(K=K, switching_gain=switching_gain, length=float(self.half_size.min()), markers=markers)
+        self._camera = camera
+        self._on_sensor: FieldOfView | None = None
+        if camera.distortion is not None:
+            self._demand_inverse(half)
+            self._on_sensor = copy(self)
+            self.formula, self.curvature_formula = MODELS[camera.distortion.model].superellipse, None
+            self.parameters = (*self.parameters, *camera.eye)
+
+    def clearance(self, trace: Trace, points: slice) -> Array:
+        """Distance to the hyperellipse [px], on the sensor."""
+        if self._on_sensor is None:
+            return super().clearance(trace, points)
+        return self._on_sensor.clearance(replace(trace, pixels=self._camera.distort(trace.pixels)), points)
+
+    def boundary(self, image_size: tuple[float, float], t: Array | None = None) -> list[Array]:
+        """The hyperellipse as polylines (p, 2) of ideal pixels."""
+        if self._on_sensor is None:
+            return super().boundary(image_size, t)
+        return [self._camera.undistort(line) for line in self._on_sensor.boundary(self._camera.size_px, t)]
+
+    def _demand_inverse(self, half: Array) -> None:
+        """Raise ConfigurationError that says which margin would do, unless the lens can be inverted on the boundary."""
+        if self._inverse(self.half_size):
+            return
+        enough = next((m for m in np.arange(1.0, half.min()) if self._inverse(half - m)), None)
+        remedy = "no margin is enough" if enough is None else f"margin_px = {enough:g} is enough"
+        raise ConfigurationError(
+            f"the lens cannot be inverted in all of the image that fov leaves, only up to {self._camera.reach_px:.0f} "
+            f"px from the principal point: {remedy}"
+        )
+
+    def _inverse(self, half: Array) -> bool:
+        """Whether the lens can be inverted on the hyperellipse of these half axes."""
+        assert self._camera.distortion is not None
+        turn = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+        along = np.stack((np.cos(turn), np.sin(turn)), axis=-1)
+        size = (np.abs(along / half) ** self.n).sum(axis=-1) ** (-1.0 / self.n)
+        return bool(self._camera.distortion.remove(self._camera.normalised(along * size[:, None]))[1].all())

@@ -28,10 +28,30 @@ class Images(NamedTuple):
     held: Array
 
 
+class Lenses(NamedTuple):
+    """A lens with distortion, as it is and as it is believed to be.
+
+    Attributes
+    ----------
+    address
+        Of the function that takes pixels through such a lens, or 0 where there is no distortion.
+    true, believed
+        Both cameras' :attr:`vsconstraints.camera.Camera.eye`.
+    pixels
+        (M, 2) scratch.
+    """
+
+    address: int
+    true: Array
+    believed: Array
+    pixels: Array
+
+
 class Sensing(NamedTuple):
-    """What the compiled sensor works with: images, and scratch for the camera's pose."""
+    """What the compiled sensor works with: images, lenses, and scratch for the camera's pose."""
 
     images: Images
+    lenses: Lenses
     scratch: Scratch
 
 

@@ -17,6 +17,7 @@ from ..robot import Robot
 from ..rows import Array
 from ..scene import Scene
 from ..tracking import TrackingGains, VisualTask
+from .cameras import write_camera
 from .constraint_parts import NotCompiled, Parts, demand, write_motion
 from .structures import Size, Step, frozen
 from .visual_task import CAMERA_POSE, IMAGE_POINTS
@@ -118,12 +119,8 @@ def write_scene(step: Step, scene: Scene, known: bool) -> None:
     step.joints["R"], step.joints["t"] = [pose.R for pose in placements], [pose.t for pose in placements]
     step.joints["axis"], step.joints["prismatic"] = axes, robot.prismatic
     tip = _in_joint(robot, robot.frame_id("tip"), robot.n)
-    eye = camera.fixed or tip @ camera.mount.inverse
-    for name, value in (
-        ("R", eye.R), ("t", eye.t), ("tip_R", tip.R), ("tip_t", tip.t),
-        ("focal", camera.focal), ("offset", camera.offset), ("depth_factor", 1.0), ("fixed", camera.fixed is not None),
-    ):  # fmt: skip
-        step.camera[name] = value
+    step.camera["tip_R"], step.camera["tip_t"] = tip.R, tip.t
+    write_camera(step, camera)
     step.markers[:] = scene.markers
     for record, point in zip(step.robot_points, scene.points, strict=True):
         frame = robot.model.frames[robot.frame_id(point.link)]

@@ -15,11 +15,11 @@ from ..scene import MINIMUM_DEPTH
 from . import images
 from . import scratch as parts
 from .compiler import IN_PLACE, OPTIONS, compiled, inner, know, numba
-from .images import Images, Sensing
+from .images import Images, Lenses, Sensing
 from .kinematics import put, put_matrix
 from .least_squares import pseudoinverse
 from .linear import START
-from .parts import address, thaw_as
+from .parts import address, ask, thaw_as
 from .structures import Scratch
 from .thawed import thaw
 
@@ -71,7 +71,11 @@ def explain(markers: Array, seen: Array, R: Matrix, t: Vector, scratch: Scratch)
 _none = np.zeros((1, 1, 1))
 thaw_sensing = thaw_as(
     numba.typeof(
-        Sensing(Images(1, _none, np.zeros(1, dtype=np.bool_), _none), Scratch(np.zeros(1), np.zeros(1, dtype=np.int64)))
+        Sensing(
+            Images(1, _none, np.zeros(1, dtype=np.bool_), _none),
+            Lenses(0, np.zeros(1), np.zeros(1), _none[0]),
+            Scratch(np.zeros(1), np.zeros(1, dtype=np.int64)),
+        )
     )
 )
 
@@ -83,14 +87,20 @@ def observe(sensing_address: int, true_address: int, believed_address: int, t: f
     Returns 0, or 1 if no pose with all markers in front of the camera explains the image.
     """
     sensing, true, believed = thaw_sensing(sensing_address), thaw(true_address), thaw(believed_address)
-    slot = images.usable(sensing.images, k, true.pixels)
-    held, camera, scratch = sensing.images.held, believed.camera[0], sensing.scratch
+    lens, pixels, camera, scratch = sensing.lenses, true.pixels, believed.camera[0], sensing.scratch
+    if lens.address != 0:
+        ask(lens.address, (lens.true, pixels, lens.pixels, False))
+        pixels = lens.pixels
+    pixels = sensing.images.held[images.usable(sensing.images, k, pixels)]
+    if lens.address != 0:
+        ask(lens.address, (lens.believed, pixels, lens.pixels, True))
+        pixels = lens.pixels
     scratch.taken[0] = 0
-    seen = parts.matrix(scratch, len(held[slot]), 2)
+    seen = parts.matrix(scratch, len(pixels), 2)
     for i in range(len(seen)):
         for c in range(2):
-            believed.measured[i, c] = held[slot, i, c]
-            seen[i, c] = (held[slot, i, c] - camera.offset[c]) / camera.focal[c]
+            believed.measured[i, c] = pixels[i, c]
+            seen[i, c] = (pixels[i, c] - camera.offset[c]) / camera.focal[c]
     found, R, where = explain(believed.markers, seen, matrix(true.camera_R), vector(true.camera_t), scratch)
     if not found:
         return 1

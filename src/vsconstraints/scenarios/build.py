@@ -13,7 +13,7 @@ import numpy as np
 from ..camera import Camera
 from ..constraints import ConstraintSet, robot_points
 from ..constraints.base import demand_positive
-from ..errors import ConfigurationError, SceneError, shown, unknown_name
+from ..errors import ConfigurationError, InvalidInput, SceneError, shown, unknown_name
 from ..features import FEATURES, Goal
 from ..geometry import Pose, Vector2, Vector3
 from ..limits import NO_LIMITS, ActuatorLimits
@@ -26,8 +26,9 @@ from ..scene import MINIMUM_DEPTH, Scene
 from ..simulation import Setup, Tolerances
 from ..simulation.disturbances import Disturbances
 from ..simulation.plant import Actuation
-from ..simulation.sensing import believed_camera
+from ..simulation.sensing import believed_camera, shown_to
 from ..tracking import TrackingGains, VisualTask
+from .cameras import make_camera
 from .constraint_types import make_constraint
 from .reading import Table, checked, chosen, demand_table, made, split
 from .toml import in_todays_words
@@ -89,7 +90,7 @@ def build(
     """
     file: File = made(File, in_todays_words(tables, where), where)
     robot = _robot(file.robot, f"{where}.robot", folder)
-    camera = _camera(file.camera, f"{where}.camera")
+    camera = make_camera(file.camera, f"{where}.camera", folder)
     markers, motion = _target(file.target, f"{where}.target")
     q0 = robot.configuration(file.q0, "q0")
     qd0 = robot.configuration([0.0] * robot.n if file.qd0 is None else file.qd0, "qd0")
@@ -126,7 +127,7 @@ def build_scene(tables: Table, where: str, folder: Path) -> Scene:
     if missing:
         raise ConfigurationError(f"{where}: the key {missing[0]!r} is missing")
     robot = _robot(checked(tables["robot"], str | Table, where, "robot"), f"{where}.robot", folder)
-    camera = _camera(demand_table(tables["camera"], f"{where}.camera"), f"{where}.camera")
+    camera = make_camera(demand_table(tables["camera"], f"{where}.camera"), f"{where}.camera", folder)
     markers, motion = _target(demand_table(tables["target"], f"{where}.target"), f"{where}.target")
     return Scene(robot, camera, markers, (), motion)
 
@@ -149,14 +150,6 @@ def _robot(value: str | Table, where: str, folder: Path) -> Robot:
         robot: Robot = made(Robot.from_urdf, value, where, {"folder": folder})
         return robot
     return made(Robot.from_dh, value, where)
-
-
-def _camera(table: Table, where: str) -> Camera:
-    if "mount" in table and "fixed" in table:
-        raise ConfigurationError(
-            f"{where}: a camera is mounted on the robot or fixed in space: give mount or fixed, not both"
-        )
-    return made(Camera, table, where)
 
 
 def _target(table: Table, where: str) -> tuple[Array, TargetMotion | None]:
@@ -238,7 +231,7 @@ def _goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal:
         )
     reference = None if goal.reach_in is None else MinimumJerk(goal.reach_in)
     if goal.markers_px is not None:
-        return _image_goal(goal, goal.markers_px, where, len(scene.markers), believed, reference)
+        return _image_goal(goal, goal.markers_px, where, scene, believed, reference)
     if goal.depth_m is not None:
         raise ConfigurationError(f"{where}: depth_m goes with markers_px, not with {kinds[0]}")
     q: Array | None = None
@@ -251,31 +244,36 @@ def _goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal:
         pixels, depth = scene.project(camera), scene.depth(camera)
     except SceneError as error:
         raise ConfigurationError(f"{where}: at the goal, {error}") from error
-    return Goal(goal.from_time, pixels, believed.normalised(pixels), camera, depth, reference, q)
+    return Goal(goal.from_time, pixels, shown_to(scene.camera, believed, pixels), camera, depth, reference, q)
 
 
 def _image_goal(
     goal: GoalTable,
     markers_px: Sequence[Vector2],
     where: str,
-    m: int,
+    scene: Scene,
     believed: Camera,
     reference: MinimumJerk | None,
 ) -> Goal:
-    depth = None if goal.depth_m is None else np.array(goal.depth_m)
+    m, depth = len(scene.markers), None if goal.depth_m is None else np.array(goal.depth_m)
     if len(markers_px) != m:
         raise ConfigurationError(f"{where}: markers_px must be {m} × 2 numbers, not {shown(markers_px)}")
     if depth is not None and len(depth) != m:
         raise ConfigurationError(f"{where}: depth_m must be {m} numbers, not {shown(goal.depth_m)}")
     if depth is not None and (depth < MINIMUM_DEPTH).any():
         raise ConfigurationError(f"{where}: depth_m must be at least {MINIMUM_DEPTH} m, not {depth}")
-    pixels = np.array(markers_px)
-    return Goal(goal.from_time, pixels, believed.normalised(pixels), depth=depth, reference=reference)
+    try:
+        pixels = scene.camera.undistort(np.array(markers_px))
+    except InvalidInput as error:
+        raise ConfigurationError(f"{where}: markers_px: {error}") from error
+    normalised = shown_to(scene.camera, believed, pixels)
+    return Goal(goal.from_time, pixels, normalised, depth=depth, reference=reference)
 
 
 def _disturbances(table: Table, where: str, seed: tuple[int, ...]) -> Disturbances:
     """What a ``disturbances`` table describes; numbers per joint may be given as one."""
     values = demand_table(table, where)
-    if isinstance(values.get("acceleration"), int | float):
-        values["acceleration"] = [values["acceleration"]]
+    for key in ("acceleration", "distortion_factor"):
+        if isinstance(values.get(key), int | float):
+            values[key] = [values[key]]
     return made(Disturbances, values, where, {"seed": seed})

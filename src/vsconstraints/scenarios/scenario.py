@@ -17,12 +17,13 @@ from ..meshes import mesh_files, mesh_folders
 from ..plugins import beside, module_files
 from ..simulation import Setup
 from .build import build
+from .cameras import not_said_again
 from .toml import in_todays_words, override, read_toml
 
 SHIPPED = Path(__file__).parent
 """Folder of the scenarios that come with the package."""
 
-FILE_KEYS = ("urdf", "srdf", "file", "package_dirs")
+FILE_KEYS = ("urdf", "srdf", "file", "package_dirs", "calibration")
 """Keys whose values are paths, relative to the scenario's folder."""
 
 MOST_EXTENDED = 100
@@ -173,7 +174,10 @@ def _tables(path: Path) -> dict[str, Any]:
             )
     tables = parts.pop()
     while parts:
-        tables = _merged(tables, parts.pop())
+        over = parts.pop()
+        if isinstance(tables.get("camera"), dict) and isinstance(over.get("camera"), dict):
+            tables["camera"] = not_said_again(tables["camera"], over["camera"])
+        tables = _merged(tables, over)
     return tables
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..errors import InvalidInput
+from ..geometry import Vector3, vector
 from ..rows import Array
 
 GRADIENT_SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)
@@ -45,6 +46,14 @@ class Disturbances:
         Believed focal lengths (F_u, F_v) relative to the true ones.
     principal_point_error
         Believed principal point less the true one [px].
+    distortion_factor
+        Believed coefficients of the lens's distortion relative to the true ones: one number, or one per coefficient. 0
+        is a lens that is taken for perfect.
+    mount_translation_error, mount_rotation_error
+        Where the camera is believed to be on the robot, or in space if it is fixed, in the frame where it is [m], and
+        the rotation vector by which it is believed to be turned about its own axes [rad].
+    marker_distance_factor
+        Believed distances between the markers relative to the true ones; their middle is where it is.
     image_period
         Time between images, a multiple of the sampling time; that itself if zero [s]. Between images the last is held.
     delay
@@ -66,6 +75,10 @@ class Disturbances:
     depth_factor: float = 1.0
     focal_factor: tuple[float, float] = (1.0, 1.0)
     principal_point_error: tuple[float, float] = (0.0, 0.0)
+    distortion_factor: tuple[float, ...] = (1.0,)
+    mount_translation_error: Vector3 = (0.0, 0.0, 0.0)
+    mount_rotation_error: Vector3 = (0.0, 0.0, 0.0)
+    marker_distance_factor: float = 1.0
     image_period: float = 0.0
     delay: int = 0
     lost_frames: float = 0.0
@@ -82,12 +95,14 @@ class Disturbances:
             raise InvalidInput(f"disturbance delay is a whole number of image periods, not {self.delay}")
         if not 0.0 <= self.lost_frames < 1.0:
             raise InvalidInput(f"disturbance lost_frames is a probability below 1, not {self.lost_frames}")
-        for name in ("depth_factor", "focal_factor"):
+        for name in ("depth_factor", "focal_factor", "marker_distance_factor"):
             if (np.asarray(getattr(self, name)) <= 0.0).any():
                 raise InvalidInput(f"disturbance {name} must be positive, not {getattr(self, name)}")
         for name in ("focal_factor", "principal_point_error"):
             if len(getattr(self, name)) != 2:
                 raise InvalidInput(f"disturbance {name} must be two numbers, not {getattr(self, name)}")
+        for name in ("mount_translation_error", "mount_rotation_error"):
+            vector(getattr(self, name), 3, f"disturbance {name}")
         if not self.gradient_error_signs or not set(self.gradient_error_signs) <= {-1.0, 1.0}:
             raise InvalidInput(f"gradient_error_signs must be 1 or −1 per joint, not {self.gradient_error_signs}")
 
@@ -119,6 +134,22 @@ class Disturbances:
         return tuple(self.focal_factor) != (1.0, 1.0) or tuple(self.principal_point_error) != (0.0, 0.0)
 
     @property
+    def distortion(self) -> bool:
+        """Whether the lens's distortion is believed wrongly."""
+        return any(factor != 1.0 for factor in self.distortion_factor)
+
+    @property
+    def mount(self) -> bool:
+        """Whether the camera is believed to be mounted otherwise than it is."""
+        return any((*self.mount_translation_error, *self.mount_rotation_error))
+
+    @property
+    def target(self) -> bool:
+        """Whether the markers are believed to be farther from one another than they are, or nearer."""
+        return self.marker_distance_factor != 1.0
+
+    @property
     def sensing(self) -> bool:
         """Whether what is seen is measured or interpreted wrongly."""
-        return self.image or self.intrinsics or self.depth_factor != 1.0
+        wrong = self.intrinsics or self.distortion or self.mount or self.target
+        return self.image or wrong or self.depth_factor != 1.0

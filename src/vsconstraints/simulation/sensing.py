@@ -6,44 +6,109 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+import pinocchio as pin
 
 from ..camera import Camera
 from ..errors import ConfigurationError, SceneError
-from ..kernels.images import Images, Sensing, usable
+from ..geometry import Pose
+from ..kernels import load
+from ..kernels.cameras import write_camera
+from ..kernels.images import Images, Lenses, Sensing, usable
 from ..kernels.structures import Scratch, Step
 from ..pose_estimate import estimated_pose
 from ..rows import Array, BoolArray
 from ..scene import Scene, State
 from .disturbances import Disturbances
 
-__all__ = ["Expectation", "Sensor", "believed_camera", "estimated_pose"]
+__all__ = ["Expectation", "Sensor", "believed_camera", "estimated_pose", "ideal_pixels", "shown_to"]
 
 
 def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
-    """The camera that the control calculates with."""
-    if not disturbances.intrinsics:
-        return camera
-    focal = np.multiply(camera.focal, disturbances.focal_factor)
-    corner = camera.offset + 0.5 * np.asarray(camera.size) + disturbances.principal_point_error
-    return replace(camera, focal_px=tuple(focal), principal_point_px=tuple(corner))
+    """The camera that the control calculates with.
+
+    Raises
+    ------
+    ConfigurationError
+        if a distortion is disturbed that the camera does not have, or that has another number of coefficients.
+    """
+    believed, wrong = camera, disturbances
+    if wrong.distortion:
+        factors, lens = np.asarray(wrong.distortion_factor, dtype=np.float64), camera.distortion
+        if lens is None:
+            raise ConfigurationError("disturbance distortion_factor needs a camera with distortion")
+        if len(factors) not in (1, len(lens.coefficients)):
+            raise ConfigurationError(
+                f"disturbance distortion_factor must be one number or {len(lens.coefficients)}, one per coefficient, "
+                f"not {len(factors)}"
+            )
+        believed = replace(believed, distortion=lens.scaled(factors))
+    if wrong.intrinsics:
+        focal = np.multiply(camera.focal, wrong.focal_factor)
+        corner = camera.offset + 0.5 * np.asarray(camera.size) + wrong.principal_point_error
+        believed = replace(believed, focal_px=tuple(focal), principal_point_px=tuple(corner))
+    if wrong.mount:
+        error = Pose(
+            np.asarray(pin.exp3(np.array(wrong.mount_rotation_error))), np.array(wrong.mount_translation_error)
+        )
+        if camera.fixed is not None:
+            return replace(believed, fixed=camera.fixed @ error)
+        # of the camera in the tip's frame, which the mount is the inverse of
+        return replace(believed, mount=error.inverse @ camera.mount)
+    return believed
+
+
+def believed_scene(scene: Scene, disturbances: Disturbances) -> Scene:
+    """The scene that the control calculates with; the true one where it does not differ."""
+    camera, markers = believed_camera(scene.camera, disturbances), scene.markers
+    if disturbances.target:
+        middle = markers.mean(axis=0)
+        markers = middle + disturbances.marker_distance_factor * (markers - middle)
+    if camera is scene.camera and markers is scene.markers:
+        return scene
+    return Scene(scene.robot, camera, markers, scene.points, scene.motion)
+
+
+def ideal_pixels(camera: Camera, pixels: Array) -> Array:
+    """(..., 2) ideal pixels of those on the sensor, also where a camera would refuse to say."""
+    if camera.distortion is None:
+        return pixels
+    return camera.pixels(camera.distortion.remove(camera.normalised(pixels))[0])
+
+
+def shown_to(camera: Camera, believed: Camera, pixels: Array) -> Array:
+    """(..., 2) normalised coordinates by a believed camera of what is at these ideal pixels of the true one."""
+    return believed.normalised(ideal_pixels(believed, camera.distort(pixels)))
 
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """What would be believed of a state to come: seen through the believed camera, at once and without noise."""
+    """What would be believed of a state to come: seen in the believed scene, at once and without noise.
+
+    Attributes
+    ----------
+    scene
+        The believed one.
+    depth_factor
+        Of the disturbances.
+    elsewhere
+        Whether camera or markers are believed elsewhere than they are.
+    """
 
     scene: Scene
-    camera: Camera
     depth_factor: float
+    elsewhere: bool = False
 
     def __call__(self, state: State) -> State:
         """The believed state."""
-        seen = self.camera.pixels(state.normalised.position)
-        return self.scene.believed(state, None, (self.camera, seen, self.depth_factor * state.depth))
+        if self.elsewhere:
+            state = self.scene.evaluate(state.t, state.robot.q, state.robot.qd)
+        seen = self.scene.camera.pixels(state.normalised.position)
+        return self.scene.believed(state, None, (seen, self.depth_factor * state.depth))
 
     def write(self, step: Step) -> None:
         """Let a compiled step believe the same."""
-        step.camera["focal"], step.camera["offset"] = self.camera.focal, self.camera.offset
+        write_camera(step, self.scene.camera)
+        step.markers[:] = self.scene.markers
         step.camera["depth_factor"] = self.depth_factor
 
 
@@ -80,7 +145,8 @@ class Sensor:
 
     def __init__(self, scene: Scene, disturbances: Disturbances, Ts: float, unknown_motion: bool = False) -> None:
         self.scene, self.disturbances = scene, disturbances
-        self.camera = believed_camera(scene.camera, disturbances)
+        self.believed = believed_scene(scene, disturbances)
+        self.camera = self.believed.camera
         period = disturbances.image_period / Ts if disturbances.image_period else 1.0
         self._every = max(int(np.round(period)), 1)
         if abs(period - self._every) > 1e-6:
@@ -112,12 +178,17 @@ class Sensor:
     @property
     def estimates(self) -> bool:
         """Whether the camera's pose is estimated from the measured image."""
-        return self.disturbances.image or self.disturbances.intrinsics
+        wrong = self.disturbances
+        return wrong.image or wrong.intrinsics or wrong.distortion or wrong.mount or wrong.target
 
     def sensing(self, samples: int) -> Sensing:
         """What the compiled form of :meth:`observe` works with, in a run of so many samples."""
-        numbers = np.empty(64 * len(self.scene.markers) + 256)
-        return Sensing(self.images(samples), Scratch(numbers, np.zeros(1, dtype=np.int64)))
+        M, camera, address = len(self.scene.markers), self.scene.camera, 0
+        if camera.distortion is not None:
+            address = load("lenses").address_of(camera.distortion.model)
+        lenses = Lenses(address, np.array(camera.eye), np.array(self.camera.eye), np.empty((M, 2)))
+        scratch = Scratch(np.empty(64 * M + 256), np.zeros(1, dtype=np.int64))
+        return Sensing(self.images(samples), lenses, scratch)
 
     def observe(self, state: State) -> State:
         """What is believed of the next sample's state; the state itself where nothing is disturbed.
@@ -135,26 +206,30 @@ class Sensor:
         pixels = self._image(state.pixels.position)
         camera, Z = state.camera, state.depth
         if self.estimates:
-            camera = estimated_pose(self.scene.markers, self.camera.normalised(pixels), state.camera)
+            camera = estimated_pose(self.believed.markers, self.camera.normalised(pixels), state.camera)
             try:
-                Z = self.scene.depth(camera)
+                Z = self.believed.depth(camera)
             except SceneError as error:
                 raise SceneError(f"the measured image is explained by no pose that sees it: {error}") from error
-        return self.scene.believed(state, camera, (self.camera, pixels, settings.depth_factor * Z))
+        if settings.mount:
+            state = self.believed.remounted(state)
+        return self.believed.believed(state, camera, (pixels, settings.depth_factor * Z))
 
     @property
     def expected(self) -> Expectation:
         """What would be believed of a state to come."""
-        return Expectation(self.scene, self.camera, self.disturbances.depth_factor)
+        wrong = self.disturbances
+        return Expectation(self.believed, wrong.depth_factor, wrong.mount or wrong.target)
 
-    def _image(self, pixels: Array) -> Array:
-        """(m, 2) the measured pixels that can be used now."""
+    def _image(self, ideal: Array) -> Array:
+        """(m, 2) the measured pixels that can be used now, as the control has them, of those that are true."""
+        pixels = self.scene.camera.distort(ideal)
         images, k = self._images, self.sample
         if images is None or k >= self._covered:
             images = self.images(2 * k + 1)
         self.sample += 1
         seen: Array = images.held[usable(images, k, pixels)].copy()
-        return seen
+        return ideal_pixels(self.camera, seen)
 
 
 @lru_cache(maxsize=4)

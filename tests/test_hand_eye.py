@@ -1,0 +1,170 @@
+"""Where a camera is mounted: as OpenCV's hand–eye calibration has it, in every form in which it may be given."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from vsconstraints import Camera
+from vsconstraints.errors import ConfigurationError, InvalidInput, VsconstraintsError
+from vsconstraints.geometry import Pose, distance
+from vsconstraints.robots import ur5
+from vsconstraints.rows import Array
+from vsconstraints.scenarios import Scenario
+from vsconstraints.scene import Scene
+
+CAMERA_IN_TIP = Pose(Rotation.from_rotvec([0.1, -0.2, 1.5]).as_matrix(), np.array([0.02, 0.07, -0.05]))
+EYE = Camera((600.0, 600.0), (640.0, 480.0))
+BOARD = Pose(Rotation.from_rotvec([0.2, 0.1, 0.4]).as_matrix(), np.array([0.5, 0.1, 0.02]))
+
+
+def homogeneous(pose: Pose) -> Array:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = pose.R, pose.t
+    return matrix
+
+
+def configurations() -> Array:
+    rng = np.random.default_rng(0)
+    found: Array = np.array([0.3, -1.7, 1.7, -1.7, -1.6, 0.1]) + rng.uniform(-0.4, 0.4, (15, 6))
+    return found
+
+
+@pytest.mark.parametrize("method", [cv2.CALIB_HAND_EYE_TSAI, cv2.CALIB_HAND_EYE_PARK, cv2.CALIB_HAND_EYE_DANIILIDIS])
+def test_what_opencv_calls_cam2gripper_is_the_camera_in_the_tip(method: int) -> None:
+    """OpenCV is told poses of the arm, by Pinocchio, and what its own solvePnP finds in images of this package."""
+    arm, corners = ur5(), np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0.5, 0, 0], [0, 0.7, 0]]) * 0.05
+    scene = Scene(arm, EYE.mounted(camera_in_tip=CAMERA_IN_TIP), BOARD.act(corners))
+    K = np.array([[600.0, 0.0, 319.5], [0.0, 600.0, 239.5], [0.0, 0.0, 1.0]])
+    tips, boards = [], []
+    for q in configurations():
+        pixels = EYE.to_corner(scene.project(scene.camera_pose(q)), "centres")
+        found, turn, away = cv2.solvePnP(corners, pixels, K, np.zeros(4), flags=cv2.SOLVEPNP_SQPNP)
+        assert found
+        tips.append(arm.pose(q))
+        boards.append((cv2.Rodrigues(turn)[0], away.ravel()))
+    R, t = cv2.calibrateHandEye(
+        [tip.R for tip in tips], [tip.t for tip in tips], [R for R, _ in boards], [t for _, t in boards], method=method
+    )
+    assert max(distance(Pose(R, t.ravel()), CAMERA_IN_TIP)) < 1e-6
+    again = EYE.mounted(camera_in_tip=Pose.from_matrix(np.column_stack((R, t))))
+    assert max(distance(again.mount.inverse, CAMERA_IN_TIP)) < 1e-6
+
+
+def test_a_camera_that_is_fixed_is_what_opencv_finds_from_the_arm_reversed() -> None:
+    """As its documentation says of eye-to-hand: given base-in-tip, it gives cam2base."""
+    arm, camera_in_base = ur5(), Pose(Rotation.from_rotvec([3.0, 0.2, 0.1]).as_matrix(), np.array([0.4, 0.1, 1.3]))
+    board_in_tip = Pose(Rotation.from_rotvec([0.1, 0.2, 0.3]).as_matrix(), np.array([0.01, 0.02, 0.1]))
+    eye = EYE.mounted(camera_in_base=camera_in_base)
+    assert eye.fixed is not None
+    tips = [arm.pose(q) for q in configurations()]
+    boards = [eye.fixed.inverse @ tip @ board_in_tip for tip in tips]
+    R, t = cv2.calibrateHandEye(
+        [tip.inverse.R for tip in tips], [tip.inverse.t for tip in tips], [b.R for b in boards], [b.t for b in boards]
+    )
+    assert max(distance(Pose(R, t.ravel()), camera_in_base)) < 1e-6
+
+
+def test_each_way_says_the_same_of_a_camera() -> None:
+    ways = [EYE.mounted(camera_in_tip=CAMERA_IN_TIP), EYE.mounted(tip_in_camera=CAMERA_IN_TIP.inverse)]
+    for eye in ways:
+        assert eye.fixed is None
+        np.testing.assert_allclose(homogeneous(eye.mount), np.linalg.inv(homogeneous(CAMERA_IN_TIP)), atol=1e-15)
+    fixed = [EYE.mounted(camera_in_base=BOARD), EYE.mounted(base_in_camera=BOARD.inverse)]
+    for eye in fixed:
+        assert eye.fixed is not None
+        np.testing.assert_allclose(homogeneous(eye.fixed), homogeneous(BOARD), atol=1e-15)
+        assert max(distance(eye.mount, Pose.identity())) == 0.0
+    for wrong in ({}, {"camera_in_tip": BOARD, "tip_in_camera": BOARD}):
+        with pytest.raises(InvalidInput, match="one of camera_in_tip, tip_in_camera"):
+            EYE.mounted(**wrong)
+
+
+# --- in files ---
+
+R = Rotation.from_matrix(CAMERA_IN_TIP.R)
+XYZ = CAMERA_IN_TIP.t.tolist()
+FORMS: dict[str, dict[str, Any]] = {
+    "matrix": {"matrix": homogeneous(CAMERA_IN_TIP).tolist()},
+    "rounded matrix": {"matrix": np.round(homogeneous(CAMERA_IN_TIP), 4).tolist()},
+    "xyzw": {"xyz": XYZ, "quaternion_xyzw": R.as_quat().tolist()},
+    "wxyz": {"xyz": XYZ, "quaternion_wxyz": np.roll(R.as_quat(), 1).tolist()},
+    "rpy": {"xyz": XYZ, "rpy": R.as_euler("xyz").tolist()},
+}
+
+
+def camera_of(**tables: Any) -> Camera:
+    there = Scenario.load("ur5-fov")
+    del there.tables["camera"]["mount"]
+    there.tables["camera"].update(tables)
+    return there.setup().scene.camera
+
+
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
+def test_every_form_of_a_pose_is_the_same_mount(form: dict[str, Any]) -> None:
+    typed = 1e-12 if "matrix" not in form or form == FORMS["matrix"] else 1e-4
+    for key in ("tip_in_camera", "mount"):
+        assert max(distance(camera_of(**{key: form}).mount, CAMERA_IN_TIP)) < typed
+    eye = camera_of(camera_in_tip=form)
+    assert max(distance(eye.mount.inverse, CAMERA_IN_TIP)) < typed
+    np.testing.assert_allclose(eye.mount.R @ eye.mount.R.T, np.eye(3), atol=1e-12)
+
+
+TURNED = homogeneous(CAMERA_IN_TIP)
+STRETCHED = TURNED * (1.02, 1.0, 1.0, 1.0)
+MIRRORED = TURNED * (1.0, 1.0, -1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("form", "words"),
+    [
+        (
+            {"matrix": STRETCHED.tolist()},
+            r"no rotation: an entry is 0\.0.* \(columns of length 1\.02, 1, 1\), which is \[\[",
+        ),
+        ({"matrix": MIRRORED.tolist()}, "determinant -1 is a mirror"),
+        ({"matrix": TURNED.T.tolist()}, "last row .* must be 0 0 0 1, .* is it transposed"),
+        ({"matrix": TURNED[:3].tolist()}, "matrix must be 4 rows of 4 numbers"),
+        ({"matrix": np.zeros((4, 4)).tolist()}, "last row .* must be 0 0 0 1"),
+        ({"matrix": TURNED.tolist(), "xyz": XYZ}, "xyz or matrix"),
+        ({"xyz": XYZ, "quaternion_xyzw": [0.0, 0.0, 0.9, 0.1]}, r"length 1, not 0\.905539, .*: \[.*\] has length 1"),
+        ({"xyz": XYZ, "quaternion_xyzw": [0.0] * 4}, "length 1, not 0"),
+        ({"xyz": XYZ, "quaternion_xyzw": [0.0] * 3}, "quaternion_xyzw must be 4 numbers"),
+        ({"xyz": XYZ, "quaternion": [0.0] * 4}, "key in ur5-fov.camera.camera_in_tip 'quaternion'.*quaternion_wxyz"),
+        (
+            {"rpy": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 1]},
+            "one of rpy, quaternion_wxyz, quaternion_xyzw and matrix",
+        ),
+    ],
+)
+def test_what_is_no_pose_says_how_far_it_is_from_one(form: dict[str, Any], words: str) -> None:
+    with pytest.raises(VsconstraintsError, match=words) as no:
+        camera_of(camera_in_tip=form)
+    assert "ur5-fov.camera" in str(no.value)
+
+
+def test_the_nearest_rotation_that_is_told_is_the_right_one() -> None:
+    wrong = TURNED.copy()
+    wrong[:3, :3] = TURNED[:3, :3] @ (np.eye(3) + np.diag([0.03, -0.02, 0.01]))
+    with pytest.raises(InvalidInput) as no:
+        Pose.from_matrix(wrong)
+    told = np.array(eval(str(no.value).partition("which is ")[2]))
+    # the polar factor of R S, with S symmetric and positive
+    np.testing.assert_allclose(told, CAMERA_IN_TIP.R, atol=1e-6)
+
+
+def test_a_camera_is_in_one_place() -> None:
+    with pytest.raises(ConfigurationError, match="one key says where a camera is, not camera_in_tip and tip_in_camera"):
+        camera_of(camera_in_tip=FORMS["rpy"], tip_in_camera=FORMS["rpy"])
+    with pytest.raises(ConfigurationError, match="mount or fixed, not both"):
+        camera_of(mount=FORMS["rpy"], fixed=FORMS["rpy"])
+
+
+def test_quaternions_are_given_in_one_of_two_orders() -> None:
+    for told in ({}, {"wxyz": [1.0, 0, 0, 0], "xyzw": [0, 0, 0, 1.0]}):
+        with pytest.raises(InvalidInput, match="as wxyz or as xyzw"):
+            Pose.from_quaternion((0.0, 0.0, 0.0), **told)
