@@ -80,6 +80,27 @@ def test_the_only_last_link_that_moves_is_the_tip_wherever_it_stands_in_the_file
     np.testing.assert_allclose(arm.pose([0.0]).t, [0.0, 0.0, 2.0])
 
 
+@pytest.mark.parametrize(
+    ("link", "name", "kind", "refused"),
+    [
+        ("jaw", "j2", "revolute", True),
+        ("tool", "left_Finger_joint", "prismatic", True),
+        ("gripper_base", "j2", "fixed", False),
+        ("tool", "j2", "revolute", False),
+    ],
+)
+def test_a_finger_is_no_tip_unless_it_is_named(tmp_path: Path, link: str, name: str, kind: str, refused: bool) -> None:
+    joints = joint("j1", "base", "hand"), joint(name, "hand", link, kind)
+    path = written(tmp_path / "arm.urdf", f"base hand {link}", *joints)
+    if refused:
+        with pytest.raises(ConfigurationError, match=rf"'{link}', seems to be a part of a gripper.*tip = \"hand\""):
+            Robot.from_urdf(path)
+    else:
+        assert Robot.from_urdf(path).joint_names[0] == "j1"
+    assert Robot.from_urdf(path, link).pose(np.zeros(1 + (kind != "fixed"))).t[2] == 2.0
+    assert Robot.from_urdf(path, "hand").n == 1
+
+
 # --- joints that mimic others ---
 
 
@@ -108,11 +129,17 @@ def test_joints_may_mimic_one_that_mimics(tmp_path: Path) -> None:
     assert found.points[0, 0] == pytest.approx(0.2 + 3.0 * 0.2 + 0.01)
 
 
+def test_a_joint_that_mimics_none_that_is_there_is_neutral(tmp_path: Path) -> None:
+    finger = joint("grip", "hand", "left", "prismatic", mimic("nobody", 2.0, 0.3), axis="1 0 0")
+    path = written(tmp_path / "arm.urdf", "base hand left", joint("j1", "base", "hand"), finger)
+    found = Robot.from_urdf(path, "hand").kinematics(np.zeros(1), np.zeros(1), [RobotPoint("left")])
+    assert found.points[0, 0] == 0.0
+
+
 @pytest.mark.parametrize(
     ("first", "second", "words"),
     [
-        (mimic("nobody", 1.0, 0.0), LIMIT, ["'grip'", "'nobody'", "none", "lock"]),
-        (mimic("grip 2", 1.0, 0.0), mimic("grip", 1.0, 0.0), ["'grip'", "mimics it"]),
+        (mimic("grip 2", 1.0, 0.0), mimic("grip", 1.0, 0.0), ["'grip'", "mimics it", "lock"]),
         (mimic("j1", np.nan, 0.0), LIMIT, ["'grip'", "finite"]),
         (LIMIT + '<mimic joint="j1" multiplier="two"/>', LIMIT, ["'grip'", "'two'"]),
     ],
@@ -206,6 +233,7 @@ def corners(robot: Robot) -> set[tuple[float, ...]]:
         ("meshes/a.stl", "robots/meshes/a.stl", None, "", ""),
         ("../meshes/a.stl", "meshes/a.stl", None, "", ""),
         ("package://own_arm/meshes/a.stl", "own_arm/meshes/a.stl", None, "", ""),
+        ("package:///own_arm/meshes/a.stl", "own_arm/meshes/a.stl", None, "", ""),
         ("package://own_arm/meshes/a.stl", "elsewhere/own_arm/meshes/a.stl", "elsewhere", "", ""),
         ("package://own_arm/meshes/a.stl", "elsewhere/own_arm/meshes/a.stl", "elsewhere/own_arm", "", ""),
         ("model://own_arm/meshes/a.stl", "elsewhere/own_arm/meshes/a.stl", "elsewhere", "", ""),

@@ -45,6 +45,7 @@ def found_mesh(name: str, urdf: Path, folders: Sequence[str | Path]) -> Path | N
     if scheme == "file":
         places = [Path(rest)]
     elif scheme in IN_PACKAGES:
+        rest = rest.lstrip("/")
         package, _, inside = rest.partition("/")
         places = [Path(folder) / rest for folder in folders]
         places += [Path(folder) / inside for folder in folders if Path(folder).name == package]

@@ -18,6 +18,9 @@ from .meshes import mesh_folders, with_whole_paths
 from .rows import Array
 from .urdf_xml import UNBOUNDED, Mimic, UrdfFile, urdf_file
 
+OF_GRIPPERS = ("finger", "gripper", "jaw", "claw", "thumb", "knuckle")
+"""In the name of a last link, or of its joint: such a link is no tip unless it is named as that."""
+
 
 @dataclass(frozen=True)
 class UrdfSource:
@@ -117,14 +120,18 @@ def collision_geometry(source: UrdfSource) -> pin.GeometryModel:
     return pin.buildReducedModel(source.model, geometry, list(source.locked), source.positions)[1]
 
 
+def _joint_of(model: pin.Model, link: str) -> int:
+    """Index of the joint that a link is fixed to; 0 for the base."""
+    return int(model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint)
+
+
 def _joints_of(model: pin.Model, link: str) -> list[int]:
     """Indices of the joints that move a link."""
-    frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
-    return [i for i in model.supports[frame.parentJoint] if i > 0]
+    return [i for i in model.supports[_joint_of(model, link)] if i > 0]
 
 
 def _only_tip(file: UrdfFile, model: pin.Model, locked: Mapping[str, float], name: str) -> str:
-    """The last link that a joint moves, if there is only one; raises ConfigurationError that names all."""
+    """The last link that a joint moves; raises ConfigurationError where there are several, or it may be a finger."""
     last = file.last_links()
     moved = [link for link in last if any(model.names[i] not in locked for i in _joints_of(model, link))]
     if len(moved) > 1:
@@ -134,7 +141,16 @@ def _only_tip(file: UrdfFile, model: pin.Model, locked: Mapping[str, float], nam
             f"{name} has several links that may be the tip: {', '.join(moved)}; they branch off {branch!r}. "
             'Say which link carries the camera: tip = "…"'
         )
-    return (moved or last)[0]
+    tip = (moved or last)[0]
+    carrier = (file.above(tip)[1:2] or [tip])[0]
+    joint = model.names[_joint_of(model, tip)]
+    grips = any(word in f"{tip} {joint}".lower() for word in OF_GRIPPERS)
+    if grips and _joint_of(model, tip) != _joint_of(model, carrier):
+        raise ConfigurationError(
+            f"the last link of {name}, {tip!r}, seems to be a part of a gripper that joint {joint!r} moves. "
+            f'Say which link carries the camera: tip = "{carrier}", or "{tip}" if it is that one'
+        )
+    return tip
 
 
 def _locked_positions(model: pin.Model, locked: Mapping[str, float], mimics: Mapping[str, Mimic], file: str) -> Array:
@@ -149,12 +165,12 @@ def _locked_positions(model: pin.Model, locked: Mapping[str, float], mimics: Map
     def position(joint: str, following: tuple[str, ...]) -> float:
         if joint in mimics and joint not in locked:
             leader, factor, offset = mimics[joint]
-            if leader not in at or leader in following:
+            if leader in following:
                 raise ConfigurationError(
-                    f"joint {joint!r} of {file} mimics {leader!r}, which {'mimics it' if leader in at else 'is none'}; "
-                    "lock it with locked={…}"
+                    f"joint {joint!r} of {file} mimics {leader!r}, which mimics it; lock it with locked={{…}}"
                 )
-            return factor * position(leader, (*following, leader)) + offset
+            if leader in at:
+                return factor * position(leader, (*following, leader)) + offset
         return float(positions[at[joint]])
 
     for joint in mimics:
