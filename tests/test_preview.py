@@ -14,8 +14,10 @@ from test_line_of_sight import swing
 from vsconstraints.cli import app
 from vsconstraints.control_step import ControlStep
 from vsconstraints.figures.arm import bars_of
+from vsconstraints.figures.mesh import Mesh
 from vsconstraints.geometry import distance
 from vsconstraints.preview import Preview, lines
+from vsconstraints.preview.obstacles import add_obstacles
 from vsconstraints.preview.space import IN_VIEW, Places, look_at
 from vsconstraints.robots import ready_made
 from vsconstraints.scenarios import Scenario, shipped_scenarios
@@ -223,6 +225,46 @@ def test_a_robot_without_ranges_and_a_scene_without_rows(tmp_path: Path) -> None
     preview = seen("free-camera", constraints=[])
     assert preview.rows == ()
     assert list(lines(preview))[-1] == "  no rows, and no limits of joints"
+
+
+OBSTACLES = {
+    "forbidden-sphere": ({"centre": [0.5, 0.1, 0.2], "radius": 0.1}, [[0.4, 0.0, 0.1], [0.6, 0.2, 0.3]]),
+    "forbidden-box": ({"centre": [0.5, 0.0, 0.2], "size": [0.2, 0.4, 0.6]}, [[0.4, -0.2, -0.1], [0.6, 0.2, 0.5]]),
+    "forbidden-capsule": (
+        {"start": [0.5, -0.3, 0.2], "end": [0.5, 0.3, 0.2], "radius": 0.1},
+        [[0.4, -0.4, 0.1], [0.6, 0.4, 0.3]],
+    ),
+    "forbidden-cylinder": (
+        {"start": [0.5, -0.3, 0.2], "end": [0.5, 0.3, 0.2], "radius": 0.1},
+        [[0.4, -0.3, 0.1], [0.6, 0.3, 0.3]],
+    ),
+    "forbidden-half-space": (
+        {"point": [0.0, 0.0, -0.5], "normal": [0.0, 0.0, 1.0]},
+        [[-0.8, -0.8, -0.5], [0.8, 0.8, -0.5]],
+    ),
+    "box": ({"size": [0.2, 0.4, 0.6], "xyz": [0.5, 0.0, 0.2]}, [[0.4, -0.2, -0.1], [0.6, 0.2, 0.5]]),
+    "sphere": ({"radius": 0.1, "xyz": [0.5, 0.1, 0.2]}, [[0.4, 0.0, 0.1], [0.6, 0.2, 0.3]]),
+    "capsule": ({"radius": 0.1, "length": 0.4, "xyz": [0.5, 0.1, 0.2]}, [[0.4, 0.0, -0.1], [0.6, 0.2, 0.5]]),
+    "cylinder": ({"radius": 0.1, "length": 0.4, "xyz": [0.5, 0.1, 0.2]}, [[0.4, 0.0, 0.0], [0.6, 0.2, 0.4]]),
+    "half-space": ({"xyz": [0.0, 0.0, -0.5]}, [[-0.8, -0.8, -0.5], [0.8, 0.8, -0.5]]),
+}
+"""What obstacles are, and the corners of the boxes around them, where a view shows 1 m on either side."""
+
+
+@pytest.mark.parametrize("name", OBSTACLES)
+def test_obstacles_are_drawn_where_they_are(name: str) -> None:
+    table, corners = OBSTACLES[name]
+    gains = {"K": 0.1, "switching_gain": 1.0}
+    if name.startswith("forbidden"):
+        constraint = {"type": name, **table, **gains}
+    else:
+        constraint = {"type": "collision", "obstacle": {"shape": name, **table}, "link_radius": 0.02, **gains}
+    setup = Scenario.load("case-study-6r").with_override("constraints", [constraint]).setup()
+    mesh = Mesh()
+    add_obstacles(mesh, setup, 0.0, 1.0)
+    points = np.concatenate(mesh.polygons)
+    # round things are drawn with 16 to 20 sides, and a cylinder of coal is a prism that holds it
+    np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], corners, atol=0.006)
 
 
 # --- the command ---

@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..camera import Camera
-from ..constraints import (
-    ForbiddenBox,
-    ForbiddenCapsule,
-    ForbiddenCylinder,
-    ForbiddenHalfSpace,
-    ForbiddenRegion,
-    ForbiddenSphere,
-)
 from ..figures import INK
 from ..figures.arm import JOINT, add_arm, bars_of
 from ..figures.mesh import Mesh
@@ -23,10 +15,9 @@ from ..geometry import Pose
 from ..rows import Array
 from ..simulation import Setup
 from .moments import Moment
+from .obstacles import add_obstacles
 
-TARGET, REGION, CAMERA = "#F4F1E6", "#F0A202", "#0072B2"
-GLASS = "66"
-"""Opacity of forbidden regions."""
+TARGET, CAMERA = "#F4F1E6", "#0072B2"
 
 REACH = 0.8
 """Of the arm whose bars are as thick as :mod:`vsconstraints.figures.arm` says [m]."""
@@ -124,10 +115,7 @@ def drawn(setup: Setup, moment: Moment, size: float) -> Mesh:
     """Everything at a moment whose configuration is known; ``size`` is half of what is shown [m]."""
     assert moment.q is not None
     mesh, places, scale = Mesh(), Places.of(setup, moment), size / REACH
-    for constraint in setup.constraints.constraints:
-        if isinstance(constraint, ForbiddenRegion):
-            moved = np.zeros(3) if constraint.motion is None else constraint.motion.displacement(moment.t)
-            _region(mesh, constraint, Pose(constraint.pose.R, constraint.pose.t + moved), size)
+    add_obstacles(mesh, setup, moment.t, size)
     add_arm(mesh, setup.scene.robot, moment.q, scale)
     _target(mesh, places.markers, scale)
     _camera(mesh, setup.scene.camera, places, scale)
@@ -163,32 +151,3 @@ def _rays(camera: Camera) -> Array:
     half = 0.5 * np.asarray(camera.size)
     edges = camera.normalised(half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]))
     return np.concatenate((edges, np.ones((4, 1))), axis=1)
-
-
-def _region(mesh: Mesh, region: Any, at: Pose, size: float) -> None:
-    colour = REGION + GLASS
-    if isinstance(region, ForbiddenSphere):
-        mesh.ball(at.t, region.radius, colour, 20)
-    elif isinstance(region, ForbiddenBox):
-        for polygon in _box(0.5 * region.size):
-            mesh.add(at.act(polygon), colour)
-    elif isinstance(region, ForbiddenCapsule | ForbiddenCylinder):
-        radius, half = region.parameters
-        mesh.tube(at.act(np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])), radius, colour, 20)
-        if isinstance(region, ForbiddenCapsule):
-            for end in (-half, half):
-                mesh.ball(at.act(np.array([0.0, 0.0, end])), radius, colour, 16)
-    elif isinstance(region, ForbiddenHalfSpace):
-        corners = 0.8 * size * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
-        mesh.add(at.act(corners), colour, shaded=False)
-
-
-def _box(half: Array) -> list[Array]:
-    """The six sides of a box around the origin, of half sizes (3,)."""
-    corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    sides = []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            side = np.insert(corners, axis, sign, axis=1)
-            sides.append(side * half)
-    return sides
