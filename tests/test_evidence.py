@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 
 from campaigns import assert_same, campaign, tables
-from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN, score
+from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN, Score, score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.errors import ConfigurationError, StorageError
 from vsconstraints.evidence import (
@@ -117,6 +117,24 @@ def test_every_scene_has_every_run_once_in_order(whole: tuple[Campaign, Path]) -
     assert json.loads(evidence.scenes.loc[2, "values"])["q0"] == small.families[0].scene(2).values["q0"]
     assert evidence.runs["status"].dtype == "category"
     assert evidence.runs["compiled"].dtype == bool
+
+
+def test_rows_are_stored_for_each_reason_by_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Challenged, violated, left within the band, or acted: one is enough, and a row with none is left out."""
+    reasons = {"challenged": True, "violation_depth": 1e-9, "band_depth": 1e-9, "active_time_s": 1e-3, "nothing": 0.0}
+    quiet = {"challenged": False, "violation_depth": 0.0, "band_depth": 0.0, "active_time_s": 0.0}
+
+    def made(record: RunRecord, baseline: RunRecord | None) -> Score:
+        scored = score(record, baseline)
+        row = {**scored.constraints[0], **quiet}
+        rows = [{**row, name: value, "constraint": name} for name, value in reasons.items()]
+        return replace(scored, constraints=[{key: line[key] for key in row} for line in rows])
+
+    monkeypatch.setattr(worker, "score", made)
+    task = replace(next(iter(Work(campaign(tmp_path)).tasks().values())), conditions=("nominal",))
+    stored = scored(task).rows.to_pandas()
+    kept = ["challenged", "violation_depth", "band_depth", "active_time_s"]
+    assert [list(own["constraint"]) for _, own in stored.groupby(["scene", "controller"])] == [kept] * 3
 
 
 @pytest.mark.parametrize("condition", ["limited", "noisy"])
