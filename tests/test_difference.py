@@ -281,7 +281,7 @@ def test_changes_are_found_and_those_alike_are_one() -> None:
 
 
 def test_real_comparisons(tmp_path: Path) -> None:
-    """The same twice; and an arm that is stopped before it arrives."""
+    """The same twice; and an arm that is stopped before it arrives, with rows of other gains."""
 
     def made(name: str, *settings: str) -> Path:
         suite = Suite.load().select(["example-2d-fast"], ["sliding-mode"], settings=settings)
@@ -291,7 +291,14 @@ def test_real_comparisons(tmp_path: Path) -> None:
     before, again = made("before"), made("again")
     assert answer(before, again)[0] == 0
     assert "are the same" in answer(before, again)[1]
-    worse = made("worse", "scenario.duration=0.5")
+    gains = "scenario.constraints.0.switching_gain=20", "scenario.constraints.0.K=0.3"
+    worse = made("worse", "scenario.duration=0.5", *gains)
+    changed = [(change.what, change.before, change.after) for change in difference(before, worse).changes]
+    assert sorted(changed) == [
+        ("scenarios.constraints.0.K", 0.2, 0.3),
+        ("scenarios.constraints.0.switching_gain", 10.0, 20),
+        ("scenarios.duration", 6.0, 0.5),
+    ]
     code, said = answer(before, worse)
     assert code == 1
     assert "example-2d-fast, 0, sliding-mode no longer converges: unfinished; still moving" in said

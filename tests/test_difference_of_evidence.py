@@ -9,14 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from campaigns import campaign
 from made_evidence import frame, made, run
+from test_evidence import HERE
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.difference import difference
 from vsconstraints.difference.difference import Question
 from vsconstraints.difference.page import page, verdict
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.evidence import TABLES, parquet
+from vsconstraints.evidence import TABLES, Campaign, collect, parquet
 
 SCENES = 60
 Line = dict[str, Any]
@@ -39,7 +41,8 @@ def stored(folder: Path, runs: list[Line], values: dict[int, float] | None = Non
     folder.mkdir()
     count = configuration.get("scenes", SCENES)
     (folder / "manifest.json").write_text(json.dumps({**evidence.manifest, "scenes": count, "finished": SCENES}))
-    scenes = evidence.scenes.assign(values=[str((values or {}).get(i, 0.0)) for i in evidence.scenes["scene"]])
+    drawn = [{"Kp0": (values or {}).get(i, 0.0)} for i in evidence.scenes["scene"]]
+    scenes = evidence.scenes.assign(values=[json.dumps(one) for one in drawn])
     for name, table in (("runs", evidence.runs), ("rows", evidence.rows), ("scenes", scenes)):
         (folder / name).mkdir()
         part = parquet.table(TABLES[name], table.to_dict("records"))
@@ -102,8 +105,36 @@ def test_scenes_that_were_drawn_otherwise_are_no_pairs(tmp_path: Path) -> None:
     assert found.pairs.differ.sum() == 1
     assert "3 scenes are not the same in both, and left out." in page(found)
     other = stored(tmp_path / "other", lines(), dict.fromkeys(range(SCENES), 1.0))
-    with pytest.raises(ConfigurationError, match=f"cannot be compared: all {SCENES} scenes are drawn otherwise"):
+    with pytest.raises(ConfigurationError, match=f"cannot be compared: all {SCENES} scenes are drawn otherwise: Kp0"):
         difference(a, other)
+
+
+def test_gains_of_a_family_that_are_others_are_a_change_and_those_that_are_drawn_another_scene(tmp_path: Path) -> None:
+    def ran(name: str, constraint: str) -> Path:
+        campaign(tmp_path)
+        file = tmp_path / "quick.toml"
+        file.write_text(f"{file.read_text()}[constraints.0]\n{constraint}\n")
+        collect(Campaign.load(tmp_path / "small.toml").select(scenes=3), tmp_path / name, HERE)
+        return tmp_path / name
+
+    before, stronger = ran("before", "K = 0.2"), ran("stronger", "K = 0.3\nswitching_gain = 30.0")
+    found = difference(before, stronger)
+    (name,) = found.changes[0].names
+    told = [(change.what, change.before, change.after) for change in found.changes]
+    assert (name, told) == (
+        "quick",
+        [("families.constraints.0.K", 0.2, 0.3), ("families.constraints.0.switching_gain", 10.0, 30.0)],
+    )
+    assert len(found.pairs.differ) == 18
+    assert found.pairs.drawn_otherwise == 0
+    # sliding modes follow their gains, and so does the bound of their band
+    own = found.pairs.differ.xs("sliding-mode", level="controller")
+    assert own.all()
+    bounds = (side["phi_band_bound"].dropna() for side in (found.pairs.a, found.pairs.b))
+    assert [float(side.max()) for side in bounds] == pytest.approx([0.05, 0.15])
+    drawn = ran("drawn", "switching_gain = { uniform = [20.0, 30.0] }")
+    with pytest.raises(ConfigurationError, match=r"all 3 scenes are drawn otherwise: constraints\.0\.switching_gain$"):
+        difference(before, drawn)
 
 
 def test_fewer_scenes_and_other_settings_are_said(tmp_path: Path) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from ..comparisons.metrics import METRICS, TIMING_COLUMNS
 from ..errors import ConfigurationError
+from ..evidence.identity import in_words
 from .sides import Side
 
 SCORES = tuple(metric.column for metric in METRICS if metric.value is not None and metric.column not in TIMING_COLUMNS)
@@ -59,7 +61,9 @@ class Pairs:
         if len(strange):
             common = common[~common.droplevel([name for name in a.key if name not in strange.names]).isin(strange)]
         if not len(common):
-            why = f"all {len(strange)} scenes are drawn otherwise" if len(strange) else "no law and scene is in both"
+            why = "no law and scene is in both"
+            if len(strange):
+                why = f"all {len(strange)} scenes are drawn otherwise: {_keys_that_differ(a, b, strange[0])}"
             raise ConfigurationError(f"{a.folder} and {b.folder} cannot be compared: {why}")
         return cls(one.loc[common], other.loc[common], only_a.to_frame(False), only_b.to_frame(False), len(strange))
 
@@ -68,6 +72,12 @@ class Pairs:
         """Whether anything but times is different, for each pair."""
         a, b = self.a[list(SCORES)], self.b[list(SCORES)]
         return ((a != b) & ~(a.isna() & b.isna())).any(axis=1)
+
+
+def _keys_that_differ(a: Side, b: Side, scene: Any) -> str:
+    """What was drawn otherwise for a scene: its keys."""
+    one, other = (json.loads(side.drawn.loc[scene]) for side in (a, b))
+    return in_words([key for key in dict.fromkeys((*one, *other)) if one.get(key) != other.get(key)])
 
 
 def _drawn_otherwise(a: Side, b: Side) -> Any:
