@@ -29,6 +29,7 @@ from vsconstraints.statistics import (
     rate,
     rate_of,
     rate_text,
+    rounded,
     verdict,
     with_interval,
 )
@@ -337,6 +338,8 @@ def test_numbers_with_the_digits_that_are_known() -> None:
     assert rate_text(rate_of(0, 20)) == "0 of 20: at most 17 % (95 %)"
     assert rate_text(rate_of(1, 1)) == "1 of 1: at least 2 % (95 %)"
     assert rate_text(rate_of(0, 0)) == "0 of 0: nothing is known"
+    assert rounded(0.123456, 0.1201, 0.1268) == "0.1235"
+    assert rounded(5.4321, 5.0, 6.0) == "5.43"
     assert with_interval(0.123456, 0.1201, 0.1268) == "0.1235 (0.1201 to 0.1268)"
     assert with_interval(0.00213, 0.00208, 0.00219, 1e3, "mm") == "2.130 (2.080 to 2.190) mm"
     assert with_interval(1.5, -math.inf, math.inf) == "1.50 (too few for an interval)"

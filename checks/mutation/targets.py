@@ -44,6 +44,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/formulas",
         "src/vsconstraints/measurement.py",
     ),
+    "statistics": ("src/vsconstraints/statistics",),
 }
 
 
@@ -99,6 +100,8 @@ TESTS = (
     "tests/test_scene_claims_by_hand.py",
     "tests/test_scores_by_hand.py",
     "tests/test_simulation.py",
+    "tests/test_statistics.py",
+    "tests/test_statistics_tables.py",
     "tests/test_studied_claims_by_hand.py",
     "tests/test_tracking.py",
     "tests/test_workspace.py",

@@ -76,9 +76,9 @@ def _between(ordered: Array, alpha: float) -> tuple[float, float]:
 def _bootstrapped(ordered: Array, middle: float, alpha: float, seed: int) -> tuple[float, float]:
     medians = np.sort(resampled(ordered, np.random.default_rng(seed)))
     below = (np.count_nonzero(medians < middle) + np.count_nonzero(medians <= middle)) / 2
-    bias = norm.ppf(np.clip(below, 0.5, RESAMPLES - 0.5) / RESAMPLES)
+    bias = norm.ppf(below / RESAMPLES)  # about half of them lie below, or many are the middle itself
     shares = norm.cdf(2.0 * bias + norm.ppf([alpha / 2.0, 1.0 - alpha / 2.0]))
-    low, high = medians[np.clip(np.ceil(shares * RESAMPLES).astype(int) - 1, 0, RESAMPLES - 1)]
+    low, high = medians[np.ceil(shares * RESAMPLES).astype(int) - 1]
     return float(low), float(high)
 
 

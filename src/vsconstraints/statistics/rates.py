@@ -113,9 +113,9 @@ def difference_interval(only_a: int, only_b: int, n: int, confidence: float = 0.
 
 
 def _lowest(only_a: int, only_b: int, n: int, z: float) -> float:
-    found = (only_a - only_b) / n if n else -1.0
-    if found <= -1.0:
+    if only_b == n:
         return -1.0
+    found = (only_a - only_b) / n
 
     def beyond(delta: float) -> float:
         linear = (2 * n - only_a + only_b) * delta - only_a - only_b

@@ -81,8 +81,8 @@ class Costs(NamedTuple):
 def costs(runs: Any, metric: str) -> Costs:
     """A metric as costs, of all scenes of ``runs``; of a metric of which more is better, less its value."""
     judged = judged_metric(metric)
-    found = values(checked(runs, (), judged), judged) * (1.0 if judged.better == "less" else -1.0)
-    each = by_law(runs, SCENE, found.where(counts(runs, judged), np.inf))
+    found = values(checked(runs, (), judged), judged)
+    each = by_law(runs, SCENE, (found if judged.better == "less" else -found).where(counts(runs, judged), np.inf))
     whole = each.dropna()
     return Costs(whole, len(each) - len(whole))
 
