@@ -169,6 +169,20 @@ def test_resampled_medians_are_those_of_all_samples(n: int) -> None:
         assert np.mean(found <= value) == pytest.approx(np.mean(known <= value), abs=0.008)
 
 
+def test_the_bootstrapped_interval_is_made_of_9999_medians_by_their_distribution() -> None:
+    """Bias-corrected shares of the same medians, read off their distribution function as NumPy inverts it."""
+    x = np.random.default_rng(12).lognormal(size=1_000_000)
+    medians = resampled(np.sort(x), np.random.default_rng(0))
+    assert len(medians) == 9999
+    middle = np.median(x)
+    below = np.mean(medians < middle) + 0.5 * np.mean(medians == middle)
+    z = scipy.stats.norm.ppf(below)
+    shares = scipy.stats.norm.cdf([2.0 * z - 1.959963984540054, 2.0 * z + 1.959963984540054])
+    known = np.quantile(medians, shares, method="inverted_cdf")
+    assert median(x)[1:3] == tuple(known)
+    assert median(x) == median(x, 0.95, 0) != median(x, 0.95, 1)
+
+
 @pytest.mark.parametrize(("n", "confidence"), [(6, 0.95), (7, 0.95), (20, 0.95), (49, 0.95), (30, 0.99), (5, 0.9)])
 def test_few_values_have_the_exact_interval(n: int, confidence: float) -> None:
     x = np.random.default_rng(n).normal(size=n)
@@ -295,6 +309,8 @@ def test_ranks_as_demsar_2006() -> None:
     assert found.groups == ((3, 1, 2, 0),)
     assert found.p == pytest.approx(scipy.stats.friedmanchisquare(*AUC.T).pvalue)
     assert 12 * 14 / 20 * ((found.means**2).sum() - 4 * 25 / 4) == pytest.approx(9.28, abs=0.01)
+    # of two laws the sign test, which scenes alike for both say nothing to: 3 to 1 of 6
+    assert ranks([[1, 2], [1, 2], [1, 2], [2, 1], [1, 1], [3, 3]]).p == pytest.approx(10 / 16)
     loose = ranks(-AUC, 0.9)
     assert round(loose.critical_difference, 2) == 1.12
     assert loose.groups == ((3, 1, 2), (2, 0))
