@@ -14,6 +14,7 @@ from test_line_of_sight import swing
 from vsconstraints.cli import app
 from vsconstraints.control_step import ControlStep
 from vsconstraints.figures.arm import bars_of
+from vsconstraints.figures.image import Plane
 from vsconstraints.figures.mesh import Mesh
 from vsconstraints.geometry import distance
 from vsconstraints.preview import Preview, lines
@@ -132,6 +133,27 @@ def test_bars_follow_the_axes() -> None:
     bars = bars_of(arm, np.zeros(6))
     np.testing.assert_allclose(bars[0], [[0, 0, 0], [0, 0, 0.335], [0.075, 0, 0.335]], atol=1e-12)
     np.testing.assert_allclose(bars[1], [[0.075, 0, 0.335], [0.345, 0, 0.335]], atol=1e-12)
+
+
+def test_the_edge_of_a_sensor_behind_a_lens_is_bent() -> None:
+    """Through the lens, the outline that is drawn is the rectangle of the image."""
+    changed = Scenario.load(UR5).with_override(
+        "camera.distortion", {"model": "brown-conrady", "coefficients": [-0.25, 0.08, 0.001, 0.002]}
+    )
+    setup = changed.setup()
+    plane, camera = Plane.of(setup), setup.scene.camera
+    assert plane.outline is not None
+    np.testing.assert_array_equal(plane.outline[0], plane.outline[-1])
+    edge = np.abs(camera.distort(plane.outline)) / (0.5 * np.asarray(camera.size))
+    np.testing.assert_allclose(edge.max(axis=1), 1.0, atol=1e-6)
+    assert np.abs(plane.outline[:, 0]).max() > 1.05 * 320.0
+    assert (np.abs(plane.outline) < plane.half).all()
+    # what is seen in space ends there too
+    moment = Preview.of_scenario(changed).moments[0]
+    seen_from = Places.of(setup, moment)
+    P = seen_from.camera.inverse.act(seen_from.corners)
+    corners = camera.distort(camera.pixels(P[:, :2] / P[:, 2:]))
+    np.testing.assert_allclose(np.abs(corners), [[320.0, 240.0]] * 4, atol=1e-3)
 
 
 # --- goals ---

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ..camera import Camera
 from ..constraints import ImageConstraint
+from ..errors import InvalidInput
 from ..rows import Array
 from ..simulation import Setup
 from .marks import line, patch
@@ -48,12 +50,15 @@ class Plane:
         Polylines (p, 2) along their boundaries [px].
     moving
         Time [s] and polylines of the boundaries that move, at :data:`MOMENTS` instants from start to end.
+    outline
+        (p, 2) the sensor's edge, where the lens bends it [px]; None if it is the rectangle of that size.
     """
 
     size: tuple[float, float]
     constraints: tuple[ImageConstraint, ...] = ()
     lines: tuple[Array, ...] = ()
     moving: tuple[tuple[float, list[Array]], ...] = ()
+    outline: Array | None = None
 
     @classmethod
     def of(cls, setup: Setup) -> Plane:
@@ -63,7 +68,8 @@ class Plane:
         image = [c for c in setup.constraints.constraints if isinstance(c, ImageConstraint)]
         still = tuple(c for c in image if c.motion is None)
         moving = _moments([c for c in image if c.motion is not None], setup.duration, size)
-        return cls(size, still, tuple(points for c in still for points in c.boundary(size)), moving)
+        lines = tuple(points for c in still for points in c.boundary(size))
+        return cls(size, still, lines, moving, _outline(setup.scene.camera))
 
     @classmethod
     def at(cls, setup: Setup, t: float) -> Plane:
@@ -80,7 +86,8 @@ class Plane:
     @property
     def half(self) -> Array:
         """(2,) half the size of the part that is shown [px]."""
-        return 0.5 * AROUND * np.asarray(self.size)
+        half: Array = 0.5 * np.asarray(self.size)
+        return AROUND * (half if self.outline is None else np.maximum(half, np.abs(self.outline).max(axis=0)))
 
     def draw(self, ax: Any, *, labels: bool = True, upwards: bool = False) -> None:
         """The whole plane; ``v`` points down, as in an image, or upwards."""
@@ -93,7 +100,10 @@ class Plane:
                     continue  # its time would be cut off
                 time: dict[str, Any] = {"fontsize": 7.5, "color": FAINT, "zorder": 2.2}
                 ax.annotate(f"{t:.1f} s", middle, ha="center", va="center", clip_on=True, annotation_clip=True, **time)
-        square(ax, np.zeros(2), u / AROUND, v / AROUND, **FRAME, zorder=2.5)
+        if self.outline is None:
+            square(ax, np.zeros(2), u / AROUND, v / AROUND, **FRAME, zorder=2.5)
+        else:
+            ax.plot(*self.outline.T, **FRAME, zorder=2.5)
         ax.set_ylim(*((-v, v) if upwards else (v, -v)))
         ticks = _ticks(0.5 * max(self.size))
         ax.set_xticks([x for x in ticks if abs(x) <= 0.5 * self.size[0]])
@@ -161,6 +171,19 @@ def _ticks(half: float) -> list[float]:
     step = next(decade * k for k in (0.2, 0.5, 1.0, 2.0, 5.0, 10.0) if half / (decade * k) <= 3.0)
     k = int(half / step)
     return [i * step for i in range(-k, k + 1)]
+
+
+def _outline(camera: Camera) -> Array | None:
+    """(p, 2) the sensor's edge in ideal pixels; None without distortion, or where the lens cannot be inverted there."""
+    if camera.distortion is None:
+        return None
+    side, ends = np.linspace(-0.5, 0.5, 41), np.full(41, 0.5)
+    across, down = (side, -side, -ends, ends), (-ends, ends, -side, side)
+    edge = np.stack([np.concatenate([part[k] for k in (0, 3, 1, 2)]) for part in (across, down)], axis=1)
+    try:
+        return camera.undistort(edge * np.asarray(camera.size))
+    except InvalidInput:
+        return None
 
 
 def _moments(

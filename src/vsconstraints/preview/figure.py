@@ -73,7 +73,7 @@ def _warnings(sheet: Sheet, preview: Preview) -> None:
 
 def _images(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
     planes = [Plane.at(preview.setup, moment.t) for moment in preview.moments]
-    height = width * planes[0].size[1] / planes[0].size[0]
+    height = width * planes[0].half[1] / planes[0].half[0]
     grid: dict[str, Any] = {"width": width, "gap": GAP, "above": TITLE, "labels": ("u [px]", "v [px], downwards")}
     panels = sheet.panels(len(preview.moments), columns, height=height, **grid, same_y=True)
     for ax, plane, moment in zip(panels, planes, preview.moments, strict=True):

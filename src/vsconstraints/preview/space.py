@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from ..camera import Camera
+from ..errors import InvalidInput
 from ..figures import INK
 from ..figures.arm import JOINT, add_arm, bars_of
 from ..figures.mesh import Mesh
@@ -149,5 +151,7 @@ def _camera(mesh: Mesh, camera: Camera, places: Places, scale: float) -> None:
 def _rays(camera: Camera) -> Array:
     """(4, 3) where the corners of the image are at depth 1, in the camera's frame."""
     half = 0.5 * np.asarray(camera.size)
-    edges = camera.normalised(half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]))
-    return np.concatenate((edges, np.ones((4, 1))), axis=1)
+    corners = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    with suppress(InvalidInput):  # where the lens cannot be inverted, those of a pinhole
+        corners = camera.undistort(corners)
+    return np.concatenate((camera.normalised(corners), np.ones((4, 1))), axis=1)

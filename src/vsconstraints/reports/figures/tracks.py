@@ -30,7 +30,7 @@ def draw_tracks(view: View) -> Sheet | None:
     detail = close_up(view, plane)
     entries = _entries(view, plane, detail)
     width = (WIDTH - LEFT - 0.08 - GAP * (COLUMNS - 1)) / COLUMNS
-    height = width * plane.size[1] / plane.size[0]
+    height = width * plane.half[1] / plane.half[0]
     sheet = Sheet(left=LEFT)
     grid: dict[str, Any] = {"width": width, "gap": GAP, "above": TITLE, "labels": ("u [px]", "v [px], downwards")}
     panels = sheet.panels(len(names), COLUMNS, height=height, **grid, same_y=True)
