@@ -82,7 +82,7 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
         The sample, and the stage of it that Python has to be asked for; ``end`` and ``STEP`` if all is done.
     """
     loop = thaw(loop_address)
-    evaluate, believed, true, law, alone, observe, sensing = loop.parts
+    evaluate, believed, true, law, alone, observe, sensing, move, moved = loop.parts
     q, qd, kept = loop.plant.x[0], loop.plant.x[1], loop.kept
     while k < end:
         at = k % len(kept.rows_time)
@@ -109,4 +109,7 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
             ask(tracking.track, (tracking.scratch, loop.task.J, loop.task.b, tracking.options[0], loop.alone))
         samples.finish(loop, k)
         k, stage = k + 1, STEP
+        # a motion without bounds is for Python to tell
+        if move != 0 and ask(move, (moved, loop.plant.x)) != 0:
+            return k, STEP
     return k, STEP

@@ -127,9 +127,10 @@ class Loop(NamedTuple):
     Attributes
     ----------
     parts
-        (7,) addresses: of the function that evaluates a step, of the step that the control believes in, of the one that
+        (9,) addresses: of the function that evaluates a step, of the step that the control believes in, of the one that
         is true, of the law, of tracking alone. Where one is 0, Python is asked. Then of the function that tells the
-        control what is measured, or 0 where it knows, and of what this works with.
+        control what is measured, or 0 where it knows, and of what this works with; likewise of the function that moves
+        a plant which its transition does not.
     Ts
         (1,) sampling time [s].
     clock

@@ -25,6 +25,7 @@ from ..rows import Array
 from ..scene import MINIMUM_DEPTH, Scene
 from ..simulation import Setup, Tolerances
 from ..simulation.disturbances import Disturbances
+from ..simulation.dynamics import PLANTS, ArmDynamics
 from ..simulation.plant import Actuation
 from ..simulation.sensing import believed_camera, shown_to
 from ..tracking import TrackingGains, VisualTask
@@ -59,6 +60,7 @@ class File:
     on_hidden_markers: Literal["refuse", "continue"] = "refuse"
     actuation: Actuation = "acceleration"
     limits: str | Table | None = None
+    plant: Table | None = None
 
 
 def build(
@@ -118,6 +120,7 @@ def build(
         file.actuation,
         file.on_hidden_markers,
         _limits(file.limits, robot, f"{where}.limits"),
+        _plant(file.plant, f"{where}.plant"),
     )
 
 
@@ -141,6 +144,14 @@ def _limits(value: str | Table | None, robot: Robot, where: str) -> ActuatorLimi
     if value != OF_ROBOT:
         raise unknown_name(where, value, [OF_ROBOT, "a table"])
     return robot.limits
+
+
+def _plant(table: Table | None, where: str) -> ArmDynamics | None:
+    if table is None:
+        return None
+    values = dict(table)
+    dynamics: ArmDynamics = made(chosen(values, "type", PLANTS, where), values, where)
+    return dynamics
 
 
 def _robot(value: str | Table, where: str, folder: Path) -> Robot:

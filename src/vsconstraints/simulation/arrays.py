@@ -90,7 +90,7 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
         qdd=zeros(n),
     )
     return Loop(
-        parts=np.zeros(7, dtype=np.int64),
+        parts=np.zeros(9, dtype=np.int64),
         Ts=np.array([setup.Ts]),
         clock=np.zeros(2, dtype=np.int64),
         rows=believed.rows,

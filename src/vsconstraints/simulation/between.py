@@ -1,4 +1,4 @@
-"""Clearances between samples: the plant's motion inside a period is known exactly."""
+"""Clearances between samples: the plant's motion inside a period is known."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def between_clearance(setup: Setup, control: ControlStep, plant: Plant, states: 
     turn = -(states[:-1, 1] * states[1:, 1]).min(axis=1) > (4.0 * BACK / setup.Ts) ** 2
     periods = np.flatnonzero(inspected | turn & (ends < near).any(axis=1))
     for share in BETWEEN if len(periods) else ():
-        q, qd = plant.inside(states[periods].transpose(0, 2, 1), share * setup.Ts)
+        q, qd = plant.within(states, periods, share)
         t = (periods + share) * setup.Ts
         pixels, points, seen = control.views(t, q)
         if not seen.any():

@@ -105,6 +105,8 @@ class _Run:
         ``"failed"`` or ``"aborted"`` and why, if the loop ended early.
     fallbacks, unfounded
         How often another QP solver had to answer, and a law claimed a loss of rank that its rows do not show.
+    at_once
+        How many samples compiled code may take at once: one where Python moves the robot.
     """
 
     def __init__(
@@ -133,8 +135,11 @@ class _Run:
         try:
             # a sample that has come to a command is finished, also if it is the last one
             while stage != STEP or (self.samples < N and not self.ended):
-                end = self.samples + 1 if self.ended else min(self.samples + CHUNK, N)
+                begun = self.samples
+                end = begun + 1 if self.ended else min(begun + self.at_once, N)
                 self.samples, stage = self._go_on(end, stage)
+                if self.at_once == 1 and self.samples > begun:
+                    self.plant.follow()
                 if self.samples < end:
                     stage = self._answer(self.samples, stage)
         except SceneError as error:
@@ -159,7 +164,7 @@ class _Run:
             if self.sensor.estimates:
                 self._sensing = self.sensor.sensing(setup.samples)
                 self._sensed = frozen(self._sensing)
-                loop.parts[5:] = load("sensing").OBSERVE, self._sensed.ctypes.data
+                loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.ctypes.data
         now, alone = self.bound.now, self.prepared.alone
         law = self.controller.bind(now.rows, now.task, loop.answer.acted, loop.answer.qdd)
         assert alone is not None  # where there is a compiler
@@ -172,7 +177,9 @@ class _Run:
         return loop
 
     def _begin(self, loop: Loop) -> None:
-        self.loop = loop
+        self.loop, mover = loop, self.plant.mover if self.kernels is not None else (0, 0)
+        loop.parts[7:] = mover
+        self.at_once = 1 if self.plant.follows and mover[0] == 0 else CHUNK
         if self.kernels is not None:
             self._frozen = frozen(loop)
             self.address = int(self._frozen.ctypes.data)
@@ -195,6 +202,7 @@ class _Run:
     def _answer(self, k: int, stage: int) -> int:
         """Do what compiled code asks for; returns the stage with which it goes on."""
         if stage == STEP:
+            self.plant.check()
             rows, task = self._evaluate(k)
             # before the law is asked, which may use its rows as it likes
             self.loop.alone[:] = self.baseline.command(Rows.none(self.plant.x.shape[1]), task).qdd
@@ -261,7 +269,7 @@ class _Run:
             said.append(f"another QP solver than the one asked for answered in {self.fallbacks} samples")
         if self.unfounded:
             said.append(f"the law claimed a loss of rank in {self.unfounded} samples in which its rows have full rank")
-        return [*said, self.controller.remark(self.setup.constraints.labels)]
+        return [*said, *self.plant.remarks(), self.controller.remark(self.setup.constraints.labels)]
 
     def scores(self) -> RunScores:
         """What the run comes to."""

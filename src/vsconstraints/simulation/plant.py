@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from ..errors import InvalidInput
 from ..formulas.limits import JointLimits
 from ..kernels.samples import PlantArrays, hold
-from ..rows import Array
+from ..rows import Array, IntArray
 from .disturbances import Disturbances
 
 Actuation = Literal["acceleration", "position"]
@@ -38,7 +38,14 @@ class Plant:
         (s, n) the state at the beginning of the period: q and q̇ first, q̈_c and d_c last.
     transition
         (s, s) from there to the end of the period.
+    follows
+        Whether what the transition gives is not yet the end of the period, but :meth:`follow` or the mover goes there.
+    mover
+        Addresses of the compiled function that does, and of what it works with; 0 where there is none.
     """
+
+    follows = False
+    mover: tuple[int, int] = (0, 0)
 
     def __init__(
         self,
@@ -57,7 +64,7 @@ class Plant:
             raise InvalidInput(
                 "accelerations disturb a position-controlled arm only through its position loop: give time_constant too"
             )
-        self._limits = JointLimits(*(np.empty(0),) * 5, 0, float(Ts)) if limits is None else limits
+        self.Ts, self._limits = float(Ts), without_limits(Ts) if limits is None else limits
         self._system = _system(actuation, tau)
         self.transition = np.ascontiguousarray(_transition(self._system, Ts))
         self.x = np.zeros((len(self._system), len(q0)))
@@ -98,10 +105,29 @@ class Plant:
         """Go to the end of the period."""
         hold(self.transition, self.x, np.empty_like(self.x))
 
+    def follow(self) -> None:
+        """Go to the end of the period that has begun, where the transition has not."""
+
+    def check(self) -> None:
+        """Raise SceneError if the motion cannot go on."""
+
+    def remarks(self) -> list[str]:
+        """What a reader of the results should know of the robot."""
+        return []
+
+    def within(self, states: Array, periods: IntArray, share: float) -> tuple[Array, Array]:
+        """Q and q̇ (P, n) a share of the period after the beginning of some periods, given states (N, s, n)."""
+        return self.inside(states[periods].transpose(0, 2, 1), share * self.Ts)
+
     def inside(self, states: Array, after: float) -> tuple[Array, Array]:
         """Q and q̇ (N, n) ``after`` [s] the beginning of periods that began with states (N, n, s)."""
         moved = states @ _transition(self._system, after)[:2].T
         return moved[..., 0], moved[..., 1]
+
+
+def without_limits(Ts: float) -> JointLimits:
+    """Of actuators that have none."""
+    return JointLimits(*(np.empty(0),) * 5, 0, float(Ts))
 
 
 def _system(actuation: Actuation, tau: float) -> tuple[tuple[float, ...], ...]:

@@ -18,6 +18,8 @@ from ..rows import Array, BoolArray
 from ..scene import Scene
 from ..tracking import VisualTask
 from .disturbances import Disturbances
+from .dynamics import ArmDynamics, DynamicPlant
+from .dynamics.plant import Start
 from .gradient_error import GradientError
 from .line_of_sight import LinesOfSight
 from .plant import Actuation, Plant
@@ -88,6 +90,9 @@ class Setup:
         Whether to ``refuse`` or ``continue`` a run that starts with a marker hidden by the robot's own links.
     limits
         What the actuators can do; none if not given.
+    dynamics
+        Masses, joint controller and friction of the robot, which then does what they make of a command; without them,
+        what eq. (6) says.
     """
 
     scene: Scene
@@ -103,6 +108,7 @@ class Setup:
     actuation: Actuation = "acceleration"
     on_hidden_markers: Literal["refuse", "continue"] = "refuse"
     limits: ActuatorLimits = NO_LIMITS
+    dynamics: ArmDynamics | None = None
 
     def __post_init__(self) -> None:
         for name in ("sampling_time", "duration"):
@@ -130,7 +136,24 @@ class Setup:
     def plant(self) -> Plant:
         """The robot, at its start."""
         limits = self.limits.arrays(self.scene.robot, self.Ts) if self.limits.any else None
+        if self.dynamics is not None:
+            self._demand_one_plant()
+            return DynamicPlant(self.scene.robot, self.dynamics, Start(self.q0, self.qd0, self.Ts), limits)
         return Plant(self.q0, self.qd0, self.Ts, self.actuation, self.disturbances, limits)
+
+    def _demand_one_plant(self) -> None:
+        """Raise ConfigurationError where the robot is also described by eq. (6), whose C and d_c follow from a mass."""
+        if self.actuation != "acceleration":
+            raise ConfigurationError(
+                f'actuation = "{self.actuation}" is of an arm without mass: with plant, plant.controller says what '
+                "drives the joints"
+            )
+        for name in ("acceleration", "acceleration_noise", "time_constant"):
+            if np.any(getattr(self.disturbances, name)):
+                raise ConfigurationError(
+                    f"disturbances.{name} is of an arm without mass: with plant, it follows from controller, friction "
+                    "and gears"
+                )
 
     def control(self) -> ControlStep:
         """The control step, as far as its controller's command."""

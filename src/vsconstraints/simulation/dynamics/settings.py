@@ -1,0 +1,197 @@
+"""What a scenario's ``plant`` says: how an arm with mass is driven, and what its controller believes of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+
+from ...errors import ConfigurationError, InvalidInput, shown, unknown_name
+from ...geometry import Vector3
+from ...rows import Array
+from .bodies import Payload, Rods
+
+Number = float | Sequence[float]
+"""One number for all joints, or n of them."""
+
+JointController = Literal["computed-torque", "position", "speed"]
+"""What drives the joints."""
+
+Integrator = Literal["verlet", "runge-kutta"]
+"""How the motion within a substep is integrated."""
+
+MOST_SUBSTEPS = 1000
+
+OUTER = 0.25
+"""Rate κ of the position loop by that of the speed loop in it."""
+
+
+@dataclass(frozen=True)
+class Friction:
+    """τ_f = f_v q̇ + (f_c + (f_s − f_c) exp(−(q̇/v_s)²)) sign q̇, and at rest whatever holds the joint, up to f_s.
+
+    Attributes
+    ----------
+    viscous
+        f_v [Nm s/rad or N s/m].
+    coulomb
+        f_c [Nm or N].
+    static
+        f_s, Stribeck's friction at rest, not less than f_c; f_c if not given.
+    stribeck_speed
+        v_s [rad/s or m/s].
+    """
+
+    viscous: Number = 0.0
+    coulomb: Number = 0.0
+    static: Number | None = None
+    stribeck_speed: Number = 0.05
+
+    def __post_init__(self) -> None:
+        for name in ("viscous", "coulomb", "static"):
+            _demand(f"friction: {name}", getattr(self, name), least=0.0)
+        _demand("friction: stribeck_speed", self.stribeck_speed, above=0.0)
+
+    def arrays(self, n: int) -> tuple[Array, Array, Array, Array]:
+        """(n,) f_v, f_c, f_s and v_s; raises InvalidInput if static friction is less than Coulomb's."""
+        coulomb = per_joint("friction: coulomb", self.coulomb, n)
+        static = coulomb if self.static is None else per_joint("friction: static", self.static, n)
+        if (static < coulomb).any():
+            raise InvalidInput(
+                f"plant.friction: static must not be less than coulomb, which is {shown(self.coulomb)}: not "
+                f"{shown(self.static)}"
+            )
+        viscous, speed = (
+            per_joint(f"friction: {name}", getattr(self, name), n) for name in ("viscous", "stribeck_speed")
+        )
+        return viscous, coulomb, static, speed
+
+
+@dataclass(frozen=True)
+class ArmDynamics:
+    """An arm with mass: M(q) q̈ + h(q, q̇) = τ − τ_f.
+
+    Attributes
+    ----------
+    controller
+        ``"computed-torque"``: τ = M̂ (q̈_c + 2ω (q̇_c − q̇) + ω² (q_c − q)) + ĥ, with the model that the controller
+        believes in, and q_c and q̇_c the command integrated. ``"speed"``: each joint for itself has a critically damped
+        PI loop that follows q̇_c, τ = m̂ (2ω e + ω² ∫e) + ĝ, e = q̇_c − q̇. ``"position"``: the same around which a
+        position loop adds κ (q_c − q) to e, κ = ω/4. There m̂ is the joint's own inertia at the start, and ĝ the
+        weight at the beginning of each period.
+    bandwidth
+        ω / 2π [Hz].
+    substeps
+        Of a sampling period: in each the controller gives one torque, and the motion is integrated once.
+    payload
+        What the tip carries beside the arm's own links.
+    mass_factor, payload_factor
+        Believed masses and inertias of the links, and of the payload, relative to the true ones.
+    friction
+        In the joints; the controller does not know of it.
+    effort, speed
+        Greatest torque of each joint [Nm or N], and greatest speed that the controller lets its reference have; the
+        robot's own if not given.
+    dead_time, lag
+        How long what is asked for takes to begin to act, a multiple of the substep, and the time constant with which
+        the torque follows then [s].
+    rotor_inertia
+        Of the motors, as the joints feel it behind their gears [kg m²].
+    integrator
+        ``"verlet"``: of second order, with one evaluation of inertia and bias a substep; torques that act at once are
+        those of a continuous controller. ``"runge-kutta"``: of fourth order with four; torques are held for a substep.
+    rods
+        What the links of an arm without inertias are taken for.
+    gravity
+        In the base frame [m/s²].
+    """
+
+    controller: JointController = "computed-torque"
+    bandwidth: float = 20.0
+    substeps: int = 10
+    payload: Payload | None = None
+    mass_factor: float = 1.0
+    payload_factor: float = 1.0
+    friction: Friction = field(default_factory=Friction)
+    effort: Number | None = None
+    speed: Number | None = None
+    dead_time: float = 0.0
+    lag: float = 0.0
+    rotor_inertia: Number = 0.0
+    integrator: Integrator = "verlet"
+    rods: Rods | None = None
+    gravity: Vector3 = (0.0, 0.0, -9.81)
+
+    def __post_init__(self) -> None:
+        for name, known in (("controller", JointController), ("integrator", Integrator)):
+            if getattr(self, name) not in get_args(known):
+                raise unknown_name(f"plant: {name}", getattr(self, name), get_args(known))
+        if int(self.substeps) != self.substeps or not 1 <= self.substeps <= MOST_SUBSTEPS:
+            raise InvalidInput(
+                f"plant: substeps must be a whole number from 1 to {MOST_SUBSTEPS}, not {shown(self.substeps)}"
+            )
+        for name in ("bandwidth", "mass_factor", "effort", "speed"):
+            _demand(name, getattr(self, name), above=0.0)
+        for name in ("payload_factor", "dead_time", "lag", "rotor_inertia"):
+            _demand(name, getattr(self, name), least=0.0)
+        if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():
+            raise InvalidInput(f"plant: gravity must be 3 finite numbers, not {shown(self.gravity)}")
+
+    @property
+    def exact(self) -> bool:
+        """Whether the controller believes in the true model."""
+        return self.mass_factor == 1.0 and (self.payload is None or self.payload_factor == 1.0)
+
+    @property
+    def at_once(self) -> bool:
+        """Whether torques act at once, and change within a substep."""
+        return self.dead_time == 0.0 and self.lag == 0.0 and self.integrator == "verlet"
+
+    @property
+    def rate(self) -> float:
+        """ω [rad/s]."""
+        return 2.0 * math.pi * self.bandwidth
+
+    def slots(self, h: float) -> int:
+        """How many torques are under way or acting, in substeps of h [s]; raises if the dead time ends inside one."""
+        count = self.dead_time / h
+        if abs(count - round(count)) > 1e-6:
+            raise ConfigurationError(
+                f"plant: dead_time must be a multiple of the substep, {h:g} s, not {self.dead_time} s"
+            )
+        return round(count) + 1
+
+
+@dataclass(frozen=True)
+class MujocoDynamics(ArmDynamics):
+    """The same arm under the same controller, moved by MuJoCo: slower, and an independent check of the other."""
+
+
+PLANTS: dict[str, type[ArmDynamics]] = {"dynamics": ArmDynamics, "mujoco": MujocoDynamics}
+"""Types of plants that scenario files know; without any, commands are carried out as eq. (6) says."""
+
+
+def per_joint(name: str, value: Number | None, n: int) -> Array:
+    """(n,) a setting of a plant; infinite where it is None. Raises InvalidInput if there are not n."""
+    values = np.array(math.inf if value is None else value, dtype=np.float64)
+    if values.shape not in ((), (n,)):
+        raise InvalidInput(f"plant: {name} must be one number or {n}, one per joint, not {len(values)}")
+    return np.broadcast_to(values, (n,)).copy()
+
+
+def _demand(name: str, value: Number | None, least: float | None = None, above: float | None = None) -> None:
+    """Raise InvalidInput that names a setting unless its numbers are finite, and not below or above that."""
+    if value is None:
+        return
+    try:
+        numbers = np.atleast_1d(np.array(value, dtype=np.float64))
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    enough = (numbers >= least).all() if least is not None else (numbers > (above or 0.0)).all()
+    if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all() or not enough:
+        raise InvalidInput(
+            f"plant: {name} must be {'zero or more' if least is not None else 'positive'}, not {shown(value)}"
+        )
