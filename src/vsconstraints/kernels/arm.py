@@ -443,8 +443,10 @@ def blank(bodies: tuple[BodyArrays, BodyArrays], drive: Drive, slots: int, subst
     def zeros(*shape: int) -> Array:
         return np.zeros(shape)
 
-    motions = [Motion(zeros(n, n), zeros(n, n), zeros(n), zeros(n, 32)) for _ in range(2)]
-    memory = Memory(
-        *(zeros(n) for _ in range(5)), zeros(slots, n), np.zeros(1, dtype=np.int64), np.zeros(n, dtype=np.int64)
+    true, expected = (Motion(zeros(n, n), zeros(n, n), zeros(n), zeros(n, 32)) for _ in range(2))
+    q_c, qd_c, integral, gravity, torque, asked, qdd, after, friction, speed = zeros(10, n)
+    counts = np.zeros(1, dtype=np.int64), np.zeros(n, dtype=np.int64)
+    memory = Memory(q_c, qd_c, integral, gravity, torque, zeros(slots, n), *counts)
+    return Arm(
+        *bodies, true, expected, drive, memory, substeps, h, asked, qdd, after, friction, speed, stages=zeros(4, n)
     )
-    return Arm(*bodies, motions[0], motions[1], drive, memory, substeps, h, *(zeros(n) for _ in range(5)), zeros(4, n))

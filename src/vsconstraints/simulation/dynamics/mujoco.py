@@ -51,6 +51,8 @@ class MujocoEngine(PinocchioEngine):
         self._at = np.array([int(joint.qposadr[0]) for joint in joints])
         self._v_at = np.array([int(joint.dofadr[0]) for joint in joints])
         self.model.dof_armature[self._v_at] = plant.model.armature
+        # friction is the plant's, not the file's
+        self.model.dof_damping[:], self.model.dof_frictionloss[:] = 0.0, 0.0
 
     def move(self, arm: Arm, q: Array, qd: Array, command: Array) -> None:
         """As :func:`vsconstraints.kernels.arm.substep`; the torque is held."""
@@ -66,14 +68,17 @@ class MujocoEngine(PinocchioEngine):
         mujoco, arm = self._mujoco, plant.arm
         spec.option.timestep, spec.option.gravity = arm.h, arm.true.gravity
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+        off = mujoco.mjtDisableBit
+        spec.option.disableflags |= off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_AUTORESET
         payload = plant.dynamics.payload
         if payload is not None and payload.mass > 0.0:
             about = max(float(payload.inertia().inertia[0, 0]), NOTHING)
-            position = plant.robot.model.frames[plant.robot.frame_id("tip")].placement if tip is None else None
-            ball = (tip or spec.bodies[-1]).add_body(name="payload")
-            ball.pos = payload.centre if position is None else position.act(np.array(payload.centre))
-            ball.mass, ball.inertia, ball.explicitinertial = payload.mass, [about] * 3, True
+            frame = plant.robot.model.frames[plant.robot.frame_id("tip")]
+            ball = tip.add_body(name="payload")
+            # the last body of a chain is the last joint's, not the tip's
+            ball.pos = payload.centre if plant.robot.source else frame.placement.act(np.array(payload.centre))
+            ball.ipos, ball.explicitinertial = np.zeros(3), True
+            ball.mass, ball.inertia = payload.mass, [about] * 3
 
     def _of_urdf(self, robot: Robot, source: UrdfSource) -> tuple[Any, Any]:
         """The URDF itself, with its locked joints fixed and without its geometry."""
@@ -115,4 +120,4 @@ class MujocoEngine(PinocchioEngine):
             body.explicitinertial = True
             kind = mujoco.mjtJoint.mjJNT_SLIDE if robot.prismatic[i] else mujoco.mjtJoint.mjJNT_HINGE
             body.add_joint(name=robot.joint_names[i], type=kind, axis=[0.0, 0.0, 1.0])
-        return spec, None
+        return spec, body

@@ -115,7 +115,7 @@ class DynamicPlant(Plant):
 
     def follow(self) -> None:
         """Go to the end of the period that has begun."""
-        if self.mover[0]:
+        if self._kernels is not None and self.mover[0]:
             self._kernels.drive_period(self.mover[1], self.x)
         else:
             drive_period(self.engine, self.arm, self.x)

@@ -167,7 +167,15 @@ class ArmDynamics:
 
 @dataclass(frozen=True)
 class MujocoDynamics(ArmDynamics):
-    """The same arm under the same controller, moved by MuJoCo: slower, and an independent check of the other."""
+    """The same arm under the same controller, moved by MuJoCo: slower, and an independent check of the other.
+
+    Torques are held for a substep, and MuJoCo integrates by Runge and Kutta's method of fourth order.
+    """
+
+    @property
+    def at_once(self) -> bool:
+        """Torques are held."""
+        return False
 
 
 PLANTS: dict[str, type[ArmDynamics]] = {"dynamics": ArmDynamics, "mujoco": MujocoDynamics}
