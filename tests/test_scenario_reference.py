@@ -27,6 +27,7 @@ from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, build, cameras, constr
 from vsconstraints.scenarios.reading import parameters, placed
 from vsconstraints.simulation import Setup, Tolerances
 from vsconstraints.simulation.disturbances import Disturbances
+from vsconstraints.simulation.dynamics import ArmDynamics, Friction, Payload, Rods
 from vsconstraints.tracking import TrackingGains, VisualTask
 
 PAGE = DOCS / "scenarios.md"
@@ -50,6 +51,10 @@ TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
     "tolerances": (Tolerances,),
     "limits": (ActuatorLimits,),
     "disturbances": (Disturbances,),
+    "plant": (ArmDynamics,),
+    "plant.payload": (Payload,),
+    "plant.friction": (Friction,),
+    "plant.rods": (Rods,),
     "constraints.motion": (Motion,),
     "constraints.curve": (Curve,),
     "constraints.points": (RobotPoint,),
@@ -81,6 +86,7 @@ KNOWN = _known()
 FURTHER = {
     **{("", key): "table" for key in ("extends",)},
     **{("target", key): "" for key in ("markers", "square", "motion")},
+    ("plant", "type"): "",
     **{("constraints", key): "" for key in ("type", "motion", "K", "switching_gain")},
     **{(f"constraints.{table}", "shape"): "" for table in ("curve", "obstacle", "bodies")},
 }
@@ -207,6 +213,8 @@ def test_what_a_run_is_told_has_the_same_words_in_files_and_in_python() -> None:
     """What is not made from the arm, the scene and the task is handed on as it is."""
     ours, theirs = parameters(build.File), parameters(Setup)
     made = {"robot", "camera", "target", "constraints"} | {"title", "description", "start_deviation"}
-    assert set(ours) - made == set(theirs) - {"scene", "constraints"}
+    # a setup's plant is the robot itself
+    in_python = {"dynamics" if key == "plant" else key for key in set(ours) - made}
+    assert in_python == set(theirs) - {"scene", "constraints"}
     for key in ("on_rank_loss", "on_hidden_markers", "actuation"):
         assert (ours[key].annotation, ours[key].default) == (theirs[key].annotation, theirs[key].default)

@@ -50,7 +50,10 @@ def scenarios_section(results: Results, drawn: Mapping[str, Drawn]) -> str:
     """How to read tables and figures, then one part per scenario."""
     reading = list(HOW_TO_READ)
     if any(one.files for one in drawn.values()):
-        reading += [*(figure.reading for figure in FIGURES), "Dashed vertical lines: the goal changes."]
+        reading += [
+            *(figure.reading for figure in FIGURES if figure.reading),
+            "Dashed vertical lines: the goal changes.",
+        ]
     if results.trials > 1:
         reading.append(
             "Each scenario was run several times: values are the median of the trials, with the least and the greatest "
@@ -119,6 +122,9 @@ def _unusual(keys: Mapping[str, Any]) -> list[str]:
     camera, disturbances = keys.get("camera"), keys.get("disturbances")
     if isinstance(camera, dict) and "fixed" in camera:
         facts.append("fixed camera")
+    if isinstance(keys.get("plant"), dict):
+        plant = ", ".join(f"{key} {value}" for key, value in keys["plant"].items() if key != "type")
+        facts.append(f"an arm with mass{plain(f' ({plant})') if plant else ''}")
     if keys.get("actuation") == "position":
         facts.append("position-controlled")
     if isinstance(disturbances, dict):

@@ -2,6 +2,7 @@
 
 from ...figures import Figure
 from .acceleration import draw_acceleration
+from .disturbance import draw_disturbance
 from .endings import draw_endings
 from .errors import draw_errors
 from .phi import draw_phi
@@ -66,6 +67,15 @@ FIGURES = (
         draw_acceleration,
         reading="**Commanded acceleration**: mean (lines) and range (shades) in short windows, linear up to ±1 rad/s² "
         "and logarithmic beyond, with the same axis for all controllers.",
+    ),
+    Figure(
+        "disturbance",
+        "what an arm with mass made of the commands",
+        "What the arm's mass, controller, friction and gears made of the commands: d_c = q̈ − C(q̈_c) of eq. (6), its "
+        "range in short windows, linear up to ±0.01 rad/s² and logarithmic beyond. C is the first-order lag that "
+        "leaves the least; its time constant and the root mean square of d_c are those of the joint where they are "
+        "greatest.",
+        draw_disturbance,
     ),
 )
 """Of each scenario, in the order in which a report shows them; drawn from a :class:`View`."""

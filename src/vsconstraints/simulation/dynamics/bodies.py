@@ -170,9 +170,13 @@ def demand_holding(robot: Robot, model: pin.Model, q: Array, effort: Array) -> N
         )
 
 
-def own_inertia(model: pin.Model, q: Array) -> Array:
-    """(n,) inertia that each joint has if no other moves, at q (n,)."""
-    return np.diag(_inertia(model, q)).copy()
+def felt_inertia(model: pin.Model, q: Array) -> Array:
+    """(n,) inertia that each joint feels where the others are free, at q (n,): 1 / (M⁻¹)ⱼⱼ.
+
+    Torques of these by accelerations never make more than n times the accelerations, whichever way the arm moves.
+    """
+    felt: Array = 1.0 / np.diag(np.linalg.inv(_inertia(model, q)))
+    return felt
 
 
 def _inertia(model: pin.Model, q: Array) -> Array:

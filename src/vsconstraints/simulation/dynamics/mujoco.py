@@ -71,12 +71,10 @@ class MujocoEngine(PinocchioEngine):
         off = mujoco.mjtDisableBit
         spec.option.disableflags |= off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_AUTORESET
         payload = plant.dynamics.payload
-        if payload is not None and payload.mass > 0.0:
+        # a chain's last body has it already
+        if tip is not None and payload is not None and payload.mass > 0.0:
             about = max(float(payload.inertia().inertia[0, 0]), NOTHING)
-            frame = plant.robot.model.frames[plant.robot.frame_id("tip")]
-            ball = tip.add_body(name="payload")
-            # the last body of a chain is the last joint's, not the tip's
-            ball.pos = payload.centre if plant.robot.source else frame.placement.act(np.array(payload.centre))
+            ball = tip.add_body(name="payload", pos=payload.centre)
             ball.ipos, ball.explicitinertial = np.zeros(3), True
             ball.mass, ball.inertia = payload.mass, [about] * 3
 
@@ -120,4 +118,4 @@ class MujocoEngine(PinocchioEngine):
             body.explicitinertial = True
             kind = mujoco.mjtJoint.mjJNT_SLIDE if robot.prismatic[i] else mujoco.mjtJoint.mjJNT_HINGE
             body.add_joint(name=robot.joint_names[i], type=kind, axis=[0.0, 0.0, 1.0])
-        return spec, body
+        return spec, None

@@ -26,7 +26,7 @@ from ...kernels.structures import frozen
 from ...robot import Robot
 from ...rows import Array, IntArray
 from ..plant import Plant, without_limits
-from .bodies import Masses, body_arrays, demand_holding, demand_inertia, own_inertia
+from .bodies import Masses, body_arrays, demand_holding, demand_inertia, felt_inertia
 from .engine import PinocchioEngine
 from .settings import OUTER, ArmDynamics, MujocoDynamics, per_joint
 
@@ -88,7 +88,7 @@ class DynamicPlant(Plant):
             int(dynamics.exact),
             dynamics.rate,
             OUTER * dynamics.rate if dynamics.controller == "position" else 0.0,
-            own_inertia(self.believed, start.q),
+            felt_inertia(self.believed, start.q),
             effort,
             speed,
             *friction,

@@ -80,8 +80,8 @@ class ArmDynamics:
         ``"computed-torque"``: τ = M̂ (q̈_c + 2ω (q̇_c − q̇) + ω² (q_c − q)) + ĥ, with the model that the controller
         believes in, and q_c and q̇_c the command integrated. ``"speed"``: each joint for itself has a critically damped
         PI loop that follows q̇_c, τ = m̂ (2ω e + ω² ∫e) + ĝ, e = q̇_c − q̇. ``"position"``: the same around which a
-        position loop adds κ (q_c − q) to e, κ = ω/4. There m̂ is the joint's own inertia at the start, and ĝ the
-        weight at the beginning of each period.
+        position loop adds κ (q_c − q) to e, κ = ω/4. There m̂ is the inertia that the joint feels at the start, the
+        others being free, and ĝ the weight at the beginning of each period.
     bandwidth
         ω / 2π [Hz].
     substeps

@@ -1,0 +1,61 @@
+"""The arm with mass, held against MuJoCo: ``python -m checks.physics`` prints how far the two are apart.
+
+The closed loop runs twice with the same law, controller, friction and gears, once on the plant of this package and once
+on MuJoCo's, and joint paths are compared. It needs the extra ``physics``.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+
+from vsconstraints.controllers import HierarchicalQP
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
+
+RODS = {"mass_per_length": 20.0, "radius": 0.05}
+SCENES = ("case-study-6r", "ur5-fov", "panda-fov")
+PLANTS = {
+    "computed torque": {"controller": "computed-torque"},
+    "computed torque, wrong model": {"mass_factor": 1.1, "payload": {"mass": 0.5}, "payload_factor": 0.0},
+    "position loop, friction, delays": {
+        "controller": "position",
+        "friction": {"viscous": 0.3, "coulomb": 0.5, "static": 0.8},
+        "dead_time": 0.0004,
+        "lag": 0.001,
+    },
+}
+MOST = 1e-3
+"""Greatest difference of a joint's path that is accepted [rad]."""
+
+
+def difference(scene: str, settings: dict[str, object], duration: float | None = None) -> float:
+    """Greatest difference of a joint [rad] between the two, over the whole run."""
+    scenario = Scenario.load(scene)
+    if duration is not None:
+        scenario = scenario.with_override("duration", duration)
+    own = {"rods": RODS} if scene == "case-study-6r" else {}
+    paths = [
+        simulate(scenario.with_override("plant", {"type": kind, **own, **settings}).setup(), HierarchicalQP()).q
+        for kind in ("dynamics", "mujoco")
+    ]
+    N = min(map(len, paths))
+    return float(np.abs(paths[0][:N] - paths[1][:N]).max()) if len(paths[0]) == len(paths[1]) else np.inf
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print one line per scene and plant; 1 if any is farther apart than accepted."""
+    worst = 0.0
+    for scene in arguments or SCENES:
+        for name, settings in PLANTS.items():
+            apart = difference(scene, settings)
+            worst = max(worst, apart)
+            print(f"{scene}: {name}: {apart:.2g} rad", flush=True)
+    print(f"at most {worst:.2g} rad; accepted are {MOST:g}")
+    return int(worst > MOST)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
