@@ -14,7 +14,7 @@ from ..runs.pool import Failure, carry_out
 from ..runs.resources import process_count
 from ..scenarios import Scenario
 from ..simulation import Setup
-from .figures import ENDINGS, FIGURES, OVERVIEW, View
+from .figures import DISTURBANCE, ENDINGS, FIGURES, OVERVIEW, View
 from .figures.trade_off import shown_runs
 from .groups import Group
 from .results import Results
@@ -129,7 +129,7 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
         return drawn
     setup = _setup(job, drawn)
     views = {group: View(setup, runs, group.controllers, job.phi_rows, job.lane_rows) for group in job.groups}
-    for figure, (group, view) in product(FIGURES, views.items()):
+    for figure, (group, view) in product((*FIGURES, DISTURBANCE), views.items()):
         if len(views) > 1 and not view.competitors:
             continue
         file = f"{job.scenario.name}--{figure.name}{group.suffix}.png"
@@ -183,7 +183,7 @@ def _overview_of(results: Results, group: Group, folder: Path) -> str:
 
 def remove_stale(folder: Path, kept: set[str]) -> None:
     """Remove figures of scenarios that an earlier report of the same folder left and this one does not show."""
-    for figure in FIGURES:
+    for figure in (*FIGURES, DISTURBANCE):
         for path in (*folder.glob(f"*--{figure.file}"), *folder.glob(f"*--{figure.name}--*.png")):
             if path.name not in kept:
                 path.unlink()

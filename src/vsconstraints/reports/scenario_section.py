@@ -14,7 +14,7 @@ from ..scenarios import Scenario
 from .best import Cell, comparable, judged_by, marked, shown
 from .challenges import challenges, held_rows
 from .drawing import Drawn
-from .figures import FIGURES
+from .figures import DISTURBANCE, FIGURES
 from .headlines import anchor
 from .markdown import bullets, code, plain, tables
 from .numbers import DASH, FORMATS, number, over_trials
@@ -50,10 +50,7 @@ def scenarios_section(results: Results, drawn: Mapping[str, Drawn]) -> str:
     """How to read tables and figures, then one part per scenario."""
     reading = list(HOW_TO_READ)
     if any(one.files for one in drawn.values()):
-        reading += [
-            *(figure.reading for figure in FIGURES if figure.reading),
-            "Dashed vertical lines: the goal changes.",
-        ]
+        reading += [*(figure.reading for figure in FIGURES), "Dashed vertical lines: the goal changes."]
     if results.trials > 1:
         reading.append(
             "Each scenario was run several times: values are the median of the trials, with the least and the greatest "
@@ -77,7 +74,7 @@ def scenario_section(results: Results, name: str, drawn: Drawn | None) -> str:
     parts += [challenges(results, name), held_rows(results, name)]
     if drawn is None:
         return "\n\n".join([*(part for part in parts if part), f"Its figures: {ALL_FIGURES}"])
-    for figure, group in product(FIGURES, results.groups):
+    for figure, group in product((*FIGURES, DISTURBANCE), results.groups):
         if file := drawn.files.get((figure.name, group.suffix)):
             caption = f"{figure.caption}{group.sentence}{_addition(results, name, figure.name)}"
             parts.append(f"![{name}: {figure.name}](figures/{quote(file)})\n\n*{caption}*")

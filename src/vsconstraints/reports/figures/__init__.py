@@ -10,7 +10,7 @@ from .tracks import draw_tracks
 from .trade_off import draw_trade_off
 from .view import View
 
-__all__ = ["ENDINGS", "FIGURES", "OVERVIEW", "View"]
+__all__ = ["DISTURBANCE", "ENDINGS", "FIGURES", "OVERVIEW", "View"]
 
 ENDINGS = Figure(
     "endings",
@@ -68,14 +68,16 @@ FIGURES = (
         reading="**Commanded acceleration**: mean (lines) and range (shades) in short windows, linear up to ±1 rad/s² "
         "and logarithmic beyond, with the same axis for all controllers.",
     ),
-    Figure(
-        "disturbance",
-        "what an arm with mass made of the commands",
-        "What the arm's mass, controller, friction and gears made of the commands: d_c = q̈ − C(q̈_c) of eq. (6), its "
-        "range in short windows, linear up to ±0.01 rad/s² and logarithmic beyond. C is the first-order lag that "
-        "leaves the least; its time constant and the root mean square of d_c are those of the joint where they are "
-        "greatest.",
-        draw_disturbance,
-    ),
 )
 """Of each scenario, in the order in which a report shows them; drawn from a :class:`View`."""
+
+DISTURBANCE = Figure(
+    "disturbance",
+    "what an arm with mass made of the commands",
+    "What the arm's mass, controller, friction and gears made of the commands: d_c = q̈ − C(q̈_c) of eq. (6), its "
+    "range in short windows, linear up to ±0.01 rad/s² and logarithmic beyond. C is the first-order lag that "
+    "leaves the least; its time constant and the root mean square of d_c are those of the joint where they are "
+    "greatest.",
+    draw_disturbance,
+)
+"""Of each scenario whose arm has a mass; drawn from a :class:`View`."""

@@ -40,6 +40,8 @@ class MujocoEngine(PinocchioEngine):
         import mujoco
 
         self._mujoco = mujoco
+        # it would write warnings, of motions without bounds, to a file; the loop tells of them
+        mujoco.set_mju_user_warning(lambda _: None)
         try:
             spec, tip = self._of_urdf(robot, robot.source) if robot.source else self._of_chain(robot, plant)
             self._write(spec, tip, plant)
