@@ -66,14 +66,15 @@ def mesh_files(urdf: Path, folders: Sequence[str | Path]) -> list[Path]:
     return [file for name in sorted(names) if (file := found_mesh(name, urdf, folders)) is not None]
 
 
-def with_whole_paths(root: ElementTree.Element, urdf: Path, folders: Sequence[str | Path]) -> None:
-    """Put the paths of the files in the place of the names of collision meshes.
+def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path]) -> str:
+    """The XML of a URDF with the paths of the files in the place of the names of collision meshes.
 
     Raises
     ------
     ConfigurationError
         that names the mesh, its link and what can be done, where there is no such file.
     """
+    root = ElementTree.fromstring(text)
     for link in root.iter("link"):
         for mesh in _meshes(link):
             name = mesh.get("filename", "")
@@ -86,6 +87,7 @@ def with_whole_paths(root: ElementTree.Element, urdf: Path, folders: Sequence[st
                     "are capsules and need no mesh"
                 )
             mesh.set("filename", str(file.resolve()))
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def _meshes(root: ElementTree.Element) -> Iterator[ElementTree.Element]:

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -110,9 +109,7 @@ def collision_geometry(source: UrdfSource) -> pin.GeometryModel:
     ConfigurationError
         if a mesh is not there or cannot be read; the message names it.
     """
-    root = ElementTree.fromstring(urdf_file(source.path).text)
-    with_whole_paths(root, source.path, source.package_dirs)
-    text = ElementTree.tostring(root, encoding="unicode")
+    text = with_whole_paths(urdf_file(source.path).text, source.path, source.package_dirs)
     try:
         geometry = pin.buildGeomFromUrdfString(source.model, text, pin.GeometryType.COLLISION)
     except (RuntimeError, ValueError) as error:

@@ -206,4 +206,4 @@ FIGURE = Figure(
     "The image and the arm at the start and at each goal, and the rows nearest to their boundary.",
     draw_preview,
 )
-"""Drawn from a :class:`~vsconstraints.preview.Preview`."""
+"""Drawn from a :class:`~vsconstraints.preview.preview.Preview`."""
