@@ -56,7 +56,8 @@ def read_calibration(path: str | Path, model: str | None = None) -> Calibration:
     """What a file of OpenCV or ROS says.
 
     Where a file says neither ``distortion_model``, as ROS's do, nor ``fisheye_model``, as those of OpenCV's sample
-    do, its lens is of this ``model`` of :class:`.Distortion`: Brown and Conrady's if it is None, as ROS has it.
+    do, its lens is of this ``model`` of :class:`vsconstraints.distortion.Distortion`: Brown and Conrady's if it is
+    None, as ROS has it.
 
     ROS's rectification and projection matrices are not used: they are about images that have been rectified.
 

@@ -181,7 +181,7 @@ class Camera:
         return centred
 
     def to_corner(self, pixels: Array, count: Count = "edges") -> Array:
-        """(..., 2) pixels from the top left corner, of pixels measured from the image's centre: see `from_corner`."""
+        """(..., 2) pixels from the top left corner, of those from the image's centre; see :meth:`from_corner`."""
         corner: Array = np.asarray(pixels) + self._centre(count)
         return corner
 

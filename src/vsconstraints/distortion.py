@@ -27,7 +27,7 @@ INSIDE = 0.999
 
 
 class Model(NamedTuple):
-    """A kind of lens: adding one takes two formulas in :mod:`vsconstraints.formulas.lenses`, and a line in `MODELS`.
+    """A kind of lens: adding one takes two formulas in :mod:`vsconstraints.formulas.lenses`, and its line below.
 
     Attributes
     ----------

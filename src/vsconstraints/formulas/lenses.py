@@ -81,7 +81,7 @@ def newton(lens: Lens, at: Any, image: Any, reach: Any, coefficients: Any) -> tu
 
 @formula
 def on_sensor(lens: Lens, u: Any, v: Any, eye: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """Pixels on the sensor, and their derivatives, of ideal pixels; ``eye`` is that of :class:`.Camera`."""
+    """Pixels on the sensor, and their derivatives, of ideal pixels; ``eye`` is what a camera has by that name."""
     F, G = eye[0], eye[1]
     X, Y, a, b, c, d = extended(lens, (u - eye[2]) / F, (v - eye[3]) / G, eye[4], eye[5:])
     return F * X + eye[2], G * Y + eye[3], a, b * F / G, c * G / F, d
@@ -89,7 +89,7 @@ def on_sensor(lens: Lens, u: Any, v: Any, eye: Any) -> tuple[Any, Any, Any, Any,
 
 @formula
 def superellipse_on_sensor(lens: Lens, y: Any, half: Any, n: Any, eye: Any) -> tuple[Any, Any, Any]:
-    """:func:`.superellipse` of half axes (a, b) on the sensor, at ideal pixels y = (u, v)."""
+    """A superellipse of half axes (a, b) on the sensor, and its derivatives, at ideal pixels y = (u, v)."""
     u, v, a, b, c, d = on_sensor(lens, y[0], y[1], eye)
     value, du, dv = superellipse(u, v, half[0], half[1], n)
     return value, du * a + dv * c, du * b + dv * d
