@@ -120,8 +120,8 @@ def _unusual(keys: Mapping[str, Any]) -> list[str]:
     if isinstance(camera, dict) and "fixed" in camera:
         facts.append("fixed camera")
     if isinstance(keys.get("plant"), dict):
-        plant = ", ".join(f"{key} {value}" for key, value in keys["plant"].items() if key != "type")
-        facts.append(f"an arm with mass{plain(f' ({plant})') if plant else ''}")
+        settings = ", ".join(f"{key} {value}" for key, value in keys["plant"].items() if key != "type")
+        facts.append(f"an arm with mass ({plain(settings)})" if settings else "an arm with mass")
     if keys.get("actuation") == "position":
         facts.append("position-controlled")
     if isinstance(disturbances, dict):
