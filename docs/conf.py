@@ -80,5 +80,6 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.renamed.Made"),
     ("py:class", "vsconstraints.controllers.named.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
+    ("py:func", "superellipse"),  # in docstrings of formulas, where classes of other modules have them as theirs
     ("py:class", "LawArrays"),  # of vsconstraints.kernels, as above
 ]

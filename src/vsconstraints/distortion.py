@@ -26,7 +26,7 @@ INSIDE = 0.999
 """Share of the reach within which it starts: there is a kink."""
 
 
-class Model(NamedTuple):
+class LensModel(NamedTuple):
     """A kind of lens: adding one takes two formulas in :mod:`vsconstraints.formulas.lenses`, and its line below.
 
     Attributes
@@ -37,14 +37,14 @@ class Model(NamedTuple):
         How many coefficients it may have; those that are not given are 0.
     """
 
-    lens: lenses.Lens
+    lens: Callable[..., Any]
     superellipse: Callable[..., Any]
     counts: tuple[int, ...]
 
 
 MODELS = {
-    "brown-conrady": Model(lenses.brown_conrady, lenses.superellipse_by_brown_conrady, (4, 5, 8)),
-    "fisheye": Model(lenses.fisheye, lenses.superellipse_by_fisheye, (4,)),
+    "brown-conrady": LensModel(lenses.brown_conrady, lenses.superellipse_by_brown_conrady, (4, 5, 8)),
+    "fisheye": LensModel(lenses.fisheye, lenses.superellipse_by_fisheye, (4,)),
 }
 """By the names that scenario files use."""
 
