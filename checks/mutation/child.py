@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import builtins
 import importlib.abc
 import importlib.machinery
 import importlib.util
@@ -16,13 +18,16 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import CodeType, FrameType, ModuleType
+from types import CodeType, ModuleType
 from typing import Any
 
 import pytest
 
 from .mutants import Mutant
 from .targets import COMPARED, SLOW
+
+ENTERED = "__entered__"
+"""What functions call that are watched, with their file and first line."""
 
 IMPORTS = 300
 """Seconds that reading the tests' files may take on a busy machine."""
@@ -74,7 +79,10 @@ def fork(work: Callable[[], int], output: Path) -> int:
 
 def watch(tests: Sequence[str], files: Sequence[Path], result: Path) -> int:
     """Run tests and write down what each of them reaches; tests that fail are left out."""
-    watched = _Watch({str(file) for file in files})
+    watched = _Watch()
+    entered: Any = watched.entered
+    builtins.__dict__[ENTERED] = lambda *place: entered.add(place)
+    sys.meta_path.insert(0, _Changed({str(file): _telling(file) for file in files}))
     pytest.main([*QUIET, *tests, "-k", " and ".join(f"not {word}" for word in SLOW)], plugins=[watched])
     lines = {
         test: (reached.seconds, sorted(reached.functions))
@@ -90,15 +98,15 @@ def judge(mutant: Mutant, root: Path, limits: Mapping[str, float], result: Path)
 
     ``limits`` [s] are those of the tests: the process is ended by SIGALRM where one takes longer.
     """
-    sys.meta_path.insert(0, _Mutated(root / mutant.file, mutant.source))
+    sys.meta_path.insert(0, _Changed({str(root / mutant.file): mutant.source}))
     files = list(dict.fromkeys(test.split("::")[0] for test in limits))
     signal.alarm(IMPORTS)
     return int(pytest.main([*QUIET, *files], plugins=[_Chosen(limits, result)]))
 
 
 class _Watch:
-    def __init__(self, files: set[str]) -> None:
-        self.files = files
+    def __init__(self) -> None:
+        self.entered: set[tuple[str, int]] = set()
         self.tests: dict[str, Reached] = {}
         self.passed: set[str] = set()
 
@@ -107,18 +115,10 @@ class _Watch:
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
-        functions: set[tuple[str, int]] = set()
-
-        def enters(frame: FrameType, event: str, argument: object) -> None:
-            code = frame.f_code
-            if code.co_filename in self.files:
-                functions.add((code.co_filename, code.co_firstlineno))
-
+        self.entered.clear()
         started = time.monotonic()
-        sys.settrace(enters)
         yield
-        sys.settrace(None)
-        self.tests[item.nodeid] = Reached(time.monotonic() - started, functions)
+        self.tests[item.nodeid] = Reached(time.monotonic() - started, set(self.entered))
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "call" and report.passed:
@@ -142,27 +142,39 @@ class _Chosen:
             os._exit(1)
 
 
-class _Mutated(importlib.abc.MetaPathFinder):
-    """Gives the module of one file another source."""
+def _telling(file: Path) -> ast.Module:
+    """A file's code, in which every function says first that it is entered."""
+    module = ast.parse(file.read_text(encoding="utf-8"))
+    for node in ast.walk(module):
+        if isinstance(node, ast.FunctionDef):
+            line = min(part.lineno for part in (node, *node.decorator_list))
+            said = ast.parse(f"{ENTERED}({str(file)!r}, {line})").body
+            documented = ast.get_docstring(node, clean=False) is not None
+            node.body[documented:documented] = said
+    return module
 
-    def __init__(self, file: Path, source: str) -> None:
-        self.file, self.source = str(file), source
+
+class _Changed(importlib.abc.MetaPathFinder):
+    """Gives the modules of some files another source."""
+
+    def __init__(self, sources: Mapping[str, str | ast.Module]) -> None:
+        self.sources = sources
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> importlib.machinery.ModuleSpec | None:
         spec = importlib.machinery.PathFinder.find_spec(fullname, path, target)
-        if spec is None or spec.origin != self.file:
+        if spec is None or spec.origin not in self.sources:
             return None
         is_package = spec.submodule_search_locations is not None
-        loader = _Source(fullname, self.file, self.source)
+        loader = _Source(fullname, spec.origin, self.sources[spec.origin])
         return importlib.util.spec_from_file_location(
-            fullname, self.file, loader=loader, submodule_search_locations=[] if is_package else None
+            fullname, spec.origin, loader=loader, submodule_search_locations=[] if is_package else None
         )
 
 
 class _Source(importlib.machinery.SourceFileLoader):
-    def __init__(self, fullname: str, path: str, source: str) -> None:
+    def __init__(self, fullname: str, path: str, source: str | ast.Module) -> None:
         super().__init__(fullname, path)
         self.source = source
 

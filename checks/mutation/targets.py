@@ -117,6 +117,10 @@ SLOW = (
     "keep_clear",
     "keep_the_links_hulls_clear",
     "above_a_table",
+    "in_the_case_study_the_joint_metric",
+    "what_a_linear_program_says",
+    "only_runaway_tracking_reaches",
+    "two_runs_are_the_same",
 )
 """Tests with this in their names are left out."""
 
