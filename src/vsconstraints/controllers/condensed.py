@@ -88,7 +88,7 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float) -> Co
 
 
 class Limits(NamedTuple):
-    """Rows G u ≤ h of a plan u (Hn,): of every instant after now, and then of the box; see :class:`.penalised.Rows`.
+    """Rows G u ≤ h of a plan u (Hn,): of every instant after now, and then of the box; see :class:`.ManyRows`.
 
     σ(τ + Δτ) ≤ e^(−Δτ/κ) σ(τ), with φ in place of σ of rows on φ itself, and σ ≤ 0 while braking.
 

@@ -29,7 +29,7 @@ Stated = tuple[IntArray, Array]
 """Which rows (r,), and their gradients (r, n)."""
 
 
-class Rows(Protocol):
+class ManyRows(Protocol):
     """Rows A x ≤ c, so many that most are never written down."""
 
     def excess(self, x: Array) -> Array:
@@ -81,7 +81,7 @@ class Cost(NamedTuple):
         return x
 
 
-def penalised(cost: Cost, rows: Rows, weights: Array, solvers: SolverChain, guess: IntArray) -> Penalised:
+def penalised(cost: Cost, rows: ManyRows, weights: Array, solvers: SolverChain, guess: IntArray) -> Penalised:
     """Minimise ½‖Lᵀ(x − center)‖² subject to A x ≤ c + s, where s is zero unless the rows contradict each other.
 
     Parameters
@@ -128,7 +128,7 @@ def penalised(cost: Cost, rows: Rows, weights: Array, solvers: SolverChain, gues
     return found._replace(slack=np.maximum(slack, found.slack))
 
 
-def _by_few(cost: Cost, rows: Rows, over: Array, asked: Stated, solver: QPSolver) -> Penalised:
+def _by_few(cost: Cost, rows: ManyRows, over: Array, asked: Stated, solver: QPSolver) -> Penalised:
     """The minimiser under the rows that are asked for, and then those too that it exceeds, until there are none.
 
     What minimises under some of the rows and meets all minimises under all.
@@ -146,7 +146,7 @@ def _by_few(cost: Cost, rows: Rows, over: Array, asked: Stated, solver: QPSolver
         which, A = np.concatenate((which, more[0])), np.concatenate((A, more[1]))
 
 
-def _with_slack(cost: Cost, rows: Rows, over: Array, weights: Array, solvers: SolverChain) -> Penalised:
+def _with_slack(cost: Cost, rows: ManyRows, over: Array, weights: Array, solvers: SolverChain) -> Penalised:
     which, A = rows.stated(np.flatnonzero(over != -np.inf))
     has = rows.open(A, A @ cost.center - over[which]) | (rows.of(which) < 0)
     which, A = which[has], A[has]
