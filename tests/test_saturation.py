@@ -41,6 +41,7 @@ def test_what_is_saturated_is_held_and_the_task_has_what_is_left(form: str, seed
     found = answer(Saturation(), rows, task, form)
     assert found.status == "ok"
     assert not exceeds(rows, found.qdd)
+    np.testing.assert_array_equal(found.slack, 0.0)
     A, c = rows.Lg[found.acted], -rows.phi[found.acted]
     np.testing.assert_allclose(A @ found.qdd, c, atol=1e-8 * (1.0 + np.abs(found.qdd).max()))
     none, whole = formula(A, c, task, 0.0), formula(A, c, task, 1.0)

@@ -92,6 +92,7 @@ TESTS = (
     "tests/test_more_claims_by_hand.py",
     "tests/test_motion_by_hand.py",
     "tests/test_moving_claims_by_hand.py",
+    "tests/test_plans.py",
     "tests/test_reports.py",
     "tests/test_reproduction.py",
     "tests/test_resolvers.py",

@@ -6,6 +6,7 @@ the last arguments.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 
@@ -67,8 +68,9 @@ def differentiate(which: Any, gradient: Any, K: Any, Q: Any, V: Any, falls: Any,
             for j in range(n):
                 entry = after * gradient[t + 1, i, j] - before * gradient[t, i, j]
                 G[r, k * n + j] = entry
-                # not a number is larger than all
-                largest[r] = largest[r] if abs(entry) <= largest[r] else abs(entry)
+                # not a number is larger than all, and stays so
+                if not (abs(entry) <= largest[r] or math.isnan(largest[r])):
+                    largest[r] = abs(entry)
 
 
 def normal_equations(C: Any, J: Any, b: Any, own: Any, square: Any, P: Any, q: Any) -> None:

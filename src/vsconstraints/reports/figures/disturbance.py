@@ -38,7 +38,8 @@ def draw_disturbance(view: View) -> Sheet | None:
         logarithmic(ax.yaxis, decades(-limit, limit, LINEAR), LINEAR, 0.7)
         view.title(ax, name)
         told = f"rms {one.rms.max():.2g} rad/s², lag {1e3 * one.time_constant.max():.2g} ms"
-        ax.text(0.02, 0.04, told, transform=ax.transAxes, fontsize="x-small")
+        behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.5}
+        ax.text(0.02, 0.05, told, transform=ax.transAxes, fontsize="x-small", bbox=behind, zorder=5)
     return sheet
 
 
