@@ -25,7 +25,8 @@ COPIED = ("src", "tests", "examples", "comparisons", "README.md", "pyproject.tom
 
 THIRD_PARTY = ("numpy", "scipy.linalg", "scipy.optimize", "pinocchio", "coal", "qpsolvers", "daqp", "osqp", "proxsuite",
                "matplotlib.pyplot", "hypothesis", "cvxpy", "clarabel", "typer", "rich.console", "rich.table",
-               "rich.progress", "numpy.testing")  # fmt: skip
+               "rich.progress", "numpy.testing", "pandas", "scipy.stats", "statsmodels.api",
+               "scikit_posthocs")  # fmt: skip
 """Imported before the first fork: they take seconds, and no mutant changes them."""
 
 SLACK, FACTOR = 20.0, 10.0
