@@ -197,6 +197,7 @@ def _sources() -> list[Path]:
     """Every file that compiled code may be made of; constants are compiled in, and leave no trace of their origin."""
     package = Path(__file__).parent.parent
     others = (
+        "distortion.py",
         "qp/least_residual.py",
         "qp/least_violation.py",
         "qp/lexicographic.py",
