@@ -178,6 +178,9 @@ def test_a_row_that_must_brake_gets_the_least_correction(form: str) -> None:
     # what one row allows of it, and the rest for the other: on the side that is free
     assert found([[0.0, 1.0], [-1.0, 0.0]], [2.0, -5.0]) == [5.0, 2.0]
     assert found([[1.0, 0.0]], [10.0], max_acceleration=2.0) == [1.5, 2.0]
+    task = Task(np.eye(2), np.array([-3.0, -4.0]))
+    assert found([[1.0, 0.0]], [10.0], max_acceleration=2.0) == [-1.5, -2.0]
+    task = Task(np.eye(2), np.array([3.0, 4.0]))
     # where the demand changes its sign nothing jumps
     below, above = (np.array(found([[1.0, 1.0]], [side])) for side in (-1e-7, 1e-7))
     np.testing.assert_allclose(below, above, atol=1e-6)
