@@ -121,10 +121,15 @@ def test_both_forms_move_alike(name: str, controller: str) -> None:
     np.testing.assert_allclose(one.x, other.x, rtol=1e-9, atol=1e-11)
 
 
+@pytest.mark.parametrize(
+    ("integrator", "least"),
+    # twice what the Panda's light wrist makes of the second order
+    [("runge-kutta", 1e-6), ("verlet", 5e-4)],
+)
 @pytest.mark.parametrize("name", ARMS)
-def test_the_energy_of_a_free_arm_is_kept(name: str) -> None:
+def test_the_energy_of_a_free_arm_is_kept(name: str, integrator: str, least: float) -> None:
     """It falls and swings for 2 s, without torque and friction; relative to the greatest kinetic energy."""
-    there = free(plant(name, integrator="runge-kutta"))
+    there = free(plant(name, integrator=integrator))
     begun, most = energy(there)[0], 0.0
     worst = 0.0
     for _ in range(100):
@@ -133,7 +138,7 @@ def test_the_energy_of_a_free_arm_is_kept(name: str) -> None:
         now, kinetic = energy(there)
         most, worst = max(most, kinetic), max(worst, abs(now - begun))
     assert most > 5.0
-    assert worst < 1e-6 * most
+    assert worst < least * most
 
 
 def test_a_rod_swings_as_by_hand() -> None:
