@@ -54,10 +54,13 @@ OWN_COLOURS = {
     "potential-field-priority": "#D55E00",
     "hierarchical-qp": "#009E73",
     "hierarchical-qp-active": "#CC79A7",
+    "implicit-switch": "#56B4E9",
+    "cbf-filter": "#000000",
+    "predictive": "#9C8A00",
 }
-"""Colours of the controllers that come with the package: Okabe and Ito's palette, safe for colour-blind readers."""
+"""Colours of the laws that are compared most: Okabe and Ito's palette, safe for colour-blind readers."""
 
-SPARE_COLOURS = ("#56B4E9", "#000000", "#9C8A00", "#7B4B2A")
+SPARE_COLOURS = ("#7B4B2A",)
 """For controllers of other names."""
 
 TUNED = "-tuned"

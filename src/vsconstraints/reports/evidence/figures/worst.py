@@ -18,7 +18,7 @@ from ....reports.figures.close_up import rows_in_image
 from ....simulation import Setup
 
 COLUMNS = 3
-LEFT, GAP, TITLE = 0.45, 0.35, 0.42
+LEFT, GAP, TITLE = 0.45, 0.5, 0.42
 OUTSIDE: dict[str, Any] = {"color": "#B00020", "linewidth": 2.6}
 START, GOAL = symbol("o", "white", size=6.0), symbol("*", INK, "white", 6.3)
 
