@@ -202,7 +202,7 @@ name=$(basename "$0")
 case "$name $*" in
   "python3 -m venv "*) mkdir -p "$3/bin" && touch "$3/bin/activate" ;;
   "vsconstraints compare"*) mkdir -p vsconstraints-results && echo new > vsconstraints-results/report.md ;;
-  "vsconstraints reproduce"*) echo new > reports/paper/report.md ;;
+  "vsconstraints reproduce"*) mkdir -p vsconstraints-paper && echo new > vsconstraints-paper/report.md ;;
 esac
 echo "$name $*" >> "$CALLS"
 """

@@ -16,6 +16,7 @@ from .commands.evidence import evidence, merge
 from .commands.families import families
 from .commands.preview import preview
 from .commands.reporting import comparison_report, report
+from .commands.reproduce import reproduce
 from .commands.terminal import (
     NOTHING_DONE,
     USAGE_ERROR,
@@ -40,6 +41,7 @@ app.command()(evidence)
 app.command()(merge)
 app.command()(preview)
 app.command()(report)
+app.command()(reproduce)
 app.command()(tune)
 
 
@@ -144,28 +146,6 @@ def list_() -> None:
     from .listing import print_listing
 
     print_listing(console)
-
-
-@app.command()
-def reproduce(
-    out: Annotated[Path, typer.Option(help="Folder for report, table and figures.")] = Path("reports/paper"),
-    jobs: Jobs = None,
-) -> None:
-    """Check every claim of the paper, redraw its figures, and write a report."""
-    from .reproduction import reproduce as run
-
-    note_processes(jobs)
-    with taken_up_again(out), progress_bar() as progress:
-        bar = progress.add_task("starting", total=None)
-        result = run(
-            out,
-            workers=jobs,
-            on_progress=lambda what, done, total: progress.update(bar, description=what, completed=done, total=total),
-            command=typed_command(),
-        )
-    for name, why in result.problems.items():
-        errors.print(f"{name}: {why}")
-    console.print(result.summary())
 
 
 @app.command()

@@ -59,23 +59,28 @@ def reproduce(
         if the folder cannot be made.
     """
     started = time.perf_counter()
-    figures = folder / "figures"
-    try:
-        figures.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(f"the report cannot be written to {folder}: {error}") from error
+    figures = figures_folder(folder)
     with unfinished(folder) as kept:
         prepare()
         runs = made(wanted_runs(), kept, workers, partial(on_progress, "simulating"))
         studies = study_results(folder, workers, partial(on_progress, "studying"), kept)
         available: dict[RunSpec | str, Any] = dict(chain(runs.items(), studies.items()))
         findings = {claim.key: claim.check(available) for claim in all_claims()}
-        drawn = _drawn(available, figures, workers, partial(on_progress, "drawing"))
+        missing = drawn(FIGURES, available, figures, workers, partial(on_progress, "drawing"))
         problems = {str(spec): found for spec, found in available.items() if isinstance(found, str)}
-        problems |= {f"figure {number}": why for number, why in drawn.items() if why}
+        problems |= {f"figure {number}": why for number, why in missing.items() if why}
         result = Reproduction(folder / "report.md", findings, problems, time.perf_counter() - started)
-        write_report(result, drawn, studies, command)
+        write_report(result, missing, studies, command)
     return result
+
+
+def figures_folder(folder: Path) -> Path:
+    """Where figures go, made if it is not there; raises ConfigurationError if it cannot be."""
+    try:
+        (folder / "figures").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"the report cannot be written to {folder}: {error}") from error
+    return folder / "figures"
 
 
 def wanted_runs() -> list[RunSpec]:
@@ -93,12 +98,16 @@ def made(specs: Sequence[RunSpec], kept: Path, workers: int | None, on_progress:
     return {spec: one.reason.split(". ")[0] if isinstance(one, Failure) else one for spec, one in found.items()}
 
 
-def _drawn(
-    available: Mapping[RunSpec | str, Any], folder: Path, workers: int | None, on_progress: Count
+def drawn(
+    figures: Mapping[int, Figure],
+    available: Mapping[Any, Any],
+    folder: Path,
+    workers: int | None,
+    on_progress: Count,
 ) -> dict[int, str]:
     """Of each figure why it is not there; an empty text if it is."""
-    why, calls = dict.fromkeys(FIGURES, ""), {}
-    for number, figure in FIGURES.items():
+    why, calls = dict.fromkeys(figures, ""), {}
+    for number, figure in figures.items():
         runs = [available[need] for need in figure.needs]
         missing = [f"{need}: {run}" for need, run in zip(figure.needs, runs, strict=True) if not isinstance(run, Run)]
         if missing:
@@ -109,13 +118,15 @@ def _drawn(
         why[number] = answer.reason if isinstance(answer, Failure) else ""
     for number, reason in why.items():
         if reason:
-            (folder / FIGURES[number].file).unlink(missing_ok=True)
+            (folder / figures[number].file).unlink(missing_ok=True)
     return why
 
 
-def study_results(folder: Path, workers: int | None, on_progress: Count, kept: Path) -> dict[str, Any]:
-    """Results of all studies by name; a text instead of a result where there is none."""
+def study_results(
+    folder: Path, workers: int | None, on_progress: Count, kept: Path, names: Sequence[str] | None = None
+) -> dict[str, Any]:
+    """Results of studies by name, of all if none is named; a text instead of a result where there is none."""
     try:
-        return dict(run_studies(None, folder, workers, on_progress, kept=kept))
+        return dict(run_studies(names, folder, workers, on_progress, kept=kept))
     except Exception as error:  # claims and figures of the paper do not depend on it
-        return {"studies": f"{type(error).__name__}: {error}"}
+        return {name: f"{type(error).__name__}: {error}" for name in names or ["studies"]}

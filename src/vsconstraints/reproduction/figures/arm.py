@@ -101,7 +101,9 @@ def _details(sheet: Sheet, case: Run, trail: Array, top: float) -> None:
     distance = np.sqrt((away * away).sum(axis=1))
     # the line lies on the sphere with its side, as it has a thickness and the path has none
     add_path(mesh, (trail + thickness * away / distance[:, None])[distance < 0.09], thickness, paper.RED, 300)
-    touch = trail[case.phi(SPHERE) >= 0.0].mean(axis=0) - sphere.centre
+    acts = case.phi(SPHERE) >= 0.0
+    # a law that keeps away from the sphere is looked at where it is nearest
+    touch = (trail[acts].mean(axis=0) if acts.any() else trail[distance.argmin()]) - sphere.centre
     azimuth = float(np.rad2deg(np.arctan2(touch[1], touch[0]))) + 20.0
     mesh.draw(_space(sheet, 0.3, top - 0.15, 2.9), sphere.centre, 0.068, 18.0, azimuth)
     sheet.text(0.14, top + 0.05, "detail: the path and the sphere", fontsize=10, fontweight="bold", va="top")
