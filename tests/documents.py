@@ -114,6 +114,9 @@ def _vsconstraints(arguments: list[str], folder: Path) -> None:
     """Parse as the command line does; a comparison's scenarios, controllers and settings are looked up too."""
     group: Any = typer.main.get_command(app)
     name, *rest = arguments
+    if name.startswith("--"):
+        assert any(name in option.opts for option in group.params), f"vsconstraints has no option {name!r}"
+        return
     assert name in group.commands, f"vsconstraints has no command {name!r}"
     given = group.commands[name].make_context(name, rest).params
     if name == "compare":

@@ -11,11 +11,12 @@ from typing import Annotated
 import typer
 
 from . import __version__
+from .commands import completions
 from .commands.difference import diff
 from .commands.evidence import evidence, merge
 from .commands.families import families
 from .commands.preview import preview
-from .commands.reporting import comparison_report, report
+from .commands.reporting import comparison_report, print_laws, report
 from .commands.reproduce import reproduce
 from .commands.terminal import (
     NOTHING_DONE,
@@ -50,9 +51,15 @@ def compare(
     context: typer.Context,
     suite: Annotated[Path | None, typer.Argument(help="A suite file; the default comparison if not given.")] = None,
     scenario: Annotated[
-        list[str] | None, typer.Option(help="Only this scenario: a name or a path. Can be repeated.")
+        list[str] | None,
+        typer.Option(
+            help="Only this scenario: a name or a path. Can be repeated.", autocompletion=completions.scenarios
+        ),
     ] = None,
-    controller: Annotated[list[str] | None, typer.Option(help="Only this controller. Can be repeated.")] = None,
+    controller: Annotated[
+        list[str] | None,
+        typer.Option(help="Only this controller. Can be repeated.", autocompletion=completions.controllers),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for results; runs stored there are not run again.")] = Path(
         "vsconstraints-results"
     ),
@@ -70,6 +77,13 @@ def compare(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Run again what is stored, and replace another comparison in the folder.")
     ] = False,
+    keep: Annotated[
+        str,
+        typer.Option(
+            help="Whose trajectories stay when the report is made: none, failed, worst, first or all.",
+            autocompletion=completions.ways_to_keep,
+        ),
+    ] = "all",
     figures: Figures = True,
     all_figures: AllFigures = False,
     run_limit: Annotated[
@@ -82,12 +96,14 @@ def compare(
     ] = None,
 ) -> None:
     """Run every scenario with every controller, and write a report."""
-    from .comparisons import RunSpec, Suite
+    from .comparisons import RunSpec, Suite, keep_trajectories
     from .comparisons import compare as run
     from .comparisons.metrics import Score
     from .reports.failures import kind
     from .runs.folder import held
+    from .runs.keep import demand_keep
 
+    kept = demand_keep(keep)
     chosen = Suite.load(suite).select(scenario or (), controller or (), seed, settings or ())
     for remark in chosen.remarks():
         errors.print(f"note: {remark}")
@@ -132,6 +148,9 @@ def compare(
     except INTERRUPTS as interrupt:
         errors.print(f"Interrupted: all {total} runs are stored in {out}, the report is not; the same command goes on.")
         raise typer.Exit(exit_code(signal_of(interrupt))) from interrupt
+    print_laws(out)
+    if kept != "all":
+        console.print(f"Trajectories kept: {keep_trajectories(out, kept)} of {total}; --keep {kept}.")
     console.print(f"{total} runs in {result.wall_time:.1f} s. Report: {report_file}")
     if result.all_failed:
         errors.print(
@@ -150,7 +169,10 @@ def list_() -> None:
 
 @app.command()
 def study(
-    names: Annotated[list[str] | None, typer.Argument(help="Which studies; all if not given.")] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Which studies; all if not given.", autocompletion=completions.studies),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for figures and tables.")] = Path("vsconstraints-studies"),
     jobs: Jobs = None,
 ) -> None:

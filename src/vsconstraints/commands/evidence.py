@@ -10,6 +10,7 @@ import typer
 
 from ..errors import ConfigurationError
 from ..runs.signals import exit_code
+from . import completions
 from .reporting import evidence_report
 from .terminal import NOTHING_DONE, Figures, Jobs, console, errors, note_processes, progress_bar, typed_command
 
@@ -29,14 +30,25 @@ def evidence(
         "vsconstraints-evidence"
     ),
     scenes: Annotated[int | None, typer.Option(help="How many of each family, instead of the campaign's.")] = None,
-    family: Annotated[Given, typer.Option(help="Only this family: a name or a path. Can be repeated.")] = None,
-    controller: Annotated[Given, typer.Option(help="Only this controller. Can be repeated.")] = None,
+    family: Annotated[
+        Given,
+        typer.Option(help="Only this family: a name or a path. Can be repeated.", autocompletion=completions.families),
+    ] = None,
+    controller: Annotated[
+        Given, typer.Option(help="Only this controller. Can be repeated.", autocompletion=completions.controllers)
+    ] = None,
     jobs: Jobs = None,
     cluster: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, whose workers make the runs: tcp://10.0.0.1:8786."),
     ] = None,
-    keep: Annotated[str, typer.Option(help="Whose trajectories are kept: none, failed, worst, first or all.")] = "none",
+    keep: Annotated[
+        str,
+        typer.Option(
+            help="Whose trajectories are kept: none, failed, worst, first or all.",
+            autocompletion=completions.ways_to_keep,
+        ),
+    ] = "none",
     shard: Annotated[
         str, typer.Option(metavar="I/N", help="Only this part of the scenes, for machines that share no folder.")
     ] = "1/1",

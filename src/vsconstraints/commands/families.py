@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from . import completions
 from .terminal import NOTHING_DONE, console, progress_bar
 
 if TYPE_CHECKING:
@@ -17,7 +18,11 @@ if TYPE_CHECKING:
 
 def families(
     names: Annotated[
-        list[str] | None, typer.Argument(help="Names or paths of families to draw from; if not given, all are listed.")
+        list[str] | None,
+        typer.Argument(
+            help="Names or paths of families to draw from; if not given, all are listed.",
+            autocompletion=completions.families,
+        ),
     ] = None,
     scenes: Annotated[int, typer.Option(min=1, help="How many scenes are drawn of each.")] = 100,
     half: Annotated[str, typer.Option(help="training or held-out.")] = "held-out",

@@ -8,12 +8,18 @@ from typing import Annotated
 import typer
 
 from ..errors import ConfigurationError
+from . import completions
 from .terminal import USAGE_ERROR, console, errors
 
 
 def preview(
-    scenario: Annotated[str | None, typer.Argument(help="A name, or the path of a file.")] = None,
-    family: Annotated[str | None, typer.Option(help="Instead of a scenario: a family, of which one scene.")] = None,
+    scenario: Annotated[
+        str | None, typer.Argument(help="A name, or the path of a file.", autocompletion=completions.scenarios)
+    ] = None,
+    family: Annotated[
+        str | None,
+        typer.Option(help="Instead of a scenario: a family, of which one scene.", autocompletion=completions.families),
+    ] = None,
     scene: Annotated[int, typer.Option(min=0, help="Of a family: which one.")] = 0,
     half: Annotated[str, typer.Option(help="Of a family: training or held-out.")] = "held-out",
     condition: Annotated[str, typer.Option(help="Of a family.")] = "nominal",

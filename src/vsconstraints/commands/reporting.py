@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.text import Text
 
 from .terminal import AllFigures, Figures, console, progress_bar
 
@@ -43,6 +44,39 @@ def comparison_report(folder: Path, figures: bool, all_figures: bool) -> Path:
             progress.update(bar, completed=done, total=total)
 
         return write_report(folder, figures=figures, all_figures=all_figures, on_drawn=drawn)
+
+
+def print_laws(folder: Path) -> None:
+    """Print the table that the report of a comparison begins with, and what is bold in it."""
+    from rich.table import Table
+
+    from ..comparisons import StoredComparison
+    from ..reports.results import Results
+    from ..reports.summary import FIRST_LEGEND, law_columns
+
+    results = Results(StoredComparison.load(folder))
+    if not results.competitors:
+        return
+    names, columns = law_columns(results)
+    table = Table(box=None, padding=(0, 1, 0, 0))
+    table.add_column("controller", no_wrap=True)
+    for header, texts in columns:
+        # headers are broken at spaces, values stay whole
+        widest = max(map(len, (*header.split(), *(_emphasised(text).plain for text in texts))))
+        table.add_column(header, justify="right", min_width=widest)
+    for i, name in enumerate(names):
+        table.add_row(Text(name), *(_emphasised(texts[i]) for _, texts in columns))
+    console.print(table, crop=False, overflow="ignore")
+    console.print(FIRST_LEGEND.replace("*", ""))
+
+
+def _emphasised(text: str) -> Text:
+    """Bold where Markdown has stars; where nothing can be bold the stars stay."""
+    before, star, rest = text.partition("**")
+    if not star or not console.is_terminal:
+        return Text(text)
+    inside, _, after = rest.partition("**")
+    return Text.assemble(before, (inside, "bold"), after)
 
 
 def evidence_report(folder: Path, figures: bool, tuning: Path | None = None) -> Path:

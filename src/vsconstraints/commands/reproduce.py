@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import ConfigurationError
+from . import completions
 from .terminal import NOTHING_DONE, Jobs, console, errors, note_processes, progress_bar, taken_up_again, typed_command
 
 if TYPE_CHECKING:
@@ -18,14 +19,25 @@ if TYPE_CHECKING:
 
 def reproduce(
     figure: Annotated[
-        list[int] | None, typer.Option(metavar="NUMBER", help="Only this figure of the paper. Can be repeated.")
+        list[int] | None,
+        typer.Option(
+            metavar="NUMBER", help="Only this figure of the paper. Can be repeated.", autocompletion=completions.figures
+        ),
     ] = None,
     claim: Annotated[
         list[str] | None,
-        typer.Option(metavar="NUMBER", help="Only these claims: 5, or 5d for one of them. Can be repeated."),
+        typer.Option(
+            metavar="NUMBER",
+            help="Only these claims: 5, or 5d for one of them. Can be repeated.",
+            autocompletion=completions.claims,
+        ),
     ] = None,
     controller: Annotated[
-        str | None, typer.Option(help="With --figure: a law instead of the paper's, a name or module:Class.")
+        str | None,
+        typer.Option(
+            help="With --figure: a law instead of the paper's, a name or module:Class.",
+            autocompletion=completions.controllers,
+        ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report, table and figures.")] = Path("vsconstraints-paper"),
     jobs: Jobs = None,

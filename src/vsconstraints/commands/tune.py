@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import ConfigurationError
+from . import completions
 from .terminal import Jobs, console, errors, note_processes, progress_bar, taken_up_again, typed_command
 
 
@@ -22,8 +23,13 @@ def tune(
     seeds: Annotated[int, typer.Option(help="How often tuning is repeated with another seed.")] = 3,
     scenes: Annotated[int, typer.Option(help="Training scenes of each family.")] = 10,
     violations: Annotated[float, typer.Option(help="Share of runs that may have a violated row.")] = 0.2,
-    family: Annotated[list[str] | None, typer.Option(help="Only this family. Can be repeated.")] = None,
-    controller: Annotated[list[str] | None, typer.Option(help="Only this controller. Can be repeated.")] = None,
+    family: Annotated[
+        list[str] | None, typer.Option(help="Only this family. Can be repeated.", autocompletion=completions.families)
+    ] = None,
+    controller: Annotated[
+        list[str] | None,
+        typer.Option(help="Only this controller. Can be repeated.", autocompletion=completions.controllers),
+    ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change a setting of the campaign, as of evidence."),

@@ -1,6 +1,7 @@
 """Comparisons: suites, the runner, scores, and what is stored."""
 
 from ..runs.spec import ControllerSpec, RunSpec
+from .keeping import keep_trajectories
 from .metrics import DEFINITIONS, score
 from .record import RunRecord
 from .runner import Finished, compare
@@ -16,5 +17,6 @@ __all__ = [
     "StoredComparison",
     "Suite",
     "compare",
+    "keep_trajectories",
     "score",
 ]

@@ -1,5 +1,6 @@
 """Evidence: thousands of drawn scenes, run with every law, scored where they are run, and stored as Parquet shards."""
 
+from ..runs.keep import Keep
 from .campaign import Campaign
 from .columns import KEYS, ROWS, RUNS, SCENES, TABLES, TIMING, Column
 from .merge import Merged, merge
@@ -7,7 +8,7 @@ from .progress import Finished, Progress
 from .runner import Plan, collect
 from .stored import Evidence
 from .task import Batch, Shard
-from .trajectories import Keep, RunKey
+from .trajectories import RunKey
 from .worker import Part, scored
 from .workers import OpenWorkers, Workers, processes
 

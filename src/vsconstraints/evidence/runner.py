@@ -12,6 +12,7 @@ from typing import Any
 from .. import __version__
 from ..kernels import prepare
 from ..runs.folder import held, manifest_of
+from ..runs.keep import Keep, demand_keep
 from ..runs.machine import code_hash, git_commit, machine, package_versions
 from ..runs.pool import Failure
 from ..runs.signals import INTERRUPTS, signal_of
@@ -20,7 +21,7 @@ from .folder import clear, storing, what_is_there, write_manifest, write_shard
 from .pieces import by_pieces
 from .progress import Finished, Progress
 from .task import Batch, Shard, Work
-from .trajectories import Keep, demand_keep, keep_trajectories
+from .trajectories import keep_trajectories
 from .worker import Part, scored
 from .workers import OpenWorkers, Workers, processes
 

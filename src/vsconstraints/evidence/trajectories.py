@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 from ..comparisons.record import RunRecord
-from ..errors import unknown_name
 from ..families import Drawn
 from ..runs.deadline import Deadline
+from ..runs.keep import Keep, Kinds, kept_lines
 from ..runs.pool import Failure
 from .columns import RUNS
 from .folder import MARK, TRAJECTORIES, shard_file, shard_names
@@ -17,9 +17,7 @@ from .task import Batch, Work
 from .worker import Bench, drawn
 from .workers import OpenWorkers
 
-Keep = Literal["none", "failed", "worst", "first", "all"]
-"""Runs whose trajectories are kept: none; those that failed or were aborted; of each family, condition and controller
-the one with the deepest violation, of equal ones that of the first scene; those of each family's first scene; all."""
+KINDS = Kinds(("family", "condition", "controller"), "scene", "family")
 
 
 class RunKey(NamedTuple):
@@ -29,12 +27,6 @@ class RunKey(NamedTuple):
     condition: str
     scene: int
     controller: str
-
-
-def demand_keep(keep: str) -> None:
-    """Raise ConfigurationError if there is no such way to keep."""
-    if keep not in get_args(Keep):
-        raise unknown_name("--keep", keep, get_args(Keep))
 
 
 def trajectory_file(folder: Path, key: RunKey) -> Path:
@@ -53,19 +45,9 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
     files = [shard_file(folder, MARK, name) for name in shard_names(folder)]
     lines = read(files, RUNS, names).to_pandas().dropna(subset="duration_s")
     lines = lines.sort_values(["family", "scene", "condition", "controller"], ignore_index=True)
-    return [RunKey(*line) for line in _wanted(lines, keep)[list(RunKey._fields)].itertuples(index=False)]
-
-
-def _wanted(lines: Any, keep: Keep) -> Any:
-    if keep == "failed":
-        return lines[lines["status"].isin(("failed", "aborted"))]
-    if keep == "worst":
-        violated = lines[lines["violation_depth"] > 0.0]
-        # of equal ones the first, which is that of the first scene
-        return lines.loc[violated.groupby(["family", "condition", "controller"])["violation_depth"].idxmax()]
-    if keep == "first":
-        return lines[lines["scene"] == lines.groupby("family")["scene"].transform("min")]
-    return lines
+    return [
+        RunKey(*(line[name] for name in RunKey._fields)) for line in kept_lines(lines.to_dict("records"), keep, KINDS)
+    ]
 
 
 def keep_trajectories(folder: Path, keep: Keep, work: Work, workers: OpenWorkers) -> int:

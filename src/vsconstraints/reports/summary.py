@@ -27,6 +27,12 @@ Column = tuple[str, list[str]]
 
 def law_table(results: Results) -> str:
     """What matters most of each law, best first, in at most :data:`MOST_COLUMNS` columns; what is best is bold."""
+    names, columns = law_columns(results)
+    return _table(names, columns)
+
+
+def law_columns(results: Results) -> tuple[list[str], list[Column]]:
+    """The laws in the order of that table, and its columns: what stands above each, and a text for each law."""
     names = results.competitors
     runs = [len(results.all_runs(name)) for name in names]
     good = [
@@ -41,7 +47,7 @@ def law_table(results: Results) -> str:
         ("form", [results.form(name) for name in names]),
     ]
     order = sorted(range(len(names)), key=lambda i: -results.clean[names[i]])
-    return _table([names[i] for i in order], [(header, [texts[i] for i in order]) for header, texts in columns])
+    return [names[i] for i in order], [(header, [texts[i] for i in order]) for header, texts in columns]
 
 
 FIRST_LEGEND = (
