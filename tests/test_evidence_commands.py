@@ -17,7 +17,7 @@ from vsconstraints.comparisons import Suite
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.evidence import Campaign, parquet
 from vsconstraints.evidence.columns import Column
-from vsconstraints.families import families
+from vsconstraints.families import Family, families
 
 
 @pytest.fixture(autouse=True)
@@ -90,6 +90,49 @@ def test_without_a_file_all_families_meet_the_laws_of_the_default_comparison() -
     assert default.question.endswith("best?")
     # read by its path, it is the same
     assert default.resolved() == shipped.resolved()
+
+
+def test_the_real_world_is_a_study_of_the_same_laws(monkeypatch: pytest.MonkeyPatch) -> None:
+    real, default = Campaign.load("real-world"), Campaign.load()
+    assert [(entry.name, entry.options) for entry in real.controllers] == [
+        (entry.name, entry.options) for entry in default.controllers
+    ]
+    assert [family.name for family in real.families] == ["ur5", "panda"]
+    assert real.conditions[0] == "nominal"
+    # folders within the package are told as seen from the shipped families
+    assert {entry["folder"] for entry in real.resolved()["families"].values()} == {"real-world"}
+    asked: list[tuple[Path, Path]] = []
+    monkeypatch.setattr("vsconstraints.cli.evidence", lambda file, out, jobs: asked.append((file, out)))
+    assert say("study", "real-world", "--out", "all").exit_code == 0
+    assert asked == [(Path("real-world"), Path("all/real-world"))]
+    refused = say("study", "real-wold")
+    assert "Did you mean 'real-world'" in str(refused.exception)
+
+
+def test_scenes_of_the_real_world_are_those_of_the_families_they_are_of() -> None:
+    for family in Campaign.load("real-world").families:
+        scene, same = family.scene(3), Family.load(family.name).scene(3)
+        assert scene.values["q0"] == same.values["q0"]
+        assert scene.challenged == same.challenged
+        assert scene.scenario("calibrated").tables["disturbances"]["mount_rotation_error"] != [0.0, 0.0, 0.0]
+        assert scene.scenario("dynamics").tables["plant"]["type"] == "dynamics"
+
+
+def test_a_condition_can_be_run_in_the_first_scenes_alone(tmp_path: Path) -> None:
+    campaign(tmp_path)
+    assert say("evidence", "small.toml", "--scenes", "3", "--set", "scenes_in.limited=1", "--out", "out").exit_code == 0
+    runs = tables(tmp_path / "out")["runs"]
+    assert {name: set(own["scene"]) for name, own in runs.groupby("condition", observed=True)} == {
+        "nominal": {0, 1, 2},
+        "limited": {0},
+    }
+    assert len(runs) == 12
+    more = say("evidence", "small.toml", "--scenes", "4", "--set", "scenes_in.limited=1", "--out", "out")
+    assert "3 of 4 scenes were stored" in more.output
+    other = say("evidence", "small.toml", "--scenes", "4", "--set", "scenes_in.limited=2", "--out", "out")
+    assert "scenes_in.limited is 1 there and 2 here" in str(other.exception)
+    for setting, what in (("scenes_in.limted=1", "unknown condition 'limted'"), ("scenes_in.limited=-1", "0 or more")):
+        assert what in str(say("evidence", "small.toml", "--set", setting).exception)
 
 
 @settings(max_examples=40, deadline=None)

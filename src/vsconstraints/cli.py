@@ -33,7 +33,7 @@ from .commands.terminal import (
     typed_command,
 )
 from .commands.tune import tune
-from .errors import StorageError, VsconstraintsError, WorkersLost
+from .errors import StorageError, VsconstraintsError, WorkersLost, unknown_name
 from .runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 
 app.command()(diff)
@@ -176,9 +176,18 @@ def study(
     out: Annotated[Path, typer.Option(help="Folder for figures and tables.")] = Path("vsconstraints-studies"),
     jobs: Jobs = None,
 ) -> None:
-    """Answer a general question about the controllers with many runs and one figure."""
-    from .studies import STUDIES, figure_file, run_studies
+    """Answer a general question about the controllers with many runs and one figure; real-world is a whole campaign."""
+    from .studies import CAMPAIGNS, STUDIES, figure_file, run_studies
 
+    for name in names or ():
+        if name not in STUDIES and name not in CAMPAIGNS:
+            raise unknown_name("study", name, [*STUDIES, *CAMPAIGNS])
+    for name in dict.fromkeys(names or ()):
+        if name in CAMPAIGNS:
+            evidence(Path(name), out / name, jobs=jobs)
+    names = [name for name in names or STUDIES if name in STUDIES]
+    if not names:
+        return
     note_processes(jobs)
     with taken_up_again(out), progress_bar() as progress:
         bar = progress.add_task("studying", total=None)

@@ -24,7 +24,9 @@ Given = list[str] | None
 def evidence(
     campaign: Annotated[
         Path | None,
-        typer.Argument(help="A campaign file; all families with the default comparison's controllers if not given."),
+        typer.Argument(
+            help="A campaign file, or real-world; all families with the default comparison's controllers if not given."
+        ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for results; scenes stored there are not run again.")] = Path(
         "vsconstraints-evidence"

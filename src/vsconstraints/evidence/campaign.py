@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +24,16 @@ from ..scenarios.reading import Table, demand_known, demand_table, made
 from ..scenarios.toml import read_toml
 from .identity import Identity, of_code, of_controllers, of_family, plain
 
-DEFAULT = Path(__file__).parent / "evidence.toml"
+SHIPPED_CAMPAIGNS = {name: Path(__file__).parent / f"{name}.toml" for name in ("evidence", "real-world")}
+"""Files of the campaigns that come with the package, by name."""
+
+DEFAULT = SHIPPED_CAMPAIGNS["evidence"]
 """The campaign that is run when none is given; ``comparisons/evidence.toml`` is a link to it."""
 
 MOST_SCENES = 10_000_000
 """Scenes of a family that a campaign may have."""
 
-OWN_SETTINGS = ("scenes", "seed", "half", "conditions")
+OWN_SETTINGS = ("scenes", "seed", "half", "conditions", "scenes_in.CONDITION")
 """Keys that ``--set`` changes besides options of controllers."""
 
 
@@ -56,6 +59,8 @@ class Campaign:
         ``"held-out"`` or ``"training"``.
     seed
         Of all scenes.
+    scenes_in
+        Of conditions whose runs take long: in how many scenes, the first of each family, they are run at most.
     """
 
     name: str
@@ -67,17 +72,19 @@ class Campaign:
     scenes: int = 1000
     half: str = "held-out"
     seed: int = 0
+    scenes_in: Mapping[str, int] = field(default_factory=dict)
 
     @classmethod
-    def load(cls, path: Path | None = None) -> Campaign:
-        """The campaign of a TOML file; without a path the one that comes with the package.
+    def load(cls, path: Path | str | None = None) -> Campaign:
+        """The campaign of a TOML file, or one that comes with the package by its name: ``evidence`` if none is given.
 
         Raises
         ------
         ConfigurationError, InvalidInput
             if the file cannot be read, has an unknown key, or something in it cannot be used.
         """
-        source, folder = (DEFAULT, Path()) if path is None else (path, path.parent)
+        source = DEFAULT if path is None else SHIPPED_CAMPAIGNS.get(str(path), Path(path))
+        folder = Path() if path is None else source.parent
         file: _File = made(_File, read_toml(source), source.name)
         controllers = entries_of(file.controllers, f"{source.name}.controllers", folder)
         if file.tuned:
@@ -92,6 +99,7 @@ class Campaign:
             file.scenes,
             file.half,
             file.seed,
+            dict(file.scenes_in),
         ).checked()
 
     def select(
@@ -112,8 +120,8 @@ class Campaign:
         scenes
             Instead of the campaign's.
         settings
-            ``KEY=VALUE`` with KEY ``scenes``, ``seed``, ``half``, ``conditions``, or a controller's name and an
-            option. VALUE as in TOML, or plain text.
+            ``KEY=VALUE`` with KEY ``scenes``, ``seed``, ``half``, ``conditions``, ``scenes_in.CONDITION``, or a
+            controller's name and an option. VALUE as in TOML, or plain text.
         """
         own = {family.name: family for family in self.families}
         campaign = replace(
@@ -137,6 +145,9 @@ class Campaign:
         if key == "conditions":
             given = value if isinstance(value, list) else [value]
             return replace(self, conditions=tuple(str(name) for name in given))
+        table, _, condition = key.partition(".")
+        if table == "scenes_in" and condition:
+            return replace(self, scenes_in={**self.scenes_in, condition: value})
         name, option = target_of(key, {entry.name for entry in self.controllers}, OWN_SETTINGS)
         return replace(self, controllers=with_option(self.controllers, name, option, value))
 
@@ -154,10 +165,13 @@ class Campaign:
         demand_names("controller", [entry.name for entry in self.controllers])
         for entry in self.controllers:
             entry.make()
-        for name in self.conditions:
-            known = {condition for family in self.families for condition in family.conditions}
+        known = {condition for family in self.families for condition in family.conditions}
+        for name in (*self.conditions, *self.scenes_in):
             if name not in known:
                 raise unknown_name("condition", name, known)
+        for name, most in self.scenes_in.items():
+            if isinstance(most, bool) or not isinstance(most, int) or most < 0:
+                raise ConfigurationError(f"scenes_in.{name} must be an integer, 0 or more, not {shown(most)}")
         for family in self.families:
             if not self.conditions_of(family):
                 raise ConfigurationError(
@@ -166,9 +180,12 @@ class Campaign:
                 )
         return replace(self, controllers=with_baseline(self.controllers))
 
-    def conditions_of(self, family: Family) -> tuple[str, ...]:
-        """The conditions in which a family's scenes are run, in the family's order."""
-        return tuple(name for name in family.conditions if not self.conditions or name in self.conditions)
+    def conditions_of(self, family: Family, number: int = 0) -> tuple[str, ...]:
+        """The conditions in which a family's scene of that number is run, in the family's order."""
+        wanted = self.conditions or family.conditions
+        return tuple(
+            name for name in family.conditions if name in wanted and number < self.scenes_in.get(name, self.scenes)
+        )
 
     def identity(self, family: Family) -> Identity:
         """All that the results of one family's scenes depend on."""
@@ -177,6 +194,7 @@ class Campaign:
             "seed": self.seed,
             "half": self.half,
             "conditions": list(self.conditions_of(family)),
+            **({"scenes_in": dict(self.scenes_in)} if self.scenes_in else {}),
             "controllers": of_controllers(self.controllers),
             "family": of_family(family),
         }
@@ -195,10 +213,11 @@ class Campaign:
             "half": self.half,
             "seed": self.seed,
             "conditions": list(self.conditions),
+            "scenes_in": dict(self.scenes_in),
             "controllers": {entry.name: {"type": entry.law, **entry.options} for entry in self.controllers},
             "families": {
                 family.name: {
-                    "folder": "" if family.folder == SHIPPED else str(family.folder.resolve()),
+                    "folder": _told(family.folder),
                     "conditions": list(self.conditions_of(family)),
                     "tables": plain(family.tables),
                 }
@@ -219,7 +238,14 @@ class _File:
     scenes: int = 1000
     half: str = "held-out"
     seed: int = 0
+    scenes_in: Table = field(default_factory=dict)
     tuned: str = ""
+
+
+def _told(folder: Path) -> str:
+    """A family's folder for a manifest: within that of the shipped families as seen from it, since that differs."""
+    whole, shipped = folder.resolve(), SHIPPED.resolve()
+    return "/".join(whole.relative_to(shipped).parts) if whole.is_relative_to(shipped) else str(whole)
 
 
 def tuned_entries(path: Path, folder: Path) -> Entries:

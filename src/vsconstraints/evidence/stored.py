@@ -45,11 +45,8 @@ class Evidence:
     def families(self) -> dict[str, Family]:
         """The families as they were run, by name."""
         stored = self.manifest["configuration"]["families"]
-        # shipped families are stored without the folder, which differs from machine to machine
-        return {
-            name: Family(name, entry["tables"], Path(entry["folder"]) if entry["folder"] else SHIPPED)
-            for name, entry in stored.items()
-        }
+        # folders of shipped families, which differ from machine to machine, are stored as seen from theirs
+        return {name: Family(name, entry["tables"], SHIPPED / entry["folder"]) for name, entry in stored.items()}
 
     @property
     def conditions(self) -> tuple[str, ...]:

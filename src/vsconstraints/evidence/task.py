@@ -132,9 +132,9 @@ class Work:
         return {task.name: task for task in in_turn}
 
     def task(self, family: Family, scenes: Sequence[int]) -> Batch:
-        """The task of these scenes of a family."""
+        """The task of these scenes of a family, which are run in the same conditions."""
         campaign, limit = self.campaign, self.limit or run_limit(family.tables)
-        conditions = campaign.conditions_of(family)
+        conditions = campaign.conditions_of(family, scenes[0])
         return Batch(family, tuple(scenes), conditions, campaign.controllers, campaign.half, campaign.seed, limit)
 
     def _of_family(self, family: Family) -> list[Batch]:
@@ -143,4 +143,5 @@ class Work:
         size = max(1, min(RUNS_OF_TASK // runs, ceil(len(scenes) / LEAST_TASKS)))
         done = self.there.get(family.name, set())
         left = (number for number in scenes if number not in done)
-        return [self.task(family, list(batch)) for _, batch in groupby(left, key=lambda number: number // size)]
+        alike = groupby(left, key=lambda number: (number // size, self.campaign.conditions_of(family, number)))
+        return [self.task(family, list(batch)) for _, batch in alike]

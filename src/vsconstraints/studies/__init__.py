@@ -1,7 +1,7 @@
 """Studies: the paper's general claims, each as one question, many runs and one figure."""
 
-from .run import STUDIES, data_file, figure_file, run_studies
+from .run import CAMPAIGNS, STUDIES, data_file, figure_file, run_studies
 from .study import Study, StudyResult
 from .summary import RunSummary
 
-__all__ = ["STUDIES", "RunSummary", "Study", "StudyResult", "data_file", "figure_file", "run_studies"]
+__all__ = ["CAMPAIGNS", "STUDIES", "RunSummary", "Study", "StudyResult", "data_file", "figure_file", "run_studies"]

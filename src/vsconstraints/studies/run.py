@@ -47,6 +47,10 @@ STUDIES: dict[str, Study] = {
 }
 """Studies by the name files and the command line use."""
 
+CAMPAIGNS = ("real-world",)
+"""Studies that are campaigns of :mod:`vsconstraints.evidence`, with a folder and a report of their own: they take long,
+and run only where they are named."""
+
 
 def figure_file(folder: Path, name: str) -> Path:
     """Where the figure of a study is written."""

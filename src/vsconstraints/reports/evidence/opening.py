@@ -11,6 +11,7 @@ from ..numbers import DASH, median, number
 from .answers import answers
 from .drawing import shown
 from .figures.success import SUCCESS
+from .holding import held
 from .material import Material
 from .sentence import Sentence
 from .standing import Standing, standing
@@ -55,7 +56,7 @@ def opening(material: Material) -> Opening:
         parts.append("There is nothing to compare: no law but tracking alone has a run.")
         return Opening("\n\n".join(parts))
     gain = gained(material)
-    others = [*turned(material), *([gain] if gain else []), *nowhere(material)]
+    others = [*turned(material), *held(material), *([gain] if gain else []), *nowhere(material)]
     lines = [" ".join(one.text for one in own) for own in by_condition.values()]
     parts.append(bullets([*lines, *(one.text for one in others)]))
     standings = [standing(material, condition) for condition in by_condition]

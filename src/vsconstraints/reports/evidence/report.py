@@ -12,6 +12,7 @@ from ...runs.files import replaced
 from .closing import closing
 from .decisions import decisions
 from .failing import failing
+from .holding import conclusions, holding
 from .knowledge import knowledge
 from .material import Material
 from .opening import opening
@@ -23,6 +24,7 @@ from .tuned import tuned, tuning_folder
 
 SECTIONS: tuple[Callable[[Material], str], ...] = (
     decisions,
+    holding,
     rates,
     profiles,
     knowledge,
@@ -86,7 +88,8 @@ def write_report_of(material: Material, on_written: OnWritten = lambda done, tot
         parts.append(section(material))
     on_written(len(parts), len(parts))
     report = material.folder / "report.md"
-    claims = json.dumps(first.as_data(), indent=1, ensure_ascii=False)
+    every = {**first.as_data(), "conclusions": [one.as_data() for one in conclusions(material)]}
+    claims = json.dumps(every, indent=1, ensure_ascii=False)
     try:
         for path, text in ((report, "\n\n".join(part for part in parts if part)), (material.folder / CLAIMS, claims)):
             with replaced(path) as part:
