@@ -20,6 +20,7 @@ from vsconstraints.constraints.curves import SHAPES
 from vsconstraints.distortion import Distortion
 from vsconstraints.features import FEATURES
 from vsconstraints.geometry import Pose
+from vsconstraints.images.settings import ImageSettings
 from vsconstraints.kinematics import RobotPoint
 from vsconstraints.limits import ActuatorLimits
 from vsconstraints.motion import Motion
@@ -52,6 +53,7 @@ TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
     "limits": (ActuatorLimits,),
     "disturbances": (Disturbances,),
     "plant": (ArmDynamics,),
+    "sensor": (ImageSettings,),
     "plant.payload": (Payload,),
     "plant.friction": (Friction,),
     "plant.rods": (Rods,),
@@ -87,6 +89,7 @@ FURTHER = {
     **{("", key): "table" for key in ("extends",)},
     **{("target", key): "" for key in ("markers", "square", "motion")},
     ("plant", "type"): "",
+    ("sensor", "type"): "",
     **{("constraints", key): "" for key in ("type", "motion", "K", "switching_gain")},
     **{(f"constraints.{table}", "shape"): "" for table in ("curve", "obstacle", "bodies")},
 }
@@ -213,8 +216,8 @@ def test_what_a_run_is_told_has_the_same_words_in_files_and_in_python() -> None:
     """What is not made from the arm, the scene and the task is handed on as it is."""
     ours, theirs = parameters(build.File), parameters(Setup)
     made = {"robot", "camera", "target", "constraints"} | {"title", "description", "start_deviation"}
-    # a setup's plant is the robot itself
-    in_python = {"dynamics" if key == "plant" else key for key in set(ours) - made}
+    # a setup's plant is the robot itself, and its sensor what it makes of the images
+    in_python = {{"plant": "dynamics", "sensor": "images"}.get(key, key) for key in set(ours) - made}
     assert in_python == set(theirs) - {"scene", "constraints"}
     for key in ("on_rank_loss", "on_hidden_markers", "actuation"):
         assert (ours[key].annotation, ours[key].default) == (theirs[key].annotation, theirs[key].default)

@@ -29,6 +29,7 @@ _TABLES = ("pandas", "pyarrow", "statsmodels", "scikit_posthocs")
 EXTRAS = {
     "evidence": Extra("evidence of drawn scenes", _TABLES),
     "tune": Extra("tuning of laws", (*_TABLES, "optuna", "moocore")),
+    "images": Extra("images in the loop", ("cv2", "pupil_apriltags")),
     "physics": Extra("the same arm in MuJoCo", ("mujoco",)),
     "cluster": Extra("work on a cluster", (*_TABLES, "distributed")),
 }

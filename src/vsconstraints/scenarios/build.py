@@ -16,6 +16,7 @@ from ..constraints.base import demand_positive
 from ..errors import ConfigurationError, InvalidInput, SceneError, shown, unknown_name
 from ..features import FEATURES, Goal
 from ..geometry import Pose, Vector2, Vector3
+from ..images.settings import SENSORS, ImageSettings
 from ..limits import NO_LIMITS, ActuatorLimits
 from ..motion import Motion, TargetMotion
 from ..references import MinimumJerk
@@ -61,6 +62,7 @@ class File:
     actuation: Actuation = "acceleration"
     limits: str | Table | None = None
     plant: Table | None = None
+    sensor: str | Table | None = None
 
 
 def build(
@@ -121,6 +123,7 @@ def build(
         file.on_hidden_markers,
         _limits(file.limits, robot, f"{where}.limits"),
         _plant(file.plant, f"{where}.plant"),
+        _images(file.sensor, f"{where}.sensor"),
     )
 
 
@@ -152,6 +155,15 @@ def _plant(table: Table | None, where: str) -> ArmDynamics | None:
     values = dict(table)
     dynamics: ArmDynamics = made(chosen(values, "type", PLANTS, where), values, where)
     return dynamics
+
+
+def _images(value: str | Table | None, where: str) -> ImageSettings | None:
+    """What a ``sensor`` says, which is its type, or a table with it."""
+    if value is None:
+        return None
+    values = {"type": value} if isinstance(value, str) else dict(value)
+    settings: ImageSettings = made(chosen(values, "type", SENSORS, where), values, where)
+    return settings
 
 
 def _robot(value: str | Table, where: str, folder: Path) -> Robot:

@@ -13,7 +13,7 @@ from ..errors import ConfigurationError, unknown_name
 PLACES = ("mount", "fixed", "camera_in_tip", "tip_in_camera", "camera_in_base", "base_in_camera")
 """Tables of which one says where a camera is."""
 
-OPTIONAL = ("disturbances", "tolerances", "motion", "distortion", "plant", "payload", "friction", *PLACES)
+OPTIONAL = ("disturbances", "tolerances", "motion", "distortion", "plant", "sensor", "payload", "friction", *PLACES)
 """Tables that need not be in a file, and are made when a key in them is overridden."""
 
 DEEPEST = 30

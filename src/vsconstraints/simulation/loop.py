@@ -25,6 +25,7 @@ from .line_of_sight import hidden_markers
 from .outcome import judge
 from .prepared import Prepared
 from .scores import RunScores
+from .seeing import ImageSensor
 from .setup import Setup
 from .trajectory import Trajectory
 
@@ -106,7 +107,7 @@ class _Run:
     fallbacks, unfounded
         How often another QP solver had to answer, and a law claimed a loss of rank that its rows do not show.
     at_once
-        How many samples compiled code may take at once: one where Python moves the robot.
+        How many samples compiled code may take at once: one where Python moves the robot, or looks at images.
     """
 
     def __init__(
@@ -121,7 +122,7 @@ class _Run:
         restart(controller, setup.Ts, self._model)
         self.samples = self.fallbacks = self.unfounded = 0
         self.ended, self.reason, self.compiled = "", "", False
-        self.kernels, self.address = load("closed_loop"), 0
+        self.kernels, self.address, self.law = load("closed_loop"), 0, 0
         self._begin(self._compiled_loop(by_public_call) or self._numpy_loop())
 
     def _model(self) -> Model:
@@ -137,8 +138,10 @@ class _Run:
             while stage != STEP or (self.samples < N and not self.ended):
                 begun = self.samples
                 end = begun + 1 if self.ended else min(begun + self.at_once, N)
+                if stage == STEP and self.address and isinstance(self.sensor, ImageSensor):
+                    self._look(self.sensor, begun)
                 self.samples, stage = self._go_on(end, stage)
-                if self.at_once == 1 and self.samples > begun:
+                if self.pushes and self.samples > begun:
                     self.plant.follow()
                 if self.samples < end:
                     stage = self._answer(self.samples, stage)
@@ -172,14 +175,16 @@ class _Run:
         self._laws = [frozen(part.arrays) for part in (alone, law) if part is not None]
         loop.parts[4] = self._laws[0].ctypes.data
         if law is not None and not by_public_call:
-            loop.parts[3] = self._laws[1].ctypes.data
+            loop.parts[3] = self.law = self._laws[1].ctypes.data
             loop = loop._replace(answer=loop.answer._replace(slack=law.slack))
         return loop
 
     def _begin(self, loop: Loop) -> None:
         self.loop, mover = loop, self.plant.mover if self.kernels is not None else (0, 0)
         loop.parts[7:] = mover
-        self.at_once = 1 if self.plant.follows and mover[0] == 0 else CHUNK
+        # whether Python moves the robot
+        self.pushes = self.plant.follows and mover[0] == 0
+        self.at_once = 1 if self.pushes or isinstance(self.sensor, ImageSensor) else CHUNK
         if self.kernels is not None:
             self._frozen = frozen(loop)
             self.address = int(self._frozen.ctypes.data)
@@ -245,11 +250,22 @@ class _Run:
         loop.kept.rows_time[k % len(loop.kept.rows_time)] = ready - started
         return rows, step.task
 
+    def _look(self, sensor: ImageSensor, k: int) -> None:
+        """Tell the compiled step, if there is one, what is measured in a sample."""
+        if self.loop.parts[0]:
+            assert self.bound is not None
+            self.bound.packed.measure(sensor.measured(k, self.plant.q, self.plant.qd))
+            # nobody asks a law that has nothing to go by
+            self.loop.parts[3] = 0 if sensor.blind else self.law
+
     def _ask_law(self, k: int, rows: Rows, task: Task) -> None:
         """Take the controller's command, or end the run.
 
         A loss of rank that the law claims is believed where the rows that it was given show it.
         """
+        if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
+            self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
+            return
         given, times = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy()), self.loop.kept.step_time
         called = perf_counter()
         command = self.controller.command(rows, task)
@@ -269,7 +285,12 @@ class _Run:
             said.append(f"another QP solver than the one asked for answered in {self.fallbacks} samples")
         if self.unfounded:
             said.append(f"the law claimed a loss of rank in {self.unfounded} samples in which its rows have full rank")
-        return [*said, *self.plant.remarks(), self.controller.remark(self.setup.constraints.labels)]
+        return [
+            *said,
+            *self.plant.remarks(),
+            *self.sensor.remarks(),
+            self.controller.remark(self.setup.constraints.labels),
+        ]
 
     def scores(self) -> RunScores:
         """What the run comes to."""

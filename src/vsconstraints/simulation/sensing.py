@@ -136,12 +136,16 @@ class Sensor:
         Whether what is believed differs from what is true.
     sample
         Which one is observed next.
+    blind
+        Whether there is nothing to go by, and the arm has to be braked.
 
     Raises
     ------
     ConfigurationError
         if images do not come at samples.
     """
+
+    blind = False
 
     def __init__(self, scene: Scene, disturbances: Disturbances, Ts: float, unknown_motion: bool = False) -> None:
         self.scene, self.disturbances = scene, disturbances
@@ -220,6 +224,10 @@ class Sensor:
         """What would be believed of a state to come."""
         wrong = self.disturbances
         return Expectation(self.believed, wrong.depth_factor, wrong.mount or wrong.target)
+
+    def remarks(self) -> list[str]:
+        """What a reader of the results should know of what was seen."""
+        return []
 
     def _image(self, ideal: Array) -> Array:
         """(m, 2) the measured pixels that can be used now, as the control has them, of those that are true."""

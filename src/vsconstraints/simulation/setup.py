@@ -7,11 +7,12 @@ from typing import Literal
 
 import numpy as np
 
-from ..constraints import ConstraintSet, ImageConstraint, Trace
+from ..constraints import ConstraintSet, ImageConstraint, Occlusion, Trace
 from ..control_step import ControlStep, has_unknown_motion
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
 from ..features import CameraPose
 from ..formulas.poses import reached
+from ..images.settings import ImageSettings
 from ..limits import NO_LIMITS, ActuatorLimits
 from ..renamed import renamed
 from ..rows import Array, BoolArray
@@ -22,7 +23,9 @@ from .dynamics import ArmDynamics, DynamicPlant
 from .dynamics.plant import Start
 from .gradient_error import GradientError
 from .line_of_sight import LinesOfSight
+from .photographer import Photographer
 from .plant import Actuation, Plant
+from .seeing import ImageSensor
 from .sensing import Sensor
 
 MOST_MEMORY = 2e9
@@ -93,6 +96,9 @@ class Setup:
     dynamics
         Masses, joint controller and friction of the robot, which then does what they make of a command; without them,
         what eq. (6) says.
+    images
+        Of the images that the control sees, which are rendered and searched for tags; without them, it is told where
+        markers are.
     """
 
     scene: Scene
@@ -109,6 +115,7 @@ class Setup:
     on_hidden_markers: Literal["refuse", "continue"] = "refuse"
     limits: ActuatorLimits = NO_LIMITS
     dynamics: ArmDynamics | None = None
+    images: ImageSettings | None = None
 
     def __post_init__(self) -> None:
         for name in ("sampling_time", "duration"):
@@ -162,7 +169,16 @@ class Setup:
 
     def sensor(self) -> Sensor:
         """What turns true states into what a controller believes."""
+        if self.images is not None:
+            return ImageSensor(self.scene, self.disturbances, self.images, self.photographer(), self.Ts)
         return Sensor(self.scene, self.disturbances, self.Ts, has_unknown_motion(self.scene, self.constraints))
+
+    def photographer(self) -> Photographer:
+        """What takes the images that the control sees; raises ConfigurationError where it sees none."""
+        if self.images is None:
+            raise ConfigurationError('there are no images without sensor = "images"')
+        occlusions = [one for one in self.constraints.constraints if isinstance(one, Occlusion)]
+        return Photographer(self.scene, self.images, occlusions, self.q0, self.disturbances.seed)
 
     def gradient_error(self) -> GradientError:
         """What spoils the rows' gradients."""

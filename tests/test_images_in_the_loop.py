@@ -1,0 +1,222 @@
+"""What a controller is told that sees images: when, how it moves on, and what happens without any."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.geometry import distance
+from vsconstraints.images.detectors import Pixels
+from vsconstraints.scenarios import Scenario
+from vsconstraints.scene import State
+from vsconstraints.simulation import Setup, Trajectory, simulate
+from vsconstraints.simulation.photographer import Photographer
+from vsconstraints.simulation.seeing import ImageSensor
+
+
+def made(duration: float = 0.2, scene: str = "ur5-images", **settings: Any) -> Setup:
+    scenario = Scenario.load(scene).with_override("duration", duration)
+    for key, value in settings.items():
+        scenario = scenario.with_override(key.replace("__", "."), value)
+    return scenario.setup()
+
+
+def sensor(setup: Setup) -> ImageSensor:
+    found = setup.sensor()
+    assert isinstance(found, ImageSensor)
+    return found
+
+
+def seen_on_the_way(there: Setup, until: float, speed: float = 0.3) -> tuple[list[float], list[float], list[float]]:
+    """Greatest errors of pixels, of the camera [m], and of depths [m], sample after sample, of an arm that moves."""
+    eye, errors = sensor(there), []
+    direction = np.array([1.0, 0.3, -0.2, 0.5, 0.2, 1.0])
+    for k in range(round(until / there.Ts)):
+        t = k * there.Ts
+        q, qd = there.q0 + speed * t * direction, speed * direction
+        true, told = there.scene.evaluate(t, q, qd), eye.measured(k, q, qd)
+        assert told.pixels is not None
+        assert told.depth is not None
+        assert told.camera is not None
+        off = np.abs(told.pixels - true.pixels.position).max()
+        errors.append((off, distance(told.camera, true.camera)[0], np.abs(told.depth - true.depth).max()))
+    return tuple(map(list, zip(*errors, strict=True)))  # type: ignore[return-value]
+
+
+def test_what_an_image_shows_moves_on_with_the_arm() -> None:
+    """300 px/s and more: held images are off by latency and period times that, moved ones by the detector's noise."""
+    moved, places, depths = seen_on_the_way(made(), 0.2)
+    assert max(moved) < 0.5
+    assert max(places) < 2e-3
+    assert max(depths) < 1e-3
+    held, _, _ = seen_on_the_way(made(sensor__prediction=False), 0.2)
+    late = held[1:]
+    assert held[0] < 0.5
+    # the first image is held until the second can be used, 0.03 s after it was taken at 0.034 s
+    assert int(np.argmax(np.diff(held) < -1.0)) == round(0.064 / 0.002) - 1
+    assert max(late) > 10.0
+    assert np.mean(late) > 20.0 * np.mean(moved)
+
+
+def test_images_come_at_their_own_rate_and_late() -> None:
+    there = made(sensor__rate_hz=45.0, sensor__latency_s=0.011)
+    eye = sensor(there)
+    for k in range(60):
+        eye.measured(k, there.q0, there.qd0)
+        # asked twice in a sample, it says the same
+        assert eye.measured(k, there.q0, there.qd0) is eye.measured(k, there.q0, there.qd0)
+    taken = [look.taken for look in eye.looks]
+    # the first samples of 2 ms that are not before 0, 1/45, 2/45, …
+    np.testing.assert_allclose(taken, [0.0, 0.024, 0.046, 0.068, 0.09, 0.112])
+    eye.reset()
+    assert not eye.looks
+
+
+def test_depth_is_what_is_asked_for() -> None:
+    there = made()
+    true = there.scene.evaluate(0.0, there.q0, there.qd0).depth
+    for depth, wanted in (("model", true), (0.37, np.full(4, 0.37))):
+        told = sensor(made(sensor__depth=depth)).measured(0, there.q0, there.qd0).depth
+        assert told is not None
+        np.testing.assert_allclose(told, wanted, atol=1e-12)
+    measured = sensor(there).measured(0, there.q0, there.qd0).depth
+    assert measured is not None
+    assert 0.0 < np.abs(measured - true).max() < 1e-3
+
+
+def test_every_law_sees_the_same_noise() -> None:
+    there, again, other = made(), made(), Scenario.load("ur5-images").setup(seed=1)
+    state = there.scene.evaluate(0.0, there.q0, there.qd0)
+    first = there.photographer().image(3, state)
+    np.testing.assert_array_equal(first, again.photographer().image(3, state))
+    assert (first != there.photographer().image(4, state)).mean() > 0.5
+    assert (first != other.photographer().image(3, state)).mean() > 0.5
+
+
+def test_a_run_by_images_is_near_the_one_by_exact_pixels() -> None:
+    """Both forms, and both features; what is left is what 0.05 px at 0.5 m make, sample for sample."""
+    for scene in ("ur5-fov", "ur5-image"):
+        exact = simulate(made(0.3, scene), HierarchicalQP())
+        images = simulate(made(0.3, scene, sensor="images"), HierarchicalQP())
+        assert images.compiled
+        assert 1e-7 < np.abs(images.q - exact.q).max() < 5e-3
+        assert np.abs(images.features_px - exact.features_px).max() < 4.0
+
+
+def test_an_arm_with_mass_and_a_camera_that_is_not_quite_known_see_images_too() -> None:
+    there = made(
+        0.1,
+        plant={"type": "dynamics"},
+        disturbances={"mount_translation_error": [0.002, 0.0, 0.0], "depth_factor": 1.1, "focal_factor": [1.01, 1.01]},
+    )
+    run = simulate(there, SlidingMode())
+    assert run.status == "unfinished", run.reason
+    assert "images" not in run.reason
+
+
+# --- nothing to see ---
+
+
+def blinded(monkeypatch: pytest.MonkeyPatch, first: int, last: int, duration: float, **settings: Any) -> Trajectory:
+    """A run in which images of those numbers are grey."""
+    usual = Photographer.image
+
+    def image(self: Photographer, number: int, state: State) -> Pixels:
+        picture = usual(self, number, state)
+        return np.full_like(picture, 100) if first <= number <= last else picture
+
+    monkeypatch.setattr(Photographer, "image", image)
+    return simulate(made(duration, **settings), Tracking())
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_without_images_the_arm_is_braked_and_goes_on_when_there_are_some(
+    compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not compiled:
+        monkeypatch.setattr("vsconstraints.simulation.loop.load", lambda name: None)
+    # the last one is taken at 0.1 s; at 0.1 + 0.03 + 0.034 + 0.05 s patience ends, at 0.434 + 0.03 s there is another
+    run = blinded(monkeypatch, 4, 12, 0.5, sensor__patience_s=0.05)
+    assert run.status == "unfinished"
+    assert "9 of 16 images could not be used, the first at 0.134 s" in run.reason
+    assert "the arm was braked for 0.25 s" in run.reason
+    speed = np.linalg.norm(run.qd, axis=1)
+    braked = (run.t > 0.2135) & (run.t < 0.4635)
+    np.testing.assert_allclose(run.qdd_command[braked], -10.0 * run.qd[braked], atol=1e-9)
+    # e⁻²·⁵ is 0.08
+    assert speed[braked][-1] < 0.09 * speed[braked][0]
+    assert speed[-1] > 2.0 * speed[braked][-1]
+
+
+def test_without_a_tag_in_the_first_image_a_run_fails() -> None:
+    dark = simulate(made(0.1, sensor__light=0.01), SlidingMode())
+    assert dark.status == "failed"
+    assert "t = 0 s: no tag that is looked for is seen in the first image" in dark.reason
+    wrong = simulate(made(0.1, sensor__printed=[5, 6, 7, 8]), SlidingMode())
+    assert "is seen in the first image, but tags 5, 6, 7, 8" in wrong.reason
+    swapped = simulate(made(0.1, sensor__printed=[1, 0, 2, 3]), SlidingMode())
+    assert "those that are seen are not where those of the board can be" in swapped.reason
+
+
+def test_a_wrong_tag_is_left_out_and_told() -> None:
+    run = simulate(made(0.1, sensor__printed=[0, 1, 2, 9]), SlidingMode())
+    assert run.status == "unfinished"
+    assert run.reason.count("tags were seen that are not the board's: 9") == 1
+
+
+def test_what_occludes_stands_before_the_tags() -> None:
+    """A disc of 60 px that stays on the first marker, and one that leaves it at 2000 px/s."""
+    there = made()
+    u, v = there.scene.evaluate(0.0, there.q0, there.qd0).pixels.position[0].tolist()
+    disc = {
+        "type": "occlusion",
+        "K": 0.1,
+        "switching_gain": 1.0,
+        "curve": {"shape": "circle", "radius": 60.0, "centre_px": [u, v]},
+    }
+    for constraint, at_last in ((disc, False), ({**disc, "motion": {"velocity": [-2000.0, 0.0]}}, True)):
+        covered = made(constraints=[constraint])
+        eye = sensor(covered)
+        for k in range(60):
+            eye.measured(k, there.q0, there.qd0)
+        first, last = (eye.looks[i].sighting.seen for i in (0, -1))
+        assert first.tolist() == [False, True, True, True]
+        assert last[0] == at_last
+
+
+# --- what cannot be ---
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"sensor": "image"}, r"unknown type in ur5-images\.sensor 'image'\. Did you mean 'images'"),
+        (
+            {"sensor": {"type": "images", "rate": 3.0}},
+            r"unknown key in ur5-images\.sensor 'rate'\. Did you mean 'rate_hz'",
+        ),
+        ({"sensor": {"rate_hz": 3.0}}, "the key 'type' is missing"),
+        ({"disturbances.pixel_noise": 0.1}, r"disturbances\.pixel_noise is of markers that are seen without images"),
+        ({"disturbances.delay": 1}, r"disturbances\.delay is of markers"),
+        ({"sensor.tag_side_m": 0.2}, "overlap"),
+        ({"target": {"markers": [[0.5, 0.1, 0.0], [0.6, 0.1, 0.0]]}}, "takes three markers or more, not 2"),
+    ],
+)
+def test_sensors_that_cannot_be(change: dict[str, Any], message: str) -> None:
+    scenario = Scenario.load("ur5-images")
+    for key, value in change.items():
+        scenario = scenario.with_override(key, value)
+    with pytest.raises(ConfigurationError, match=message):
+        scenario.setup()
+
+
+def test_without_the_extra_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vsconstraints.extras.find_spec", lambda module: None)
+    with pytest.raises(ConfigurationError, match=r"needs cv2, pupil_apriltags: pip install 'vsconstraints\[images\]'"):
+        made()
+    with pytest.raises(ConfigurationError, match='no images without sensor = "images"'):
+        made(scene="ur5-fov").photographer()
