@@ -355,6 +355,26 @@ def test_a_scene_is_the_same_in_all_conditions_but_for_what_they_say(by_hand: Ca
     assert scene.noise != by_hand().scene(1).noise
 
 
+def test_a_condition_of_several_has_their_draws_together(by_hand: Callable[..., Family]) -> None:
+    more = "[conditions.slow.task]\nKp0 = { uniform = [1.0, 2.0] }\n"
+    more += "[conditions.both]\nconditions = ['disturbed', 'slow']\n[conditions.both.task]\nKp_slope = 0.5\n"
+    family = by_hand(("[conditions.disturbed", more + "[conditions.disturbed"))
+    assert set(family.conditions) == {"nominal", "disturbed", "slow", "both"}
+    scene, tables = family.scene(1), family.scene(1).tables
+    assert tables["both"]["disturbances"] == tables["disturbed"]["disturbances"] != tables["slow"].get("disturbances")
+    assert tables["both"]["task"]["Kp0"] == tables["slow"]["task"]["Kp0"] != tables["nominal"]["task"]["Kp0"]
+    assert tables["both"]["task"]["Kp_slope"] == 0.5
+    # what a condition has of others is drawn once
+    assert not any(key.startswith("conditions.both") for key in scene.values)
+    for told, what in (
+        ("['disturbd']", "Did you mean 'disturbed'"),
+        ("['both']", "unknown condition"),
+        ("'slow'", "must be a list"),
+    ):
+        with pytest.raises(ConfigurationError, match=what):
+            by_hand(("[conditions.disturbed", more.replace("['disturbed', 'slow']", told) + "[conditions.disturbed"))
+
+
 def test_scenes_and_families_can_be_sent_to_other_processes() -> None:
     family = Family.load("planar-arm")
     scene = family.scene(1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, reduce
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,9 @@ HALVES = ("training", "held-out")
 
 OWN_KEYS = ("title", "description", "extends", "conditions", "attempts")
 """Keys of a family's file that are no scenario's, or are said by it for all its scenes."""
+
+TOGETHER = "conditions"
+"""Key of a condition that names others, whose draws it has all together."""
 
 ATTEMPTS = 200
 """Attempts at one scene, if a family says nothing else."""
@@ -98,7 +101,8 @@ class Family:
             under = Scenario.load(extended, path.parent).tables
             tables = merged(under, {k: v for k, v in tables.items() if k != "extends"}, str(path))
         family = cls(path.stem, tables, path.parent)
-        _ = family._parsed, family._overrides, family.attempts  # everything is read once, so that it fails here
+        # everything is read once, so that it fails here
+        _ = family._parsed, family._overrides, family._parts, family.attempts
         return family
 
     @property
@@ -136,8 +140,25 @@ class Family:
         conditions = demand_table(self.tables.get("conditions", {}), where)
         found = {}
         for name, said in conditions.items():
-            found[name] = parsed(demand_table(said, f"{where}.{name}"), f"{where}.{name}")
+            own = {key: value for key, value in demand_table(said, f"{where}.{name}").items() if key != TOGETHER}
+            found[name] = parsed(own, f"{where}.{name}")
             demand_no_placement(found[name], f"{where}.{name}")
+        return found
+
+    @cached_property
+    def _parts(self) -> dict[str, tuple[str, ...]]:
+        """Of every condition those whose tables it has, one over the other: its own last."""
+        conditions = self.tables.get("conditions", {})
+        single = [name for name, said in conditions.items() if TOGETHER not in said]
+        found = {}
+        for name, said in conditions.items():
+            where, others = f"{self.name}.conditions.{name}.{TOGETHER}", said.get(TOGETHER, [])
+            if not isinstance(others, list):
+                raise ConfigurationError(f"{where} must be a list of conditions, not {shown(others)}")
+            for other in others:
+                if other not in single:
+                    raise unknown_name(f"condition in {where}", str(other), single)
+            found[name] = (*others, name)
         return found
 
     def scene(self, number: int, half: str = "held-out", seed: int = 0) -> Drawn:
@@ -200,7 +221,10 @@ class Family:
         overrides = {name: drawn(said, streams, f"conditions.{name}", values) for name, said in self._overrides.items()}
         try:
             common, ends = placed(bare, where, self.folder)
-            tables = {name: merged(common, overrides.get(name, {}), where) for name in self.conditions}
+            tables = {}
+            for name in self.conditions:
+                over = [overrides.get(part, {}) for part in self._parts.get(name, ())]
+                tables[name] = reduce(lambda under, each: merged(under, each, where), over, common)
             scenarios = {name: Scenario(where, each, self.folder) for name, each in tables.items()}
             nominal = scenarios[NOMINAL].setup(seed=noise)
             check_ends(nominal, ends)
