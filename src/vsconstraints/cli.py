@@ -1,4 +1,4 @@
-"""The command line: ``vsconstraints compare``, ``preview``, ``evidence``, ``families``, ``report`` and more."""
+"""The command line: ``vsconstraints compare``, ``preview``, ``run``, ``evidence``, ``report`` and more."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from .commands.families import families
 from .commands.preview import preview
 from .commands.reporting import comparison_report, print_laws, report
 from .commands.reproduce import reproduce
+from .commands.run import run
 from .commands.terminal import (
     NOTHING_DONE,
     USAGE_ERROR,
@@ -43,6 +44,7 @@ app.command()(merge)
 app.command()(preview)
 app.command()(report)
 app.command()(reproduce)
+app.command()(run)
 app.command()(tune)
 
 

@@ -31,6 +31,7 @@ EXTRAS = {
     "tune": Extra("tuning of laws", (*_TABLES, "optuna", "moocore")),
     "images": Extra("images in the loop", ("cv2", "pupil_apriltags")),
     "physics": Extra("the same arm in MuJoCo", ("mujoco",)),
+    "ur-rtde": Extra("an arm of Universal Robots", ("rtde_control", "rtde_receive", "dashboard_client")),
     "cluster": Extra("work on a cluster", (*_TABLES, "distributed")),
 }
 """By their names in pyproject.toml."""

@@ -1,0 +1,98 @@
+"""A loop of 1 kHz on this machine: ``python -m checks.realtime [SECONDS]`` prints how punctual it is.
+
+The compiled step and a law run in the supervised loop, against a stand-in that answers at once, without and with
+SCHED_FIFO, and through the socket of ``loopback://``. Nothing is asserted: that depends on the machine, and on what
+else runs there.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from vsconstraints.controllers import HierarchicalQP
+from vsconstraints.deployment import (
+    ArmError,
+    Driver,
+    Job,
+    Joints,
+    Punctuality,
+    Supervision,
+    driver_for,
+    real_time,
+    run_on_arm,
+)
+from vsconstraints.deployment.driver import Address
+from vsconstraints.deployment.record import punctuality
+from vsconstraints.deployment.timing import LATENESS
+from vsconstraints.rows import Array
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import Setup
+
+SCENE = "ur5-fov"
+PATIENT = Supervision(late_s=10.0, hang_s=10.0, following_rad=10.0)
+"""Here lateness is measured, and ends nothing."""
+
+
+class Immediate(Driver):
+    """Is where it was sent."""
+
+    real = False
+
+    def connect(self) -> None:
+        """Stand at the start."""
+
+    def __init__(self, address: Address, setup: Setup) -> None:
+        super().__init__(address, setup)
+        self._state = Joints(0.0, setup.q0.copy(), np.zeros_like(setup.q0))
+
+    def read(self) -> Joints:
+        """Where it was sent."""
+        return self._state
+
+    def send(self, q: Array, qd: Array) -> None:
+        """Be there."""
+        self._state = Joints(self._state.t + self.period, q, qd)
+
+    def halt(self, deceleration: float) -> None:
+        """It stands already."""
+
+    def close(self) -> None:
+        """Nothing to do."""
+
+
+def measured(setup: Setup, address: str, fifo: bool) -> tuple[Punctuality, list[str]]:
+    """How punctual a run was, and what the system permitted."""
+    driver = driver_for(address, setup) if address else Immediate(Address("immediate"), setup)
+    with real_time(fifo) as permitted:
+        _, log = run_on_arm(Job(setup, HierarchicalQP(), driver, supervision=PATIENT))
+    if log.ended != "done":
+        raise ArmError(log.cause)
+    return punctuality(log), permitted.said()
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print numbers and histograms; with a second argument, draw them to that file."""
+    seconds = float(arguments[0]) if arguments else 10.0
+    scenario = Scenario.load(SCENE).with_override("sampling_time", 0.001).with_override("duration", seconds)
+    found = {}
+    for name, address, fifo in (
+        ("without real time", "", False),
+        ("with real time", "", True),
+        ("with real time, through a socket", "loopback://?patience=10", True),
+    ):
+        found[name], said = measured(replace(scenario.setup()), address, fifo)
+        print(f"{name}: {'; '.join(said)}")
+        for line in found[name].lines():
+            print(f"  {line}", flush=True)
+    if len(arguments) > 1:
+        LATENESS.write(Path(arguments[1]), found)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,31 @@
+"""Arms by the scheme of their address. A new one is a file here and a line in :data:`DRIVERS`."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from ...errors import unknown_name
+from ...simulation import Setup
+from ..driver import Address, Driver
+
+DRIVERS: dict[str, str] = {
+    "simulated": "simulated:SimulatedArm",
+    "loopback": "loopback:LoopbackArm",
+    "ur-rtde": "ur_rtde:UrRtde",
+}
+"""Scheme, and ``module:Class`` in this folder: a driver's packages are loaded where it is used, and not before."""
+
+
+def driver_class(scheme: str) -> type[Driver]:
+    """The driver of a scheme; raises ConfigurationError that names the candidates."""
+    if scheme not in DRIVERS:
+        raise unknown_name("kind of arm", scheme, DRIVERS)
+    module, _, name = DRIVERS[scheme].partition(":")
+    found: type[Driver] = getattr(import_module(f".{module}", __name__), name)
+    return found
+
+
+def driver_for(address: str, setup: Setup) -> Driver:
+    """The driver of an address, not connected yet; raises ConfigurationError."""
+    parsed = Address.parse(address)
+    return driver_class(parsed.scheme)(parsed, setup)

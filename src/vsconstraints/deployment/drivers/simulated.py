@@ -1,0 +1,44 @@
+"""The scenario's own robot in this process, for dry runs: with its mass, friction and delays, if it has them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...errors import SceneError
+from ...rows import Array
+from ...simulation import Setup
+from ..driver import Address, ArmError, Driver, Joints
+
+
+class SimulatedArm(Driver):
+    """What :func:`vsconstraints.simulation.simulate` moves, told q̇_c: it carries out (q̇_c − q̇_c,last) / T_s."""
+
+    real = False
+    simulated_time = True
+
+    def __init__(self, address: Address, setup: Setup) -> None:
+        super().__init__(address, setup)
+        self._plant, self._t, self._sent = setup.plant(), 0.0, setup.qd0.copy()
+
+    def connect(self) -> None:
+        """Nothing to do."""
+
+    def read(self) -> Joints:
+        """Where the joints are."""
+        return Joints(self._t, self._plant.q, self._plant.qd)
+
+    def send(self, q: Array, qd: Array) -> None:
+        """Let a period pass."""
+        try:
+            self._plant.begin((qd - self._sent) / self.period)
+            self._plant.step()
+            self._plant.check()
+        except SceneError as error:
+            raise ArmError(str(error)) from error
+        self._sent, self._t = np.array(qd), self._t + self.period
+
+    def halt(self, deceleration: float) -> None:
+        """It does what it is sent, and nothing else."""
+
+    def close(self) -> None:
+        """Nothing to do."""

@@ -1,0 +1,130 @@
+"""``ur-rtde://HOST``: arms of Universal Robots, by the package ur-rtde (``pip install 'vsconstraints[ur-rtde]'``)."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from ...errors import ConfigurationError
+from ...extras import demand
+from ...rows import Array
+from ...simulation import Setup
+from ..driver import Address, ArmError, Driver, Joints, Takes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+LEAST_PERIOD = 0.002
+"""Of an e-Series arm; a CB3 arm has 0.008 [s]."""
+
+WATCHDOG = 10.0
+"""Fewer messages a second than this, and the arm's own program ends, which stops it."""
+
+STALE = 0.05
+"""The arm's clock may stand still for so long in what is read [s]."""
+
+
+class UrRtde(Driver):
+    """Options of the address.
+
+    ``send``
+        ``position`` (servoJ) or ``speed`` (speedJ).
+    ``lookahead``, ``gain``
+        Of servoJ: 0.03 to 0.2 s, and 100 to 2000. A longer one is smoother and later.
+
+    The order of the joints is that of the URDF: base, shoulder, elbow, wrist 1 to 3. Safety functions stay those of the
+    arm: this driver looks whether they have acted, and changes none of them.
+    """
+
+    known = ("send", "lookahead", "gain")
+
+    def __init__(self, address: Address, setup: Setup) -> None:
+        super().__init__(address, setup)
+        demand("ur-rtde")
+        if not address.host:
+            raise ConfigurationError("ur-rtde:// needs the arm's address, as in ur-rtde://192.168.0.2")
+        if self.n != 6:
+            raise ConfigurationError(f"an arm of Universal Robots has 6 joints, the scenario's robot {self.n}")
+        if self.period < LEAST_PERIOD - 1e-9:
+            raise ConfigurationError(
+                f"an arm of Universal Robots takes a setpoint every {1e3 * LEAST_PERIOD:g} ms at most, not every "
+                f"{1e3 * self.period:g} ms"
+            )
+        self.takes = cast(Takes, address.choice("send", ("position", "speed")))
+        self._lookahead, self._gain = address.number("lookahead", 0.03), address.number("gain", 1000.0)
+        if not 0.03 <= self._lookahead <= 0.2 or not 100.0 <= self._gain <= 2000.0:
+            raise ConfigurationError("servoJ takes a lookahead of 0.03 to 0.2 s and a gain of 100 to 2000")
+        self._acceleration = float(setup.scene.robot.limits.of_joint("acceleration", self.n).min())
+        self._control: Any = None
+        self._receive: Any = None
+        self._dashboard: Any = None
+        self._seen = 0.0, 0
+
+    def connect(self) -> None:
+        """Reach the arm, and start its watchdog."""
+        import dashboard_client
+        import rtde_control
+        import rtde_receive
+
+        host, rate = self.address.host, 1.0 / self.period
+        self._dashboard = self._tried("connect", dashboard_client.DashboardClient, host)
+        self._tried("connect", self._dashboard.connect)
+        self._receive = self._tried("connect", rtde_receive.RTDEReceiveInterface, host, rate)
+        self._control = self._tried("connect", rtde_control.RTDEControlInterface, host, rate)
+        self._done("setWatchdog", self._tried("setWatchdog", self._control.setWatchdog, WATCHDOG))
+
+    def read(self) -> Joints:
+        """Where the joints are."""
+        receive = self._receive
+        if not self._tried("isConnected", receive.isConnected):
+            raise ArmError("the connection to the arm broke")
+        if receive.isEmergencyStopped() or receive.isProtectiveStopped():
+            raise ArmError("the arm stopped by itself: emergency stop or protective stop")
+        t = float(receive.getTimestamp())
+        since = self._seen[1] + 1 if t == self._seen[0] else 0
+        self._seen = t, since
+        if since * self.period > STALE:
+            raise ArmError(f"the arm has said nothing new for {1e3 * since * self.period:.0f} ms")
+        return Joints(t, np.array(receive.getActualQ()), np.array(receive.getActualQd()))
+
+    def send(self, q: Array, qd: Array) -> None:
+        """Send a position or a speed; returns at once."""
+        control = self._control
+        if self.takes == "position":
+            sent = self._tried("servoJ", control.servoJ, q.tolist(), 0.0, 0.0, self.period, self._lookahead, self._gain)
+        else:
+            sent = self._tried("speedJ", control.speedJ, qd.tolist(), self._acceleration, self.period)
+        self._done("servoJ" if self.takes == "position" else "speedJ", sent)
+        self._done("kickWatchdog", self._tried("kickWatchdog", control.kickWatchdog))
+
+    def halt(self, deceleration: float) -> None:
+        """Stop the arm's program by its dashboard server: the arm then brakes by itself."""
+        self._tried("stop", self._dashboard.stop)
+
+    def close(self) -> None:
+        """Leave servo or speed mode, and disconnect."""
+        control, receive, dashboard = self._control, self._receive, self._dashboard
+        self._control = self._receive = self._dashboard = None
+        # whatever is said here, the other parts are to be closed, too
+        if control is not None:
+            for leave in (control.servoStop if self.takes == "position" else control.speedStop, control.stopScript):
+                with suppress(Exception):
+                    leave()
+        for part in (control, receive, dashboard):
+            if part is not None:
+                with suppress(Exception):
+                    part.disconnect()
+
+    @staticmethod
+    def _tried(what: str, call: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return call(*arguments)
+        except Exception as error:  # the package raises what its C++ code throws
+            raise ArmError(f"{what}: {error}") from error
+
+    @staticmethod
+    def _done(what: str, accepted: object) -> None:
+        if accepted is False:
+            raise ArmError(f"the arm did not take {what}")

@@ -1,0 +1,303 @@
+"""The control loop on an arm: state and image → law → limits → setpoint, supervised; every way out brakes."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..controllers import Controller
+from ..controllers.base import restart
+from ..errors import ConfigurationError, SceneError, described
+from ..rows import Array, Command
+from ..simulation import Setup
+from ..simulation.loop import loses_rank
+from .driver import ArmError, Driver, Joints
+from .envelope import Envelope
+from .images import Eye
+from .log import ArmLog, Ended
+from .start import demand_start
+from .stream import Stream
+from .supervision import Requests, Supervision, Watchdog, requests_noted
+
+REHEARSALS = 3
+"""How often a law is asked before the arm moves: what is done for the first time takes longer."""
+
+
+class Halt(Exception):
+    """The run ends, for this reason: the arm is to be braked."""
+
+    def __init__(self, ended: Ended, cause: str) -> None:
+        super().__init__(cause)
+        self.ended: Ended = ended
+
+
+class TakenOver(BaseException):
+    """The watchdog speaks to the arm now. No law's own `except Exception` may keep it."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is run on an arm.
+
+    Attributes
+    ----------
+    setup
+        The scenario's; it starts at its q0.
+    controller
+        What commands.
+    driver
+        What speaks to the arm.
+    eye
+        What sees; None where the image is predicted from the joints.
+    supervision
+        When the arm is braked.
+    from_arm
+        Whether to start where the arm stands, and not near the scenario's start alone.
+    """
+
+    setup: Setup
+    controller: Controller
+    driver: Driver
+    eye: Eye | None = None
+    supervision: Supervision = field(default_factory=Supervision)
+    from_arm: bool = False
+
+
+def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
+    """Run a law on an arm for the scenario's duration, or until anything is wrong; the arm is at rest at the end.
+
+    Returns
+    -------
+    tuple
+        The setup with the start that the arm had, and the log.
+
+    Raises
+    ------
+    ConfigurationError
+        before anything moves: if the arm stands elsewhere or moves, cannot start there, or its accelerations are not
+        limited.
+    ArmError
+        if the arm cannot be reached.
+    """
+    driver, setup = job.driver, job.setup
+    envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
+    try:
+        driver.connect()
+        setup = demand_start(setup, driver.read(), job.supervision, job.from_arm)
+        return setup, _Run(replace(job, setup=setup), envelope).carry_out()
+    finally:
+        driver.close()
+
+
+class _Run:
+    """One run; the thread that runs it speaks to the arm, unless the watchdog has taken over.
+
+    Attributes
+    ----------
+    taken
+        Why the watchdog has taken over; empty if it has not.
+    silent
+        Whether the arm has not answered.
+    image_at
+        When the newest image with a marker was taken [s].
+    """
+
+    def __init__(self, job: Job, envelope: Envelope) -> None:
+        setup = job.setup
+        self.job, self.setup, self.driver, self.bounds = job, setup, job.driver, job.supervision
+        self.control, self.Ts = setup.control(), setup.Ts
+        self.stream = Stream(job.driver, envelope, setup.q0, len(setup.scene.markers))
+        self.taken, self.silent, self.image_at = "", False, 0.0
+        self.watchdog: Watchdog | None = None
+        self._rehearse()
+
+    def _rehearse(self) -> None:
+        """Compile and load all that a period needs, without the arm; raises ConfigurationError where the law fails."""
+        restart(self.job.controller, self.Ts, self.control.model)
+        try:
+            for _ in range(REHEARSALS):
+                self._ask(0.0, self.setup.q0, np.zeros_like(self.setup.q0), {})
+        except Halt as halt:
+            raise ConfigurationError(f"{self.job.controller.name} has no command at the start: {halt}") from halt
+        self.control.reset()
+        restart(self.job.controller, self.Ts, self.control.model)
+
+    def carry_out(self) -> ArmLog:
+        """All periods, and the stop."""
+        stream = self.stream
+        with requests_noted() as requests, self._watched(requests):
+            ended, cause = self._periods(requests)
+            with stream.turn:
+                if not self.taken:
+                    stream.bring_to_rest(self.silent, self._alive)
+        remarks = []
+        if stream.missed:
+            remarks.append(f"{stream.missed} periods were missed, by {1e3 * stream.shift:.3g} ms in all")
+        guarded = sum(period.guarded for period in stream.periods)
+        if guarded:
+            remarks.append(f"commands were brought to the arm's limits in {guarded} periods")
+        return ArmLog(
+            ended=ended,
+            cause=cause,
+            signal=requests.signal,
+            stop=stream.stop[0],
+            at_rest=stream.stop[1],
+            periods=stream.periods,
+            missed=stream.missed,
+            Ts=self.Ts,
+            compiled=self._compiled(),
+            remarks=tuple(remarks),
+        )
+
+    def _compiled(self) -> bool:
+        """Whether rows, task and law all ran compiled."""
+        step = self.control.bound()
+        if step is None:
+            return False
+        size, now = step.packed.size, step.now
+        law = self.job.controller.bind(now.rows, now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
+        return law is not None
+
+    @contextmanager
+    def _watched(self, requests: Requests) -> Iterator[None]:
+        """A watchdog looks meanwhile, where time is real."""
+        if self.stream.clock.simulated:
+            yield
+            return
+        ours = threading.current_thread()
+
+        def take_over() -> None:
+            self._take_over()
+            requests.raising = TakenOver
+            if ours is threading.main_thread() and ours.ident is not None:
+                signal.pthread_kill(ours.ident, signal.SIGINT)
+
+        self.watchdog = Watchdog(self.bounds.hang_s, take_over)
+        self.watchdog.start()
+        try:
+            yield
+        finally:
+            self.watchdog.end()
+
+    def _take_over(self) -> None:
+        """The loop hangs: brake in its place, or, where it hangs in a call to the arm, have the arm stop itself."""
+        self.taken = f"the loop has not gone on for {1e3 * self.bounds.hang_s:g} ms"
+        free = self.stream.turn.acquire(timeout=self.bounds.hang_s)
+        try:
+            self.stream.bring_to_rest(not free, _nothing)
+        finally:
+            if free:
+                self.stream.turn.release()
+
+    def _alive(self) -> None:
+        """Tell the watchdog."""
+        if self.watchdog is not None:
+            self.watchdog.heard()
+
+    @contextmanager
+    def _own_turn(self) -> Iterator[None]:
+        """Meanwhile the watchdog does not speak to the arm; raises TakenOver where it has."""
+        with self.stream.turn:
+            if self.taken:
+                raise TakenOver
+            yield
+
+    def _periods(self, requests: Requests) -> tuple[Ended, str]:
+        """All periods: how they ended and why."""
+        k = 0
+        self.stream.begin()
+        try:
+            for k in range(self.setup.samples):
+                if requests.signal:
+                    raise Halt("stopped", f"{signal.Signals(requests.signal).name} asked for it")
+                with requests.period():
+                    self._period(k)
+        except Halt as halt:
+            return halt.ended, f"t = {k * self.Ts:.4g} s: {halt}"
+        except TakenOver:
+            return "failed", f"t = {k * self.Ts:.4g} s: {self.taken}"
+        except ArmError as error:
+            self.silent = True
+            return "failed", f"t = {k * self.Ts:.4g} s: {error}"
+        except Exception as error:  # own laws, constraints and cameras may raise anything: the arm is braked
+            said = str(error) if isinstance(error, SceneError) else described(error)
+            return "failed", f"t = {k * self.Ts:.4g} s: {said}"
+        return "done", ""
+
+    def _period(self, k: int) -> None:
+        """Read, look, ask the law, send; raises whatever keeps it from that."""
+        stream = self.stream
+        due, late = stream.wait(k)
+        self._alive()
+        if late > self.bounds.late_s:
+            raise Halt("failed", f"the period began {1e3 * late:.3g} ms late")
+        started = time.perf_counter()
+        with self._own_turn():
+            state = self.driver.read()
+        self._check(state)
+        t = due + (late if late >= self.Ts else 0.0)
+        measured = self._look(t, state.q)
+        command, rows_time, step_time = self._ask(t, state.q, state.qd, measured)
+        qdd, guarded = stream.within_limits(command.qdd)
+        self.control.commanded(qdd)
+        setpoint, refusal = stream.prepare(qdd)
+        if refusal:
+            raise Halt("failed", f"not sent, {refusal}")
+        with self._own_turn():
+            stream.send(setpoint)
+        times = due, late, rows_time, step_time, time.perf_counter() - started
+        stream.log(times, state, (measured.get("pixels"), measured.get("taken", np.nan)), guarded)
+
+    def _check(self, state: Joints) -> None:
+        """Raise Halt if the arm is not where it was sent."""
+        if not (np.isfinite(state.q).all() and np.isfinite(state.qd).all()):
+            raise Halt("failed", "the arm's state is not finite")
+        off = self.stream.strayed(state)
+        if off.max() > self.bounds.following_rad:
+            j = int(np.argmax(off))
+            raise Halt("failed", f"joint {j + 1} is {off[j]:.3g} from where it was sent")
+
+    def _look(self, t: float, q: Array) -> dict[str, Any]:
+        """What is measured now, as the control step takes it; raises Halt where images are lost."""
+        eye = self.job.eye
+        if eye is None:
+            return {}
+        seen = eye(t, q)
+        given: dict[str, Any] = {}
+        if seen is not None and seen.pixels is not None:
+            taken = t if seen.taken is None else seen.taken
+            if np.isfinite(seen.pixels).all(axis=1).any():
+                self.image_at = max(self.image_at, taken)
+                given = {"pixels": np.array(seen.pixels, dtype=np.float64), "taken": taken}
+                given |= {} if seen.depth is None else {"depth": seen.depth}
+                given |= {} if seen.camera is None else {"camera": seen.camera}
+        if t - self.image_at > self.bounds.image_s:
+            raise Halt("failed", f"no image shows a marker since t = {self.image_at:.4g} s")
+        return given
+
+    def _ask(self, t: float, q: Array, qd: Array, measured: dict[str, Any]) -> tuple[Command, float, float]:
+        """The law's command, and how long rows with task, and the law, took [s]; raises Halt if there is none."""
+        started = time.perf_counter()
+        evaluation = self.control.evaluate(t, q, qd, **measured)
+        rows, task = evaluation.rows, evaluation.task
+        ready = time.perf_counter()
+        command = self.job.controller.command(rows, task)
+        done = time.perf_counter()
+        if command.status == "failed":
+            raise Halt("failed", command.reason)
+        if command.status == "rank-loss" and self.setup.on_rank_loss == "abort" and loses_rank(rows):
+            raise Halt("aborted", command.reason)
+        if command.qdd.shape != q.shape or not np.isfinite(command.qdd).all():
+            raise Halt("failed", f"the law's command is not {len(q)} finite numbers")
+        return command, ready - started, done - ready
+
+
+def _nothing() -> None:
+    """Nobody is to be told."""

@@ -1,0 +1,680 @@
+"""On an arm: what is sent, what ends a run, how it stops, and what is stored of it."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner, Result
+
+from vsconstraints.cli import app
+from vsconstraints.comparisons import StoredComparison, Suite, compare
+from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode
+from vsconstraints.deployment import (
+    Address,
+    ArmError,
+    ArmLog,
+    Envelope,
+    Job,
+    Punctuality,
+    Setpoint,
+    Supervision,
+    driver_for,
+    drivers,
+    eye_of,
+    real_time,
+    realtime,
+    record,
+    run_on_arm,
+    stream,
+    trajectory_of,
+)
+from vsconstraints.deployment.brake import Brake, deceleration
+from vsconstraints.deployment.drivers import ur_rtde
+from vsconstraints.deployment.server import Behaviour, Fault, Server, in_thread
+from vsconstraints.deployment.stand_in import PATIENCE, StandIn, StandInLimits
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.limits import ActuatorLimits
+from vsconstraints.measurement import Measurement
+from vsconstraints.order_filter import OrderFilter
+from vsconstraints.rows import Array, Command, Rows, Task
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import Setup, simulate
+
+Ts = 0.002
+UR5 = Scenario.load("ur5-fov").with_override("duration", 0.3).with_override("on_hidden_markers", "continue")
+SETUP = UR5.setup()
+FAST = Supervision(hang_s=0.1)
+
+
+def limits(n: int, acceleration: float = 5.0, jerk: float = np.inf, reach: float = np.inf) -> Envelope:
+    every = np.ones(n)
+    return Envelope(-reach * every, reach * every, 3.0 * every, acceleration * every, jerk * every, Ts)
+
+
+def on(address: str, law: Controller | None = None, **options: Any) -> ArmLog:
+    setup = options.pop("setup", SETUP)
+    job = Job(setup, law or HierarchicalQP(), driver_for(address, setup), supervision=FAST)
+    return run_on_arm(replace(job, **options))[1]
+
+
+def assert_stopped(log: ArmLog, envelope: Envelope | None = None) -> None:
+    """What was sent ends at rest, and never leaves the limits, checked by differences of what was sent."""
+    own = envelope or Envelope.of(SETUP.scene.robot, SETUP.limits, Ts)
+    q, qd = log.column("sent_q"), log.column("sent_qd")
+    assert log.at_rest
+    assert (qd[-1] == 0.0).all()
+    changes = np.diff(qd, axis=0, prepend=0.0 * qd[:1]) / Ts
+    assert (np.abs(changes) <= own.acceleration * (1.0 + 1e-9)).all()
+    np.testing.assert_allclose(np.diff(q, axis=0), 0.5 * Ts * (qd[1:] + qd[:-1]), rtol=0.0, atol=1e-12)
+
+
+# --- the stop ---
+
+
+def stopped(qd: Array, qdd: Array, envelope: Envelope, q: Array | None = None) -> tuple[Array, Array]:
+    """(N, n) positions and accelerations of a stop, the present one first."""
+    n = len(qd)
+    filter_, brake = OrderFilter(np.zeros(n) if q is None else q, qd, Ts), Brake(qdd, envelope)
+    places, accelerations = [filter_.q], [qdd]
+    while not brake.at_rest(filter_.qd):
+        accelerations.append(brake.step(filter_.q, filter_.qd))
+        places.append(filter_.step(accelerations[-1]))
+        assert len(places) < 20_000
+    return np.array(places), np.array([*accelerations, np.zeros(n)])
+
+
+speeds = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3).map(np.array)
+
+
+@settings(max_examples=40, deadline=None)
+@given(speeds, speeds, st.floats(1.0, 40.0), st.sampled_from([np.inf, 5000.0, 200.0]))
+def test_a_stop_keeps_its_limits_and_ends(qd: Array, qdd: Array, a: float, jerk: float) -> None:
+    envelope, qdd = limits(3, a, jerk), np.clip(qdd, -a, a)
+    _, accelerations = stopped(qd, qdd, envelope)
+    assert np.abs(accelerations).max() <= a * (1.0 + 1e-9)
+    if np.isfinite(jerk):
+        assert np.abs(np.diff(accelerations, axis=0)).max() <= jerk * Ts * (1.0 + 1e-9)
+
+
+def test_a_stop_is_straight_and_as_short_as_the_slowest_joint_can() -> None:
+    qd = np.array([1.0, -0.5, 0.25])
+    places, _ = stopped(qd, np.zeros(3), limits(3, 5.0))
+    # v²/2a of the first joint, whole periods apart; the others in proportion
+    assert len(places) - 1 == 100
+    np.testing.assert_allclose(places[-1], qd * 0.5 / 5.0, rtol=1e-9)
+    np.testing.assert_allclose(places, places[:, :1] * qd, atol=1e-12)
+
+
+def test_with_little_jerk_a_stop_takes_what_a_double_ramp_takes() -> None:
+    v, a, jerk = 1.0, 5.0, 50.0
+    places, accelerations = stopped(np.array([v]), np.zeros(1), limits(1, a, jerk))
+    # trapezoid of acceleration: v/a + a/j, and a distance of half the time at v
+    duration = v / a + a / jerk
+    assert len(places) * Ts == pytest.approx(duration, abs=3 * Ts)
+    assert places[-1][0] == pytest.approx(0.5 * v * duration, abs=3 * Ts * v)
+    assert accelerations.min() == pytest.approx(-a)
+
+
+def test_a_stop_leaves_the_line_where_that_would_leave_a_range() -> None:
+    qd, q = np.array([2.0, 1.0]), np.array([0.0, 0.85])
+    places, _ = stopped(qd, np.zeros(2), limits(2, 5.0, reach=1.0), q)
+    # on the line the second joint would end at 0.85 + 0.2; alone it takes 0.1
+    assert places[:, 1].max() == pytest.approx(0.95, abs=0.003)
+    assert places[:, 0].max() == pytest.approx(0.4, abs=0.005)
+
+
+def test_deceleration_ends_at_rest_by_adding_up() -> None:
+    step = 50.0 * Ts
+    for x in (0.03, step, 3.7 * step, 12.0 * step):
+        falling = np.array([max(x - i * step, 0.0) for i in range(20)])
+        found = deceleration(np.array([Ts * falling.sum()]), np.array([50.0]), Ts)
+        assert found[0] == pytest.approx(x)
+
+
+# --- limits of what is sent ---
+
+
+def test_what_is_sent_is_looked_at_by_itself() -> None:
+    envelope, n = limits(2, 5.0, 1000.0, reach=1.0), np.zeros(2)
+    rest = Setpoint(n, n, n)
+
+    def after(qdd: float, q: float = 0.0, qd: float = 0.0, before: Setpoint = rest) -> str:
+        a = np.array([0.0, qdd])
+        fair = before.q + Ts * before.qd + 0.5 * Ts**2 * a, before.qd + Ts * a
+        return envelope.refusal(before, Setpoint(fair[0] + [0.0, q], fair[1] + [0.0, qd], a))
+
+    assert after(1.0) == ""
+    assert "joint 2 exceeds its jerk" in after(2.1)
+    moving = Setpoint(np.array([0.0, 0.5]), np.array([0.0, 2.9999]), np.array([0.0, 5.0]))
+    assert "exceeds its speed" in after(5.0, before=moving)
+    assert "exceeds its acceleration" in after(0.0, qd=0.02)
+    assert "is outside its range" in after(0.0, q=1.01)
+    assert "jumps" in after(0.0, q=0.001)
+    assert "not finite" in after(np.nan)
+
+
+def test_an_arm_without_a_limit_of_acceleration_is_refused() -> None:
+    robot = Scenario.load("example-2d-fov").setup().scene.robot
+    with pytest.raises(ConfigurationError, match="no limit of acceleration"):
+        Envelope.of(robot, ActuatorLimits(), Ts)
+    own = Envelope.of(SETUP.scene.robot, ActuatorLimits(acceleration=(50.0, 3.0, 50.0, 50.0, 50.0, 50.0)), Ts)
+    assert own.acceleration.tolist() == [40.0, 3.0, 40.0, 40.0, 40.0, 40.0]
+
+
+# --- a dry run is the simulation ---
+
+
+@pytest.mark.parametrize("images", ["simulated", "model"])
+def test_a_dry_run_is_what_is_simulated(images: str) -> None:
+    setup, log = run_on_arm(
+        Job(SETUP, HierarchicalQP(), driver_for("simulated://", SETUP), eye_of(images, SETUP), supervision=FAST)
+    )
+    assert (log.ended, log.cause, log.missed, log.remarks) == ("done", "", 0, ())
+    assert_stopped(log)
+    ours, theirs = trajectory_of(setup, log, "simulated://"), simulate(SETUP, HierarchicalQP())
+    for name in ("q", "qd", "qdd_command", "phi", "sigma", "clearance", "features_px", "camera_error"):
+        np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-8, err_msg=name)
+    assert (ours.active == theirs.active).all()
+    assert (ours.labels, ours.status, ours.compiled) == (theirs.labels, theirs.status, theirs.compiled)
+
+
+def test_a_dry_run_moves_the_scenarios_own_arm() -> None:
+    heavy = UR5.with_override("plant", {"type": "dynamics", "controller": "position", "payload": {"mass": 1.0}})
+    setup = heavy.with_override("duration", 0.1).setup()
+    log = on("simulated://", SlidingMode(), setup=setup)
+    theirs = simulate(setup, SlidingMode())
+    q = log.column("q")[~log.braking]
+    np.testing.assert_allclose(q, theirs.q, atol=1e-8)
+    assert np.abs(q - log.column("sent_q")[~log.braking]).max() > 1e-5
+
+
+def test_images_of_a_dry_run_come_late_and_rarely() -> None:
+    setup = UR5.with_override("disturbances", {"image_period": 0.02, "delay": 1}).setup()
+    eye = eye_of("simulated", setup)
+    assert eye is not None
+    seen = [eye(k * Ts, setup.q0) for k in range(35)]
+    assert all(one is not None for one in seen)
+    ages = [k * Ts - one.taken for k, one in enumerate(seen) if one is not None and one.taken is not None]
+    np.testing.assert_allclose(ages[20:30], 0.02 + Ts * np.arange(10), atol=1e-12)
+    wrong = UR5.with_override("disturbances", {"focal_factor": [1.1, 1.1]}).setup()
+    with pytest.raises(ConfigurationError, match="disturbances of calibration"):
+        eye_of("simulated", wrong)
+
+
+# --- everything that can go wrong ends in a stop ---
+
+
+def test_a_dry_run_sees_rendered_images() -> None:
+    setup = Scenario.load("ur5-images").with_override("duration", 0.08).setup()
+    job = Job(setup, HierarchicalQP(), driver_for("simulated://", setup), eye_of("simulated", setup))
+    started, log = run_on_arm(job)
+    theirs = simulate(setup, HierarchicalQP())
+    np.testing.assert_allclose(trajectory_of(started, log, "simulated://").q, theirs.q, atol=1e-6)
+    assert np.abs(log.column("pixels")[~log.braking] - theirs.features_px).max() > 1e-3
+
+
+class Own(Controller):
+    """The hierarchical QP until its call of this number; then something happens."""
+
+    name = "own"
+
+    def __init__(self, happens: Any, at: int = 60) -> None:
+        self._law, self._happens, self._left = HierarchicalQP(), happens, at
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        self._left -= 1
+        command = self._law.solve(rows, task)
+        return self._happens(command) if self._left <= 0 else command
+
+
+def nan(command: Command) -> Command:
+    return replace(command, qdd=np.full(6, np.nan))
+
+
+def wrong(command: Command) -> Command:
+    raise KeyError("a law's own mistake")
+
+
+@pytest.mark.parametrize(("happens", "told"), [(nan, "not finite"), (wrong, "a law's own mistake")])
+def test_a_law_that_fails_ends_in_a_braked_stop(happens: Any, told: str) -> None:
+    log = on("loopback://?time=simulated", Own(happens))
+    assert log.ended == "failed"
+    assert told in log.cause
+    assert log.cause.startswith("t = 0.112 s")
+    assert log.braking.any()
+    assert_stopped(log)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_in_a_braked_stop(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+
+    def asked(command: Command) -> Command:
+        os.kill(os.getpid(), number)
+        return command
+
+    log = on("loopback://?time=simulated", Own(asked))
+    assert (log.ended, log.signal) == ("stopped", number)
+    assert number.name in log.cause
+    assert_stopped(log)
+    assert signal.getsignal(number) == before
+
+
+def test_lost_images_end_in_a_braked_stop() -> None:
+    seen = SETUP.scene.glance(SETUP.q0)[0]
+
+    def eye(t: float, q: Array) -> Measurement | None:
+        pixels = SETUP.scene.glance(q)[0] if t < 0.05 else np.full_like(seen, np.nan)
+        return Measurement(pixels, None, t)
+
+    log = on("loopback://?time=simulated", eye=eye, supervision=Supervision(image_s=0.04))
+    assert log.cause == "t = 0.09 s: no image shows a marker since t = 0.048 s"
+    assert_stopped(log)
+    never = on("loopback://?time=simulated", eye=lambda t, q: None, supervision=Supervision(image_s=0.04))
+    assert "no image shows a marker" in never.cause
+
+
+@pytest.mark.parametrize(
+    ("fault", "told", "streamed"),
+    [
+        ("stall", "the arm has not answered within 50 ms", False),
+        ("drop", "the arm closed the connection", False),
+        ("jump", "is 0.5 from where it was sent", True),
+        ("refuse", "the arm stopped by itself: protective stop", False),
+    ],
+)
+def test_an_arm_that_fails_is_stopped(fault: Fault, told: str, streamed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[StandIn] = []
+
+    def kept(arm: StandIn, behaviour: Behaviour) -> Any:
+        made.append(arm)
+        return in_thread(arm, behaviour)
+
+    monkeypatch.setattr("vsconstraints.deployment.drivers.loopback.in_thread", kept)
+    log = on(f"loopback://?time=simulated&fault={fault}&at=0.12&patience=0.05")
+    assert log.ended == "failed"
+    assert told in log.cause
+    assert log.at_rest == streamed
+    assert ("braked to rest" if streamed else "told to stop by its own means") in log.stop
+    (arm,) = made
+    before = arm.state()[1]
+    assert streamed or np.abs(before).max() > 0.01
+    # braked by its own limit, and at rest
+    arm.advance(PATIENCE + np.abs(before).max() / 40.0 + Ts)
+    assert np.abs(arm.state()[1]).max() < 1e-12
+
+
+def test_an_arm_that_cannot_be_told_is_said_loudly(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lost(self: Any, deceleration: float) -> None:
+        raise ArmError("no route to the arm")
+
+    monkeypatch.setattr("vsconstraints.deployment.drivers.loopback.LoopbackArm.halt", lost)
+    log = on("loopback://?time=simulated&fault=drop&at=0.1")
+    assert "IT COULD NOT BE TOLD TO STOP (no route to the arm)" in log.stop
+    assert not log.at_rest
+
+
+def test_what_slips_through_the_first_check_is_not_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    def careless(self: stream.Stream, qdd: Array) -> tuple[Array, bool]:
+        return (qdd if (qdd == 41.0).all() else np.clip(qdd, -40.0, 40.0)), False
+
+    monkeypatch.setattr(stream.Stream, "within_limits", careless)
+    log = on("simulated://", Own(lambda command: replace(command, qdd=np.full(6, 41.0))), setup=without_limits())
+    assert "not sent, joint 1 exceeds its acceleration: 41" in log.cause
+    assert_stopped(log)
+
+
+def without_limits() -> Setup:
+    return replace(SETUP, limits=ActuatorLimits())
+
+
+def test_a_switch_that_would_exceed_a_speed_by_a_period_is_kept_from_it() -> None:
+    log = on("simulated://", SlidingMode())
+    assert log.column("guarded").any()
+    assert simulate(SETUP, SlidingMode()).qd.min() < -SETUP.scene.robot.qd_max[5] - 1e-4
+    assert log.column("sent_qd").min() >= -SETUP.scene.robot.qd_max[5] - 1e-9
+
+
+def test_commands_beyond_the_arm_are_brought_to_its_limits() -> None:
+    log = on("simulated://", Own(lambda command: replace(command, qdd=np.full(6, 45.0))), setup=without_limits())
+    assert "commands were brought to the arm's limits" in log.remarks[0]
+    assert_stopped(log)
+
+
+def test_a_loop_that_hangs_is_braked_by_the_watchdog() -> None:
+    def hang(command: Command) -> Command:
+        while True:  # until the watchdog ends it
+            time.sleep(0.005)
+
+    address, end = stand_in_server()
+    log = on(address, Own(hang, at=10), supervision=Supervision(late_s=10.0, hang_s=0.1))
+    end()
+    assert log.ended == "failed"
+    assert "has not gone on for 100 ms" in log.cause
+    assert "braked to rest" in log.stop
+    assert (log.column("sent_qd")[-1] == 0.0).all()
+
+
+def test_a_call_to_the_arm_that_hangs_is_answered_by_the_arms_own_stop() -> None:
+    address, end = stand_in_server("stall")
+    log = on(f"{address}?patience=1", supervision=Supervision(late_s=10.0, hang_s=0.05))
+    end()
+    assert log.ended == "failed"
+    assert log.stop == "told to stop by its own means"
+
+
+def stand_in_server(fault: Fault = "none") -> tuple[str, Any]:
+    own = Envelope.of(SETUP.scene.robot, SETUP.limits, Ts)
+    arm = StandIn(SETUP.q0, StandInLimits(own.q_min, own.q_max, 10.0 * own.qd_max, 100.0 * own.acceleration), Ts)
+    port, end = in_thread(arm, Behaviour(fault, 0.0))
+    return f"loopback://127.0.0.1:{port}", end
+
+
+def test_a_period_that_is_much_too_late_ends_in_a_braked_stop() -> None:
+    def slow(command: Command) -> Command:
+        time.sleep(0.05)
+        return command
+
+    address, end = stand_in_server()
+    log = on(address, Own(slow, at=10), supervision=Supervision(late_s=0.03, hang_s=10.0))
+    end()
+    assert "ms late" in log.cause
+    assert (log.column("sent_qd")[-1] == 0.0).all()
+
+
+# --- before anything moves ---
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"off": 0.1}, "does not stand at the scenario's start: joint 1 is at 0.764, not at 0.664"),
+        ({"moving": 0.02}, "the arm moves: joint 3 at 0.02"),
+        ({"joints": 5}, "the arm has 5 joints"),
+        ({"off": np.nan}, "not finite"),
+    ],
+)
+def test_an_arm_that_is_not_ready_does_not_start(change: dict[str, float], told: str) -> None:
+    driver = driver_for("simulated://", SETUP)
+    q, qd = SETUP.q0.copy(), np.zeros(6)
+    q[0] += change.get("off", 0.0)
+    qd[2] = change.get("moving", 0.0)
+    n = int(change.get("joints", 6))
+    sent: list[Array] = []
+    driver.read = lambda: SimpleNamespace(t=0.0, q=q[:n], qd=qd[:n])  # type: ignore[method-assign,assignment,return-value]
+    driver.send = lambda q, qd: sent.append(q)  # type: ignore[method-assign]
+    with pytest.raises(ConfigurationError, match=told):
+        run_on_arm(Job(SETUP, HierarchicalQP(), driver))
+    assert not sent
+
+
+def test_a_run_can_start_where_the_arm_stands() -> None:
+    address, near = "loopback://?time=simulated&off=0.005", Supervision(start_rad=0.004)
+    with pytest.raises(ConfigurationError, match="--from-arm"):
+        on(address, supervision=near)
+    job = Job(SETUP, HierarchicalQP(), driver_for(address, SETUP), supervision=near, from_arm=True)
+    setup, log = run_on_arm(job)
+    assert log.ended == "done"
+    np.testing.assert_allclose(setup.q0, SETUP.q0 + 0.005)
+    np.testing.assert_allclose(log.periods[0].q, SETUP.q0 + 0.005)
+    with pytest.raises(ConfigurationError, match="outside the image"):
+        on("loopback://?time=simulated&off=0.05", from_arm=True)
+
+
+def test_a_law_without_a_command_at_the_start_moves_nothing() -> None:
+    with pytest.raises(ConfigurationError, match=r"own has no command at the start: .*not finite"):
+        on("simulated://", Own(nan, at=0))
+
+
+@pytest.mark.parametrize(
+    ("address", "told"),
+    [
+        ("192.168.0.2", "is like ur-rtde://"),
+        ("loopbak://", "unknown kind of arm 'loopbak'. Did you mean 'loopback'"),
+        ("loopback://?fault=stal", "unknown fault of loopback 'stal'. Did you mean 'stall'"),
+        ("loopback://?patiense=1", "unknown option of loopback 'patiense'. Did you mean 'patience'"),
+        ("loopback://?at=soon", "must be a number"),
+        ("loopback://host:port", "cannot be read"),
+        ("loopback://host/path", "SCHEME://HOST:PORT"),
+        ("ur-rtde://", "needs the arm's address"),
+        ("ur-rtde://host?gain=5", "a gain of 100 to 2000"),
+    ],
+)
+def test_addresses_that_cannot_be_used(address: str, told: str) -> None:
+    with pytest.raises(ConfigurationError) as raised:
+        driver_for(address, SETUP)
+    assert told in str(raised.value)
+
+
+def test_nobody_listens() -> None:
+    server = Server(StandIn(np.zeros(6), StandInLimits(*(np.ones(6),) * 4), Ts), Behaviour())
+    server.close()
+    with pytest.raises(ArmError, match=r"no arm answers at 127\.0\.0\.1"):
+        on(f"loopback://127.0.0.1:{server.port}")
+
+
+# --- the stand-in ---
+
+
+def test_a_stand_in_follows_then_goes_on_then_brakes() -> None:
+    arm = StandIn(np.zeros(1), StandInLimits(-np.ones(1), np.ones(1), np.ones(1), np.full(1, 10.0)), Ts)
+    arm.take(np.array([1e-5]), np.array([0.01]))
+    assert arm.state()[0] == 0.0
+    arm.advance(Ts)
+    np.testing.assert_allclose(arm.state(), [[1e-5], [0.01]])
+    arm.advance(PATIENCE)
+    np.testing.assert_allclose(arm.state(), [[1e-5 + PATIENCE * 0.01], [0.01]])
+    arm.advance(1.0)
+    np.testing.assert_allclose(arm.state(), [[1e-5 + PATIENCE * 0.01 + 0.01**2 / 20.0], [0.0]], atol=1e-15)
+    arm.take(np.array([0.5]), np.array([0.0]))
+    assert arm.stopped == "protective stop: joint 1 is too fast"
+
+
+# --- arms of Universal Robots, by what their package is told ---
+
+
+class FakeUr:
+    """Notes what is called; answers like an arm that stands at the start."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, tuple[Any, ...]]] = []
+        self.answers: dict[str, Any] = {
+            "isConnected": True,
+            "isEmergencyStopped": False,
+            "isProtectiveStopped": False,
+            "getActualQ": SETUP.q0.tolist(),
+            "getActualQd": [0.0] * 6,
+        }
+        self.t = 0.0
+
+    def __getattr__(self, name: str) -> Any:
+        def call(*arguments: Any) -> Any:
+            self.calls.append((name, arguments))
+            if name == "getTimestamp":
+                self.t += Ts
+                return self.t
+            answer = self.answers.get(name, True)
+            if isinstance(answer, Exception):
+                raise answer
+            if name == "servoJ":
+                self.answers["getActualQ"] = arguments[0]
+            return answer
+
+        return call
+
+    def names(self) -> list[str]:
+        return [name for name, _ in self.calls]
+
+
+@pytest.fixture
+def ur(monkeypatch: pytest.MonkeyPatch) -> FakeUr:
+    fake = FakeUr()
+    monkeypatch.setattr(ur_rtde, "demand", lambda name: None)
+    for module, name in (
+        ("dashboard_client", "DashboardClient"),
+        ("rtde_control", "RTDEControlInterface"),
+        ("rtde_receive", "RTDEReceiveInterface"),
+    ):
+        monkeypatch.setitem(sys.modules, module, SimpleNamespace(**{name: lambda *arguments: fake}))  # type: ignore[arg-type]
+    return fake
+
+
+def test_an_arm_of_universal_robots_is_streamed_positions(ur: FakeUr, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ur_rtde.UrRtde, "simulated_time", True)
+    log = on("ur-rtde://192.168.0.2?lookahead=0.05&gain=500", setup=replace(SETUP, duration=0.1))
+    assert log.ended == "done"
+    assert_stopped(log)
+    sent = [arguments for name, arguments in ur.calls if name == "servoJ"]
+    assert len(sent) == len(log.periods)
+    assert sent[7] == (log.periods[7].sent_q.tolist(), 0.0, 0.0, Ts, 0.05, 500.0)
+    assert ur.names().count("kickWatchdog") == len(sent)
+    assert ("setWatchdog", (10.0,)) in ur.calls
+    assert ur.names()[-5:] == ["servoStop", "stopScript", "disconnect", "disconnect", "disconnect"]
+
+
+def test_an_arm_of_universal_robots_is_streamed_speeds(ur: FakeUr, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ur_rtde.UrRtde, "simulated_time", True)
+    log = on("ur-rtde://192.168.0.2?send=speed", setup=replace(SETUP, duration=0.02))
+    sent = [arguments for name, arguments in ur.calls if name == "speedJ"]
+    assert sent[-1] == ([0.0] * 6, 40.0, Ts)
+    assert sent[3][0] == log.periods[3].sent_qd.tolist()
+    assert "speedStop" in ur.names()
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        ({"servoJ": False}, "the arm did not take servoJ"),
+        ({"servoJ": RuntimeError("lost")}, "servoJ: lost"),
+        ({"isConnected": False}, "the connection to the arm broke"),
+        ({"isProtectiveStopped": True}, "emergency stop or protective stop"),
+        ({"getTimestamp": None}, "the arm has said nothing new"),
+    ],
+)
+def test_an_arm_of_universal_robots_that_fails_is_stopped(
+    ur: FakeUr, answer: dict[str, Any], told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ur_rtde.UrRtde, "simulated_time", True)
+
+    def later(command: Command) -> Command:
+        ur.answers.update(answer)
+        if "getTimestamp" in answer:
+            ur.t = -Ts  # stands still from now on
+            monkeypatch.setattr(FakeUr, "t", property(lambda self: 5.0, lambda self, t: None), raising=False)
+        return command
+
+    log = on("ur-rtde://192.168.0.2", Own(later, at=20))
+    assert told in log.cause
+    assert log.stop == "told to stop by its own means"
+    assert "stop" in ur.names()
+
+
+def test_the_package_of_universal_robots_takes_what_is_sent() -> None:
+    control = pytest.importorskip("rtde_control").RTDEControlInterface
+    receive = pytest.importorskip("rtde_receive").RTDEReceiveInterface
+    dashboard = pytest.importorskip("dashboard_client").DashboardClient
+    assert "arg5: float) -> bool" in control.servoJ.__doc__
+    assert "qd: list[float], acceleration: float = 0.5, time: float = 0.0) -> bool" in control.speedJ.__doc__
+    for kind, names in (
+        (control, "setWatchdog kickWatchdog servoStop speedStop stopScript disconnect"),
+        (receive, "getActualQ getActualQd getTimestamp isConnected isEmergencyStopped isProtectiveStopped disconnect"),
+        (dashboard, "connect stop disconnect"),
+    ):
+        assert all(hasattr(kind, name) for name in names.split())
+    with pytest.raises(ArmError, match="connect: "):
+        on("ur-rtde://127.0.0.1")
+
+
+def test_every_driver_says_what_it_is() -> None:
+    for scheme in drivers.DRIVERS:
+        kind = drivers.driver_class(scheme)
+        assert kind.__doc__
+        assert kind.real == (scheme == "ur-rtde")
+    setup = replace(SETUP, sampling_time=0.001)
+    with pytest.raises(ConfigurationError, match="a setpoint every 2 ms"):
+        driver_for("ur-rtde://host", setup)
+    assert Address.parse("ur-rtde://host:5?a=b") == Address("ur-rtde", "host", 5, {"a": "b"})
+
+
+# --- real time ---
+
+
+def test_what_is_not_permitted_is_said_and_nothing_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*arguments: Any) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(realtime.os, "sched_setscheduler", refused, raising=False)
+    monkeypatch.setattr(realtime, "_lock", lambda: "Cannot allocate memory")
+    with real_time() as permitted:
+        assert not gc.isenabled()
+        said = permitted.said()
+    assert gc.isenabled()
+    assert "no real-time scheduling (Operation not permitted)" in said[0]
+    assert "memory is not locked (Cannot allocate memory)" in said[1]
+
+
+def test_punctuality_by_hand() -> None:
+    late = np.array([0.0, 2e-6, 2e-6, 4e-3])
+    run = Punctuality(late, np.full(4, 1e-4), 1, Ts)
+    assert run.counts[0] == ("0 µs to 1 µs", 1)
+    assert run.counts[1] == ("1 µs to 3.16 µs", 2)
+    assert run.counts[-1] == ("3.16 ms to 10 ms", 1)
+    assert run.numbers()["late_median_s"] == 2e-6
+    assert run.lines()[0] == "4 periods of 2 ms, 1 missed (25 %)"
+
+
+# --- on the command line ---
+
+
+def say(*words: str) -> Result:
+    return CliRunner().invoke(app, ["run", *words])
+
+
+def test_a_real_arm_does_not_move_without_being_asked_for_twice(ur: FakeUr, tmp_path: Path) -> None:
+    for words, told in (((), "give --yes"), (("--yes",), "say what sees the markers")):
+        result = say("ur5-fov", "--robot", "ur-rtde://192.168.0.2", "--out", str(tmp_path / "x"), *words)
+        assert told in str(result.exception)
+    assert not ur.calls
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_run_is_stored_as_any_other(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    short = ("--set", "scenario.duration=0.1")
+    address = "loopback://?time=simulated&fault=drop&at=0.06"
+    result = say(
+        "ur5-fov", "--controller", "sliding-mode", "--robot", address, "--no-figures", "--out", str(out), *short
+    )
+    assert result.exit_code == 1, result.output
+    assert "nothing moves" in result.output
+    stored = StoredComparison.load(out)
+    assert [line["controller"] for line in stored.results] == ["tracking", "sliding-mode"]
+    line = stored.results[1]
+    assert line["status"] == "failed"
+    assert "the arm closed the connection" in line["reason"]
+    kept = stored.run("ur5-fov", "sliding-mode")
+    assert kept is not None
+    assert len(kept.trajectory.t) == 30
+    assert "on loopback" in (out / "report.md").read_text(encoding="utf-8")
+    with np.load(out / "arm" / "log.npz") as log:
+        assert log["sent_q"].shape == (30, 6)
+    assert (out / "arm" / "lateness.png").is_file()
+    # a comparison takes the run that is there
+    again = compare(
+        Suite.load().select(["ur5-fov"], ["sliding-mode"], settings=["scenario.duration=0.1"]), out, workers=1
+    )
+    assert again.stored_before == 2
+    with pytest.raises(ConfigurationError, match="each run needs its own --out"):
+        record.demand_own_folder(out)
