@@ -16,6 +16,7 @@ from .commands.difference import diff
 from .commands.evidence import evidence, merge
 from .commands.families import families
 from .commands.preview import preview
+from .commands.replay import replay
 from .commands.reporting import comparison_report, print_laws, report
 from .commands.reproduce import reproduce
 from .commands.run import run
@@ -42,6 +43,7 @@ app.command()(families)
 app.command()(evidence)
 app.command()(merge)
 app.command()(preview)
+app.command()(replay)
 app.command()(report)
 app.command()(reproduce)
 app.command()(run)

@@ -32,6 +32,7 @@ EXTRAS = {
     "images": Extra("images in the loop", ("cv2", "pupil_apriltags")),
     "physics": Extra("the same arm in MuJoCo", ("mujoco",)),
     "ur-rtde": Extra("an arm of Universal Robots", ("rtde_control", "rtde_receive", "dashboard_client")),
+    "replay": Extra("a replay in a browser", ("viser", "imageio_ffmpeg")),
     "cluster": Extra("work on a cluster", (*_TABLES, "distributed")),
 }
 """By their names in pyproject.toml."""

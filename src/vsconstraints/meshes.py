@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Literal
 from xml.etree import ElementTree
 
 from .errors import ConfigurationError
@@ -66,8 +67,12 @@ def mesh_files(urdf: Path, folders: Sequence[str | Path]) -> list[Path]:
     return [file for name in sorted(names) if (file := found_mesh(name, urdf, folders)) is not None]
 
 
-def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path]) -> str:
-    """The XML of a URDF with the paths of the files in the place of the names of collision meshes.
+Purpose = Literal["collision", "visual"]
+"""What geometry of a URDF's links is for."""
+
+
+def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path], purpose: Purpose = "collision") -> str:
+    """The XML of a URDF with the paths of the files in the place of the names of meshes that are for that purpose.
 
     Raises
     ------
@@ -76,7 +81,7 @@ def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path]) -> st
     """
     root = ElementTree.fromstring(text)
     for link in root.iter("link"):
-        for mesh in _meshes(link):
+        for mesh in _meshes(link, purpose):
             name = mesh.get("filename", "")
             file = found_mesh(name, urdf, folders)
             if file is None:
@@ -90,8 +95,8 @@ def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path]) -> st
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _meshes(root: ElementTree.Element) -> Iterator[ElementTree.Element]:
-    return (mesh for collision in root.iter("collision") for mesh in collision.iter("mesh"))
+def _meshes(root: ElementTree.Element, purpose: Purpose = "collision") -> Iterator[ElementTree.Element]:
+    return (mesh for part in root.iter(purpose) for mesh in part.iter("mesh"))
 
 
 def _paths(environment: Mapping[str, str], variable: str) -> list[str]:

@@ -18,7 +18,7 @@ from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint
 from .limits import NO_LIMITS, ActuatorLimits
 from .renamed import renamed
 from .rows import Array
-from .urdf import UrdfSource, collision_geometry, read_urdf
+from .urdf import UrdfSource, link_geometry, read_urdf
 
 DhRow = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
 """θ offset [rad], d [m], a [m], α [rad] of a link."""
@@ -217,7 +217,7 @@ class Robot:
                 f"{self.name} is not from a URDF file, so its links have no collision geometry; "
                 "give link_radius, the links' radius around the lines between the joints"
             )
-        return collision_geometry(self.source)
+        return link_geometry(self.source)
 
     def frame_id(self, link: str) -> int:
         """Index of a link's frame in the model; raises ConfigurationError that names the links there are."""

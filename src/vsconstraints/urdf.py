@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from .errors import ConfigurationError, unknown_name
 from .geometry import vector
-from .meshes import mesh_folders, with_whole_paths
+from .meshes import Purpose, mesh_folders, with_whole_paths
 from .rows import Array
 from .urdf_xml import UNBOUNDED, Mimic, UrdfFile, urdf_file
 
@@ -101,19 +101,20 @@ def read_urdf(
     return UrdfArm(model, model.getFrameId(tip), lower, upper, speed, origin, effort)
 
 
-def collision_geometry(source: UrdfSource) -> pin.GeometryModel:
-    """The collision geometry of a URDF's links, in the reduced model's frames.
+def link_geometry(source: UrdfSource, purpose: Purpose = "collision") -> pin.GeometryModel:
+    """The geometry of a URDF's links that is for a purpose, in the reduced model's frames.
 
     Raises
     ------
     ConfigurationError
         if a mesh is not there or cannot be read; the message names it.
     """
-    text = with_whole_paths(urdf_file(source.path).text, source.path, source.package_dirs)
+    text = with_whole_paths(urdf_file(source.path).text, source.path, source.package_dirs, purpose)
+    kind = pin.GeometryType.COLLISION if purpose == "collision" else pin.GeometryType.VISUAL
     try:
-        geometry = pin.buildGeomFromUrdfString(source.model, text, pin.GeometryType.COLLISION)
+        geometry = pin.buildGeomFromUrdfString(source.model, text, kind)
     except (RuntimeError, ValueError) as error:
-        raise ConfigurationError(f"collision geometry of {source.path} cannot be read: {error}") from error
+        raise ConfigurationError(f"{purpose} geometry of {source.path} cannot be read: {error}") from error
     return pin.buildReducedModel(source.model, geometry, list(source.locked), source.positions)[1]
 
 

@@ -41,13 +41,19 @@ def bars_of(robot: Robot, q: Array) -> list[Array]:
     return bars
 
 
+def radii_of(robot: Robot, size: float) -> Array:
+    """(n,) radius of each link, thinner towards the tip [m]; ``size`` scales it."""
+    radii: Array = size * (THICK + (THIN - THICK) * np.arange(robot.n) / robot.n)
+    return radii
+
+
 def add_arm(mesh: Mesh, robot: Robot, q: Array, size: float = 1.0) -> None:
     """Bars with their elbows, drums for joints, and a base; ``size`` scales how thick they are.
 
     What slides is thin and has no drum; an arm that begins with it has no base.
     """
     places, axes = joint_places(robot, q)
-    radii = size * (THICK + (THIN - THICK) * np.arange(robot.n) / robot.n)
+    radii = radii_of(robot, size)
     for place, axis, radius, slides in zip(places, axes, radii, robot.prismatic, strict=False):
         if not slides:
             mesh.tube(np.array([place - 1.35 * radius * axis, place + 1.35 * radius * axis]), 1.25 * radius, JOINT, 14)

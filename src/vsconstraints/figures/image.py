@@ -117,9 +117,7 @@ class Plane:
         count = int(min(max(2.0 * half.max() / GRID_STEP, 80.0), 600.0))
         u, v = (np.linspace(m - r, m + r, count) for m, r in zip(centre, half, strict=True))
         if self.constraints:
-            grid = np.stack(np.meshgrid(u, v), axis=-1)
-            # only the sign is wanted: far from a boundary values may be huge, which spoils interpolation
-            sigma = np.max([np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0)
+            sigma = self.depth(u, v)
             if (sigma > 0.0).any():
                 colours, hatches = [FORBIDDEN["facecolor"]], [FORBIDDEN["hatch"]]
                 filled = ax.contourf(u, v, sigma, levels=[0.0, 1.0], colors=colours, hatches=hatches, zorder=0.6)
@@ -133,6 +131,13 @@ class Plane:
         ax.set_xlim(u[0], u[-1])
         ax.set_ylim(v[-1], v[0])
         ax.grid(False)
+
+    def depth(self, u: Array, v: Array) -> Array:
+        """(b, a) the greatest σ of constraints that stand still, cut at ±0.1, on a grid of u (a,) and v (b,) [px]."""
+        grid = np.stack(np.meshgrid(u, v), axis=-1)
+        # only the sign is wanted: far from a boundary values may be huge, which spoils interpolation
+        depth: Array = np.max([np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0)
+        return depth
 
     def entries(self, boundary: str = "", forbidden: str = "forbidden") -> list[dict[str, Any]]:
         """Legend entries of the image and of what is drawn in it; of the boundary if it has a name."""

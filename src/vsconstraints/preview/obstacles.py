@@ -9,6 +9,7 @@ import numpy as np
 
 from ..constraints import (
     Collision,
+    Constraint,
     ForbiddenBox,
     ForbiddenCapsule,
     ForbiddenCylinder,
@@ -28,12 +29,17 @@ GLASS = "#F0A20266"
 def add_obstacles(mesh: Mesh, setup: Setup, t: float, size: float) -> None:
     """Forbidden regions and bodies of a setup where they are at ``t`` [s]; ``size`` is half of what is shown [m]."""
     for constraint in setup.constraints.constraints:
-        if isinstance(constraint, ForbiddenRegion):
-            moved = np.zeros(3) if constraint.motion is None else constraint.motion.displacement(t)
-            _region(mesh, constraint, Pose(constraint.pose.R, constraint.pose.t + moved), size)
-        elif isinstance(constraint, Collision):
-            for placement, solid in constraint.pairs[0][1].parts:
-                _solid(mesh, solid, Pose(np.array(placement.rotation), np.array(placement.translation)), size)
+        add_obstacle(mesh, constraint, t, size)
+
+
+def add_obstacle(mesh: Mesh, constraint: Constraint, t: float, size: float) -> None:
+    """What a constraint forbids in space, if it does."""
+    if isinstance(constraint, ForbiddenRegion):
+        moved = np.zeros(3) if constraint.motion is None else constraint.motion.displacement(t)
+        _region(mesh, constraint, Pose(constraint.pose.R, constraint.pose.t + moved), size)
+    elif isinstance(constraint, Collision):
+        for placement, solid in constraint.pairs[0][1].parts:
+            _solid(mesh, solid, Pose(np.array(placement.rotation), np.array(placement.translation)), size)
 
 
 def _region(mesh: Mesh, region: Any, at: Pose, size: float) -> None:

@@ -1,0 +1,344 @@
+"""Replays: what is shown when, where it stands, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.path import Path as Outline
+from PIL import Image
+from typer.testing import CliRunner
+
+from vsconstraints import Robot
+from vsconstraints.cli import app
+from vsconstraints.comparisons import RunRecord, Suite, compare
+from vsconstraints.comparisons.record import run_file
+from vsconstraints.controllers import SlidingMode, Tracking
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.figures.arm import bars_of
+from vsconstraints.figures.image import Plane
+from vsconstraints.replay import ReplayRun, film, replay_html, write_film, write_replay
+from vsconstraints.replay.asked import asked_for
+from vsconstraints.replay.frames import ACTS, MOST, OFF, OUTSIDE, Frames, lights
+from vsconstraints.replay.image import image_data
+from vsconstraints.replay.lamps import lamps_of, things_of
+from vsconstraints.replay.solids import MOST_TRIANGLES, Links, links_of
+from vsconstraints.replay.space import Arm
+from vsconstraints.robots import ready_made
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
+
+FOV = "example-2d-fov"
+
+
+def made(name: str, *laws: Any, duration: float | None = None) -> list[ReplayRun]:
+    scenario = Scenario.load(name)
+    if duration is not None:
+        scenario = scenario.with_override("duration", duration)
+    setup = scenario.setup()
+    return [ReplayRun(law.name, setup, simulate(setup, law), scenario.title) for law in laws]
+
+
+@pytest.fixture(scope="module")
+def two() -> list[ReplayRun]:
+    """Tracking leaves the field of view, sliding mode does not."""
+    return made(FOV, Tracking(), SlidingMode())
+
+
+@cache
+def short() -> ReplayRun:
+    return made(FOV, SlidingMode(), duration=0.1)[0]
+
+
+def stretched(run: ReplayRun, samples: int, active: list[int]) -> ReplayRun:
+    """A run with more samples, in which the first row acts at some of them and nothing is outside."""
+    old, at = run.trajectory, np.linspace(0, len(run.trajectory.t) - 1, samples).astype(int)
+    acts = np.zeros((samples, len(old.labels)), dtype=np.bool_)
+    acts[active, 0] = True
+    per_sample = {
+        name: getattr(old, name)[at]
+        for name in ("q", "qd", "feature_error_px", "features_px", "points", "camera_error", "phi", "sigma")
+    }
+    inside = np.ones_like(per_sample["phi"])
+    clear: dict[str, Any] = {"clearance": inside, "between_clearance": inside, "active": acts}
+    return replace(run, trajectory=replace(old, t=1e-3 * np.arange(samples), **per_sample, **clear))
+
+
+# --- time ---
+
+
+def test_a_hundred_thousand_samples_are_thinned_and_no_lamp_is_lost(two: list[ReplayRun]) -> None:
+    run = stretched(two[1], 100_000, [54_321, 99_999])
+    frames = Frames.of([run])
+    assert len(frames.t) == MOST
+    assert frames.remark([run]).startswith(f"{MOST} of 100000 samples are shown")
+    # the last frame is the end, and 54.321 s is between frames 162 and 163 of 299 in 99.999 s
+    assert frames.t[-1] == pytest.approx(99.999)
+    assert np.flatnonzero(frames.lights(run)[:, 0]).tolist() == [162, 299]
+
+
+@given(st.integers(2, 400), st.lists(st.integers(0, 399), max_size=5), st.integers(2, 60))
+def test_a_lamp_is_lit_from_the_sample_that_is_shown_to_the_next(samples: int, active: list[int], most: int) -> None:
+    run = stretched(short(), samples, [k for k in active if k < samples])
+    frames = Frames.of([run], 1e3, most)
+    first = [max(k for k, t in enumerate(run.trajectory.t) if t <= at + 1e-9) for at in frames.t]
+    until = [max(a + 1, b) for a, b in zip(first, [*first[1:], samples], strict=True)]
+    expected = [ACTS * any(a <= k < b for k in active) for a, b in zip(first, until, strict=True)]
+    assert first[-1] == samples - 1
+    assert frames.lights(run)[:, 0].tolist() == expected
+
+
+def test_a_run_that_is_over_stands_still_and_lights_nothing(two: list[ReplayRun]) -> None:
+    long, short = two[1], stretched(two[0], 100, [99])
+    frames = Frames.of([short, long])
+    assert (frames.samples(short)[1:] == 99).all()
+    assert frames.lights(short)[1:].max() == OFF
+    assert frames.t[-1] >= long.trajectory.t[-1] > frames.t[-1] - frames.period
+
+
+def test_lamps_are_what_a_run_says(two: list[ReplayRun]) -> None:
+    tracking, sliding = two
+    of_tracking, of_sliding = lights(tracking), lights(sliding)
+    deep = tracking.trajectory.clearance < -1.0  # px
+    assert deep.any()
+    assert (of_tracking[deep] == OUTSIDE).all()
+    assert (of_tracking[tracking.trajectory.clearance > 0.5] != OUTSIDE).all()
+    assert of_sliding.max() == ACTS
+    assert np.array_equal(of_sliding == ACTS, sliding.trajectory.active)
+
+
+# --- image ---
+
+
+def test_the_grey_area_is_what_is_forbidden(two: list[ReplayRun]) -> None:
+    data = image_data(two, Frames.of(two))
+    plane, rng = Plane.of(two[0].setup), np.random.default_rng(0)
+    points = rng.uniform(-plane.half, plane.half, (2000, 2))
+    rings = [Outline(ring) for polygon in data["forbidden"] for ring in polygon]
+    grey = np.sum([ring.contains_points(points) for ring in rings], axis=0) % 2 == 1
+    sigma = np.max([constraint.sigma(points) for constraint in plane.constraints], axis=0)
+    moved = [
+        np.max([c.sigma(points + d) for c in plane.constraints], axis=0) for d in ((3, 0), (-3, 0), (0, 3), (0, -3))
+    ]
+    near = np.any([(sigma > 0.0) != (other > 0.0) for other in moved], axis=0)
+    assert 0.1 < grey.mean() < 0.9
+    assert np.array_equal(grey[~near], sigma[~near] > 0.0)
+
+
+def test_markers_are_where_the_run_has_them(two: list[ReplayRun]) -> None:
+    frames = Frames.of(two)
+    data = json.loads(json.dumps(image_data(two, frames)))
+    for run, told in zip(two, data["runs"], strict=True):
+        at = np.array([int(np.flatnonzero(run.trajectory.t <= t + 1e-9)[-1]) for t in frames.t])
+        truth = run.trajectory.features_px[at].reshape(len(at), -1)
+        assert np.abs(np.array(told["pixels"]) - truth).max() < 0.051
+        assert {row["label"] for row in told["rows"]} <= set(run.trajectory.labels)
+        assert told["quiet"] + told["more"] + len(told["rows"]) == len(run.trajectory.labels)
+    assert "2" in data["runs"][0]["markers"][1], "tracking takes marker 2 out of the image"
+    assert "2" not in "".join(data["runs"][1]["markers"])
+
+
+def test_rows_light_what_they_are_about() -> None:
+    setup = Scenario.load("case-study-6r").setup()
+    things = dict(zip(setup.constraints.labels, things_of(_still(setup)), strict=True))
+    spheres = [k for k, one in enumerate(setup.constraints.constraints) if one.kind == "sphere"]
+    assert things["fov[marker 3]"] == ("marker", 3)
+    assert things["range[joint 6].upper"] == ("joint", 6)
+    assert things["speed[joint 2].upper"] == ("joint", 2)
+    assert things["sphere[tip]"] == ("obstacle", spheres[0])
+
+
+def test_what_runs_share_is_lit_by_any_of_them(two: list[ReplayRun]) -> None:
+    frames = Frames.of(two)
+    lamps = {(lamp.what, lamp.number): lamp.lights for lamp in lamps_of(two, frames)}
+    either = np.maximum(*(frames.lights(run)[:, run.trajectory.labels.index("fov[marker 2]")] for run in two))
+    assert np.array_equal(lamps["marker", 2], either)
+
+
+# --- space ---
+
+
+class Stage:
+    """Takes the place of viser's scene: where each node was put in its parent's frame, and what it looks like."""
+
+    def __init__(self) -> None:
+        self.nodes: dict[str, Any] = {}
+
+    def add_frame(self, name: str, **look: Any) -> Any:
+        return self.add_mesh_simple(name, np.empty((0, 3)), np.empty((0, 3)), **look)
+
+    def add_mesh_simple(self, name: str, corners: Any, triangles: Any, **look: Any) -> Any:
+        node = type("Node", (), {"position": np.zeros(3), "wxyz": np.array([1.0, 0.0, 0.0, 0.0]), "scale": (1, 1, 1)})()
+        node.corners = corners
+        self.nodes[name] = node
+        return node
+
+    def world(self, name: str, points: Any) -> Any:
+        """Points of a node in the base frame."""
+        points = np.asarray(points) * np.asarray(self.nodes[name].scale)
+        while name:
+            node = self.nodes[name]
+            w, v = node.wxyz[0], np.asarray(node.wxyz[1:])
+            # v' = v + 2 w (q × v) + 2 q × (q × v)
+            turned = np.cross(v, points)
+            points = points + 2.0 * w * turned + 2.0 * np.cross(v, turned) + node.position
+            name = name.rpartition("/")[0]
+        return points
+
+
+@pytest.mark.parametrize("name", ["viper-s650", "ur5", "planar-3r", "free-camera"])
+def test_every_node_is_where_the_robot_has_it(name: str) -> None:
+    robot = ready_made(name)
+    links, stage = links_of(robot, 1.0), Stage()
+    run: Any = type("Run", (), {"setup": type("Setup", (), {"scene": type("Scene", (), {"robot": robot})})})
+    arm = Arm(stage, "/arm", run, links, "#888888", 1.0)
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        q = rng.uniform(-1.0, 1.0, robot.n)
+        arm.pose(q)
+        tip = robot.pose(q)
+        there = stage.world(arm.tip, [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]])
+        assert np.abs(there - tip.act(np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]))).max() < 2e-6 * robot.n
+        if robot.source is None and not any(robot.prismatic):
+            for i, bar in enumerate(bars_of(robot, q), start=1):
+                solid = stage.nodes[f"{arm.joint(i)}/solid"].corners
+                seen = stage.world(f"{arm.joint(i)}/solid", solid)
+                # the solid covers its bar, and no more than its drum around it
+                assert (bar.min(0) > seen.min(0) - 1e-4).all()
+                assert (bar.max(0) < seen.max(0) + 1e-4).all()
+                assert (seen.min(0) > bar.min(0) - 0.07).all()
+        for i, slides in enumerate(robot.prismatic, start=1):
+            if slides:
+                slide = f"{arm.joint(i).rpartition('/')[0]}/slide"
+                end = stage.world(slide, [[0.0, 0.0, 1.0]])[0]
+                assert np.abs(end - stage.world(arm.joint(i), [[0.0, 0.0, 0.0]])[0]).max() < 1e-5
+
+
+def test_meshes_are_those_of_the_robot_made_coarser() -> None:
+    links = links_of(ready_made("ur5"), 1.0)
+    assert links.remark == ""
+    assert 0.3 * MOST_TRIANGLES < sum(len(solid.triangles) for solid in links.solids) <= MOST_TRIANGLES
+    # the upper arm of a UR5 is 0.425 m from axis to axis
+    assert 0.425 < np.ptp(links.solids[2].corners, axis=0).max() < 0.6
+
+
+def test_a_missing_mesh_makes_bars_and_is_named(tmp_path: Path) -> None:
+    urdf = tmp_path / "arm.urdf"
+    links = "".join(f'<link name="{name}">{{}}</link>' for name in "ab")
+    joint = (
+        '<joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
+    )
+
+    def write(geometry: str) -> Links:
+        own = f"<visual><geometry>{geometry}</geometry></visual>"
+        urdf.write_text(f'<robot name="r">{links.format("", own)}{joint}</robot>')
+        return links_of(Robot.from_urdf(urdf), 1.0)
+
+    found = write('<mesh filename="gone.dae"/>')
+    assert "gone.dae" in found.remark
+    assert "Bars" in found.remark
+    assert sum(len(solid.triangles) for solid in found.solids) > 0
+    found = write('<box size="0.2 0.4 0.6"/>')
+    assert found.remark == ""
+    assert np.ptp(found.solids[1].corners, axis=0) == pytest.approx([0.2, 0.4, 0.6])
+
+
+# --- the page ---
+
+
+def test_a_page_is_one_small_file_with_all_that_was_said(two: list[ReplayRun], tmp_path: Path) -> None:
+    remarks = write_replay(two, tmp_path / "new" / "page.html", title="Tom & <Jerry>")
+    text = (tmp_path / "new" / "page.html").read_text()
+    assert len(text.encode()) < 4e6
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["page.html"]
+    assert "Tom &amp; &lt;Jerry&gt;" in text
+    assert all(remark in text for remark in remarks)
+    assert any("no meshes" in remark for remark in remarks)
+    # what it loads is in it
+    own = re.sub(r'<script type="application/json" id="viewer">.*?</script>', "", text, flags=re.DOTALL)
+    assert not re.search(r"""(src|href)=(?!"data:)|url\(|@import|https?://""", own)
+
+
+# --- films ---
+
+
+def test_a_film_shows_image_and_arm(two: list[ReplayRun], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import imageio_ffmpeg
+
+    monkeypatch.setattr(film, "LONGEST", 0.4)
+    write_film(two[:1], tmp_path / "film.gif")
+    with Image.open(tmp_path / "film.gif") as gif:
+        assert (gif.size[0], gif.n_frames) == (800, 4)
+        gif.seek(3)
+        last = np.asarray(gif.convert("RGB")).astype(int)
+    # in the left half, the last frame has its markers at the end of the run: grey, the colour of tracking
+    pixels, plane = two[0].trajectory.features_px[-1], Plane.of(two[0].setup)
+    left, width = 10, 385
+    tall = width * plane.half[1] / plane.half[0]
+    for u, v in pixels:
+        x, y = left + width * (0.5 + 0.5 * u / plane.half[0]), 70 + tall * (0.5 + 0.5 * v / plane.half[1])
+        around = last[int(y) - 3 : int(y) + 4, int(x) - 3 : int(x) + 4].reshape(-1, 3)
+        assert np.abs(around - np.array([0x8A, 0x8A, 0x8A])).max(axis=1).min() < 16
+    write_film(two, tmp_path / "film.mp4")
+    count, seconds = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "film.mp4"))
+    assert count == 4 + 12
+    assert seconds == pytest.approx(16 / 12, abs=0.1)
+
+
+# --- runs by their names, and what is refused ---
+
+
+def test_a_stored_run_is_found_again(tmp_path: Path) -> None:
+    suite = Suite.load().select([FOV], ["sliding-mode"], settings=["scenario.duration=0.1"])
+    compare(suite, tmp_path, workers=1)
+    file = run_file(tmp_path, FOV, "sliding-mode", 0)
+    run, now = asked_for(str(file)), asked_for(f"{FOV}:sliding-mode")
+    assert run.law == now.law == "sliding-mode"
+    assert run.title == now.title == Scenario.load(FOV).title
+    assert np.array_equal(run.trajectory.q, now.trajectory.q[: len(run.trajectory.t)])
+    with pytest.raises(ConfigurationError, match=r"unknown trajectory .*tracking--1.*Did you mean .*tracking--0"):
+        asked_for(str(run_file(tmp_path, FOV, "tracking", 1)))
+    record = RunRecord.failed("the law divides by zero", "")
+    record.save(file)
+    with pytest.raises(ConfigurationError, match=r"sliding-mode left no trajectory .*: the law divides by zero"):
+        replay_html([asked_for(str(file))])
+    file.write_bytes(b"PK")
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        asked_for(str(file))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["example-2d-fov"], "names no run: give SCENARIO:CONTROLLER"),
+        (["example-2d-fog:tracking"], "Did you mean 'example-2d-fov'"),
+        (["example-2d-fov:trackin"], "Did you mean 'tracking'"),
+        (["some.npz"], "no trajectory of a comparison"),
+        ([f"{FOV}:tracking"] * 2, "two of the runs are called 'tracking'"),
+        ([f"{FOV}:tracking"] * 5, "1 to 4 runs, not 5"),
+        ([f"{FOV}:tracking", "example-2d-bowl:sliding-mode"], "different scenes"),
+        ([f"{FOV}:tracking", "--gif", "film.avi"], "ends in .gif or .mp4"),
+    ],
+)
+def test_what_cannot_be_shown_is_refused(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["replay", *words])
+    assert result.exit_code != 0
+    assert isinstance(result.exception, ConfigurationError)
+    assert said in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+def _still(setup: Any) -> ReplayRun:
+    return ReplayRun("none", setup, simulate(replace(setup, duration=2 * setup.Ts), Tracking()))
