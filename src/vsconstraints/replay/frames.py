@@ -55,12 +55,12 @@ class Frames:
     def lights(self, run: ReplayRun) -> Lights:
         """(F, m) what the lamp of each row says from one instant to the next: a moment is enough to light it.
 
-        A run that is over lights none.
+        A run that is over lights none: nothing after the frame that is the first to show its last sample.
         """
         every = lights(run)
         first = self.samples(run)
         shown = np.maximum.reduceat(every, first, axis=0)
-        shown[self.t > run.trajectory.t[-1] + 1e-9] = OFF
+        shown[1:][first[:-1] == len(every) - 1] = OFF
         return shown
 
     def remark(self, runs: Sequence[ReplayRun]) -> str:
