@@ -6,6 +6,7 @@ import math
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -14,11 +15,13 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from vsconstraints.comparisons import RunRecord, Suite
-from vsconstraints.figures import Figure, Sheet, decades, line, logarithmic, looks, plain, shortened
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.figures import Figure, Sheet, decades, formats_of, line, logarithmic, looks, plain, shortened
 from vsconstraints.figures.decimate import extremes, window_means, zigzag
 from vsconstraints.figures.image import Plane
 from vsconstraints.figures.sheet import DPI, FOOT
 from vsconstraints.figures.style import OWN_COLOURS
+from vsconstraints.reports.drawing import remove_stale
 from vsconstraints.reports.figures.tracks import draw_tracks
 from vsconstraints.reports.figures.view import View
 from vsconstraints.scenarios import Scenario
@@ -161,3 +164,32 @@ def test_a_legend_beside_tracks_covers_no_panel_and_no_label(name, tmp_path):
     placed = legend.get_window_extent()
     for ax in sheet.figure.axes:
         assert not placed.overlaps(ax.get_tightbbox()), ax.get_title(loc="left")
+
+
+def test_a_figure_is_written_in_the_formats_asked_for(tmp_path: Path) -> None:
+    figure = Figure("a", "a", "A.", grid)
+    formats = formats_of(["pdf", "svg"])
+    assert formats == ("svg", "pdf")  # pages show no PDF
+    assert formats_of(["pdf"]) == ("png", "pdf")
+    assert formats_of(()) == ("png",)
+    assert figure.file_in(formats, "--more") == "a--more.svg"
+    written = {}
+    for _ in range(2):
+        assert figure.write(tmp_path / figure.file_in(formats), formats=formats)
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["a.pdf", "a.svg"]
+        earlier, written = written, {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert written == earlier
+    root = ElementTree.fromstring(written["a.svg"])
+    assert root.attrib["width"] == "576pt"  # 8 in
+    assert written["a.pdf"].startswith(b"%PDF-")
+    with pytest.raises(ConfigurationError, match=r"gif.*png.*svg"):
+        formats_of(["gif"])
+
+
+def test_figures_of_another_format_are_stale(tmp_path: Path) -> None:
+    names = ["a--tracks.png", "a--tracks.pdf", "a--tracks--own.svg", "a--tracks.txt", "b--phi.svg", "mine.png"]
+    for name in names:
+        (tmp_path / name).touch()
+    remove_stale(tmp_path, ["a--tracks.png"], ("png", "pdf"))
+    left = sorted(path.name for path in tmp_path.iterdir())
+    assert left == ["a--tracks.pdf", "a--tracks.png", "a--tracks.txt", "mine.png"]

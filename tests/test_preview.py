@@ -333,7 +333,7 @@ def test_a_scene_of_a_family() -> None:
         (("ur5-fov", "--family", "panda"), "preview takes a scenario, or --family"),
         (("ur5-fof",), "Did you mean 'ur5-fov'?"),
         (("nowhere.toml",), "nowhere.toml"),
-        (("ur5-fov", "--out", "ur5.pdf"), "must end in .png"),
+        (("ur5-fov", "--out", "ur5.jpg"), "must end in .png"),
         (("--family", "pandas"), "Did you mean 'panda'?"),
         (("--family", "planar-arm", "--half", "left"), "unknown half"),
     ],

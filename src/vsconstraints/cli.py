@@ -17,7 +17,7 @@ from .commands.evidence import evidence, merge
 from .commands.families import families
 from .commands.preview import preview
 from .commands.replay import replay
-from .commands.reporting import comparison_report, print_laws, report
+from .commands.reporting import Asked, comparison_report, print_laws, report
 from .commands.reproduce import reproduce
 from .commands.run import run
 from .commands.terminal import (
@@ -25,7 +25,9 @@ from .commands.terminal import (
     USAGE_ERROR,
     AllFigures,
     Figures,
+    Formats,
     Jobs,
+    Latex,
     app,
     console,
     errors,
@@ -90,6 +92,8 @@ def compare(
     ] = "all",
     figures: Figures = True,
     all_figures: AllFigures = False,
+    formats: Formats = None,
+    latex: Latex = False,
     run_limit: Annotated[
         float | None,
         typer.Option(
@@ -108,6 +112,7 @@ def compare(
     from .runs.keep import demand_keep
 
     kept = demand_keep(keep)
+    asked = Asked(figures, all_figures, formats, latex)
     chosen = Suite.load(suite).select(scenario or (), controller or (), seed, settings or ())
     for remark in chosen.remarks():
         errors.print(f"note: {remark}")
@@ -148,7 +153,7 @@ def compare(
         )
         raise typer.Exit(exit_code(result.interrupted))
     try:
-        report_file = comparison_report(out, figures, all_figures)
+        report_file = comparison_report(out, asked)
     except INTERRUPTS as interrupt:
         errors.print(f"Interrupted: all {total} runs are stored in {out}, the report is not; the same command goes on.")
         raise typer.Exit(exit_code(signal_of(interrupt))) from interrupt
@@ -179,16 +184,19 @@ def study(
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for figures and tables.")] = Path("vsconstraints-studies"),
     jobs: Jobs = None,
+    formats: Formats = None,
 ) -> None:
     """Answer a general question about the controllers with many runs and one figure; real-world is a whole campaign."""
+    from .figures import formats_of
     from .studies import CAMPAIGNS, STUDIES, figure_file, run_studies
 
+    written = formats_of(formats or ())
     for name in names or ():
         if name not in STUDIES and name not in CAMPAIGNS:
             raise unknown_name("study", name, [*STUDIES, *CAMPAIGNS])
     for name in dict.fromkeys(names or ()):
         if name in CAMPAIGNS:
-            evidence(Path(name), out / name, jobs=jobs)
+            evidence(Path(name), out / name, jobs=jobs, formats=formats)
     names = [name for name in names or STUDIES if name in STUDIES]
     if not names:
         return
@@ -196,10 +204,14 @@ def study(
     with taken_up_again(out), progress_bar() as progress:
         bar = progress.add_task("studying", total=None)
         results = run_studies(
-            names, out, jobs, on_progress=lambda done, total: progress.update(bar, completed=done, total=total)
+            names,
+            out,
+            jobs,
+            on_progress=lambda done, total: progress.update(bar, completed=done, total=total),
+            formats=written,
         )
     for name, result in results.items():
-        console.print(f"{STUDIES[name].title} ({figure_file(out, name)})")
+        console.print(f"{STUDIES[name].title} ({figure_file(out, name, written)})")
         for sentence in result.sentences:
             console.print(f"  {sentence}")
         for failure in result.failures:

@@ -11,8 +11,19 @@ import typer
 from ..errors import ConfigurationError
 from ..runs.signals import exit_code
 from . import completions
-from .reporting import evidence_report
-from .terminal import NOTHING_DONE, Figures, Jobs, console, errors, note_processes, progress_bar, typed_command
+from .reporting import Asked, evidence_report
+from .terminal import (
+    NOTHING_DONE,
+    Figures,
+    Formats,
+    Jobs,
+    Latex,
+    console,
+    errors,
+    note_processes,
+    progress_bar,
+    typed_command,
+)
 
 if TYPE_CHECKING:
     from ..evidence import Campaign, Finished, Keep, OpenWorkers, Progress
@@ -65,6 +76,8 @@ def evidence(
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Replace what the folder holds.")] = False,
     figures: Figures = True,
+    formats: Formats = None,
+    latex: Latex = False,
     run_limit: Annotated[
         float | None,
         typer.Option(
@@ -79,6 +92,7 @@ def evidence(
 
     if cluster is not None and jobs is not None:
         raise ConfigurationError("--jobs is how many processes of this machine are used: with --cluster there are none")
+    asked = Asked(figures, formats=formats, latex=latex)
     chosen = Campaign.load(campaign).select(family or (), controller or (), scenes, settings or ())
     note_processes(jobs)
     part = Shard.parsed(shard)
@@ -93,7 +107,7 @@ def evidence(
         finished = collect(chosen, out, plan, command=typed_command(), on_progress=show)
     _say(finished)
     if plan.shard.of == 1:
-        console.print(f"Report: {evidence_report(out, figures)}")
+        console.print(f"Report: {evidence_report(out, asked)}")
     if finished.progress.all_failed:
         errors.print("error: every run of the controllers that were to be compared failed; column reason says why")
         raise typer.Exit(NOTHING_DONE)
@@ -132,10 +146,13 @@ def merge(
     out: Annotated[Path, typer.Argument(help="Folder for all of it.")],
     shards: Annotated[list[Path], typer.Argument(help="Folders that `evidence --shard` has written.")],
     figures: Figures = True,
+    formats: Formats = None,
+    latex: Latex = False,
 ) -> None:
     """Put the parts of a campaign together that were run apart, and write its report."""
     from ..evidence import merge as put_together
 
+    asked = Asked(figures, formats=formats, latex=latex)
     merged = put_together(out, shards)
     console.print(f"{merged.scenes} scenes, {merged.runs} runs of {len(shards)} folders. Stored in {out}")
-    console.print(f"Report: {evidence_report(out, figures)}")
+    console.print(f"Report: {evidence_report(out, asked)}")

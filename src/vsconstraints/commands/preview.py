@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import ConfigurationError
+from ..figures import FORMATS
 from . import completions
 from .terminal import USAGE_ERROR, console, errors
 
@@ -35,8 +36,8 @@ def preview(
 
     if (scenario is None) == (family is None):
         raise ConfigurationError("preview takes a scenario, or --family with --scene")
-    if out is not None and out.suffix.lower() != ".png":
-        raise ConfigurationError(f"the picture is a PNG: --out {out} must end in .png")
+    if out is not None and out.suffix.removeprefix(".") not in FORMATS:
+        raise ConfigurationError(f"the picture is a figure: --out {out} must end in .png, .svg or .pdf")
     if family is not None:
         drawn = Family.load(family).scene(scene, half, seed)
         seen = Preview.of_scenario(drawn.scenario(condition), seed=drawn.noise)

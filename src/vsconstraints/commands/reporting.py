@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.text import Text
 
-from .terminal import AllFigures, Figures, console, progress_bar
+from ..figures import formats_of
+from .terminal import AllFigures, Figures, Formats, Latex, console, progress_bar
 
 
 def report(
     folder: Annotated[Path, typer.Argument(help="Folder of a comparison, or of a campaign.")],
     figures: Figures = True,
     all_figures: AllFigures = False,
+    formats: Formats = None,
+    latex: Latex = False,
     tuning: Annotated[
         Path | None,
         typer.Option(help="Of a campaign: the folder of `vsconstraints tune` that its tuned settings come from."),
@@ -24,13 +29,33 @@ def report(
     """Write the report of a comparison, or of a campaign, again from what is stored."""
     from ..runs.folder import kind_of
 
-    if kind_of(folder) == "evidence":
-        console.print(f"Report: {evidence_report(folder, figures, tuning)}")
-    else:
-        console.print(f"Report: {comparison_report(folder, figures, all_figures)}")
+    asked = Asked(figures, all_figures, formats, latex)
+    made = evidence_report(folder, asked, tuning) if kind_of(folder) == "evidence" else comparison_report(folder, asked)
+    console.print(f"Report: {made}")
 
 
-def comparison_report(folder: Path, figures: bool, all_figures: bool) -> Path:
+@dataclass(frozen=True)
+class Asked:
+    """What a report was asked to have: the options of all commands that write one."""
+
+    figures: bool = True
+    all_figures: bool = False
+    formats: Sequence[str] | None = None
+    latex: bool = False
+
+    def __post_init__(self) -> None:
+        formats_of(self.formats or ())
+
+    def finish(self, report: Path) -> Path:
+        """Write what stands beside a report."""
+        from ..reports.latex import write_tables
+
+        if self.latex:
+            console.print(f"Tables for LaTeX: {write_tables(report)}")
+        return report
+
+
+def comparison_report(folder: Path, asked: Asked) -> Path:
     """Write a comparison's report, and show how far its figures are."""
     from ..reports import write_report
 
@@ -43,7 +68,14 @@ def comparison_report(folder: Path, figures: bool, all_figures: bool) -> Path:
                 shown.enter_context(progress)
             progress.update(bar, completed=done, total=total)
 
-        return write_report(folder, figures=figures, all_figures=all_figures, on_drawn=drawn)
+        written = write_report(
+            folder,
+            figures=asked.figures,
+            all_figures=asked.all_figures,
+            formats=formats_of(asked.formats or ()),
+            on_drawn=drawn,
+        )
+    return asked.finish(written)
 
 
 def print_laws(folder: Path) -> None:
@@ -79,15 +111,17 @@ def _emphasised(text: str) -> Text:
     return Text.assemble(before, (inside, "bold"), after)
 
 
-def evidence_report(folder: Path, figures: bool, tuning: Path | None = None) -> Path:
+def evidence_report(folder: Path, asked: Asked, tuning: Path | None = None) -> Path:
     """Write a campaign's report, and show how many of its parts are there."""
     from ..reports.evidence import write_evidence_report
 
     with progress_bar() as progress:
         bar = progress.add_task("writing the report", total=None)
-        return write_evidence_report(
+        written = write_evidence_report(
             folder,
-            figures=figures,
+            figures=asked.figures,
             tuning=tuning,
+            formats=formats_of(asked.formats or ()),
             on_written=lambda done, total: progress.update(bar, completed=done, total=total),
         )
+    return asked.finish(written)

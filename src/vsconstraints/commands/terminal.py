@@ -36,6 +36,14 @@ AllFigures = Annotated[
     typer.Option("--all-figures", help="Figures of every scenario of a large suite, not of the most telling alone."),
 ]
 
+Formats = Annotated[
+    list[str] | None,
+    typer.Option("--format", metavar="png|svg|pdf", help="Of figures; PNG if not given. Can be repeated."),
+]
+Latex = Annotated[
+    bool, typer.Option("--latex", help="Write the report's tables for LaTeX, too, into the folder tables.")
+]
+
 
 def typed_command() -> list[str]:
     """What the user typed, such that files in UTF-8 can hold it."""

@@ -5,6 +5,7 @@ Matplotlib is loaded when a sheet is made, not before: tables of figures cost no
 
 from .decimate import extremes, window_means, zigzag
 from .figure import Figure
+from .formats import FORMATS, PNG, Formats, formats_of
 from .marks import (
     REFERENCE,
     above_legend,
@@ -23,10 +24,13 @@ from .sheet import WIDTH, Sheet
 from .style import INK, Look, darker, looks, shortened
 
 __all__ = [
+    "FORMATS",
     "INK",
+    "PNG",
     "REFERENCE",
     "WIDTH",
     "Figure",
+    "Formats",
     "Look",
     "Sheet",
     "above_legend",
@@ -34,6 +38,7 @@ __all__ = [
     "darker",
     "decades",
     "extremes",
+    "formats_of",
     "inside_legend",
     "line",
     "logarithmic",

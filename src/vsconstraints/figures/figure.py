@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .formats import PNG, Formats
 from .sheet import Sheet
 from .style import FORMULAS, STYLE
 
@@ -46,18 +47,24 @@ class Figure:
 
     @property
     def file(self) -> str:
-        """Its file's name."""
-        return f"{self.name}.png"
+        """Its file's name, as PNG."""
+        return self.file_in(PNG)
 
-    def write(self, path: Path, *needed: object) -> bool:
-        """Draw it and write it as PNG, whole or not at all; raises whatever goes wrong.
+    def file_in(self, formats: Formats, suffix: str = "") -> str:
+        """The name of the file that pages show; ``suffix`` stands behind its own name."""
+        return f"{self.name}{suffix}.{formats[0]}"
+
+    def write(self, path: Path, *needed: object, formats: Formats = ()) -> bool:
+        """Draw it and write it, each file whole or not at all; raises whatever goes wrong.
 
         Parameters
         ----------
         path
-            Where to.
+            Where to; its suffix is the format.
         needed
             What it is drawn from.
+        formats
+            Of files beside it, in which it is written as well.
 
         Returns
         -------
@@ -70,7 +77,8 @@ class Figure:
             warnings.simplefilter("ignore")
             sheet = self.draw(*needed)
             if sheet is not None:
-                sheet.save(path)
+                for file in dict.fromkeys((path, *(path.with_suffix(f".{one}") for one in formats))):
+                    sheet.save(file)
         return sheet is not None
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..runs.files import replaced
+from .formats import VECTOR
 
 WIDTH = 8.0
 """Width of every figure [in]: at this width the smallest text is 8 pt."""
@@ -161,13 +162,21 @@ class Sheet:
         self.legend(entries, 1, self.beside, labelspacing=0.75)
 
     def save(self, path: Path) -> None:
-        """Write a PNG, whole or not at all."""
-        from PIL import Image
-
+        """Write a file, whole or not at all; its suffix is one of :data:`~vsconstraints.figures.formats.FORMATS`."""
         self.figure.set_size_inches(WIDTH, self.at)
         for ax, (left, top, width, height) in self._places:
             bottom = self.at - top - height
             ax.set_position((left / WIDTH, bottom / self.at, width / WIDTH, height / self.at))
+        kind = path.suffix.removeprefix(".")
+        if kind in VECTOR:
+            with replaced(path) as part:
+                self.figure.savefig(part, format=kind, metadata=VECTOR[kind])
+        else:
+            self._save_pixels(path)
+
+    def _save_pixels(self, path: Path) -> None:
+        from PIL import Image
+
         self.canvas.draw()
         pixels = SHADES[np.asarray(self.canvas.buffer_rgba())[..., :3]]
         with replaced(path) as part:

@@ -41,6 +41,8 @@ STYLE: dict[str, Any] = {
     "legend.handlelength": 2.0,
     "path.simplify_threshold": 0.2,
     "text.parse_math": False,  # names may contain anything
+    "svg.hashsalt": "vsconstraints",  # the same figure, the same bytes
+    "pdf.fonttype": 42,  # text that can be searched and edited; journals want it
 }
 """Settings of matplotlib."""
 

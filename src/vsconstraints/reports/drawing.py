@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import product
-from pathlib import Path
+from itertools import chain, product
+from pathlib import Path, PurePath
 
 from ..comparisons import RunRecord
 from ..comparisons.metrics import tolerated
 from ..comparisons.record import run_file
+from ..figures import FORMATS, PNG, Formats
 from ..runs.pool import Failure, carry_out
 from ..runs.resources import process_count
 from ..scenarios import Scenario
@@ -45,6 +46,8 @@ class ScenarioJob:
         Of the comparison.
     phi_rows, lane_rows
         Labels of the rows whose φ, and whose activity, is drawn.
+    formats
+        Of the files.
     """
 
     folder: Path
@@ -54,6 +57,7 @@ class ScenarioJob:
     seed: int
     phi_rows: tuple[str, ...]
     lane_rows: tuple[str, ...]
+    formats: Formats = PNG
 
 
 @dataclass
@@ -75,7 +79,9 @@ class Drawn:
     first_outside: dict[tuple[str, str], float] = field(default_factory=dict)
 
 
-def scenario_jobs(results: Results, scenarios: Sequence[str] | None = None) -> list[ScenarioJob]:
+def scenario_jobs(
+    results: Results, scenarios: Sequence[str] | None = None, formats: Formats = PNG
+) -> list[ScenarioJob]:
     """What is to be drawn of each of these scenarios of a stored comparison, or of all."""
     stored = results.stored
     return [
@@ -91,6 +97,7 @@ def scenario_jobs(results: Results, scenarios: Sequence[str] | None = None) -> l
             int(stored.manifest["configuration"].get("seed", 0)),
             phi_rows(results, name),
             lane_rows(results, name),
+            formats,
         )
         for name, scenario in stored.scenarios.items()
         if scenarios is None or name in scenarios
@@ -132,22 +139,23 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
     for figure, (group, view) in product((*FIGURES, DISTURBANCE), views.items()):
         if len(views) > 1 and not view.competitors:
             continue
-        file = f"{job.scenario.name}--{figure.name}{group.suffix}.png"
+        file = f"{job.scenario.name}--{figure.file_in(job.formats, group.suffix)}"
         try:
-            if figure.write(job.folder / "figures" / file, view):
+            if figure.write(job.folder / "figures" / file, view, formats=job.formats):
                 drawn.files[figure.name, group.suffix] = file
         except Exception as error:  # one bad run or figure must not cost the report
             drawn.problems.append(f"The figure of {figure.title} could not be drawn: {type(error).__name__}: {error}")
     return drawn
 
 
-def draw_endings(results: Results, folder: Path) -> str:
+def draw_endings(results: Results, folder: Path, formats: Formats = PNG) -> str:
     """Draw how every scenario ended into ``folder``, and say what it shows; nothing of one scenario alone."""
-    (folder / ENDINGS.file).unlink(missing_ok=True)
+    _remove(folder, f"{ENDINGS.name}.*")
+    file = ENDINGS.file_in(formats)
     if len(results.scenarios) < 2:
         return ""
     try:
-        if not ENDINGS.write(folder / ENDINGS.file, results):
+        if not ENDINGS.write(folder / file, results, formats=formats):
             return ""
     except Exception as error:  # a figure must not cost the report
         return f"The figure of {ENDINGS.title} could not be drawn: {type(error).__name__}: {error}"
@@ -156,20 +164,19 @@ def draw_endings(results: Results, folder: Path) -> str:
         if results.trials > 1
         else ""
     )
-    return f"![{ENDINGS.title.capitalize()}](figures/{ENDINGS.file})\n\n*{ENDINGS.caption}{several}*"
+    return f"![{ENDINGS.title.capitalize()}](figures/{file})\n\n*{ENDINGS.caption}{several}*"
 
 
-def draw_overview(results: Results, folder: Path) -> str:
+def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str:
     """Draw the figure of a whole comparison into ``folder``, and say what it shows; nothing if there is nothing."""
-    for path in (folder / OVERVIEW.file, *folder.glob(f"{OVERVIEW.name}--*.png")):
-        path.unlink(missing_ok=True)
-    return "\n\n".join(text for group in results.groups if (text := _overview_of(results, group, folder)))
+    _remove(folder, f"{OVERVIEW.name}.*", f"{OVERVIEW.name}--*")
+    return "\n\n".join(text for group in results.groups if (text := _overview_of(results, group, folder, formats)))
 
 
-def _overview_of(results: Results, group: Group, folder: Path) -> str:
-    file = f"{OVERVIEW.name}{group.suffix}.png"
+def _overview_of(results: Results, group: Group, folder: Path, formats: Formats) -> str:
+    file = OVERVIEW.file_in(formats, group.suffix)
     try:
-        if not OVERVIEW.write(folder / file, results, group.controllers):
+        if not OVERVIEW.write(folder / file, results, group.controllers, formats=formats):
             return ""
     except Exception as error:  # a figure must not cost the report
         return f"The figure of {OVERVIEW.title} could not be drawn: {type(error).__name__}: {error}"
@@ -181,12 +188,28 @@ def _overview_of(results: Results, group: Group, folder: Path) -> str:
     return text + "*"
 
 
-def remove_stale(folder: Path, kept: set[str]) -> None:
-    """Remove figures of scenarios that an earlier report of the same folder left and this one does not show."""
-    for figure in (*FIGURES, DISTURBANCE):
-        for path in (*folder.glob(f"*--{figure.file}"), *folder.glob(f"*--{figure.name}--*.png")):
-            if path.name not in kept:
-                path.unlink()
+def remove_stale(folder: Path, kept: Iterable[str], formats: Formats = PNG) -> None:
+    """Remove figures of scenarios that an earlier report of the same folder left and this one does not have.
+
+    Parameters
+    ----------
+    folder
+        Of the figures.
+    kept
+        Names of the files that pages show.
+    formats
+        In which these are there.
+    """
+    there = {PurePath(file).with_suffix(f".{one}").name for file in kept for one in formats}
+    names = (name for figure in (*FIGURES, DISTURBANCE) for name in (f"*--{figure.name}.*", f"*--{figure.name}--*"))
+    _remove(folder, *names, but=there)
+
+
+def _remove(folder: Path, *patterns: str, but: Collection[str] = ()) -> None:
+    """Remove figures whose names are like these, in every format."""
+    for path in chain.from_iterable(map(folder.glob, patterns)):
+        if path.suffix.removeprefix(".") in FORMATS and path.name not in but:
+            path.unlink(missing_ok=True)
 
 
 def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..comparisons import StoredComparison
 from ..errors import StorageError
+from ..figures import PNG, Formats
 from ..runs.files import replaced
 from ..runs.folder import held
 from .closing import closing
@@ -27,6 +28,7 @@ def write_report(
     *,
     figures: bool = True,
     all_figures: bool = False,
+    formats: Formats = PNG,
     on_drawn: Callable[[int, int], None] = lambda done, total: None,
 ) -> Path:
     """Write report.md and its figures from what a comparison left in its folder.
@@ -42,6 +44,8 @@ def write_report(
         Whether to draw figures; without them a report takes no time, and those that are there stay as they are.
     all_figures
         Whether to draw those of every scenario of a large suite, too, not of the most telling ones alone.
+    formats
+        In which figures are written; the report shows the first.
     on_drawn
         Told how many scenarios have their figures, and how many there are.
 
@@ -61,15 +65,14 @@ def write_report(
     with held(folder, "a comparison"):
         try:
             chosen = results.scenarios if all_figures else telling(results)
-            return _write(folder, results, chosen, on_drawn if figures else None)
+            pictures = _draw(results, chosen, formats, on_drawn) if figures else None
+            return _write(folder, results, pictures)
         except OSError as error:
             raise StorageError(f"the report cannot be written to {folder}: {error}") from error
 
 
-def _write(folder: Path, results: Results, chosen: Sequence[str], on_drawn: Callable[[int, int], None] | None) -> Path:
-    pictures = Pictures({name: Drawn() for name in results.scenarios})
-    if on_drawn is not None:
-        pictures = _draw(results, chosen, on_drawn)
+def _write(folder: Path, results: Results, pictures: Pictures | None) -> Path:
+    pictures = pictures or Pictures({name: Drawn() for name in results.scenarios})
     # of one scenario there is no heat map
     first, second = (pictures.endings, pictures.overview) if pictures.endings else (pictures.overview, "")
     parts = [
@@ -97,10 +100,10 @@ class Pictures:
     overview: str = ""
 
 
-def _draw(results: Results, chosen: Sequence[str], on_drawn: Callable[[int, int], None]) -> Pictures:
+def _draw(results: Results, chosen: Sequence[str], formats: Formats, on_drawn: Callable[[int, int], None]) -> Pictures:
     folder = results.stored.folder / "figures"
     folder.mkdir(exist_ok=True)
-    endings, overview = draw_endings(results, folder), draw_overview(results, folder)
-    drawn = draw_all(scenario_jobs(results, chosen), on_drawn)
-    remove_stale(folder, {name for one in drawn.values() for name in one.files.values()})
+    endings, overview = draw_endings(results, folder, formats), draw_overview(results, folder, formats)
+    drawn = draw_all(scenario_jobs(results, chosen, formats), on_drawn)
+    remove_stale(folder, (name for one in drawn.values() for name in one.files.values()), formats)
     return Pictures(drawn, endings, overview)

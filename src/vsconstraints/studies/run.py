@@ -14,6 +14,7 @@ from ..comparisons.run import perform
 from ..comparisons.tables import write_table
 from ..comparisons.unfinished import kept_file, unfinished
 from ..errors import ConfigurationError, unknown_name
+from ..figures import PNG, Formats
 from ..kernels import prepare
 from ..runs.pool import Failure, carry_out
 from ..runs.spec import BASELINE, ControllerSpec, RunSpec, longest_first
@@ -52,9 +53,9 @@ CAMPAIGNS = ("real-world",)
 and run only where they are named."""
 
 
-def figure_file(folder: Path, name: str) -> Path:
-    """Where the figure of a study is written."""
-    return folder / "figures" / f"study-{name}.png"
+def figure_file(folder: Path, name: str, formats: Formats = PNG) -> Path:
+    """Where the figure of a study is written, in the format that pages show."""
+    return folder / "figures" / f"study-{name}.{formats[0]}"
 
 
 def data_file(folder: Path, name: str) -> Path:
@@ -70,6 +71,7 @@ def run_studies(
     *,
     small: bool = False,
     studies: Mapping[str, Study] = STUDIES,
+    formats: Formats = PNG,
     kept: Path | None = None,
 ) -> dict[str, StudyResult]:
     """Run studies and write a figure and a table of each.
@@ -81,7 +83,7 @@ def run_studies(
     names
         Which; all if None or empty.
     folder
-        ``figures/study-NAME.png`` and ``studies/NAME.csv`` are written below it; nothing is if None.
+        ``figures/study-NAME`` and ``studies/NAME.csv`` are written below it; nothing is if None.
     workers
         Number of processes at most; see :func:`vsconstraints.runs.resources.process_count`.
     on_progress
@@ -90,6 +92,8 @@ def run_studies(
         A few short runs of each study instead of all.
     studies
         What there is to choose from.
+    formats
+        In which figures are written.
     kept
         Where finished runs are kept until all are; below the folder, until the studies are finished, if None.
 
@@ -114,7 +118,7 @@ def run_studies(
     with nullcontext(kept) if kept else unfinished(folder) as store:
         summaries = _run_all(noted, store, workers, on_progress)
         return {
-            name: _finish(studies[name], {case: summaries[run] for case, run in own.items()}, folder)
+            name: _finish(studies[name], {case: summaries[run] for case, run in own.items()}, folder, formats)
             for name, own in runs.items()
         }
 
@@ -166,7 +170,7 @@ def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -
     return summary
 
 
-def _finish(study: Study, summaries: Mapping[Any, RunSummary], folder: Path | None) -> StudyResult:
+def _finish(study: Study, summaries: Mapping[Any, RunSummary], folder: Path | None, formats: Formats) -> StudyResult:
     """Evaluate and draw one study; what goes wrong stays in it."""
     try:
         result = study.evaluate(summaries)
@@ -178,7 +182,8 @@ def _finish(study: Study, summaries: Mapping[Any, RunSummary], folder: Path | No
         columns = list(dict.fromkeys(column for point in result.points for column in point))
         lines = [{column: point.get(column, "") for column in columns} for point in result.points]
         write_table(data_file(folder, study.name), columns, lines)
-        study.draw(result, figure_file(folder, study.name))
+        for one in formats:
+            study.draw(result, figure_file(folder, study.name, (one,)))
     except Exception as error:  # a figure must not cost what was found
         failure = f"figure: {type(error).__name__}: {error}"
         return StudyResult(study.name, result.numbers, result.sentences, result.points, (*result.failures, failure))

@@ -81,7 +81,7 @@ class Study(ABC):
         raise NotImplementedError(f"{type(self).__name__} has neither figure nor draw")
 
     def draw(self, result: StudyResult, path: Path) -> None:
-        """Draw the figure and write it as PNG."""
+        """Draw the figure and write it in the format that the path's suffix says."""
         Figure(self.name, self.title, self.figure_caption, self.figure).write(path, result)
 
     def evaluate(self, results: Mapping[Any, RunSummary]) -> StudyResult:

@@ -13,12 +13,12 @@ def shown(material: Material, figure: Figure, *needed: object) -> str:
     """
     if not material.figures:
         return ""
-    folder = material.folder / "figures"
+    folder, file = material.folder / "figures", figure.file_in(material.formats)
     try:
         folder.mkdir(exist_ok=True)
-        if not figure.write(folder / figure.file, *needed):
+        if not figure.write(folder / file, *needed, formats=material.formats):
             return ""
     except Exception as error:  # a figure must not cost the report
         return f"The figure of {figure.title} could not be drawn: {type(error).__name__}: {error}"
     title = figure.title[0].upper() + figure.title[1:]
-    return f"![{title}](figures/{figure.file})\n\n*{figure.caption}*"
+    return f"![{title}](figures/{file})\n\n*{figure.caption}*"

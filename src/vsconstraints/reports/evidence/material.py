@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...figures import PNG, Formats
 from ...figures.style import TUNED
 from ...runs.spec import BASELINE
 from ...statistics.judged import OUTCOMES
@@ -34,6 +35,8 @@ class Material:
         The folder of the tuning, if there is one to show.
     figures
         Whether figures are drawn.
+    formats
+        In which they are written.
     known
         What was worked out of it already, by what it is of.
     """
@@ -41,6 +44,7 @@ class Material:
     evidence: Evidence
     tuning: Path | None = None
     figures: bool = True
+    formats: Formats = PNG
     known: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
 
     @property

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ...errors import StorageError
 from ...evidence import Evidence
+from ...figures import PNG, Formats
 from ...runs.files import replaced
 from .closing import closing
 from .decisions import decisions
@@ -48,6 +49,7 @@ def write_evidence_report(
     *,
     figures: bool = True,
     tuning: Path | None = None,
+    formats: Formats = PNG,
     on_written: OnWritten = lambda done, total: None,
 ) -> Path:
     """Write report.md, its figures and claims.json from the evidence in a folder.
@@ -60,6 +62,8 @@ def write_evidence_report(
         Whether to draw figures; without them, those that are there stay as they are, and the report shows none.
     tuning
         Folder of the tuning that tuned settings come from; ``tuning`` in the campaign's folder if not given.
+    formats
+        In which figures are written; the report shows the first.
     on_written
         Told how many parts are there, and how many there will be.
 
@@ -75,7 +79,8 @@ def write_evidence_report(
     StorageError
         if the report cannot be written.
     """
-    return write_report_of(Material(Evidence.load(folder), tuning_folder(folder, tuning), figures), on_written)
+    material = Material(Evidence.load(folder), tuning_folder(folder, tuning), figures, formats)
+    return write_report_of(material, on_written)
 
 
 def write_report_of(material: Material, on_written: OnWritten = lambda done, total: None) -> Path:
