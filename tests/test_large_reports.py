@@ -132,7 +132,7 @@ def test_only_the_most_telling_scenarios_are_drawn_unless_all_are_asked_for(
         return {name: Drawn() for name in drawn}
 
     monkeypatch.setattr(report, "draw_all", draw_all)
-    monkeypatch.setattr(report, "draw_overview", lambda results, folder: "![Trade-off](figures/trade-off.png)")
+    monkeypatch.setattr(report, "draw_overview", lambda *given: "![Trade-off](figures/trade-off.png)")
     text = write_report(large(tmp_path)).read_text(encoding="utf-8")
     assert len(drawn) == TELLING
     assert text.count("Its figures: `vsconstraints report FOLDER --all-figures`.") == len(SCENARIOS) - TELLING
