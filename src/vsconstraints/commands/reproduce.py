@@ -8,8 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import ConfigurationError
+from ..figures import formats_of
 from . import completions
-from .terminal import NOTHING_DONE, Jobs, console, errors, note_processes, progress_bar, taken_up_again, typed_command
+from .terminal import (
+    NOTHING_DONE,
+    Formats,
+    Jobs,
+    Latex,
+    console,
+    errors,
+    note_processes,
+    progress_bar,
+    taken_up_again,
+    typed_command,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -41,14 +53,18 @@ def reproduce(
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report, table and figures.")] = Path("vsconstraints-paper"),
     jobs: Jobs = None,
+    formats: Formats = None,
+    latex: Latex = False,
 ) -> None:
     """Check every claim of the paper, redraw its figures, and write a report; or only one of them."""
+    from ..reports.latex import write_tables
     from ..reproduction import check, chosen_claims, chosen_figures, redraw
     from ..reproduction import reproduce as run
 
     if controller is not None and (claim or not figure):
         raise ConfigurationError("--controller is for figures: give --figure NUMBER. Claims are about the paper's law")
     # what there is not is said before anything begins
+    written = formats_of(formats or ())
     chosen_figures(figure or (), controller)
     chosen_claims(claim or ())
     note_processes(jobs)
@@ -59,13 +75,19 @@ def reproduce(
             progress.update(bar, description=what, completed=done, total=total)
 
         if not figure and not claim:
-            result = run(out, workers=jobs, on_progress=show, command=typed_command())
-        drawn = redraw(figure, out, controller=controller, workers=jobs, on_progress=show) if figure else {}
+            result = run(out, workers=jobs, on_progress=show, command=typed_command(), formats=written)
+        drawn = (
+            redraw(figure, out, controller=controller, workers=jobs, on_progress=show, formats=written)
+            if figure
+            else {}
+        )
         found = check(claim, out, workers=jobs, on_progress=show) if claim else {}
     if not figure and not claim:
         for name, why in result.problems.items():
             errors.print(f"{name}: {why}")
         console.print(result.summary())
+        if latex:
+            console.print(f"Tables for LaTeX: {write_tables(result.report)}")
     _say_claims(found)
     _say_figures(drawn)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,22 +73,34 @@ class Figure:
         """
         from matplotlib import rc_context
 
-        with rc_context({**STYLE, **(FORMULAS if self.formulas else {})}), warnings.catch_warnings(), _uncollected():
+        files = dict.fromkeys((path, *(path.with_suffix(f".{one}") for one in formats)))
+        with _uncollected(), rc_context({**STYLE, **(FORMULAS if self.formulas else {})}), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            sheet = self.draw(*needed)
-            if sheet is not None:
-                for file in dict.fromkeys((path, *(path.with_suffix(f".{one}") for one in formats))):
-                    sheet.save(file)
+            return self._written(files, *needed)
+
+    def _written(self, files: Iterable[Path], *needed: object) -> bool:
+        sheet = self.draw(*needed)
+        if sheet is not None:
+            for file in files:
+                sheet.save(file)
         return sheet is not None
 
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Without looking for unreachable objects: a figure makes many that all live until it is written."""
-    collected = gc.isenabled()
+    """Without looking for unreachable objects: a figure makes many that all live until it is written.
+
+    They are collected at the end, and only they: what was there before is not looked at.
+    """
+    collected, frozen = gc.isenabled(), gc.get_freeze_count() > 0
     gc.disable()
+    if not frozen:
+        gc.freeze()
     try:
         yield
     finally:
+        gc.collect()
+        if not frozen:
+            gc.unfreeze()
         if collected:
             gc.enable()

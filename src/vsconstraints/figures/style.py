@@ -15,6 +15,7 @@ STYLE: dict[str, Any] = {
     "font.size": 8.5,
     "axes.titlesize": 9.0,
     "axes.labelsize": 8.5,
+    "axes.titley": 1.0,  # else it is sought anew, from all that a panel holds, whenever one is drawn
     "xtick.labelsize": 8.0,
     "ytick.labelsize": 8.0,
     "legend.fontsize": 8.5,

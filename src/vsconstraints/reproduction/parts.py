@@ -12,7 +12,7 @@ from typing import Any
 
 from ..comparisons.unfinished import unfinished
 from ..errors import ConfigurationError, shown, unknown_name
-from ..figures import Figure
+from ..figures import PNG, Figure, Formats
 from ..kernels import prepare
 from ..runs.spec import ControllerSpec, RunSpec
 from .figures import FIGURES
@@ -28,6 +28,7 @@ def redraw(
     controller: str | None = None,
     workers: int | None = None,
     on_progress: Progress = lambda what, done, total: None,
+    formats: Formats = PNG,
 ) -> dict[Path, str]:
     """Redraw some figures of the paper, from the runs that they show alone.
 
@@ -39,7 +40,7 @@ def redraw(
         ``figures`` goes below it; made if it is not there.
     controller
         A law in the place of the paper's: a name, or ``module:Class``. The figure's file is called after it, too.
-    workers, on_progress
+    workers, on_progress, formats
         See :func:`reproduce`.
 
     Returns
@@ -58,8 +59,8 @@ def redraw(
     specs = list(dict.fromkeys(need for figure in chosen.values() for need in figure.needs))
     with unfinished(None) as kept:
         runs = made(specs, kept, workers, partial(on_progress, "simulating"))
-    why = drawn(chosen, runs, place, workers, partial(on_progress, "drawing"))
-    return {place / figure.file: why[number] for number, figure in chosen.items()}
+    why = drawn(chosen, runs, place, workers, partial(on_progress, "drawing"), formats)
+    return {place / figure.file_in(formats): why[number] for number, figure in chosen.items()}
 
 
 def chosen_figures(numbers: Sequence[int], controller: str | None = None) -> dict[int, Figure]:

@@ -7,10 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import groupby
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from ..comparisons.tables import write_table
+from ..figures import PNG, Formats
 from ..reports.markdown import bold, bullets, code, plain, table
 from ..runs.files import replaced
 from ..runs.machine import git_commit, machine, package_versions
@@ -68,12 +69,20 @@ class Reproduction:
         What could not be run or drawn, by name, with the reason.
     wall_time
         [s].
+    formats
+        Of the figures.
     """
 
     report: Path
     findings: Mapping[str, Finding]
     problems: Mapping[str, str] = field(default_factory=dict)
     wall_time: float = 0.0
+    formats: Formats = PNG
+
+    @property
+    def folder(self) -> Path:
+        """Of the report, with figures and tables below it."""
+        return self.report.parent
 
     @property
     def counts(self) -> dict[str, int]:
@@ -103,17 +112,17 @@ def write_report(
     command
         What the user typed.
     """
-    folder, found = result.report.parent, [(claim, result.findings[claim.key]) for claim in all_claims()]
+    folder, found = result.folder, [(claim, result.findings[claim.key]) for claim in all_claims()]
     parts = [
         "# The paper, claim by claim",
         OPENING,
         _summary(result, found),
         SAMPLING,
-        *_claims(found, folder),
+        *_claims(result, found),
         '<a id="rules"></a>\n\n## Rules\n\nA claim holds if:',
         table(["claim", "rule"], [[claim.key, plain(claim.rule)] for claim, _ in found], text_columns=2),
-        *_figures(drawn),
-        *_studies(studies, folder),
+        *_figures(result, drawn),
+        *_studies(result, studies),
         reconstructed(),
         differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1),
         *_problems(result),
@@ -147,14 +156,14 @@ def _summary(result: Reproduction, found: Found) -> str:
     return table(["claims", *VERDICTS], [*lines, [bold("all"), *total]])
 
 
-def _claims(found: Found, folder: Path) -> Iterator[str]:
+def _claims(result: Reproduction, found: Found) -> Iterator[str]:
     yield "## Claims"
     for number, group in _by_number(found):
         yield f'<a id="claim-{number}"></a>\n\n### {number}. {TOPICS[number]}'
         lines = [
             [
                 f'<a id="{claim.key}"></a>{claim.key}',
-                _where(claim, folder),
+                _where(result, claim),
                 plain(claim.sentence),
                 plain(finding.text),
                 finding.verdict if finding.verdict == "holds" else bold(finding.verdict),
@@ -164,12 +173,12 @@ def _claims(found: Found, folder: Path) -> Iterator[str]:
         yield table(["", "where", "the paper says", "measured here", "verdict"], lines, text_columns=5)
 
 
-def _where(claim: Claim, folder: Path) -> str:
-    drawn = claim.figure and (folder / "figures" / claim.figure).exists()
-    return f"[{claim.where}](figures/{claim.figure})" if drawn else claim.where
+def _where(result: Reproduction, claim: Claim) -> str:
+    figure = f"figures/{PurePath(claim.figure).stem}.{result.formats[0]}"
+    return f"[{claim.where}]({figure})" if claim.figure and (result.folder / figure).exists() else claim.where
 
 
-def _figures(drawn: Mapping[int, str]) -> Iterator[str]:
+def _figures(result: Reproduction, drawn: Mapping[int, str]) -> Iterator[str]:
     yield "## Figures"
     yield (
         "Our counterparts, with the paper's numbers. Figs. 1 and 13 show frames and a laboratory, and have none. In "
@@ -178,26 +187,29 @@ def _figures(drawn: Mapping[int, str]) -> Iterator[str]:
     )
     for number, figure in FIGURES.items():
         why = drawn[number]
-        image = f"![{figure.title}](figures/{figure.file})" if not why else f"Not drawn: {plain(why)}"
+        image = (
+            f"![{figure.title}](figures/{figure.file_in(result.formats)})" if not why else f"Not drawn: {plain(why)}"
+        )
         yield f"### {figure.title}\n\n{image}\n\n{plain(figure.caption)}"
 
 
-def _studies(studies: Mapping[str, Any], folder: Path) -> Iterator[str]:
+def _studies(result: Reproduction, studies: Mapping[str, Any]) -> Iterator[str]:
+    folder = result.folder
     if studies:
         yield "## Studies"
         yield "Sweeps that go beyond the paper's single runs."
-    for name, result in studies.items():
-        if isinstance(result, str):
-            yield f"{code(name)}: not measured, {plain(result)}"
+    for name, answer in studies.items():
+        if isinstance(answer, str):
+            yield f"{code(name)}: not measured, {plain(answer)}"
             continue
-        study, image = STUDIES[name], figure_file(folder, name)
+        study, image = STUDIES[name], figure_file(folder, name, result.formats)
         yield f"### {study.title}"
         yield study.question
-        yield bullets([plain(sentence) for sentence in result.sentences])
+        yield bullets([plain(sentence) for sentence in answer.sentences])
         if image.exists():
             yield f"![{study.title}]({image.relative_to(folder)})\n\n{plain(study.figure_caption)}"
-        if result.failures:
-            yield bullets([f"failed: {plain(failure)}" for failure in result.failures])
+        if answer.failures:
+            yield bullets([f"failed: {plain(failure)}" for failure in answer.failures])
         if data_file(folder, name).exists():
             yield f"Data: [studies/{name}.csv](studies/{name}.csv)"
 

@@ -12,7 +12,7 @@ from typing import Any
 from ..comparisons.run import Run, kept_run
 from ..comparisons.unfinished import kept_file, unfinished
 from ..errors import ConfigurationError
-from ..figures import Figure
+from ..figures import PNG, Figure, Formats
 from ..kernels import prepare
 from ..runs.pool import Failure, carry_out
 from ..runs.spec import RunSpec, longest_first
@@ -35,6 +35,7 @@ def reproduce(
     workers: int | None = None,
     on_progress: Progress = lambda what, done, total: None,
     command: Sequence[str] = (),
+    formats: Formats = PNG,
 ) -> Reproduction:
     """Check every claim of the paper and redraw its figures.
 
@@ -52,6 +53,8 @@ def reproduce(
         Told of what is done.
     command
         What the user typed, for the report.
+    formats
+        In which figures are written; the report shows the first.
 
     Raises
     ------
@@ -63,13 +66,13 @@ def reproduce(
     with unfinished(folder) as kept:
         prepare()
         runs = made(wanted_runs(), kept, workers, partial(on_progress, "simulating"))
-        studies = study_results(folder, workers, partial(on_progress, "studying"), kept)
+        studies = study_results(folder, workers, partial(on_progress, "studying"), kept, formats=formats)
         available: dict[RunSpec | str, Any] = dict(chain(runs.items(), studies.items()))
         findings = {claim.key: claim.check(available) for claim in all_claims()}
-        missing = drawn(FIGURES, available, figures, workers, partial(on_progress, "drawing"))
+        missing = drawn(FIGURES, available, figures, workers, partial(on_progress, "drawing"), formats)
         problems = {str(spec): found for spec, found in available.items() if isinstance(found, str)}
         problems |= {f"figure {number}": why for number, why in missing.items() if why}
-        result = Reproduction(folder / "report.md", findings, problems, time.perf_counter() - started)
+        result = Reproduction(folder / "report.md", findings, problems, time.perf_counter() - started, formats)
         write_report(result, missing, studies, command)
     return result
 
@@ -104,6 +107,7 @@ def drawn(
     folder: Path,
     workers: int | None,
     on_progress: Count,
+    formats: Formats = PNG,
 ) -> dict[int, str]:
     """Of each figure why it is not there; an empty text if it is."""
     why, calls = dict.fromkeys(figures, ""), {}
@@ -113,20 +117,27 @@ def drawn(
         if missing:
             why[number] = missing[0]
         else:
-            calls[number] = (figure, folder / figure.file, *runs)
-    for number, answer in carry_out(Figure.write, calls, workers=workers, on_progress=on_progress).items():
+            calls[number] = (figure, folder / figure.file_in(formats), *runs)
+    write = partial(Figure.write, formats=formats)
+    for number, answer in carry_out(write, calls, workers=workers, on_progress=on_progress).items():
         why[number] = answer.reason if isinstance(answer, Failure) else ""
     for number, reason in why.items():
         if reason:
-            (folder / figures[number].file).unlink(missing_ok=True)
+            for one in formats:
+                (folder / figures[number].file_in((one,))).unlink(missing_ok=True)
     return why
 
 
 def study_results(
-    folder: Path, workers: int | None, on_progress: Count, kept: Path, names: Sequence[str] | None = None
+    folder: Path,
+    workers: int | None,
+    on_progress: Count,
+    kept: Path,
+    names: Sequence[str] | None = None,
+    formats: Formats = PNG,
 ) -> dict[str, Any]:
     """Results of studies by name, of all if none is named; a text instead of a result where there is none."""
     try:
-        return dict(run_studies(names, folder, workers, on_progress, kept=kept))
+        return dict(run_studies(names, folder, workers, on_progress, kept=kept, formats=formats))
     except Exception as error:  # claims and figures of the paper do not depend on it
         return {name: f"{type(error).__name__}: {error}" for name in names or ["studies"]}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ...rows import Array
 from ..trajectory import Trajectory
@@ -66,6 +65,8 @@ def lagged(command: Array, lag: float, Ts: float) -> Array:
     """(N, n) mean over each period of what follows a held command (N, n) with that time constant, at first from 0."""
     if lag == 0.0:
         return command
+    from scipy.signal import lfilter  # takes longer to load than the rest of the package together
+
     stays = np.exp(-Ts / lag)
     # at the beginnings of periods; within one, the mean of u + (c − u) exp(−t/τ)
     before: Array = lfilter([0.0, 1.0 - stays], [1.0, -stays], command, axis=0)
