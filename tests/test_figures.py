@@ -12,17 +12,31 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.path import Path as MplPath
 from PIL import Image
 
 from vsconstraints.comparisons import RunRecord, Suite
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.figures import Figure, Sheet, decades, formats_of, line, logarithmic, looks, plain, shortened
+from vsconstraints.figures import (
+    WIDTH,
+    Figure,
+    Sheet,
+    area,
+    decades,
+    formats_of,
+    line,
+    logarithmic,
+    looks,
+    plain,
+    shortened,
+)
 from vsconstraints.figures.decimate import extremes, window_means, zigzag
 from vsconstraints.figures.image import Plane
 from vsconstraints.figures.sheet import DPI, FOOT
 from vsconstraints.figures.style import OWN_COLOURS
 from vsconstraints.reports.drawing import remove_stale
 from vsconstraints.reports.figures.tracks import draw_tracks
+from vsconstraints.reports.figures.trade_off import typical
 from vsconstraints.reports.figures.view import View
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
@@ -86,6 +100,8 @@ def test_tables_of_figures_load_no_matplotlib() -> None:
         (0.03, 200.0, [0.1, 1.0, 10.0, 100.0]),
         (-20.0, 1.5, [-10.0, -1.0, 0.0, 1.0]),
         (-0.5, 0.5, [0.0]),
+        (-2e9, 2e9, [-1e9, -1e6, -1e3, -1.0, 0.0, 1.0, 1e3, 1e6, 1e9]),
+        (1e-2, 2e15, [1e-2, 1.0, 1e2, 1e4, 1e6, 1e8, 1e10, 1e12, 1e14]),
     ],
 )
 def test_decades_lie_within_limits(low: float, high: float, expected: list[float]) -> None:
@@ -160,7 +176,10 @@ def test_a_legend_beside_tracks_covers_no_panel_and_no_label(name, tmp_path):
     sheet = draw_tracks(View(setup, runs, tuple(runs), phi_rows=setup.constraints.labels))
     sheet.save(tmp_path / "tracks.png")
     (legend,) = sheet.figure.legends
-    assert len(legend.get_texts()) >= 8  # long enough to need care
+    told = [text.get_text() for text in legend.get_texts()]
+    assert len(told) >= 7  # long enough to need care
+    outside = [run for law, run in runs.items() if law != "tracking" and (run.trajectory.clearance < -1.0).any()]
+    assert ("row in the image violated" in told) == bool(outside)
     placed = legend.get_window_extent()
     for ax in sheet.figure.axes:
         assert not placed.overlaps(ax.get_tightbbox()), ax.get_title(loc="left")
@@ -193,3 +212,57 @@ def test_figures_of_another_format_are_stale(tmp_path: Path) -> None:
     remove_stale(tmp_path, ["a--tracks.png"], ("png", "pdf"))
     left = sorted(path.name for path in tmp_path.iterdir())
     assert left == ["a--tracks.pdf", "a--tracks.png", "a--tracks.txt", "mine.png"]
+
+
+def test_no_label_is_cut_however_long_its_numbers(tmp_path: Path) -> None:
+    """The edges of the picture stay white; with short numbers nothing moves."""
+
+    def drawn(number: str) -> Sheet:
+        sheet = Sheet(left=0.75)
+        (ax,) = sheet.panels(1, height=1.0, labels=("", "two\nlines"))
+        ax.set_yticks([0.5], [number])
+        return sheet
+
+    lefts = {}
+    for number in ("0.5", "0.500000000"):
+        made: list[Sheet] = []
+        figure = Figure("a", "a", "A.", lambda number=number, made=made: made.append(drawn(number)) or made[0])
+        figure.write(tmp_path / "a.png")
+        (ax,) = made[0].figure.axes
+        lefts[number] = float(ax.get_position().x0) * WIDTH
+        with Image.open(tmp_path / "a.png") as image:
+            assert np.asarray(image)[:, :3].min() > 200
+    assert lefts["0.5"] == pytest.approx(0.75)
+    assert lefts["0.500000000"] > 0.8
+
+
+def test_an_area_has_a_piece_for_each_stretch_of_numbers() -> None:
+    ax = Sheet().axes(1.0, 1.0, 1.0, 1.0)
+    low = np.array([0.0, 1.0, np.nan, 2.0, 3.0])
+    area(ax, np.arange(5.0), low, low + 1.0, color="#000000")
+    (made,) = ax.collections
+    outlines = [path.vertices[:4].tolist() for path in made.get_paths()]
+    assert outlines == [
+        [[0.0, 0.0], [1.0, 1.0], [1.0, 2.0], [0.0, 1.0]],
+        [[3.0, 2.0], [4.0, 3.0], [4.0, 4.0], [3.0, 3.0]],
+    ]
+
+
+def test_the_large_marker_is_a_run() -> None:
+    """Not a place between runs: of three corners of a triangle the medians are a point where there is none."""
+    corners = [(0.9, 1.0), (0.99, 100.0), (0.999, 8.0)]
+    runs = [{"utilization": used, "acceleration_variation": variation} for used, variation in corners]
+    assert typical(runs) is runs[2]  # the medians are 0.99 and 8, a decade away
+    assert typical(runs[:1]) is runs[0]
+
+
+def test_what_is_forbidden_is_drawn_where_sigma_is_positive() -> None:
+    plane = Plane.of(Scenario.load("example-2d-heart-concave").setup())
+    part = plane.whole
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (400, 2)) * plane.half * 0.99
+    sigma = np.max([c.sigma(points) for c in plane.constraints], axis=0)
+    rings = [MplPath(ring) for ring in part.forbidden]
+    inside = np.sum([ring.contains_points(points) for ring in rings], axis=0) % 2 == 1
+    sure = np.abs(sigma) > 0.05  # the grid's step away from a boundary
+    assert sure.sum() > 300
+    np.testing.assert_array_equal(inside[sure], (sigma > 0.0)[sure])

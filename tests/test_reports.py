@@ -464,6 +464,18 @@ def test_without_challenged_rows_there_is_no_utilization(tmp_path: Path) -> None
     assert "no constraint rows" in text
 
 
+def test_what_nobody_challenges_crowns_no_winner(tmp_path: Path) -> None:
+    """Two laws with different numbers, in a scenario that tracking alone does as well."""
+    lines = [result("tracking"), result("a", jerk_rms=1.0, switching_rate_hz=1.0), result("b", status="trapped")]
+    lines += [result("c", jerk_rms=2.0, switching_rate_hz=2.0, acceleration_variation=9.0)]
+    rows = [row(name, challenged=False) for name in ("tracking", "a", "b", "c")]
+    calm = write_report(made(tmp_path / "calm", lines, rows), figures=False).read_text(encoding="utf-8")
+    bold = [cell for t in tables_of(calm) for line in t for cell in line.values() if "**" in cell]
+    assert bold == []
+    hard = write_report(made(tmp_path / "hard", lines, [row("a")]), figures=False).read_text(encoding="utf-8")
+    assert any("**" in cell for t in tables_of(hard) for line in t for cell in line.values())
+
+
 def test_outside_within_the_sampling_band_stands_apart(tmp_path: Path) -> None:
     lines = [
         result("tracking"),

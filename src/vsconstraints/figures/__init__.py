@@ -9,6 +9,7 @@ from .formats import FORMATS, PNG, Formats, formats_of
 from .marks import (
     REFERENCE,
     above_legend,
+    area,
     band,
     decades,
     inside_legend,
@@ -34,6 +35,7 @@ __all__ = [
     "Look",
     "Sheet",
     "above_legend",
+    "area",
     "band",
     "darker",
     "decades",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from contourpy import contour_generator
 
 from ..camera import Camera
 from ..constraints import ImageConstraint
@@ -89,10 +90,18 @@ class Plane:
         half: Array = 0.5 * np.asarray(self.size)
         return AROUND * (half if self.outline is None else np.maximum(half, np.abs(self.outline).max(axis=0)))
 
-    def draw(self, ax: Any, *, labels: bool = True, upwards: bool = False) -> None:
-        """The whole plane; ``v`` points down, as in an image, or upwards."""
+    @property
+    def whole(self) -> Part:
+        """All of it that is shown."""
+        return self.part(np.zeros(2), self.half)
+
+    def draw(self, ax: Any, *, labels: bool = True, upwards: bool = False, part: Part | None = None) -> None:
+        """The whole plane; ``v`` points down, as in an image, or upwards.
+
+        ``part`` is :attr:`whole`, where it is known already: it is the same in all panels.
+        """
         u, v = self.half
-        self.within(ax, np.zeros(2), self.half)
+        (part or self.whole).draw(ax)
         for t, lines in self.moving:
             for points in lines:
                 middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
@@ -112,25 +121,20 @@ class Plane:
             ax.set_xlabel("u [px]", labelpad=1)
             ax.set_ylabel(f"v [px], {'upwards' if upwards else 'downwards'}", labelpad=1)
 
-    def within(self, ax: Any, centre: Array, half: Array) -> None:
-        """The forbidden side and the boundaries within ``half`` (2,) of a centre (2,) [px]."""
+    def part(self, centre: Array, half: Array) -> Part:
+        """What lies within ``half`` (2,) of a centre (2,) [px]."""
         count = int(min(max(2.0 * half.max() / GRID_STEP, 80.0), 600.0))
         u, v = (np.linspace(m - r, m + r, count) for m, r in zip(centre, half, strict=True))
+        forbidden: list[Array] = []
         if self.constraints:
             sigma = self.depth(u, v)
-            if (sigma > 0.0).any():
-                colours, hatches = [FORBIDDEN["facecolor"]], [FORBIDDEN["hatch"]]
-                filled = ax.contourf(u, v, sigma, levels=[0.0, 1.0], colors=colours, hatches=hatches, zorder=0.6)
-                filled.set_edgecolor(FORBIDDEN["edgecolor"])
-                filled.set_linewidth(0.0)
-        for points in self.lines:
-            ax.plot(*points.T, **BOUNDARY, zorder=3)
-        for k, (_, lines) in enumerate(self.moving):
-            for points in lines:
-                ax.plot(*points.T, **_moving(k, len(self.moving)), zorder=2.1)
-        ax.set_xlim(u[0], u[-1])
-        ax.set_ylim(v[-1], v[0])
-        ax.grid(False)
+            outer = contour_generator(u, v, sigma, fill_type="OuterOffset").filled(0.0, 1.0)
+            forbidden = [
+                ring
+                for points, offsets in zip(*outer, strict=True)
+                for ring in np.split(np.asarray(points), np.asarray(offsets[1:-1], dtype=int))
+            ]
+        return Part(self, centre, half, tuple(forbidden))
 
     def depth(self, u: Array, v: Array) -> Array:
         """(b, a) the greatest σ of constraints that stand still, cut at ±0.1, on a grid of u (a,) and v (b,) [px]."""
@@ -149,6 +153,34 @@ class Plane:
         if self.moving:
             entries.append(line("moving boundary, at the times given", **_moving(2, MOMENTS)))
         return entries
+
+
+@dataclass(frozen=True)
+class Part:
+    """A rectangle of an image plane, and the outlines (p, 2) of what is forbidden in it, holes among them [px]."""
+
+    plane: Plane
+    centre: Array
+    half: Array
+    forbidden: tuple[Array, ...]
+
+    def draw(self, ax: Any) -> None:
+        """The forbidden side and the boundaries; ``v`` points down."""
+        from matplotlib.patches import PathPatch
+        from matplotlib.path import Path
+
+        if self.forbidden:
+            rings = Path.make_compound_path(*(Path(ring, closed=True) for ring in self.forbidden))
+            ax.add_artist(PathPatch(rings, **FORBIDDEN, linewidth=0.0, zorder=0.6))
+        for points in self.plane.lines:
+            ax.plot(*points.T, **BOUNDARY, zorder=3)
+        for k, (_, lines) in enumerate(self.plane.moving):
+            for points in lines:
+                ax.plot(*points.T, **_moving(k, len(self.plane.moving)), zorder=2.1)
+        (u, v), (du, dv) = self.centre, self.half
+        ax.set_xlim(u - du, u + du)
+        ax.set_ylim(v + dv, v - dv)
+        ax.grid(False)
 
 
 def square(ax: Any, centre: Sequence[float] | Array, half_u: float, half_v: float, **look: Any) -> None:

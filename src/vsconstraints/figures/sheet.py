@@ -21,6 +21,9 @@ SHADES = np.round(np.round(np.arange(256) * (31.0 / 255.0)) * (255.0 / 31.0)).as
 COMPRESSION = 7
 """Of zlib: 9 takes three times as long for 3 % less."""
 
+EDGE = 0.03
+"""Between what is drawn and the left edge, at least [in]."""
+
 FOOT = 0.45
 """Room below a row of panels for its numbers and label [in]."""
 
@@ -117,6 +120,14 @@ class Sheet:
         self.at += FOOT
         return made
 
+    def beside_panel(self, panel: Any, gap: float, side: float) -> Any:
+        """Square axes without numbers right of a panel, level with its upper edge [in]."""
+        (left, top, width, _) = next(place for ax, place in self._places if ax is panel)
+        ax = self.axes(left + width + gap, top, side, side)
+        ax.set_xticks([])
+        ax.set_yticks([])
+        return ax
+
     def text(self, left: float, top: float, text: str, **options: Any) -> None:
         """Text at a place."""
         self.figure.text(left, top, text, transform=self.inches, **options)
@@ -164,9 +175,14 @@ class Sheet:
     def save(self, path: Path) -> None:
         """Write a file, whole or not at all; its suffix is one of :data:`~vsconstraints.figures.formats.FORMATS`."""
         self.figure.set_size_inches(WIDTH, self.at)
-        for ax, (left, top, width, height) in self._places:
-            bottom = self.at - top - height
-            ax.set_position((left / WIDTH, bottom / self.at, width / WIDTH, height / self.at))
+        self._place()
+        for axis in (axis for ax in self.figure.axes for axis in (ax.xaxis, ax.yaxis)):
+            if not axis.get_label_text():
+                axis.set_label_coords(0.0, 0.0)  # else room is sought for it, beside all numbers
+        self.canvas.draw()
+        if (cut := self._cut()) > 0.0:
+            self._place(cut)
+            self.canvas.draw()
         kind = path.suffix.removeprefix(".")
         if kind in VECTOR:
             with replaced(path) as part:
@@ -174,10 +190,26 @@ class Sheet:
         else:
             self._save_pixels(path)
 
+    def _place(self, margin: float = 0.0) -> None:
+        """Put axes where they belong, all so much narrower that there is a margin at the left [in]."""
+        narrower = 1.0 - margin / WIDTH
+        for ax, (left, top, width, height) in self._places:
+            bottom = self.at - top - height
+            place = (margin + narrower * left) / WIDTH, bottom / self.at, narrower * width / WIDTH, height / self.at
+            ax.set_position(place)
+
+    def _cut(self) -> float:
+        """The margin that shows labels of vertical axes whose numbers are longer than expected [in]."""
+        labelled = [ax for ax in self.figure.axes if ax.get_ylabel() and ax.axison]
+        found = (
+            (EDGE - float(ax.yaxis.label.get_window_extent().x0) / DPI) / (1.0 - float(ax.get_position().x0))
+            for ax in labelled
+        )
+        return max(found, default=0.0)
+
     def _save_pixels(self, path: Path) -> None:
         from PIL import Image
 
-        self.canvas.draw()
         pixels = SHADES[np.asarray(self.canvas.buffer_rgba())[..., :3]]
         with replaced(path) as part:
             Image.fromarray(pixels).save(part, format="PNG", compress_level=COMPRESSION, dpi=(DPI, DPI))

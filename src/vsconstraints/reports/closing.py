@@ -24,8 +24,9 @@ FAIR = (
 )
 
 LIMITATIONS = (
-    "Simulation only: an arm without dynamics of its own and images without a camera. What is disturbed, a scenario's "
-    "facts say; in all others commands are carried out exactly, and perception is perfect and immediate.",
+    "Simulation only: images without a camera, and arms whose mass counts only where a scenario's facts say so. What "
+    "else is disturbed they say, too; in all others commands are carried out exactly, and perception is perfect and "
+    "immediate.",
     "No controller's options are tuned to a scenario; another choice can change the order. A few scenarios are no "
     "sample of all tasks, and medians over them weigh each alike.",
     "Switching gains u⁺ and approach times K belong to a scenario and are the same for every law. Those of scenarios "

@@ -39,10 +39,9 @@ def law_columns(results: Results) -> tuple[list[str], list[Column]]:
         Cell(f"{n} of {of}", float(n) if of else math.nan, str(n))
         for n, of in zip(results.clean.values(), runs, strict=True)
     ]
-    better: Better | None = "more" if results.challenged_scenarios else None
     scores = dict(_column(results, one) for one in METRICS if one.overall and one.column in FIRST)
     columns = [
-        ("converged inside", marked(good, [True] * len(names), better)),
+        ("converged inside", marked(good, [True] * len(names), _better(results, "more"))),
         *scores.items(),
         ("form", [results.form(name) for name in names]),
     ]
@@ -96,7 +95,7 @@ def _scores(results: Results) -> str:
     outside = [_count(sum(bool(violated(line)) for line in own)) for own in lines.values()]
     slight = [str(sum(not violated(line) and bool(within_band(line)) for line in own)) for own in lines.values()]
     columns: list[Column] = [
-        ("runs with a violated row", marked(outside, _whole(results), "less")),
+        ("runs with a violated row", marked(outside, _whole(results), _better(results, "less"))),
         ("others outside within the sampling band", slight),
     ]
     columns += [_column(results, metric) for metric in METRICS if metric.overall and metric.column not in FIRST]
@@ -123,7 +122,12 @@ def _column(results: Results, metric: Metric) -> Column:
             lines = [line for line in lines if line["status"] == "converged"]
         cells.append(_cell(metric, lines))
         may.append(whole and judged_by(metric, lines))
-    return metric.overall, marked(cells, may, metric.better)
+    return metric.overall, marked(cells, may, _better(results, metric.better))
+
+
+def _better(results: Results, better: Better | None) -> Better | None:
+    """What nobody challenges crowns no winner."""
+    return better if results.challenged_scenarios else None
 
 
 def _cell(metric: Metric, lines: list[Line]) -> Cell:

@@ -26,8 +26,8 @@ OVERVIEW = Figure(
     "trade-off",
     "utilization against acceleration variation",
     "Each small marker is one run that converged: how much of the allowed space it used where rows held it back, "
-    "and how much its command chattered. The lower right corner is best. Large markers are the medians. Hollow: "
-    "a row was violated in the run, or for medians in at least one of the runs.",
+    "and how much its command chattered. The lower right corner is best. Each controller's "
+    "run that is nearest to its medians is large. Hollow: a row was violated.",
     draw_trade_off,
 )
 """Drawn from :class:`~vsconstraints.reports.results.Results`."""
@@ -38,7 +38,7 @@ FIGURES = (
         "the markers' tracks",
         "Tracks of the markers in the image.",
         draw_tracks,
-        reading="**Tracks**: what is far outside the image is cut off. The square is shown enlarged in the same panel: "
+        reading="**Tracks**: what is far outside the image is cut off. The square is shown enlarged beside its panel: "
         "it is where a controller is deepest outside by less than 5 % of the image or, if none is, where the first one "
         "is nearest to a boundary.",
     ),

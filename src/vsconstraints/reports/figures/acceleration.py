@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...figures import Sheet, decades, extremes, line, logarithmic, window_means
+from ...figures import Sheet, area, decades, extremes, line, logarithmic, window_means
 from .view import View
 
 RANGE_BINS, MEAN_BINS = 300, 100
@@ -24,7 +24,7 @@ def draw_acceleration(view: View) -> Sheet:
     sheet = Sheet(left=0.62, right=0.2)
     sheet.legend([line(f"joint {k + 1}", colour) for k, colour in enumerate(colours)], min(n, 8))
     labels = ("time [s]", "q̈ [rad/s²]")
-    panels = sheet.panels(len(view.shown), 3, height=1.25, gap=0.2, above=0.26, labels=labels, same_y=True)
+    panels = sheet.panels(len(view.shown), 3, height=1.25, gap=0.3, above=0.26, labels=labels, same_y=True)
     for ax, name in zip(panels, view.shown, strict=True):
         _panel(ax, view, name, colours)
         ax.set_ylim(-limit, limit)
@@ -52,7 +52,7 @@ def _panel(ax: Any, view: View, name: str, colours: list[Any]) -> None:
     order = np.argsort(-np.nan_to_num(greatest - least).mean(axis=0), kind="stable")
     for rank, k in enumerate(order):
         place: dict[str, Any] = {"linewidth": 0.0, "zorder": 2 + 0.01 * rank}
-        ax.fill_between(t, least[:, k], greatest[:, k], color=colours[k], alpha=0.3, **place)
+        area(ax, t, least[:, k], greatest[:, k], color=colours[k], alpha=0.3, **place)
         ax.plot(middle, mean[:, k], color=colours[k], linewidth=1.1, zorder=3)
     view.time_axis(ax)
     # few and short labels: those of neighbouring panels must not meet

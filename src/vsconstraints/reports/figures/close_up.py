@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,34 +18,12 @@ SHARE = 0.025
 DEEP = 0.05
 """A violation deeper than this share of the image needs no close-up."""
 
-INSET = 0.34
-"""Side of the close-up's frame, relative to the panel's."""
 
-
-@dataclass(frozen=True)
-class CloseUp:
-    """A square of the image, and the corner of the panel where it is shown.
-
-    Attributes
-    ----------
-    centre
-        (2,) [px].
-    half
-        Half its side [px].
-    corner
-        (2,) lower left corner of the inset, as fractions of the panel.
-    """
+class CloseUp(NamedTuple):
+    """A square of the image: its centre (2,) and half its side [px]."""
 
     centre: Array
     half: float
-    corner: tuple[float, float]
-
-    def place(self, ax: Any) -> Any:
-        """Axes of the close-up within a panel."""
-        inset = ax.inset_axes((*self.corner, INSET, INSET), zorder=9)
-        inset.set_xticks([])
-        inset.set_yticks([])
-        return inset
 
 
 def rows_in_image(run: RunRecord) -> list[tuple[int, int]]:
@@ -70,8 +47,7 @@ def close_up(view: View, plane: Plane) -> CloseUp | None:
     if found is None:
         return None
     centre, depth = found
-    tracks = np.concatenate([run.trajectory.features_px.reshape(-1, 2) for run in view.compared])
-    return CloseUp(centre, max(SHARE * size, 1.6 * depth), _free_corner(tracks, centre, plane.half))
+    return CloseUp(centre, max(SHARE * size, 1.6 * depth))
 
 
 def _shown(view: View, run: RunRecord) -> list[tuple[int, int]]:
@@ -100,17 +76,3 @@ def _nearest(view: View) -> tuple[Array, float] | None:
             i, marker = min(acting, key=lambda pair: float(run.trajectory.clearance[:, pair[0]].min()))
             return run.trajectory.features_px[int(np.argmin(run.trajectory.clearance[:, i])), marker], 0.0
     return None
-
-
-def _free_corner(tracks: Array, centre: Array, half: Array) -> tuple[float, float]:
-    """Where an inset covers least of the tracks, and not the place that it magnifies."""
-    low, middle, high = 0.03, 0.5 - 0.5 * INSET, 0.97 - INSET
-    places = [(low, low), (high, low), (low, high), (high, high)]
-    # the middle of the sides and of the panel are better than a corner full of tracks
-    places += [(low, middle), (high, middle), (middle, low), (middle, high), (middle, middle)]
-
-    def hidden(place: tuple[float, float], points: Array) -> int:
-        at = 0.5 + points * [0.5, -0.5] / half  # v points down
-        return int((np.abs(at - place - 0.5 * INSET) < 0.5 * INSET + 0.02).all(axis=1).sum())
-
-    return min(places, key=lambda place: hidden(place, tracks) + 1e6 * hidden(place, centre[None]))

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ...figures import Sheet, decades, extremes, line, logarithmic
+from ...figures import Sheet, area, decades, extremes, line, logarithmic
+from ...figures.style import FAINT
 from ...simulation.dynamics.equivalent import Equivalent
 from .view import View
 
@@ -30,16 +31,15 @@ def draw_disturbance(view: View) -> Sheet | None:
     sheet = Sheet(left=0.62, right=0.2)
     sheet.legend([line(f"joint {k + 1}", colour) for k, colour in enumerate(colours)], min(n, 8))
     labels = ("time [s]", "d_c [rad/s²]")
-    panels = sheet.panels(len(found), 3, height=1.25, gap=0.2, above=0.42, labels=labels, same_y=True)
+    panels = sheet.panels(len(found), 3, height=1.25, gap=0.3, above=0.42, labels=labels, same_y=True)
     for ax, (name, one) in zip(panels, found.items(), strict=True):
         _panel(ax, one, colours)
         view.time_axis(ax)
         ax.set_ylim(-limit, limit)
         logarithmic(ax.yaxis, decades(-limit, limit, LINEAR), LINEAR, 0.7)
-        view.title(ax, name)
+        view.title(ax, name, above=12)
         told = f"rms {one.rms.max():.2g} rad/s², lag {1e3 * one.time_constant.max():.2g} ms"
-        behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.5}
-        ax.text(0.02, 0.05, told, transform=ax.transAxes, fontsize="x-small", bbox=behind, zorder=5)
+        ax.text(0.0, 1.03, told, transform=ax.transAxes, fontsize=8, color=FAINT)
     return sheet
 
 
@@ -47,6 +47,4 @@ def _panel(ax: Any, one: Equivalent, colours: list[Any]) -> None:
     t, least, greatest = extremes(one.t, one.disturbance, BINS)
     order = np.argsort(-np.nan_to_num(greatest - least).mean(axis=0), kind="stable")
     for rank, k in enumerate(order):
-        ax.fill_between(
-            t, least[:, k], greatest[:, k], color=colours[k], alpha=0.7, linewidth=0.5, zorder=2 + 0.01 * rank
-        )
+        area(ax, t, least[:, k], greatest[:, k], color=colours[k], alpha=0.7, linewidth=0.5, zorder=2 + 0.01 * rank)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.suite import BASELINE
-from ...figures import Sheet, band, decades, extremes, logarithmic, zero_line
+from ...figures import Sheet, area, band, decades, extremes, logarithmic, zero_line
 from ...figures.style import FAINT
 from ...simulation import intervals
 from .view import View
@@ -24,7 +24,7 @@ def draw_phi(view: View) -> Sheet | None:
     if not view.phi_rows and not view.lane_rows:
         return None
     sheet = Sheet(left=1.85, right=0.2)
-    sheet.legend(view.entries())
+    sheet.legend(view.entries(bars_only=not view.phi_rows))
     lane = len(view.competitors) * LANE + ROW_GAP
     heights = [PANEL] * len(view.phi_rows) + [lane * len(view.lane_rows)] * bool(view.lane_rows)
     panels = sheet.panels(len(heights), height=heights, labels=("time [s]", ""))
@@ -56,7 +56,7 @@ def _panel(ax: Any, view: View, label: str) -> None:
             t, least, greatest = extremes(run.trajectory.t, relative[name], BINS)
             ax.plot(t, greatest, **look)
             if name != BASELINE:
-                ax.fill_between(t, least, greatest, color=look["color"], alpha=0.15, linewidth=0.0, zorder=3)
+                area(ax, t, least, greatest, color=look["color"], alpha=0.15, linewidth=0.0, zorder=3)
     low, high = 1.3 * max(low, -CLIP), 1.5 * min(high, CLIP)
     ax.set_ylim(low, high)
     logarithmic(ax.yaxis, decades(low, high), 2.0, 1.2)

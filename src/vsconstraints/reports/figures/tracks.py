@@ -6,18 +6,26 @@ from typing import Any
 
 import numpy as np
 
+from ...comparisons import RunRecord
 from ...comparisons.metrics import NEGLIGIBLE
 from ...comparisons.suite import BASELINE
 from ...figures import INK, WIDTH, Sheet, line, patch
 from ...figures.image import Plane, square, symbol, tracks
 from ...figures.style import FAINT
+from ...rows import BoolArray
 from .close_up import CloseUp, close_up, rows_in_image
 from .view import View
 
 COLUMNS = 3
 LEFT, GAP, TITLE = 0.62, 0.16, 0.27
+BESIDE, APART = 0.5, 0.06
+"""Side of a close-up relative to the width of its panel, and the gap between them [in]."""
+
 START = symbol("o", "white", size=10.5)
 EARLIER, LAST = symbol("*", "white", size=6.3), symbol("*", INK, "white", size=6.3)
+SEEN = 0.005
+"""Distance from the goal that is seen, relative to the size of the picture."""
+
 OUTSIDE: dict[str, Any] = {"color": "#B00020", "linewidth": 2.6}
 
 
@@ -29,28 +37,35 @@ def draw_tracks(view: View) -> Sheet | None:
     plane = Plane.of(view.setup) if view.setup is not None else Plane(_size_seen(view))
     detail = close_up(view, plane)
     entries = _entries(view, plane, detail)
-    width = (WIDTH - LEFT - 0.08 - GAP * (COLUMNS - 1)) / COLUMNS
+    # beside its close-up a panel takes half as much room again
+    columns, share, apart = (COLUMNS, 1.0, 0.0) if detail is None else (COLUMNS - 1, 1.0 + BESIDE, APART)
+    room = (WIDTH - LEFT - 0.08 - GAP * (columns - 1)) / columns
+    width = (room - apart) / share
     height = width * plane.half[1] / plane.half[0]
     sheet = Sheet(left=LEFT)
-    grid: dict[str, Any] = {"width": width, "gap": GAP, "above": TITLE, "labels": ("u [px]", "v [px], downwards")}
-    panels = sheet.panels(len(names), COLUMNS, height=height, **grid, same_y=True)
+    grid: dict[str, Any] = {"width": width, "above": TITLE, "labels": ("u [px]", "v [px], downwards")}
+    panels = sheet.panels(len(names), columns, height=height, gap=room - width + GAP, **grid, same_y=True)
+    whole = plane.whole
     for ax, name in zip(panels, names, strict=True):
-        plane.draw(ax, labels=False)
+        plane.draw(ax, labels=False, part=whole)
         _tracks(ax, view, name, 1.7)
         _ends(ax, view, name)
-        if detail is not None:
-            inset = detail.place(ax)
-            plane.within(inset, detail.centre, np.full(2, detail.half))
-            _tracks(inset, view, name, 1.3)
-            square(ax, detail.centre, detail.half, detail.half, color=INK, linewidth=0.8, zorder=8)
         view.title(ax, name)
         ax.set_title(view.runs[name].trajectory.status, loc="right", color=FAINT, fontsize=8, pad=4)
+    if detail is not None:
+        enlarged = plane.part(detail.centre, np.full(2, detail.half))
+        for ax, name in zip(panels, names, strict=True):
+            square(ax, detail.centre, detail.half, detail.half, color=INK, linewidth=0.8, zorder=8)
+            beside = sheet.beside_panel(ax, APART, BESIDE * width)
+            enlarged.draw(beside)
+            _tracks(beside, view, name, 1.5)
+            _ends(beside, view, name)
     # a legend stands in a free place of the grid, or below it
-    taken, needed, room = (len(names) - 1) % COLUMNS + 1, 0.21 * len(entries), TITLE + height
-    if taken < COLUMNS and room > needed:
+    taken, needed, tall = (len(names) - 1) % columns + 1, 0.21 * len(entries), TITLE + height
+    if taken < columns and tall > needed:
         # above that place are the numbers and the label of a panel
-        left = LEFT + taken * (width + GAP) + 0.2
-        sheet.legend(entries, 1, (left, sheet.at - 0.5 * (room + needed)), labelspacing=0.7)
+        left = LEFT + taken * (room + GAP) + 0.2
+        sheet.legend(entries, 1, (left, sheet.at - 0.5 * (tall + needed)), labelspacing=0.7)
     else:
         sheet.legend(entries)
     return sheet
@@ -62,10 +77,24 @@ def _tracks(ax: Any, view: View, name: str, width: float) -> None:
     if view.baseline is not None and name != BASELINE:
         tracks(ax, view.baseline.trajectory.features_px, color=view.looks[BASELINE].colour, linewidth=0.9, zorder=2.2)
     tracks(ax, run.trajectory.features_px, color=look.colour, linestyle=look.line, linewidth=width, zorder=4)
-    for i, marker in rows_in_image(run):
-        outside = run.trajectory.clearance[:, i] < -NEGLIGIBLE * run.length[i]
-        if outside.any():
-            ax.plot(*np.where(outside[:, None], run.trajectory.features_px[:, marker], np.nan).T, **OUTSIDE, zorder=5)
+    for marker, outside in _outside(run):
+        ax.plot(*np.where(outside[:, None], run.trajectory.features_px[:, marker], np.nan).T, **OUTSIDE, zorder=5)
+
+
+def _outside(run: RunRecord) -> list[tuple[int, BoolArray]]:
+    """Markers that are outside a row in the image, and in which samples (N,)."""
+    clearance = run.trajectory.clearance
+    every = [(marker, clearance[:, i] < -NEGLIGIBLE * run.length[i]) for i, marker in rows_in_image(run)]
+    return [(marker, outside) for marker, outside in every if outside.any()]
+
+
+def _apart(view: View, name: str) -> bool:
+    """Whether a marker ends where its goal's symbol does not hide it."""
+    goals = view.setup.task.goals if view.setup is not None else ()
+    ends = view.runs[name].trajectory.features_px[-1]
+    if not goals or ends.shape != goals[-1].pixels.shape:
+        return True
+    return bool((np.abs(ends - goals[-1].pixels) > SEEN * max(_size_seen(view))).any())
 
 
 def _size_seen(view: View) -> tuple[float, float]:
@@ -82,7 +111,8 @@ def _ends(ax: Any, view: View, name: str) -> None:
         ax.plot(*goal.pixels.T, **(LAST if k == len(goals) - 1 else EARLIER), zorder=6.2)
     ax.plot(*pixels[0].T, **START, zorder=6.4)
     for i, (u, v) in enumerate(pixels[0]):
-        ax.text(u, v, str(i + 1), ha="center", va="center_baseline", fontsize=8, color=INK, zorder=6.5, clip_on=True)
+        place: dict[str, Any] = {"ha": "center", "va": "center_baseline", "clip_on": True}
+        ax.text(u, v, str(i + 1), fontsize=8, color=INK, zorder=6.5, **place)
 
 
 def _entries(view: View, plane: Plane, detail: CloseUp | None) -> list[dict[str, Any]]:
@@ -92,10 +122,11 @@ def _entries(view: View, plane: Plane, detail: CloseUp | None) -> list[dict[str,
         entries.append(EARLIER | {"label": "earlier goal"})
     if goals:
         entries.append(LAST | {"label": "goal" if goals == 1 else "last goal"})
-    entries.append(symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"))
+    if any(_apart(view, name) for name in view.competitors or view.shown):
+        entries.append(symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"))
     if view.baseline is not None and view.competitors:
         entries.append(line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9})
-    if plane.constraints or plane.moving:
+    if any(_outside(view.runs[name]) for name in view.competitors or view.shown):
         entries.append(line("row in the image violated", **OUTSIDE))
     entries += plane.entries(forbidden="forbidden to markers")
     if detail is not None:

@@ -9,7 +9,7 @@ from typing import Any
 from ...comparisons.suite import BASELINE
 from ...figures import WIDTH, Look, Sheet, darker, decades, logarithmic, looks, shortened
 from ...figures.image import symbol
-from ..numbers import largest, median
+from ..numbers import median
 from ..results import Line, Results
 
 LEAST_UNUSED = 1e-4
@@ -37,7 +37,7 @@ def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[L
 
 
 def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None:
-    """A small marker for each run and a large one for the medians of each controller that has several.
+    """A small marker for each run and a large one for the typical run of each controller that has several.
 
     The runs of those that are not among these controllers stand behind them, in grey.
     """
@@ -55,16 +55,11 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
         for run in own:
             _mark(ax, run, look[name], size=5.0, alpha=0.75, zorder=3)
         if len(own) > 1:
-            middle = {
-                "utilization": median([run["utilization"] for run in own]),
-                "acceleration_variation": median([run["acceleration_variation"] for run in own]),
-                "violation_depth": largest([run["violation_depth"] for run in own]),
-            }
-            _mark(ax, middle, look[name], size=12.0, alpha=0.9, zorder=2.5)
+            _mark(ax, typical(own), look[name], size=12.0, alpha=0.9, zorder=2.5)
     _axes(ax, [run for own in every.values() for run in own])
     entries = [symbol(look[n].marker, look[n].colour, look[n].colour, 8.0, label=shortened(n)) for n in found]
     entries += [
-        symbol("o", GREY, GREY, 12.0, label="medians of a controller's runs"),
+        symbol("o", GREY, GREY, 12.0, label="nearest to its medians"),
         symbol("o", GREY, GREY, 5.0, label="one run"),
         symbol("o", "white", GREY, 7.0, label="hollow: a row was violated") | {"markeredgewidth": 1.5},
     ]
@@ -73,8 +68,15 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
     return sheet
 
 
+def typical(runs: Sequence[Line]) -> Line:
+    """Of several runs the one that is nearest, as drawn, to the medians of all: where these lie there may be none."""
+    places = [(math.log(_unused(run)), math.log(run["acceleration_variation"])) for run in runs]
+    middle = [median(values) for values in zip(*places, strict=True)]
+    return min(zip(runs, places, strict=True), key=lambda pair: math.dist(pair[1], middle))[0]
+
+
 def _mark(ax: Any, run: Line, look: Look, size: float, **options: Any) -> None:
-    """A run or the medians of several, hollow if a row was violated."""
+    """A run, hollow if a row was violated."""
     kept = run["violation_depth"] == 0.0
     face, edge = (look.colour, darker(look.colour)) if kept else ("white", look.colour)
     mark = symbol(look.marker, face, edge, size) | {"markeredgewidth": 0.7 if kept else 1.5}
@@ -94,5 +96,5 @@ def _axes(ax: Any, shown: Sequence[Line]) -> None:
     ax.set_xlim(widest, LEAST_UNUSED)
     ticks = [share for share in SHARES if 1.0 - share <= widest]
     ax.set_xticks([1.0 - s for s in ticks], ["≥ 99.99" if s == SHARES[-1] else f"{100.0 * s:g}" for s in ticks])
-    ax.set_xlabel("utilization where rows hold the arm back [%], more is better → (logarithm of what is left)")
+    ax.set_xlabel("utilization [%], more is better → (logarithm of what is left)")
     ax.set_ylabel("← less is better, acceleration variation [rad/s³]")

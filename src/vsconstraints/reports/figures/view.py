@@ -91,15 +91,16 @@ class View:
                 },
             )
 
-    def entries(self) -> list[dict[str, Any]]:
-        """Legend entries of the controllers that have a run."""
-        return [line(shortened(name), self.looks[name].colour, self.looks[name].line) for name in self.shown]
+    def entries(self, *, bars_only: bool = False) -> list[dict[str, Any]]:
+        """Legend entries of the controllers that have a run; of bars there are none of tracking alone."""
+        names = self.competitors if bars_only else self.shown
+        return [line(shortened(name), self.looks[name].colour, self.looks[name].line) for name in names]
 
     def time_axis(self, ax: Any) -> None:
         """From zero to the end of the longest run, with the changes of the goal."""
         time_axis(ax, self.end, self.goal_changes)
 
-    def title(self, ax: Any, name: str) -> None:
-        """A controller's name above its panel."""
+    def title(self, ax: Any, name: str, above: float = 4.0) -> None:
+        """A controller's name above its panel [pt]."""
         colour = darker(self.looks[name].colour)
-        ax.set_title(shortened(name, 24), loc="left", color=colour, fontweight="bold", pad=4)
+        ax.set_title(shortened(name, 24), loc="left", color=colour, fontweight="bold", pad=above)

@@ -53,10 +53,13 @@ def draw_signals(run: Run) -> Sheet:
     paper.signals(action, run, qdd, names, "control action\n[rad/s²]", linewidth=1.1)
     above_legend(action, len(names))
     values = run.trajectory.phi[:, [run.index(row) for row in rows]]
-    paper.signals(phi, run, values, (row.partition("[")[2].rstrip("]") for row in rows), "", linewidth=1.2)
     least = max(float(np.quantile(values, 0.002)), -1.6) - 0.05
+    # what stays below the panel has no name above it, and the others keep their colours
+    seen = (values.max(axis=0) > least).tolist()
+    names = [f"{'' if see else '_'}{row.partition('[')[2].rstrip(']')}" for row, see in zip(rows, seen, strict=True)]
+    paper.signals(phi, run, values, names, "", linewidth=1.2)
     paper.phi_axis(phi, run, least, 0.25, "constraint\nfunctions $\\phi_V$")
-    above_legend(phi, 4)
+    above_legend(phi, max(sum(seen), 1))
     return sheet
 
 
