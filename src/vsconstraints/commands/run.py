@@ -58,7 +58,7 @@ def run(
     from ..kernels import prepare
     from ..runs.folder import held
     from ..runs.signals import exit_code
-    from .reporting import comparison_report
+    from .reporting import Asked, comparison_report
 
     suite = _suite(scenario, controller, rate, settings or [])
     made, law = suite.scenarios[0], suite.controllers[0].make()
@@ -92,7 +92,7 @@ def run(
         console.print(line)
     _tell(log)
     trajectory, _ = store(out, suite, setup, log, robot, typed_command())
-    report = comparison_report(out, figures, False)
+    report = comparison_report(out, Asked(figures))
     if trajectory is not None:
         console.print(f"{trajectory.status}: {trajectory.reason}")
     console.print(f"Log and results: {out}. Report: {report}")
