@@ -4,33 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .constraints import Constraint, ConstraintSet, RowBlock
-from .errors import InvalidInput, SceneError
+from .constraints import Constraint, ConstraintSet
+from .errors import InvalidInput
 from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
 from .formulas.limits import joint_box
 from .geometry import Pose
-from .kernels import entry, load
+from .kernels import load
 from .limits import NO_LIMITS, ActuatorLimits
 from .measurement import Measurement
 from .model import Believe, Model, Present, Spoil
 from .renamed import renamed
 from .rows import Array, BoolArray, Command
 from .scene import Scene, State
+from .state_to_command import StateToCommand, in_one_call, in_two_calls
 from .tracking import VisualTask
 
 if TYPE_CHECKING:
     from .controllers import Controller
     from .kernels.packing import Packed
-
-FLOAT = np.dtype(np.float64)
-
-StateToCommand = Callable[..., tuple[Evaluation, Command]]
-"""From time [s], q and q̇ (n,), and ``pixels``, ``depth``, ``taken`` and ``camera`` if measured, to a command."""
 
 
 @renamed(told="known")
@@ -85,7 +80,7 @@ class ControlStep:
     ) -> None:
         self.scene, self.constraints, self.visual_task = scene, constraints, task
         self.not_compiled, self.known = "", known
-        self.believes = not known and has_unknown_motion(scene, constraints)
+        self.believes = not known and constraints.has_unknown_motion(scene)
         n = scene.robot.n
         self._now: tuple[Array, Array, Array] = np.zeros(1), np.zeros(n), np.zeros(n)
         self._correction = np.zeros((len(scene.markers), 2))
@@ -102,22 +97,20 @@ class ControlStep:
         try:
             self._packed = packing.Packed(scene, constraints, task, known, self._limits)
             step = self._packed.step
-            self._now = step.time, step.q, step.qd
-            self.last_command = step.last_command
+            self._now, self.last_command = (step.time, step.q, step.qd), step.last_command
         except packing.NotCompiled as reason:
             self.not_compiled = str(reason)
 
     @property
     def in_numpy(self) -> tuple[Constraint, ...]:
         """Constraints whose rows are computed in NumPy, beside the compiled ones."""
-        packed = self._packed
-        return (
-            self.constraints.constraints if packed is None else tuple(constraint for constraint, _, _ in packed.others)
-        )
+        if self._packed is None:
+            return self.constraints.constraints
+        return tuple(constraint for constraint, _, _ in self._packed.others)
 
     def __getstate__(self) -> dict[str, Any]:
         """What it is made of, and what it remembers; the compiled form is made again where it is needed."""
-        memory = None if self._packed is None else [array.copy() for array in self._packed.memory]
+        memory = None if self._packed is None else self._packed.remembered()
         made = {name: getattr(self, name) for name in ("scene", "constraints", "visual_task", "known", "_correction")}
         return {**made, "given": self._given, "last_command": self.last_command.copy(), "memory": memory}
 
@@ -128,8 +121,7 @@ class ControlStep:
         self.__init__(scene, constraints, task, known=made["known"], limits=limits, period=period)  # type: ignore[misc]
         self._correction[:], self.last_command[:] = made["_correction"], made["last_command"]
         if self._packed is not None and made["memory"] is not None:
-            for array, kept in zip(self._packed.memory, made["memory"], strict=True):
-                array[...] = kept
+            self._packed.recall(made["memory"])
 
     def reset(self) -> None:
         """Forget the last sample."""
@@ -143,8 +135,7 @@ class ControlStep:
         self.visual_task.memory = other.visual_task.memory
         self._correction[:] = other._correction
         if self._packed is not None and other._packed is not None:
-            for array, kept in zip(self._packed.memory, other._packed.memory, strict=True):
-                array[...] = kept
+            self._packed.recall(other._packed.memory)
 
     @property
     def present(self) -> Present:
@@ -197,7 +188,7 @@ class ControlStep:
         packed = self._packed
         if packed is None:
             return self.define(self._state(t, q, qd, measured))
-        before = [array.copy() for array in packed.memory] if packed.others else []
+        before = packed.remembered() if packed.others else []
         if measured is not None:
             packed.measure(measured)
         try:
@@ -212,11 +203,10 @@ class ControlStep:
             try:
                 state = self._state(t, q, qd, measured)
                 for constraint, rows, points in packed.others:
-                    self._insert(rows, constraint, constraint.rows(state, points))
+                    packed.insert(rows, constraint, constraint.rows(state, points))
             except BaseException:
                 # a sample without rows is not remembered
-                for array, kept in zip(packed.memory, before, strict=True):
-                    array[...] = kept
+                packed.recall(before)
                 raise
         return CompiledEvaluation(packed, self.constraints, packed.out.copy())
 
@@ -235,16 +225,9 @@ class ControlStep:
     def command(
         self, controller: Controller, t: float, q: Array, qd: Array, **measured: Any
     ) -> tuple[Evaluation, Command]:
-        """From state to command: what :meth:`evaluate` and then ``controller.command`` give.
+        """From state to command: what :meth:`evaluate` and then ``controller.command`` give, and raise.
 
         ``measured`` are ``pixels``, ``depth``, ``taken`` and ``camera`` of :meth:`evaluate`.
-
-        Raises
-        ------
-        SceneError
-            if a marker is not in front of the camera.
-        InvalidInput
-            as both of them do.
         """
         options = self._options
         try:
@@ -266,78 +249,11 @@ class ControlStep:
             reset: Callable[..., None] = controller.reset
             reset(model=self.model())
 
-        def asked(evaluation: Evaluation) -> tuple[Evaluation, Command]:
-            command = controller.command(evaluation.rows, evaluation.task)
-            self.commanded(command.qdd)
-            return evaluation, command
-
-        def in_two(t: float, q: Array, qd: Array, **measured: Any) -> tuple[Evaluation, Command]:
-            return asked(self.evaluate(t, q, qd, **measured))
-
-        self._controller, self._options = controller, None
-        self._to_command: StateToCommand = in_two
-        step, law = self.bound(), None
-        if step is not None:
-            size = step.packed.size
-            law = controller.bind(step.now.rows, step.now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
-        if step is None or law is None:
-            return in_two
-        kernels, packed, measure = load("from_state"), step.packed, step.measure
-        both = partial(entry(kernels.command), packed.address, law.address, law.answer)
-        refused, answer, copied = kernels.REFUSED, law.command, step.out.copy
-        constraints, unknown = self.constraints, np.full(packed.size.M, np.nan)
-        undistort = self._undistortion()
-
-        def in_one(
-            t: float,
-            q: Array,
-            qd: Array,
-            *,
-            pixels: Array | None = None,
-            depth: Array | None = None,
-            taken: float | None = None,
-            camera: Pose | None = None,
-        ) -> tuple[Evaluation, Command]:
-            code = refused
-            try:
-                # the compiled functions take type and dimension for granted, look at the rest by themselves, and would
-                # make a number of a string
-                plain = q.dtype is FLOAT and qd.dtype is FLOAT and q.ndim == 1 and qd.ndim == 1 and camera is None
-                if pixels is None:
-                    plain = plain and depth is None and taken is None
-                elif plain:
-                    Z, at = unknown if depth is None else depth, t if taken is None else taken
-                    plain = pixels.dtype is FLOAT and Z.dtype is FLOAT and pixels.ndim == 2 and Z.ndim == 1
-                    seen = pixels if undistort is None or not plain else undistort(pixels)
-                    plain = plain and seen is not None and not measure(seen, Z, at + 0.0, t + 0.0)
-                # what is not so is asked for, and looked at, in Python
-                if plain:
-                    code = both(t + 0.0, q, qd)
-            except (AttributeError, TypeError):
-                # not arrays
-                pass
-            if code == refused:
-                return in_two(t, q, qd, pixels=pixels, depth=depth, taken=taken, camera=camera)
-            evaluation = CompiledEvaluation(packed, constraints, copied())
-            command = answer(code)
-            return asked(evaluation) if command is None else (evaluation, command)
-
+        in_one = in_one_call(self, controller)
+        self._controller, self._to_command = controller, in_one or in_two_calls(self, controller)
         # only a law that is bound has options that were read beforehand
-        self._options, self._to_command = dict(vars(controller)), in_one
-        return in_one
-
-    def _undistortion(self) -> Callable[[Array], Array | None] | None:
-        """What gives ideal pixels (M, 2), or None where they cannot be undistorted; None without distortion."""
-        camera = self.scene.camera
-        if camera.distortion is None:
-            return None
-        through, eye = load("lenses").through(camera.distortion.model), np.array(camera.eye)
-        ideal = np.empty((len(self.scene.markers), 2))
-
-        def undistort(pixels: Array) -> Array | None:
-            return None if pixels.shape != ideal.shape or through(eye, pixels, ideal, True) else ideal
-
-        return undistort
+        self._options = None if in_one is None else dict(vars(controller))
+        return self._to_command
 
     def commanded(self, qdd: Array) -> None:
         """Tell what the robot was commanded (n,), from which limits of jerk are counted.
@@ -350,19 +266,6 @@ class ControlStep:
         """The compiled step on arrays that stay where they are; None where anything runs in NumPy."""
         packed = self._packed
         return None if packed is None or packed.others else Bound(packed, self.constraints, self._kernels)
-
-    def _insert(self, rows: slice, constraint: Constraint, block: RowBlock) -> None:
-        """Write the rows of a constraint in NumPy between the compiled ones."""
-        assert self._packed is not None
-        now, n, r = self._packed.step.rows, self._packed.size.n, rows.stop - rows.start
-        shapes = [part.shape for part in (block.sigma, block.phi, block.Lg, block.Lf)]
-        if shapes != [(r,), (r,), (r, n), (r,)]:
-            raise InvalidInput(
-                f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {constraint.kind} has {r} labels for {n} joints, but the "
-                f"shapes {shapes}"
-            )
-        now.phi[rows], now.sigma[rows], now.Lf[rows], now.Lg[rows] = block.phi, block.sigma, block.Lf, block.Lg
-        now.sigma_dot[rows] = (block.phi - block.sigma) / constraint.K
 
     def views(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
         """What can be seen at many instants, without its motion.
@@ -378,19 +281,12 @@ class ControlStep:
             (N, M, 2) pixels of the markers, (N, p, 3) robot points in the base frame [m], and (N,) whether all markers
             are in front of the camera; where they are not, the pixels do not count.
         """
-        scene, N = self.scene, len(t)
-        pixels, points = np.zeros((N, len(scene.markers), 2)), np.zeros((N, len(scene.points), 3))
-        seen = np.ones(N, dtype=np.bool_)
-        if self._packed is not None:
-            t, q = np.ascontiguousarray(t), np.ascontiguousarray(q)
-            self._kernels.views(self._packed.address, t, q, pixels, points, seen)
-            return pixels, points, seen
-        for k in range(N):
-            try:
-                pixels[k], points[k] = scene.glance(q[k], float(t[k]))
-            except SceneError:
-                seen[k] = False
-        return pixels, points, seen
+        if self._packed is None:
+            return self.scene.glances(t, q)
+        size, t, q = self._packed.size, np.ascontiguousarray(t), np.ascontiguousarray(q)
+        out = np.zeros((len(t), size.M, 2)), np.zeros((len(t), size.P, 3)), np.ones(len(t), dtype=np.bool_)
+        self._kernels.views(self._packed.address, t, q, *out)
+        return out
 
     def define(self, state: State) -> Evaluation:
         """The NumPy form, from a state, which may be a believed one."""
@@ -400,13 +296,5 @@ class ControlStep:
         if self._limits is not None:
             rows.qdd_min, rows.qdd_max = joint_box(state.robot.q, state.robot.qd, self.last_command, self._limits)
         task, error = self.visual_task.evaluate(state)
-        camera = state.camera
-        return DefinedEvaluation(
-            rows, task, error, sigma, state.pixels.position, state.robot.points, camera.R, camera.t
-        )
-
-
-def has_unknown_motion(scene: Scene, constraints: ConstraintSet) -> bool:
-    """Whether the target or something forbidden moves without controllers' being told."""
-    motions = [scene.motion, *(getattr(constraint, "motion", None) for constraint in constraints.constraints)]
-    return any(motion is not None and not motion.known for motion in motions)
+        seen = state.pixels.position, state.robot.points, state.camera.R, state.camera.t
+        return DefinedEvaluation(rows, task, error, sigma, *seen)

@@ -22,7 +22,7 @@ from .geometry import Pose
 from .kinematics import Kinematics, RobotPoint
 from .motion import TargetMotion
 from .robot import Robot
-from .rows import Array
+from .rows import Array, BoolArray
 
 MINIMUM_DEPTH = 1e-3
 """Depth [m] in front of the camera below which a marker cannot be projected."""
@@ -207,6 +207,18 @@ class Scene:
         """(m, 2) pixels of the markers and (k, 3) robot points at ``q`` (n,), without their motion."""
         robot = self._evaluate_robot(q, np.zeros(self.robot.n))
         return self.project(self._camera(robot.tip, t)), robot.points
+
+    def glances(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
+        """The same at N instants, and whether all markers are in front of the camera (N,); pixels count if they are."""
+        N = len(t)
+        pixels, points = np.zeros((N, len(self.markers), 2)), np.zeros((N, len(self.points), 3))
+        seen = np.ones(N, dtype=np.bool_)
+        for k in range(N):
+            try:
+                pixels[k], points[k] = self.glance(q[k], float(t[k]))
+            except SceneError:
+                seen[k] = False
+        return pixels, points, seen
 
     def _relative_motion(self, robot: Kinematics, motion: TargetMotion | None, t: float) -> tuple[Array, Array, Array]:
         """Jacobian (6, n), twist (6,) and drift (6,) of the camera relative to the target, in the camera frame."""

@@ -88,21 +88,18 @@ class ConstraintSet:
         try:
             sigma, phi, Lg, Lf = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
         except ValueError as error:
-            raise self._misshapen(blocks) from error
+            raise misshapen(self.constraints, self._counts, blocks, self._n) from error
         m = len(self.labels)
         if not (sigma.shape == phi.shape == Lf.shape == (m,) and Lg.shape == (m, self._n)):
-            raise self._misshapen(blocks)
+            raise misshapen(self.constraints, self._counts, blocks, self._n)
         K = self.approach_time
         sigma_dot = np.where(K > 0.0, (phi - sigma) / np.where(K > 0.0, K, 1.0), Lf)
         return Rows(phi, Lg, Lf, self.switching_gain, self.labels, self.scale, sigma, sigma_dot, K), sigma
 
-    def _misshapen(self, blocks: Sequence[RowBlock]) -> InvalidInput:
-        wrong = [
-            f"{constraint.kind} has {r} labels for {self._n} joints, but the shapes {shapes}"
-            for constraint, r, block in zip(self.constraints, self._counts, blocks, strict=True)
-            if (shapes := [part.shape for part in block]) != [(r,), (r,), (r, self._n), (r,)]
-        ]
-        return InvalidInput(f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {'; '.join(wrong)}")
+    def has_unknown_motion(self, scene: Scene) -> bool:
+        """Whether a scene's target or something forbidden moves without controllers' being told."""
+        motions = [scene.motion, *(getattr(constraint, "motion", None) for constraint in self.constraints)]
+        return any(motion is not None and not motion.known for motion in motions)
 
     def blocks(self) -> list[tuple[Constraint, int, slice]]:
         """Every constraint, how many rows it has, and where its robot points stand among the scene's."""
@@ -121,6 +118,23 @@ class ConstraintSet:
         """(m,) how far outside sampling with ``Ts`` [s] alone puts each row, in its natural unit."""
         parts = [constraint.sampling_band(self.scene, Ts) for constraint in self.constraints]
         return np.concatenate([np.empty(0), *parts])
+
+
+def misshapen(
+    constraints: Sequence[Constraint], counts: Sequence[int], blocks: Sequence[RowBlock], n: int
+) -> InvalidInput:
+    """The error that names the constraints whose rows, ``counts`` of each, are of the wrong shape for n joints."""
+    wrong = [
+        f"{constraint.kind} has {r} labels for {n} joints, but the shapes {shapes}"
+        for constraint, r, block in zip(constraints, counts, blocks, strict=True)
+        if (shapes := [part.shape for part in block]) != shapes_of(r, n)
+    ]
+    return InvalidInput(f"rows (σ, φ, L_gφ, L_fφ) of the wrong shape: {'; '.join(wrong)}")
+
+
+def shapes_of(r: int, n: int) -> list[tuple[int, ...]]:
+    """Shapes of a block of r rows for n joints."""
+    return [(r,), (r,), (r, n), (r,)]
 
 
 def _known(clearance: Callable[[Trace, slice], Array], trace: Trace, points: slice, shape: tuple[int, ...]) -> Array:

@@ -1,4 +1,4 @@
-"""Inertia and bias of an arm, compiled, and its motion through a period: see :mod:`vsconstraints.kernels.arm`.
+"""Inertia and bias of an arm, compiled, and its motion through a period: see :mod:`.arm_motion`.
 
 All is expressed in the base frame, twists and momenta at its origin. So momenta of bodies are summed as they are: those
 of the bodies behind a joint, projected on its axis, give the bias (recursive Newton–Euler), and the inertia where the
@@ -16,27 +16,27 @@ import numpy as np
 from ..formulas.rotation import turn_about
 from ..formulas.vectors import along_with, cross, dot, matrix, plus, product, times, turned, vector
 from ..rows import Array
-from . import arm
-from .arm import Arm, BodyArrays, Drive, Motion, substep
+from . import arm, arm_motion, drives
+from .arm import Arm, BodyArrays, Drive, Motion
 from .compiler import IN_PLACE, compiled, in_place, know, numba
 from .parts import address, thaw_as
 
 for function in (
-    arm.factor,
-    arm.solve,
-    arm.accelerate,
-    arm.speed_error,
-    arm.ask_torque,
-    arm.refer,
-    arm.give_torque,
-    arm.dry_friction,
-    arm.rub,
-    arm.know_motion,
-    arm.runge_kutta,
-    substep,
-    arm.bounded,
-    arm.weigh,
-    arm.drive_period,
+    drives.ask_torque,
+    drives.speed_error,
+    drives.refer,
+    drives.give_torque,
+    drives.weigh,
+    arm_motion.factor,
+    arm_motion.solve,
+    arm_motion.accelerate,
+    arm_motion.know_motion,
+    arm_motion.dry_friction,
+    arm_motion.rub,
+    arm_motion.substep,
+    arm_motion.runge_kutta,
+    arm_motion.bounded,
+    arm_motion.drive_period,
 ):
     numba.extending.register_jitable(**IN_PLACE)(function)
 know()
@@ -130,7 +130,7 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
             other = work[j]
             motion.M[i, j] = dot((other[0], other[1], other[2]), P) + dot((other[3], other[4], other[5]), L)
         motion.M[i, i] += bodies.rotor[i]
-    arm.factor(motion.M, motion.L)
+    arm_motion.factor(motion.M, motion.L)
 
 
 @numba.extending.overload(arm.evaluate, jit_options=IN_PLACE)  # type: ignore[untyped-decorator]
@@ -144,7 +144,7 @@ def _evaluate(engine: Any, bodies: Any, q: Any, qd: Any, motion: Any) -> Any:
 @numba.extending.overload(arm.move, jit_options=IN_PLACE)  # type: ignore[untyped-decorator]
 def _move(engine: Any, arm: Any, q: Any, qd: Any, command: Any) -> Any:
     def here(engine: Any, arm: Any, q: Any, qd: Any, command: Any) -> Any:
-        substep(engine, arm, q, qd, command)
+        arm_motion.substep(engine, arm, q, qd, command)
 
     return here
 
@@ -165,8 +165,8 @@ NONE = 0
 
 @compiled("int64(int64, float64[:, ::1])", IN_PLACE)
 def drive_period(arm_address: int, x: Array) -> int:
-    """As :func:`vsconstraints.kernels.arm.drive_period`."""
-    return arm.drive_period(NONE, thaw(arm_address), x)
+    """As :func:`vsconstraints.kernels.arm_motion.drive_period`."""
+    return arm_motion.drive_period(NONE, thaw(arm_address), x)
 
 
 MOVE = address(drive_period)

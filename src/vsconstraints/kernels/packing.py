@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ..camera import Camera
-from ..constraints import ConstraintSet
+from ..constraints import Constraint, ConstraintSet, RowBlock
+from ..constraints.constraint_set import misshapen, shapes_of
 from ..features import CameraPose, ImagePoints
 from ..formulas.limits import JointLimits
 from ..geometry import Pose
@@ -94,12 +96,35 @@ class Packed:
         step = self.step
         return step.last, step.last_error, step.last_partial, step.last_J, step.correction, step.last_command
 
+    def remembered(self) -> list[Any]:
+        """A copy of that."""
+        return [array.copy() for array in self.memory]
+
+    def recall(self, remembered: Sequence[Any]) -> None:
+        """Remember what was kept by :meth:`remembered`, here or by another step of the same scene."""
+        for array, kept in zip(self.memory, remembered, strict=True):
+            array[...] = kept
+
     def reset(self) -> None:
         """Forget the last sample."""
         last, *others = self.memory
         last["goal"], last["time"] = -1, 0.0
         for array in others:
             array[:] = 0.0
+
+    def insert(self, rows: slice, constraint: Constraint, block: RowBlock) -> None:
+        """Write the rows of a constraint in NumPy between the compiled ones.
+
+        Raises
+        ------
+        InvalidInput
+            if they are of the wrong shape; names the constraint.
+        """
+        now, r = self.step.rows, rows.stop - rows.start
+        if [part.shape for part in block] != shapes_of(r, self.size.n):
+            raise misshapen([constraint], [r], [block], self.size.n)
+        now.phi[rows], now.sigma[rows], now.Lf[rows], now.Lg[rows] = block.phi, block.sigma, block.Lf, block.Lg
+        now.sigma_dot[rows] = (block.phi - block.sigma) / constraint.K
 
     def measure(self, measured: Measurement) -> None:
         """Let the next step take what a camera has measured, which is checked."""

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ..constraints import ConstraintSet, ImageConstraint, Occlusion, Trace
-from ..control_step import ControlStep, has_unknown_motion
+from ..control_step import ControlStep
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
 from ..features import CameraPose
 from ..formulas.poses import reached
@@ -171,7 +171,7 @@ class Setup:
         """What turns true states into what a controller believes."""
         if self.images is not None:
             return ImageSensor(self.scene, self.disturbances, self.images, self.photographer(), self.Ts)
-        return Sensor(self.scene, self.disturbances, self.Ts, has_unknown_motion(self.scene, self.constraints))
+        return Sensor(self.scene, self.disturbances, self.Ts, self.constraints.has_unknown_motion(self.scene))
 
     def photographer(self) -> Photographer:
         """What takes the images that the control sees; raises ConfigurationError where it sees none."""

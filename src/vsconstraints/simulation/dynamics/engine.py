@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from ...kernels.arm import Arm, BodyArrays, Motion, factor, substep
+from ...kernels.arm import Arm, BodyArrays, Motion
+from ...kernels.arm_motion import factor, substep
 from ...rows import Array
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ import numpy as np
 
 from ...errors import ConfigurationError, described
 from ...extras import demand
-from ...kernels.arm import Arm, know_motion, rub
+from ...kernels.arm import Arm
+from ...kernels.arm_motion import know_motion, rub
 from ...robot import Robot
 from ...rows import Array
 from ...urdf import UrdfSource
@@ -57,7 +58,7 @@ class MujocoEngine(PinocchioEngine):
         self.model.dof_damping[:], self.model.dof_frictionloss[:] = 0.0, 0.0
 
     def move(self, arm: Arm, q: Array, qd: Array, command: Array) -> None:
-        """As :func:`vsconstraints.kernels.arm.substep`; the torque is held."""
+        """As :func:`vsconstraints.kernels.arm_motion.substep`; the torque is held."""
         data, at, v_at = self.data, self._at, self._v_at
         rub(arm, qd)
         data.qpos[at], data.qvel[v_at] = q, qd

@@ -10,18 +10,8 @@ import numpy as np
 from ...errors import SceneError
 from ...formulas.limits import JointLimits
 from ...kernels import load
-from ...kernels.arm import (
-    BOUND,
-    POSITION,
-    SPEED,
-    TORQUE,
-    Arm,
-    Drive,
-    Engine,
-    begin,
-    blank,
-    drive_period,
-)
+from ...kernels.arm import POSITION, SPEED, TORQUE, Arm, Drive, Engine, blank
+from ...kernels.arm_motion import BOUND, begin, drive_period
 from ...kernels.structures import frozen
 from ...robot import Robot
 from ...rows import Array, IntArray
