@@ -9,7 +9,7 @@ import numpy as np
 from ..formulas.limits import JointLimits
 from ..rows import IntArray
 from . import samples
-from .compiler import IN_PLACE, compiled, in_place, know, numba
+from .compiler import IN_PLACE, compiled, in_place, know, numba, part_of_others
 from .laws import carry_out
 from .laws import thaw as thaw_law
 from .parts import address, ask, thaw_as
@@ -28,7 +28,7 @@ for function in (
     samples.score,
     samples.finish,
 ):
-    numba.extending.register_jitable(**IN_PLACE)(function)
+    part_of_others(function, IN_PLACE)
 know()
 
 

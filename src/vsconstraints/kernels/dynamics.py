@@ -18,7 +18,7 @@ from ..formulas.vectors import along_with, cross, dot, matrix, plus, product, ti
 from ..rows import Array
 from . import arm, arm_motion, drives
 from .arm import Arm, BodyArrays, Drive, Motion
-from .compiler import IN_PLACE, compiled, in_place, know, numba
+from .compiler import IN_PLACE, compiled, in_place, know, numba, part_of_others
 from .parts import address, thaw_as
 
 for function in (
@@ -38,7 +38,7 @@ for function in (
     arm_motion.bounded,
     arm_motion.drive_period,
 ):
-    numba.extending.register_jitable(**IN_PLACE)(function)
+    part_of_others(function, IN_PLACE)
 know()
 
 

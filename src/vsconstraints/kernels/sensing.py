@@ -14,7 +14,7 @@ from ..rows import Array
 from ..scene import MINIMUM_DEPTH
 from . import images
 from . import scratch as parts
-from .compiler import IN_PLACE, OPTIONS, compiled, inner, know, numba
+from .compiler import IN_PLACE, OPTIONS, compiled, inner, know, numba, part_of_others
 from .images import Images, Lenses, Sensing
 from .kinematics import put, put_matrix
 from .least_squares import pseudoinverse
@@ -23,7 +23,7 @@ from .parts import address, ask, thaw_as
 from .structures import Scratch
 from .thawed import thaw
 
-numba.extending.register_jitable(**IN_PLACE)(images.usable)
+part_of_others(images.usable, IN_PLACE)
 know()
 
 CERTAIN = 1.01
