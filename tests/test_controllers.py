@@ -28,6 +28,7 @@ from vsconstraints.controllers import (
 )
 from vsconstraints.controllers.base import restart
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
+from vsconstraints.formulas.curves import superellipse
 from vsconstraints.model import Model
 from vsconstraints.rows import Array, Command, Rows, Status, Task
 
@@ -890,7 +891,7 @@ def test_demands_that_contradict_each_other_are_relaxed_by_name() -> None:
 @pytest.mark.parametrize("size", [1e10, 1e18, 1e100, 1e183])
 def test_accelerations_at_which_rows_cannot_be_checked_are_no_answer(law, size):
     """A robot that diverges: finite, but so large that rounding of a row exceeds all that it may demand."""
-    rows = Rows(np.array([-0.1, -0.1]), np.eye(2), np.zeros(2), np.full(2, 2.0), ("a", "b"))
+    rows = Rows(np.array([-0.1, -0.2]), np.eye(2), np.zeros(2), np.full(2, 2.0), ("a", "b"))
     task = Task(np.array([[1.0, 0.0]]), np.array([-size]))
     command = law.command(rows, task)
     acted, qdd = np.empty(2, np.bool_), np.empty(2)
@@ -900,6 +901,23 @@ def test_accelerations_at_which_rows_cannot_be_checked_are_no_answer(law, size):
         assert bound is None or bound.solve() == 0
         return
     assert command.status == "failed"
-    assert "rounding exceeds the gain of a, b" in command.reason
+    assert command.reason.endswith("rounding exceeds the gain of a, b (φ up to -1.0e-01)")
     np.testing.assert_array_equal(command.qdd, np.zeros(2))
     assert bound is None or bound.solve() != 0
+
+
+@pytest.mark.parametrize("law", [SlidingMode(), PotentialField(blend="priority"), HierarchicalQP(), Tracking()])
+def test_a_row_that_a_run_has_left_for_good_ends_it_with_its_phi(law):
+    """A marker seven half axes from the centre: 7¹⁶ = 3.3e13, and 16 × 7¹⁵ = 7.6e13 per half axis, 20 of them a rad."""
+    marker = np.array([7.0, 0.0])
+    sigma, gradient, _ = superellipse(*marker, 1.0, 1.0, 16.0)
+    assert [sigma, gradient] == pytest.approx([3.3233e13, 7.596e13], rel=1e-4)
+    rows = Rows(np.array([sigma]), np.array([[20.0 * gradient, 0.0]]), np.zeros(1), np.array([10.0]), ("a",))
+    # with accelerations of 10, rounding is 1.7, of 100 it is 17: more than u⁺ = 10
+    for asked, failed in ((10.0, False), (100.0, True)):
+        command = law.command(rows, Task(np.array([[0.0, 1.0]]), np.array([asked])))
+        assert (command.status == "failed") == failed
+        assert not failed or command.reason == (
+            "accelerations of 1.0e+02 are beyond what rows can be checked at: rounding exceeds the gain of a "
+            "(φ up to 3.3e+13)"
+        )

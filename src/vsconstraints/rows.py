@@ -176,7 +176,7 @@ ROUNDING = 2.0**-53
 
 
 def beyond_rounding(rows: Rows, qdd: Array) -> str:
-    """Say which row cannot be told met from unmet at these accelerations; empty if none.
+    """Say which row cannot be told met from unmet at these accelerations, and how far outside it is; empty if none.
 
     Rounding of L_gφ q̈ alone, ε‖L_gφ‖‖q̈‖, is then more than u⁺, which is what the row can demand.
     """
@@ -187,7 +187,10 @@ def beyond_rounding(rows: Rows, qdd: Array) -> str:
     if not lost.any():
         return ""
     names = ", ".join(rows.labels[i] for i in np.flatnonzero(lost))
-    return f"accelerations of {size:.1e} are beyond what rows can be checked at: rounding exceeds the gain of {names}"
+    return (
+        f"accelerations of {size:.1e} are beyond what rows can be checked at: rounding exceeds the gain of {names} "
+        f"(φ up to {rows.phi[lost].max():.1e})"
+    )
 
 
 GIVEN = ("phi", "Lg", "Lf", "switching_gain", "scale")
