@@ -1,5 +1,6 @@
 """The code's structure: nothing imports in circles, and what counts is counted."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -27,3 +28,18 @@ def test_circles_and_long_lists_are_found(tmp_path, capsys):
     assert "longest parameter lists: 9 p/a.py: f" in said
     assert "9 lines of Python in 4 files" in said
     assert structure.main([str(tmp_path / "nowhere")]) == 2
+
+
+def test_the_page_on_structure_names_what_is_there():
+    """Folders and files under ``src/vsconstraints``, of which all folders are named, and tests by name."""
+    root = Path(__file__).parents[1]
+    page = (root / "docs" / "structure.md").read_text(encoding="utf-8")
+    paths = re.findall(r"`([a-z_/]+(?:/|\.py))`", page)
+    tests = re.findall(r"`(test_\w+)`", page)
+    assert len(paths) > 40
+    assert len(tests) > 5
+    package = root / "src" / "vsconstraints"
+    assert [path for path in paths if not (package / path).exists()] == []
+    assert {f"{file.parent.name}/" for file in package.glob("*/__init__.py")} <= set(paths)
+    text = "".join(file.read_text(encoding="utf-8") for file in (root / "tests").glob("test_*.py"))
+    assert [test for test in tests if f"def {test}(" not in text] == []
