@@ -59,6 +59,12 @@ def test_plant(actuation: str) -> None:
     np.testing.assert_allclose(stepped(one, -30.0), [1.4, 0.0], atol=1e-13)
 
 
+def test_no_function_moves_a_plant_that_its_transition_moves() -> None:
+    """Compiled loops call what stands there, unless it is 0; what does not compile never reads it."""
+    assert plant().mover == (0, 0)
+    assert not plant().follows
+
+
 def test_plant_that_is_pushed() -> None:
     """d_c = 4 on top of q̈ = 10: 1 + 0.2 + 0.07 and 2 + 1.4."""
     np.testing.assert_allclose(stepped(plant(acceleration=(4.0,)), 10.0), [1.27, 3.4], rtol=1e-13)

@@ -135,6 +135,9 @@ def test_holm_by_hand_and_on_paper() -> None:
     assert holm([0.9, 0.8]) == pytest.approx([1.0, 1.0])
     assert holm([0.0, 1.0, 0.2]) == pytest.approx([0.0, 1.0, 0.4])
     assert len(holm([])) == 0
+    for wrong in ([-0.5, 0.1], [1.5, 0.1], [math.nan], [[0.1]]):
+        with pytest.raises(InvalidInput, match="one line of numbers from 0 to 1"):
+            holm(wrong)
 
 
 @pytest.mark.parametrize("n", [50, 51, 100, 101, 999])
@@ -181,6 +184,24 @@ def test_the_bootstrapped_interval_is_made_of_9999_medians_by_their_distribution
     known = np.quantile(medians, shares, method="inverted_cdf")
     assert median(x)[1:3] == tuple(known)
     assert median(x) == median(x, 0.95, 0) != median(x, 0.95, 1)
+
+
+def test_fifty_values_are_bootstrapped_and_the_same_seed_is_taken_everywhere() -> None:
+    """The first of 9999 medians in order of which 2.5 % lie below, shifted by the bias; pairs draw them alike."""
+    x = np.random.default_rng(4).lognormal(size=50)
+    medians = np.sort(resampled(np.sort(x), np.random.default_rng(0)))
+    bias = scipy.stats.norm.ppf(np.mean(medians < np.median(x)) + 0.5 * np.mean(medians == np.median(x)))
+    shares = scipy.stats.norm.cdf([2.0 * bias - 1.959963984540054, 2.0 * bias + 1.959963984540054])
+    assert median(x)[1:3] == tuple(medians[np.ceil(shares * 9999).astype(int) - 1])
+    many = np.random.default_rng(4).lognormal(size=10_001)
+    assert paired(many, 0.0 * many)[:3] == median(many)[:3] != median(many, seed=1)[:3]
+
+
+def test_an_interval_that_is_exactly_as_sure_as_asked() -> None:
+    """Six values: 2/2⁶ that the median lies beyond them, so that they cover 31/32."""
+    assert median([3, 1, 2, 6, 5, 4], 31 / 32)[1:3] == (1.0, 6.0)
+    assert median([3, 1, 2, 6, 5, 4], 31.1 / 32)[1:3] == (-math.inf, math.inf)
+    assert math.isnan(median([]).median)
 
 
 @pytest.mark.parametrize(("n", "confidence"), [(6, 0.95), (7, 0.95), (20, 0.95), (49, 0.95), (30, 0.99), (5, 0.9)])
@@ -281,6 +302,9 @@ def test_a_profile_by_brute_force() -> None:
     assert found.share([1.0, 2.0]).shape == (2, 4)
     assert found.steps[0] == 1.0
     assert np.isfinite(found.steps).all()
+    assert profile([[1.0, 2.0], [math.inf, 3.0]]).steps.tolist() == [1.0, 2.0]
+    assert profile([[math.inf]]).steps.tolist() == [1.0]
+    assert profile([[1.0, 2.0]]).share(1.0).tolist() == [1.0, 0.0]
 
 
 def test_costs_of_zero_are_shifted_as_said() -> None:
@@ -344,7 +368,12 @@ def test_the_rule_of_verdicts() -> None:
     assert verdict(-2.0, -1.0, 0.01, least=0.9) == "better"
     assert verdict(-2.0, -1.0, 0.01, n=5) == "too few"
     assert verdict(-2.0, -1.0, 0.01, confidence=0.99) == "not distinguishable"
+    assert verdict(0.2, 0.5, 0.01) == "worse"
+    assert verdict(-0.5, -0.2, 0.01) == "better"
+    assert verdict(0.0, 2.0, 0.01) == "not distinguishable"
+    assert verdict(1.0, 2.0, 0.01, least=1.0) == "not distinguishable"
     assert distinguishable(1.0, 2.0, 0.01)
+    assert not distinguishable(0.0, 2.0, 0.01)
     assert not distinguishable(1.0, 2.0, 0.01, n=5)
 
 
@@ -363,6 +392,20 @@ def test_numbers_with_the_digits_that_are_known() -> None:
     assert with_interval(math.nan, -math.inf, math.inf) == "no value"
     assert with_interval(0.0, 0.0, 0.0) == "0 (0 to 0)"
     assert with_interval(1e-9, 0.9e-9, 1.2e-9) == "1.00e-9 (9.0e-10 to 1.20e-9)"
+    assert with_interval(-1.5, -math.inf, math.inf) == "-1.50 (too few for an interval)"
+    assert with_interval(math.inf, 1.0, math.inf) == "∞ (1 to ∞)"
+    assert with_interval(-math.inf, -math.inf, 1.0) == "-∞ (-∞ to 1)"
+    assert with_interval(1.5e5, 1.4e5, 1.6e5) == "150000 (140000 to 160000)"
+    assert with_interval(1.5e6, 1.4e6, 1.6e6) == "1.50e+6 (1.40e+6 to 1.60e+6)"
+    assert with_interval(0.001234, 0.001134, 0.001334) == "0.00123 (0.00113 to 0.00133)"
+    assert with_interval(0.000123, 0.000113, 0.000133) == "1.23e-4 (1.13e-4 to 1.33e-4)"
+    assert rounded(-0.001, -1.0, 1.0) == "0.0"
+    assert rate_text(rate_of(0, 3000)) == "0 of 3000: at most 0.13 % (95 %)"
+    assert rate_text(rate_of(0, 3690)) == "0 of 3690: at most 0.100 % (95 %)"
+    assert rate_text(rate_of(0, 5000)) == "0 of 5000: at most 7.4e-4 (95 %)"
+    assert rate_text(rate_of(5000, 9999)) == "5000 of 9999: 50.01 % (95 %: 49.02 to 50.99 %)"
+    assert p_text(0.001) == "p = 0.001"
+    assert p_text(0.0009) == "p < 0.001"
     assert p_text(0.01234) == "p = 0.012"
     assert p_text(1e-9) == "p < 0.001"
 
@@ -388,9 +431,11 @@ def test_what_cannot_be_compared_is_said() -> None:
     with pytest.raises(InvalidInput, match="one entry each, not of 1 and 2"):
         mcnemar([True], [True, False])
     with pytest.raises(InvalidInput, match="a holds inf"):
-        paired([math.inf], [1.0])
+        paired([1.0, math.inf], [1.0, 1.0])
     with pytest.raises(InvalidInput, match=r"no ratio of negative values: -1\.0"):
         paired([1.0], [-1.0], "log-ratio")
+    with pytest.raises(InvalidInput, match=r"no ratio of negative values: -0\.5"):
+        paired([-0.5], [1.0], "log-ratio")
     with pytest.raises(InvalidInput, match=r"a must be of shape \(scenes,\)"):
         paired([[1.0]], [1.0])
     with pytest.raises(InvalidInput, match="must hold numbers only"):
@@ -403,8 +448,14 @@ def test_what_cannot_be_compared_is_said() -> None:
         median(["x"])
     with pytest.raises(InvalidInput, match="is no rate"):
         rate_of(3, 2)
+    with pytest.raises(InvalidInput, match="is no rate"):
+        rate_of(-1, 2)
     with pytest.raises(InvalidInput, match="must be numbers, or infinite"):
         ranks([[1.0, math.nan]])
+    with pytest.raises(InvalidInput, match="must be numbers, or infinite"):
+        profile([[1.0, -math.inf]])
+    with pytest.raises(InvalidInput, match=r"shape \(scenes, laws\), not \(3, 0\)"):
+        profile(np.empty((3, 0)))
     with pytest.raises(InvalidInput, match=r"shape \(scenes, laws\)"):
         profile([1.0])
     with pytest.raises(InvalidInput, match="from 0 to 1"):

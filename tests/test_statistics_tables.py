@@ -115,6 +115,17 @@ def test_ratios_of_nothing_negative(first: str) -> None:
 def test_medians_are_of_runs_that_count(runs: pd.DataFrame) -> None:
     line = medians(runs, "jerk_rms").set_index("controller").loc["a"]
     assert (line.counted, line.of, line["median"]) == (9, 11, 7.0)
+    # of 9 values, the second and the last but one: 2 (1 + 9)/2⁹ = 0.04
+    assert (line.low, line.high) == (2.0, 10.0)
+
+
+def test_the_seed_is_0_unless_told() -> None:
+    rng = np.random.default_rng(1)
+    runs = pd.concat([made(law, rng.lognormal(size=60).tolist()) for law in "ab"])
+    told = [compare_laws(runs, "jerk_rms", seed=seed).iloc[0] for seed in (0, 1)]
+    assert (told[0].low, told[0].high) != (told[1].low, told[1].high)
+    known = compare_laws(runs, "jerk_rms").iloc[0]
+    assert (known.low, known.high) == (told[0].low, told[0].high)
 
 
 def test_costs_put_failures_at_infinity(runs: pd.DataFrame) -> None:
@@ -240,7 +251,7 @@ def test_what_cannot_be_compared_is_said(runs: pd.DataFrame) -> None:
     with pytest.raises(ConfigurationError, match=r"unknown controller 'z'.* Available: a, b"):
         compare_laws(runs, "jerk_rms", "z")
     with pytest.raises(
-        ConfigurationError, match="22 runs are there twice, the first of them planar, nominal, held-out"
+        ConfigurationError, match="22 runs are there twice, the first of them planar, nominal, held-out, 0, b"
     ):
         compare_laws(pd.concat([runs, runs]), "jerk_rms")
     with pytest.raises(ConfigurationError, match="no column 'half'; needed are family, condition, half, scene"):
@@ -249,6 +260,10 @@ def test_what_cannot_be_compared_is_said(runs: pd.DataFrame) -> None:
         rates(runs, by=("robot",))
     with pytest.raises(ConfigurationError, match="no column 'jerk_rms'"):
         compare_laws(runs.drop(columns="jerk_rms"), "jerk_rms")
+    compare_laws(runs.drop(columns="sliding_lost_s"), "jerk_rms")
+    for missing in ("phi_band_bound", "sliding_lost_s"):
+        with pytest.raises(ConfigurationError, match=f"no column '{missing}'"):
+            compare_laws(runs.drop(columns=missing), "phi_band / phi_band_bound")
     with pytest.raises(ConfigurationError, match="confidence must be between 0 and 1"):
         compare_laws(runs, "jerk_rms", confidence=95)
 
