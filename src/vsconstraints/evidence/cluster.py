@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from ..errors import ConfigurationError, WorkersLost, described
 from ..extras import demand
-from ..runs.pool import DIED, Failure
+from ..runs.pool import DIED, Failure, unpacked
 from .identity import differences, in_words
 from .remote import Call, Session, Stranger, answered, end
 from .workers import OpenWorkers, Workers
@@ -139,7 +139,7 @@ class _Cluster:
             return Failure(DIED)
         if error is not None:
             raise WorkersLost(f"a worker cannot make runs: {error!r}; {GOES_ON}")
-        answer = _unpacked(packed)
+        answer = unpacked(packed)
         if isinstance(answer, Stranger):
             raise _stranger(answer, self._session)
         return answer
@@ -186,7 +186,7 @@ def _demand_alike(client: Any, address: str, session: Session) -> None:
     deadline = time.monotonic() + BEGIN
     for worker, future in checks.items():
         try:
-            answer = _unpacked(future.result(timeout=max(0.0, deadline - time.monotonic())))
+            answer = unpacked(future.result(timeout=max(0.0, deadline - time.monotonic())))
         except TimeoutError:
             raise ConfigurationError(f"worker {worker} said nothing for {BEGIN:g} s") from None
         except Exception as error:  # whatever went wrong there
@@ -202,13 +202,6 @@ def _stranger(found: Stranger, session: Session) -> ConfigurationError:
     return ConfigurationError(
         f"worker {found.address} would give other results: {what} (there: the worker). Install the same there"
     )
-
-
-def _unpacked(packed: bytes) -> Any:
-    try:
-        return pickle.loads(packed)
-    except Exception as error:  # own parts can raise anything when they are unpacked
-        return Failure(f"the answer cannot be read: {type(error).__name__}: {error}")
 
 
 @contextmanager

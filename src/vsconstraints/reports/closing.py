@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from ..comparisons.metrics import DEFINITIONS
@@ -110,6 +111,11 @@ def _machine(results: Results, manifest: dict[str, Any]) -> str:
         "wall time [s]": None if wall is None else number(float(wall)),
         "runs": f"{results.finished} of {results.planned}" + (f", {kept} of them stored before" if kept else ""),
     }
+    return facts_table(facts)
+
+
+def facts_table(facts: Mapping[str, object]) -> str:
+    """What a result was made by and with, by name; a command is Markdown already."""
     lines = [
         [name, DASH if value in (None, "") else str(value) if name == "command" else plain(str(value))]
         for name, value in facts.items()

@@ -117,7 +117,7 @@ class Pool(Generic[Answer]):
                 key = worker.key
                 if said is not None:
                     if worker.heard():
-                        yield key, _unpacked(said)
+                        yield key, unpacked(said)
                     else:
                         self._failed_starts = 0
                 elif worker.dead:
@@ -273,7 +273,8 @@ def _single_threaded() -> Iterator[None]:
             del os.environ[variable]
 
 
-def _unpacked(packed: bytes) -> Any:
+def unpacked(packed: bytes) -> Any:
+    """What another process answered; a :class:`Failure` if that cannot be read."""
     try:
         return pickle.loads(packed)
     except Exception as error:  # own parts can raise anything when they are unpacked

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ...comparisons.metrics import DEFINITIONS
-from ..markdown import bullets, code, plain, table
+from ..closing import facts_table
+from ..markdown import bullets, code
 from ..numbers import DASH, number
 from .material import Material
 
@@ -81,8 +82,4 @@ def _machine(material: Material) -> str:
         "runs": str(runs),
         "runs per second": None if rate is None else number(float(rate)),
     }
-    lines = [
-        [name, DASH if value in (None, "") else str(value) if name == "command" else plain(str(value))]
-        for name, value in facts.items()
-    ]
-    return table(["what", "value"], lines, text_columns=2)
+    return facts_table(facts)
