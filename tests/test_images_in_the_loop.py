@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.frames import FOREIGN, OWN, frames, marked, write_frames
 from vsconstraints.geometry import distance
 from vsconstraints.images.detectors import Pixels
 from vsconstraints.scenarios import Scenario
@@ -186,6 +190,60 @@ def test_what_occludes_stands_before_the_tags() -> None:
         first, last = (eye.looks[i].sighting.seen for i in (0, -1))
         assert first.tolist() == [False, True, True, True]
         assert last[0] == at_last
+
+
+# --- the images again ---
+
+
+def test_images_of_a_run_are_those_that_its_control_has_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[Pixels] = []
+    usual = Photographer.image
+    monkeypatch.setattr(
+        Photographer, "image", lambda self, number, state: seen.append(usual(self, number, state)) or seen[-1]
+    )
+    there = made(0.1)
+    run = simulate(there, SlidingMode())
+    first, count = [image.copy() for image in seen], len(seen)
+    again = list(frames(there, run))
+    assert [frame.number for frame in again] == [0, 1, 2, 3]
+    np.testing.assert_allclose([frame.taken for frame in again], [0.0, 0.034, 0.068, 0.1])
+    assert count == 4
+    for frame, image in zip(again, first, strict=True):
+        np.testing.assert_array_equal(frame.image, image)
+        assert frame.tags.ids.tolist() == [0, 1, 2, 3]
+    with pytest.raises(ConfigurationError, match='no images without sensor = "images"'):
+        next(frames(made(scene="ur5-fov"), run))
+
+
+def test_images_are_written_as_film_and_as_files(tmp_path: Path) -> None:
+    there = made(0.1, sensor__printed=[0, 1, 2, 9])
+    run = simulate(there, SlidingMode())
+    assert write_frames(there, run, tmp_path / "folder") == 4
+    files = sorted((tmp_path / "folder").iterdir())
+    assert [file.name for file in files] == ["00000.png", "00001.png", "00002.png", "00003.png"]
+    written = list(frames(there, run))
+    np.testing.assert_array_equal(cv2.imread(str(files[2]), cv2.IMREAD_UNCHANGED), written[2].image)
+    assert write_frames(there, run, tmp_path / "new" / "film.gif") == 4
+    with Image.open(tmp_path / "new" / "film.gif") as film:
+        assert (film.n_frames, film.size) == (4, (320, 240))
+    write_frames(there, run, tmp_path / "film.mp4")
+    read = cv2.VideoCapture(str(tmp_path / "film.mp4"))
+    assert [
+        read.get(one) for one in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_COUNT)
+    ] == [
+        640.0,
+        480.0,
+        4.0,
+    ]
+    # outlines of what is looked for are green, of anything else red
+    picture = marked(written[0], {0, 1, 2}).astype(int)
+    for colour, tags in ((OWN, [0, 1, 2]), (FOREIGN, [3])):
+        for corners in written[0].tags.corners[tags]:
+            u, v = (0.5 * (corners[0] + corners[1])).round().astype(int)
+            assert np.abs(picture[v, u] - colour).max() < 60
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["film.mp4", "folder", "new"]
+    with pytest.raises(ConfigurationError, match=r"ends in \.gif or \.mp4"):
+        write_frames(there, run, tmp_path / "film.avi")
 
 
 # --- what cannot be ---

@@ -15,6 +15,7 @@ from .commands import completions
 from .commands.difference import diff
 from .commands.evidence import evidence, merge
 from .commands.families import families
+from .commands.frames import frames
 from .commands.preview import preview
 from .commands.replay import replay
 from .commands.reporting import Asked, comparison_report, print_laws, report
@@ -42,6 +43,7 @@ from .runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 
 app.command()(diff)
 app.command()(families)
+app.command()(frames)
 app.command()(evidence)
 app.command()(merge)
 app.command()(preview)

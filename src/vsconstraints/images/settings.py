@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -94,6 +95,14 @@ class ImageSettings:
                 raise InvalidInput(f"sensor: {name} must be numbers from 0 to {LAST_ID}, not {shown(list(ids))}")
         if self.tags is not None and len({*self.tags}) != len(self.tags):
             raise InvalidInput(f"sensor: tags must differ from one another, not {shown(list(self.tags))}")
+
+    def number(self, t: float) -> int:
+        """Number of the last image whose time has come at t [s]."""
+        return math.floor(t * self.rate_hz + 1e-6)
+
+    def looked_for(self, markers: int) -> tuple[int, ...]:
+        """Numbers of the tags of so many markers."""
+        return tuple(range(markers)) if self.tags is None else tuple(self.tags)
 
 
 SENSORS: dict[str, type[ImageSettings]] = {"images": ImageSettings}

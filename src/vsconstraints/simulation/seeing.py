@@ -131,7 +131,7 @@ class ImageSensor(Sensor):
         return self._told[1]
 
     def _measured(self, t: float, q: Array, qd: Array) -> Measurement:
-        number = int(np.floor(t * self.settings.rate_hz + 1e-6))
+        number = self.settings.number(t)
         if number > self._taken:
             self._taken = number
             self._take(number, t, q, qd)
