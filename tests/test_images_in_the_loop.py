@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from vsconstraints.comparisons.suite import _demand_variety
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.frames import FOREIGN, OWN, frames, marked, write_frames
@@ -109,6 +110,30 @@ def test_a_run_by_images_is_near_the_one_by_exact_pixels() -> None:
         assert images.compiled
         assert 1e-7 < np.abs(images.q - exact.q).max() < 5e-3
         assert np.abs(images.features_px - exact.features_px).max() < 4.0
+
+
+@pytest.mark.parametrize(
+    ("scene", "most"),
+    [("eye-to-hand-pbvs", 0.1), ("moving-target", 0.1), ("moving-target-unknown", 2.0), ("panda-fov", 0.3)],
+)
+def test_any_scene_with_markers_in_a_plane_can_be_seen(scene: str, most: float) -> None:
+    """A motion that is not told leaves what it makes in the time until an image is there."""
+    exact, images = (
+        simulate(made(0.15, scene), SlidingMode()),
+        simulate(made(0.15, scene, sensor="images"), SlidingMode()),
+    )
+    assert images.status == exact.status
+    assert images.reason.startswith("still moving")
+    off = np.abs(images.features_px - exact.features_px).max()
+    assert 0.0 < off < most
+    assert np.abs(exact.features_px - exact.features_px[0]).max() > 5.0 * off
+
+
+def test_trials_differ_by_the_noise_of_their_images() -> None:
+    scenario = Scenario.load("ur5-image")
+    _demand_variety(scenario.with_override("sensor", "images"), 2, 0)
+    with pytest.raises(ConfigurationError, match="2 trials of ur5-image would be the same run"):
+        _demand_variety(scenario.with_override("sensor", {"type": "images", "noise": 0.0}), 2, 0)
 
 
 def test_an_arm_with_mass_and_a_camera_that_is_not_quite_known_see_images_too() -> None:
@@ -228,13 +253,8 @@ def test_images_are_written_as_film_and_as_files(tmp_path: Path) -> None:
         assert (film.n_frames, film.size) == (4, (320, 240))
     write_frames(there, run, tmp_path / "film.mp4")
     read = cv2.VideoCapture(str(tmp_path / "film.mp4"))
-    assert [
-        read.get(one) for one in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_COUNT)
-    ] == [
-        640.0,
-        480.0,
-        4.0,
-    ]
+    assert (read.get(cv2.CAP_PROP_FRAME_WIDTH), read.get(cv2.CAP_PROP_FRAME_HEIGHT)) == (640.0, 480.0)
+    assert read.get(cv2.CAP_PROP_FRAME_COUNT) == 4.0
     # outlines of what is looked for are green, of anything else red
     picture = marked(written[0], {0, 1, 2}).astype(int)
     for colour, tags in ((OWN, [0, 1, 2]), (FOREIGN, [3])):

@@ -237,7 +237,8 @@ def _demand_variety(scenario: Scenario, trials: int, seed: int) -> None:
     """Raise ConfigurationError if all trials would be the same run."""
     with chdir("."):  # own parts may change the working directory
         first, second = scenario.setup(0, seed), scenario.setup(1, seed)
-    if not first.disturbances.random and (first.q0 == second.q0).all():
+    drawn = first.disturbances.random or (first.images is not None and first.images.random)
+    if not drawn and (first.q0 == second.q0).all():
         raise ConfigurationError(
             f"{trials} trials of {scenario.name} would be the same run: nothing in it is random. Set start_deviation, "
             "or pixel_noise, lost_frames or acceleration_noise in disturbances, for example with "

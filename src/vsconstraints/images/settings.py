@@ -96,6 +96,11 @@ class ImageSettings:
         if self.tags is not None and len({*self.tags}) != len(self.tags):
             raise InvalidInput(f"sensor: tags must differ from one another, not {shown(list(self.tags))}")
 
+    @property
+    def random(self) -> bool:
+        """Whether anything is drawn from the seed."""
+        return self.noise > 0.0
+
     def number(self, t: float) -> int:
         """Number of the last image whose time has come at t [s]."""
         return math.floor(t * self.rate_hz + 1e-6)
