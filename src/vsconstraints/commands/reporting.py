@@ -12,7 +12,7 @@ import typer
 from rich.text import Text
 
 from ..figures import formats_of
-from .terminal import AllFigures, Figures, Formats, Latex, console, progress_bar
+from .terminal import AllFigures, Figures, Formats, Latex, Narrow, console, progress_bar
 
 
 def report(
@@ -21,6 +21,7 @@ def report(
     all_figures: AllFigures = False,
     formats: Formats = None,
     latex: Latex = False,
+    narrow: Narrow = False,
     tuning: Annotated[
         Path | None,
         typer.Option(help="Of a campaign: the folder of `vsconstraints tune` that its tuned settings come from."),
@@ -29,7 +30,7 @@ def report(
     """Write the report of a comparison, or of a campaign, again from what is stored."""
     from ..runs.folder import kind_of
 
-    asked = Asked(figures, all_figures, formats, latex)
+    asked = Asked(figures, all_figures, formats, latex, narrow)
     made = evidence_report(folder, asked, tuning) if kind_of(folder) == "evidence" else comparison_report(folder, asked)
     console.print(f"Report: {made}")
 
@@ -42,6 +43,7 @@ class Asked:
     all_figures: bool = False
     formats: Sequence[str] | None = None
     latex: bool = False
+    narrow: bool = False
 
     def __post_init__(self) -> None:
         formats_of(self.formats or ())
@@ -49,9 +51,14 @@ class Asked:
     def finish(self, report: Path) -> Path:
         """Write what stands beside a report."""
         from ..reports.latex import write_tables
+        from ..reports.markdown import narrowed
+        from ..runs.files import replaced
 
         if self.latex:
             console.print(f"Tables for LaTeX: {write_tables(report)}")
+        if self.narrow:
+            with replaced(report) as part:
+                part.write_text(narrowed(report.read_text(encoding="utf-8")), encoding="utf-8")
         return report
 
 

@@ -44,6 +44,11 @@ Latex = Annotated[
     bool, typer.Option("--latex", help="Write the report's tables for LaTeX, too, into the folder tables.")
 ]
 
+Narrow = Annotated[
+    bool,
+    typer.Option("--narrow", help="Cut the report's tables until they fit a phone, which needs no scrolling then."),
+]
+
 
 def typed_command() -> list[str]:
     """What the user typed, such that files in UTF-8 can hold it."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..errors import StorageError
 from ..runs.files import replaced
+from .markdown import cells_of
 
 FOLDER = "tables"
 """Beside the report."""
@@ -154,13 +155,8 @@ def _escaped(text: str) -> str:
 
 
 def _table(block: Sequence[str]) -> str:
-    header, rule, *lines = (_cells(line) for line in block)
+    header, rule, *lines = ([cell.replace(r"\|", "|") for cell in cells_of(line)] for line in block)
     columns = "".join("r" if mark.endswith(":") and not mark.startswith(":") else "l" for mark in rule)
     body = [" & ".join(map(latex, line)) + r" \\" for line in lines]
     parts = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", " & ".join(map(latex, header)) + r" \\", r"\midrule"]
     return "\n".join([*parts, *body, r"\bottomrule", r"\end{tabular}"]) + "\n"
-
-
-def _cells(line: str) -> list[str]:
-    """Cells of a line of a table, in which bars that end none have a backslash, even inside code."""
-    return [cell.strip().replace(r"\|", "|") for cell in re.split(r"(?<!\\)\|", line.strip()[1:-1])]
