@@ -18,8 +18,8 @@ DPI = 150
 SHADES = np.round(np.round(np.arange(256) * (31.0 / 255.0)) * (255.0 / 31.0)).astype(np.uint8)
 """Of a channel, the nearest of 32 that are kept: nobody sees it, and the file is a quarter smaller."""
 
-COMPRESSION = 7
-"""Of zlib: 9 takes three times as long for 3 % less."""
+COMPRESSION = 5
+"""Of zlib: 7 takes a quarter longer for 3 % less, 9 four times as long for 7 %."""
 
 EDGE = 0.03
 """Between what is drawn and the left edge, at least [in]."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import chain, product
 from pathlib import Path, PurePath
 
@@ -104,28 +105,56 @@ def scenario_jobs(
     ]
 
 
-def draw_all(jobs: Sequence[ScenarioJob], on_drawn: Callable[[int, int], None]) -> dict[str, Drawn]:
-    """Draw the figures of every scenario; a scenario whose figures cannot be drawn is reported, not raised.
+def draw_all(
+    jobs: Sequence[ScenarioJob], whole: Sequence[Callable[[], str]], on_drawn: Callable[[int, int], None]
+) -> tuple[dict[str, Drawn], list[str]]:
+    """Draw the figures of every scenario, and those of the whole comparison beside them.
 
-    ``on_drawn`` is told how many scenarios are done, and how many there are.
+    A scenario whose figures cannot be drawn is reported, not raised.
+
+    Parameters
+    ----------
+    jobs
+        The scenarios.
+    whole
+        What draws a figure of all, and says what it shows.
+    on_drawn
+        Told how many scenarios are done, and how many there are.
+
+    Returns
+    -------
+    tuple
+        What came of each scenario, and what is said of the whole.
     """
     drawn: dict[str, Drawn] = {}
+    said = [""] * len(whole)
     on_drawn(0, len(jobs))
 
-    def done(name: str, answer: Drawn | Failure) -> None:
-        if isinstance(answer, Failure):
-            answer = Drawn(problems=[f"Its figures could not be drawn: {answer.reason}."])
-        drawn[name] = answer
+    def done(key: str | int, answer: Drawn | str | Failure) -> None:
+        if isinstance(key, int):
+            said[key] = f"A figure could not be drawn: {answer.reason}." if isinstance(answer, Failure) else str(answer)
+            return
+        if not isinstance(answer, Drawn):
+            answer = Drawn(problems=[f"Its figures could not be drawn: {getattr(answer, 'reason', answer)}."])
+        drawn[key] = answer
         on_drawn(len(drawn), len(jobs))
 
+    # the longest first, so that no process is left with one at the end
+    longest_first = sorted(jobs, key=_stored_size, reverse=True)
+    calls: dict[str | int, Callable[[], Drawn | str]] = {
+        **{job.scenario.name: partial(draw_scenario, job) for job in longest_first},
+        **dict(enumerate(whole)),
+    }
     if len(jobs) <= FEW or process_count() < 2:
-        for job in jobs:
-            done(job.scenario.name, draw_scenario(job))
+        for key, call in calls.items():
+            done(key, call())
     else:
-        # the longest first, so that no process is left with one at the end
-        longest_first = sorted(jobs, key=_stored_size, reverse=True)
-        carry_out(draw_scenario, {job.scenario.name: (job,) for job in longest_first}, on_answer=done)
-    return drawn
+        carry_out(_called, {key: (call,) for key, call in calls.items()}, on_answer=done)
+    return drawn, said
+
+
+def _called(call: Callable[[], Drawn | str]) -> Drawn | str:
+    return call()
 
 
 def draw_scenario(job: ScenarioJob) -> Drawn:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from ..comparisons import StoredComparison
@@ -103,7 +104,7 @@ class Pictures:
 def _draw(results: Results, chosen: Sequence[str], formats: Formats, on_drawn: Callable[[int, int], None]) -> Pictures:
     folder = results.stored.folder / "figures"
     folder.mkdir(exist_ok=True)
-    endings, overview = draw_endings(results, folder, formats), draw_overview(results, folder, formats)
-    drawn = draw_all(scenario_jobs(results, chosen, formats), on_drawn)
+    whole = [partial(draw, results, folder, formats) for draw in (draw_endings, draw_overview)]
+    drawn, (endings, overview) = draw_all(scenario_jobs(results, chosen, formats), whole, on_drawn)
     remove_stale(folder, (name for one in drawn.values() for name in one.files.values()), formats)
     return Pictures(drawn, endings, overview)
