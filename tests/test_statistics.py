@@ -341,6 +341,19 @@ def test_ranks_as_demsar_2006() -> None:
     assert np.allclose(loose.p_values, scikit_posthocs.posthoc_nemenyi_friedman(-AUC).to_numpy())
 
 
+def test_bars_are_the_largest_groups_and_ties_are_neither_won_nor_lost() -> None:
+    """30 scenes of 4 laws: with q = 2.569 the critical difference is 2.569 √(4·5/(6·30)) = 0.856.
+
+    Mean ranks 50/30, 72/30, 82/30 and 96/30: the first reaches the second, the second the last; the bar of the last two
+    lies within that. Of two laws 4 to 1, and one alike: 2 (5 + 1)/2⁵.
+    """
+    found = ranks(np.repeat([[1, 2, 3, 4], [1, 3, 4, 2], [3, 2, 1, 4]], [8, 12, 10], axis=0))
+    assert found.means == pytest.approx(np.array([50, 72, 82, 96]) / 30)
+    assert found.critical_difference == pytest.approx(0.856, abs=5e-4)
+    assert found.groups == ((0, 1), (1, 2, 3))
+    assert ranks([[1, 2]] * 4 + [[2, 1], [1, 1]]).p == pytest.approx(12 / 32)
+
+
 def test_failures_rank_last_together() -> None:
     found = ranks([[1.0, math.inf, math.inf], [2.0, 1.0, math.inf]])
     assert found.means == pytest.approx([1.5, 1.75, 2.75])
