@@ -19,8 +19,10 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
 from vsconstraints.cli import app
-from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode
+from vsconstraints.comparisons import StoredComparison, Suite
+from vsconstraints.comparisons.folder import demand_nothing_lost
+from vsconstraints.comparisons.record import stored_run
+from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, make_controller
 from vsconstraints.deployment import (
     Address,
     ArmError,
@@ -41,6 +43,7 @@ from vsconstraints.deployment import (
     trajectory_of,
 )
 from vsconstraints.deployment.brake import Brake, deceleration
+from vsconstraints.deployment.clock import RealClock
 from vsconstraints.deployment.drivers import ur_rtde
 from vsconstraints.deployment.server import Behaviour, Fault, Server, in_thread
 from vsconstraints.deployment.stand_in import PATIENCE, StandIn, StandInLimits
@@ -98,7 +101,7 @@ def stopped(qd: Array, qdd: Array, envelope: Envelope, q: Array | None = None) -
 speeds = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3).map(np.array)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(speeds, speeds, st.floats(1.0, 40.0), st.sampled_from([np.inf, 5000.0, 200.0]))
 def test_a_stop_keeps_its_limits_and_ends(qd: Array, qdd: Array, a: float, jerk: float) -> None:
     envelope, qdd = limits(3, a, jerk), np.clip(qdd, -a, a)
@@ -188,6 +191,19 @@ def test_a_dry_run_is_what_is_simulated(images: str) -> None:
         np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-8, err_msg=name)
     assert (ours.active == theirs.active).all()
     assert (ours.labels, ours.status, ours.compiled) == (theirs.labels, theirs.status, theirs.compiled)
+
+
+@pytest.mark.parametrize("name", ["goal-governor", "implicit-switch-with-drift"])
+def test_a_law_that_uses_a_model_or_the_period_is_told(name: str) -> None:
+    setup = replace(SETUP, duration=5 * Ts)
+    log = on("simulated://", make_controller(name), setup=setup)
+    assert log.ended == "done"
+    np.testing.assert_allclose(log.column("q")[:6], simulate(setup, make_controller(name)).q, atol=1e-7)
+
+
+def test_spoilt_gradients_are_for_simulations() -> None:
+    with pytest.raises(ConfigurationError, match="is for simulations"):
+        on("simulated://", setup=UR5.with_override("disturbances", {"gradient_error": 0.1}).setup())
 
 
 def test_a_dry_run_moves_the_scenarios_own_arm() -> None:
@@ -625,6 +641,39 @@ def test_what_is_not_permitted_is_said_and_nothing_stays(monkeypatch: pytest.Mon
     assert "memory is not locked (Cannot allocate memory)" in said[1]
 
 
+class Late:
+    """A clock whose waits end late by these times, one after the other."""
+
+    simulated = False
+
+    def __init__(self, *late: float) -> None:
+        self.t, self.late = 10.0, list(late)
+
+    def now(self) -> float:
+        return self.t
+
+    def wait(self, until: float) -> None:
+        self.t = max(self.t, until) + self.late.pop(0)
+
+
+def test_a_missed_period_moves_the_schedule_and_a_late_one_does_not() -> None:
+    line = stream.Stream(driver_for("simulated://", SETUP), limits(6), SETUP.q0, 4)
+    line.clock = Late(0.0, 0.0015, 0.0, 0.005, 0.0, 0.0)  # type: ignore[assignment]
+    line.begin()
+    begun = [line.wait(k) for k in range(6)]
+    np.testing.assert_allclose([due for due, _ in begun], [0.0, 0.002, 0.004, 0.006, 0.013, 0.015], atol=1e-12)
+    np.testing.assert_allclose([late for _, late in begun], [0.0, 0.0015, 0.0, 0.005, 0.0, 0.0], atol=1e-12)
+    assert (line.missed, line.shift) == (1, pytest.approx(0.005))
+
+
+def test_a_clock_is_not_early() -> None:
+    clock = RealClock()
+    until = clock.now() + 0.003
+    clock.wait(until)
+    assert clock.now() >= until
+    clock.wait(until - 1.0)
+
+
 def test_punctuality_by_hand() -> None:
     late = np.array([0.0, 2e-6, 2e-6, 4e-3])
     run = Punctuality(late, np.full(4, 1e-4), 1, Ts)
@@ -671,10 +720,9 @@ def test_a_run_is_stored_as_any_other(tmp_path: Path) -> None:
     with np.load(out / "arm" / "log.npz") as log:
         assert log["sent_q"].shape == (30, 6)
     assert (out / "arm" / "lateness.png").is_file()
-    # a comparison takes the run that is there
-    again = compare(
-        Suite.load().select(["ur5-fov"], ["sliding-mode"], settings=["scenario.duration=0.1"]), out, workers=1
-    )
-    assert again.stored_before == 2
+    # a comparison in this folder would take the runs that are there
+    suite = Suite.load().select(["ur5-fov"], ["sliding-mode"], settings=["scenario.duration=0.1"])
+    assert all(stored_run(run, out) is not None for run in suite.with_baseline().runs())
+    demand_nothing_lost(out, suite.with_baseline())
     with pytest.raises(ConfigurationError, match="each run needs its own --out"):
         record.demand_own_folder(out)

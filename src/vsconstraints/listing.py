@@ -14,6 +14,7 @@ from .constraints.curves import SHAPES
 from .controllers import CONTROLLERS, DEMANDS, RESOLVERS
 from .controllers.demands import USES
 from .controllers.resolvers.base import USES as OF_TASK
+from .deployment.drivers import DRIVERS, driver_class
 from .errors import ConfigurationError
 from .features import FEATURES
 from .qp import make_solver, solver_names
@@ -32,6 +33,7 @@ def print_listing(console: Console) -> None:
     _print(console, "Resolvers (of laws)", resolvers)
     _print(console, "QP solvers (for hierarchical-qp)", [(name, _solver_line(name)) for name in solver_names()])
     _print(console, "Robots", [(name, _first_line(make)) for name, make in READY_MADE.items()])
+    _print(console, "Arms (addresses for run)", [(f"{name}://", _first_line(driver_class(name))) for name in DRIVERS])
     _print(console, "Constraints", [(name, _first_line(make)) for name, make in CONSTRAINTS.items()])
     _print(console, "Features", [(name, _first_line(feature)) for name, feature in FEATURES.items()])
     metrics = [(metric.column, metric.definition or metric.header) for metric in METRICS if metric.value is not None]

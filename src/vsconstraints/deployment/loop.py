@@ -116,6 +116,7 @@ class _Run:
         self.stream = Stream(job.driver, envelope, setup.q0, len(setup.scene.markers))
         self.taken, self.silent, self.image_at = "", False, 0.0
         self.watchdog: Watchdog | None = None
+        self._patience = max(job.supervision.hang_s, 5.0 * setup.Ts)
         self._rehearse()
 
     def _rehearse(self) -> None:
@@ -179,7 +180,7 @@ class _Run:
             if ours is threading.main_thread() and ours.ident is not None:
                 signal.pthread_kill(ours.ident, signal.SIGINT)
 
-        self.watchdog = Watchdog(self.bounds.hang_s, take_over)
+        self.watchdog = Watchdog(self._patience, take_over)
         self.watchdog.start()
         try:
             yield
@@ -188,10 +189,10 @@ class _Run:
 
     def _take_over(self) -> None:
         """The loop hangs: brake in its place, or, where it hangs in a call to the arm, have the arm stop itself."""
-        self.taken = f"the loop has not gone on for {1e3 * self.bounds.hang_s:g} ms"
-        free = self.stream.turn.acquire(timeout=self.bounds.hang_s)
+        self.taken = f"the loop has not gone on for {1e3 * self._patience:g} ms"
+        free = self.stream.turn.acquire(timeout=self._patience)
         try:
-            self.stream.bring_to_rest(not free, _nothing)
+            self.stream.bring_to_rest(not free, lambda: None)
         finally:
             if free:
                 self.stream.turn.release()
@@ -297,7 +298,3 @@ class _Run:
         if command.qdd.shape != q.shape or not np.isfinite(command.qdd).all():
             raise Halt("failed", f"the law's command is not {len(q)} finite numbers")
         return command, ready - started, done - ready
-
-
-def _nothing() -> None:
-    """Nobody is to be told."""

@@ -31,7 +31,7 @@ class Supervision:
     late_s
         How late a period may begin [s]; what is later than a whole period counts as missed.
     hang_s
-        How long the loop may say nothing before another thread brakes the arm [s].
+        How long the loop may say nothing before another thread brakes the arm [s]; five periods if that is longer.
     image_s
         How old the newest image with a marker may be [s].
     """
@@ -92,10 +92,11 @@ def requests_noted() -> Iterator[Requests]:
     if threading.current_thread() is not threading.main_thread():
         yield noted  # signals are the main thread's
         return
-    before = {number: signal.getsignal(number) for number in SIGNALS}
-    for number, handler in before.items():
-        if handler is not signal.SIG_IGN:
-            signal.signal(number, noted.note)
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    # those that are ignored stay so; those that were not set by Python could not be set again
+    before = {number: own for number, own in handlers.items() if own not in (signal.SIG_IGN, None)}
+    for number in before:
+        signal.signal(number, noted.note)
     try:
         yield noted
     finally:

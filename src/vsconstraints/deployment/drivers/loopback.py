@@ -31,7 +31,7 @@ from ..stand_in import StandIn, StandInLimits
 
 
 class LoopbackArm(Driver):
-    """Options of the address.
+    """A stand-in for an arm, behind a socket of this machine; options: time, fault, at, patience, off.
 
     ``time``
         ``real``: the server is a process of its own, and time is the system's. ``simulated``: a setpoint lets its

@@ -27,7 +27,7 @@ STALE = 0.05
 
 
 class UrRtde(Driver):
-    """Options of the address.
+    """An arm of Universal Robots at HOST, by the package ur-rtde; options: send, lookahead, gain.
 
     ``send``
         ``position`` (servoJ) or ``speed`` (speedJ).
