@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from vsconstraints.commands.frames import frames as command
 from vsconstraints.comparisons.suite import _demand_variety
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
@@ -264,6 +265,15 @@ def test_images_are_written_as_film_and_as_files(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["film.mp4", "folder", "new"]
     with pytest.raises(ConfigurationError, match=r"ends in \.gif or \.mp4"):
         write_frames(there, run, tmp_path / "film.avi")
+
+
+def test_the_command_makes_images_of_any_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "short.toml").write_text('extends = "ur5-fov"\nduration = 0.05\n', encoding="utf-8")
+    command(str(tmp_path / "short.toml"), tmp_path / "images", "tracking")
+    assert len(list((tmp_path / "images").glob("*.png"))) == 2
+    said = capsys.readouterr().out
+    assert "unfinished: still moving" in said
+    assert "2 images: " in said
 
 
 # --- what cannot be ---
