@@ -128,6 +128,9 @@ def test_looks_are_distinct_and_those_of_known_controllers_fixed() -> None:
     for chosen in (few, many):
         assert chosen["sliding-mode"].colour == OWN_COLOURS["sliding-mode"]
         assert len({(look.colour, look.line) for look in chosen.values()}) == len(chosen)
+    for tuned in (looks(["predictive-tuned"]), looks(["predictive", "predictive-tuned"])):
+        assert tuned["predictive-tuned"].colour == OWN_COLOURS["predictive"]
+        assert tuned["predictive-tuned"].line == "--"
     assert shortened("potential-field-priority") == "potential-field-priority"
     assert shortened("x" * 40) == "x" * 12 + "…" + "x" * 12
 

@@ -89,19 +89,20 @@ def looks(controllers: Sequence[str]) -> dict[str, Look]:
     ----------
     controllers
         Names, in the comparison's order. Names that the package knows keep their colour in every comparison; a tuned
-        law has that of the law behind which it stands.
+        law has that of the law from which it comes, shown or not.
     """
     taken = [OWN_COLOURS[name] for name in controllers if name in OWN_COLOURS]
     free = [*SPARE_COLOURS, *(colour for colour in OWN_COLOURS.values() if colour not in taken)]
     every = [*SPARE_COLOURS, *OWN_COLOURS.values()]
     spare = chain(product(LINES[:1], free), cycle(product(LINES[1:], every)))
-    result: dict[str, Look] = {}
+    colours, result = dict(OWN_COLOURS), dict[str, Look]()
     for i, name in enumerate(controllers):
-        as_it_comes = result.get(name.removesuffix(TUNED))
-        if as_it_comes is not None:
-            line, colour = LINES[1], as_it_comes.colour
+        before = name.removesuffix(TUNED)
+        if name != before and before in colours:
+            line, colour = LINES[1], colours[before]
         else:
             line, colour = (LINES[0], OWN_COLOURS[name]) if name in OWN_COLOURS else next(spare)
+        colours[name] = colour
         result[name] = Look(colour, MARKERS[i % len(MARKERS)], line)
     return result
 
