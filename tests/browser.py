@@ -29,7 +29,7 @@ FLAGS = (
     # there is no network
     "--host-resolver-rules=MAP * ~NOTFOUND",
 )
-PATIENCE = 120.0
+PATIENCE = 240.0
 """For a busy machine [s]."""
 
 
@@ -91,7 +91,7 @@ class Page:
 
 
 @contextmanager
-def browser(folder: Path, *flags: str, size: tuple[int, int] = (1000, 640)) -> Iterator[Page]:
+def browser(folder: Path, *flags: str, size: tuple[int, int] = (1000, 800)) -> Iterator[Page]:
     """A browser with an empty page; its files are in a folder."""
     from websockets.sync.client import connect
 

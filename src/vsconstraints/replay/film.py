@@ -131,12 +131,12 @@ class Column:
         image.set_title(shortened(run.law), loc="left", color=darker(colour), fontweight="bold", fontsize=10, pad=4)
         self.status = image.set_title("", loc="right", fontsize=9, pad=4)
         pixels = run.trajectory.features_px
-        image.plot(*run.setup.task.goals[-1].pixels.T, **symbol("*", INK, "white", 8.0), zorder=5)
+        self.goal = image.plot([], [], **symbol("*", INK, "white", 8.0), zorder=5)[0]
         image.plot(*pixels[0].T, **symbol("o", "white", "#888888", 6.0), zorder=4)
         self.tracks = [image.plot([], [], color=colour, linewidth=2.0, zorder=4.5)[0] for _ in range(pixels.shape[1])]
         self.spots = [image.plot([], [], **symbol("o", colour, "white", 8.5), zorder=6)[0] for _ in self.tracks]
         self.said = image.text(
-            0.02, 0.03, "", transform=image.transAxes, fontsize=8.5, va="bottom", fontweight="bold", zorder=7
+            0.0, -0.02, "", transform=image.transAxes, fontsize=9, va="top", fontweight="bold", zorder=7
         )
         self.moving = [
             (image.plot([], [], color=INK, linewidth=1.2, zorder=3)[0], line, constraint.motion)
@@ -149,6 +149,8 @@ class Column:
         """Put everything where it is in a frame."""
         k, trajectory = int(self.samples[frame]), self.run.trajectory
         lights = self.lights[frame]
+        goal = [one for one in self.run.setup.task.goals if one.from_time <= t + 1e-9][-1]
+        self.goal.set_data(*goal.pixels.T)
         for i, (track, spot) in enumerate(zip(self.tracks, self.spots, strict=True)):
             path = trajectory.features_px[: k + 1, i]
             track.set_data(*path[:: max(len(path) // 300, 1)].T)

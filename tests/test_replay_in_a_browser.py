@@ -1,0 +1,105 @@
+"""A replay in a real browser: it opens without network, plays, goes to a time, and shows what the run says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from browser import NAMES, Page, browser, program
+from vsconstraints.controllers import SlidingMode, Tracking
+from vsconstraints.figures.image import Plane
+from vsconstraints.figures.style import OWN_COLOURS
+from vsconstraints.replay import ReplayRun, write_replay
+from vsconstraints.replay.frames import ACTS, OUTSIDE, Frames
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
+
+NAME = "example-2d-fov"
+COLOURS = {0: (255, 255, 255), ACTS: (0xF0, 0xA2, 0x02), OUTSIDE: (0xD1, 0x10, 0x2A)}
+NO_WEBGL = """
+const get = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+  return String(kind).startsWith("webgl") ? null : get.call(this, kind, ...rest);
+};
+"""
+LOADED = "document.documentElement !== null && document.readyState === 'complete'"
+
+
+def colour(text: str) -> tuple[int, ...]:
+    return tuple(int(text[i : i + 2], 16) for i in (1, 3, 5))
+
+
+def box(page: Page, selector: str) -> list[dict[str, float]]:
+    """Where elements are on the screen."""
+    return page.value(f"[...document.querySelectorAll('{selector}')].map(e => e.getBoundingClientRect().toJSON())")
+
+
+def near(picture: Any, x: float, y: float, wanted: tuple[int, ...]) -> bool:
+    """Whether a colour is within two pixels of a place."""
+    around = picture[int(y) - 2 : int(y) + 3, int(x) - 2 : int(x) + 3].reshape(-1, 3).astype(int)
+    return bool((np.abs(around - np.array(wanted)).max(axis=1) < 12).any())
+
+
+def assert_shows(page: Page, runs: list[ReplayRun], frames: Frames, k: int) -> None:
+    """Markers, their lamps and those of rows are on the screen as the run has them in a frame."""
+    picture, planes = page.screenshot(), box(page, "canvas.plane")
+    half = Plane.of(runs[0].setup).half
+    for run, plane in zip(runs, planes, strict=True):
+        sample = int(frames.samples(run)[k])
+        lights = frames.lights(run)[k]
+        labels = run.trajectory.labels
+        scale = plane["width"] / (2.0 * half[0])
+        for i, (u, v) in enumerate(run.trajectory.features_px[sample]):
+            x, y = plane["x"] + scale * (u + half[0]), plane["y"] + scale * (v + half[1])
+            # beside the marker's number, and in the ring around it
+            assert near(picture, x - 6, y, colour(OWN_COLOURS[run.law])), (run.law, i)
+            state = int(lights[labels.index(f"fov[marker {i + 1}]")])
+            if state:
+                assert near(picture, x - 11.5, y, COLOURS[state]), (run.law, i)
+    shown = page.value(
+        "[...document.querySelectorAll('article')].map(a => [...a.querySelectorAll('code')].map(c => c.title))"
+    )
+    lamps = iter(box(page, "li .lamp"))
+    for run, rows in zip(runs, shown, strict=True):
+        assert rows
+        for label in rows:
+            lamp = next(lamps)
+            state = int(frames.lights(run)[k, run.trajectory.labels.index(label)])
+            x, y = lamp["x"] + 0.5 * lamp["width"], lamp["y"] + 0.5 * lamp["height"]
+            assert near(picture, x, y, COLOURS[state]), (run.law, label)
+
+
+@pytest.mark.skipif(program() is None, reason=f"no browser: none of {', '.join(NAMES)} is installed")
+def test_a_replay_opens_plays_and_shows_what_the_run_says(tmp_path: Path) -> None:
+    setup = Scenario.load(NAME).setup()
+    runs = [ReplayRun(law.name, setup, simulate(setup, law)) for law in (Tracking(), SlidingMode())]
+    frames = Frames.of(runs)
+    write_replay(runs, tmp_path / "page.html")
+    outside = frames.lights(runs[0])[:, runs[0].trajectory.labels.index("fov[marker 2]")] == OUTSIDE
+    k = int(np.flatnonzero(outside)[outside.sum() // 2])
+    address = (tmp_path / "page.html").as_uri()
+    with browser(tmp_path / "browser") as page:
+        page.open(f"{address}#t={frames.t[k] + 0.5 * frames.period:.3f}")
+        page.wait(f"{LOADED} && document.documentElement.dataset.frame === '{k}'")
+        page.wait("inViewer('[role=slider]') !== null && inViewer('canvas') !== null")
+        assert_shows(page, runs, frames, k)
+        # a click on the viewer's first button plays
+        page.value("inViewer('button').click()")
+        page.wait(f"document.documentElement.dataset.frame !== '{k}'")
+        assert page.complaints == []
+        assert all(url.startswith(("file:", "data:", "blob:", "about:")) for url in page.requests), page.requests
+        # and without WebGL
+        page.ask("Page.addScriptToEvaluateOnNewDocument", source=NO_WEBGL)
+        page.open(f"{address}?again#t={frames.t[k] + 0.5 * frames.period:.3f}")
+        page.wait(f"{LOADED} && location.search !== '' && document.documentElement.dataset.frame === '{k}'")
+        assert page.value(
+            "viewer === null && !at('picture').hidden && at('picture').querySelector('img').naturalWidth > 0"
+        )
+        assert "no WebGL" in page.value("at('picture').innerText")
+        assert_shows(page, runs, frames, k)
+        page.value("at('bar').querySelector('button').click()")
+        page.wait(f"document.documentElement.dataset.frame !== '{k}'")
+        assert page.complaints == []
