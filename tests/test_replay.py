@@ -32,6 +32,8 @@ from vsconstraints.replay.image import image_data
 from vsconstraints.replay.lamps import lamps_of, things_of
 from vsconstraints.replay.solids import MOST_TRIANGLES, Links, links_of
 from vsconstraints.replay.space import Arm
+from vsconstraints.reports import write_report
+from vsconstraints.reports.replays import telling_laws
 from vsconstraints.robots import ready_made
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
@@ -310,6 +312,9 @@ def test_a_stored_run_is_found_again(tmp_path: Path) -> None:
     assert np.array_equal(run.trajectory.q, now.trajectory.q[: len(run.trajectory.t)])
     with pytest.raises(ConfigurationError, match=r"unknown trajectory .*tracking--1.*Did you mean .*tracking--0"):
         asked_for(str(run_file(tmp_path, FOV, "tracking", 1)))
+    text = write_report(tmp_path, figures=False, replays=True).read_text()
+    assert f"[Replay in a browser](replays/{FOV}.html): `tracking`." in text
+    assert "tracking</title>" in (tmp_path / "replays" / f"{FOV}.html").read_text()
     record = RunRecord.failed("the law divides by zero", "")
     record.save(file)
     with pytest.raises(ConfigurationError, match=r"sliding-mode left no trajectory .*: the law divides by zero"):
@@ -317,6 +322,41 @@ def test_a_stored_run_is_found_again(tmp_path: Path) -> None:
     file.write_bytes(b"PK")
     with pytest.raises(ConfigurationError, match="cannot be read"):
         asked_for(str(file))
+    run_file(tmp_path, FOV, "tracking", 0).unlink()
+    text = write_report(tmp_path, figures=False, replays=True).read_text()
+    assert "Its replay could not be made" in text
+    assert "tracking--0.npz is missing or damaged" in text
+
+
+def test_the_most_telling_runs_are_the_deepest_outside_and_the_best_inside() -> None:
+    nan = np.nan
+
+    def chosen(*laws: tuple[str, str, float, float]) -> tuple[str, ...]:
+        """Of laws with status, depth and utilization."""
+        lines = {
+            law: {
+                "trial": 0,
+                "status": status,
+                "duration_s": nan if status == "failed" else 5.0,
+                "violation_depth": depth,
+                "violated": "fov[marker 1]" if depth > 0.0 else "",
+                "utilization": utilization,
+            }
+            for law, status, depth, utilization in laws
+        }
+        names = tuple(lines)
+        results: Any = type("Results", (), {"controllers": names, "competitors": names[1:]})()
+        results.runs = lambda scenario, law: [lines[law]]
+        return telling_laws(results, "any")
+
+    tracking = ("tracking", "converged", 0.5, 0.9)
+    inside, better = ("a", "converged", 0.0, 0.8), ("b", "converged", 0.0, 0.9)
+    little, much = ("c", "converged", 0.1, 1.0), ("d", "trapped", 0.2, nan)
+    assert chosen(tracking, inside, better) == ("tracking", "b")
+    assert chosen(tracking, inside, better, little, much) == ("d", "b")
+    assert chosen(tracking, little, much) == ("d",)
+    assert chosen(tracking, ("e", "failed", nan, nan)) == ("tracking",)
+    assert chosen(("tracking", "failed", nan, nan), ("e", "failed", nan, nan)) == ()
 
 
 @pytest.mark.parametrize(

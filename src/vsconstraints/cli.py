@@ -29,6 +29,7 @@ from .commands.terminal import (
     Formats,
     Jobs,
     Latex,
+    Replays,
     app,
     console,
     errors,
@@ -96,6 +97,7 @@ def compare(
     all_figures: AllFigures = False,
     formats: Formats = None,
     latex: Latex = False,
+    replays: Replays = False,
     run_limit: Annotated[
         float | None,
         typer.Option(
@@ -114,7 +116,7 @@ def compare(
     from .runs.keep import demand_keep
 
     kept = demand_keep(keep)
-    asked = Asked(figures, all_figures, formats, latex)
+    asked = Asked(figures, all_figures, formats, latex, replays=replays)
     chosen = Suite.load(suite).select(scenario or (), controller or (), seed, settings or ())
     for remark in chosen.remarks():
         errors.print(f"note: {remark}")

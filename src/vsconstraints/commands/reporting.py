@@ -11,8 +11,10 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
+from ..errors import ConfigurationError
+from ..extras import demand
 from ..figures import formats_of
-from .terminal import AllFigures, Figures, Formats, Latex, Narrow, console, progress_bar
+from .terminal import AllFigures, Figures, Formats, Latex, Narrow, Replays, console, progress_bar
 
 
 def report(
@@ -22,6 +24,7 @@ def report(
     formats: Formats = None,
     latex: Latex = False,
     narrow: Narrow = False,
+    replays: Replays = False,
     tuning: Annotated[
         Path | None,
         typer.Option(help="Of a campaign: the folder of `vsconstraints tune` that its tuned settings come from."),
@@ -30,7 +33,9 @@ def report(
     """Write the report of a comparison, or of a campaign, again from what is stored."""
     from ..runs.folder import kind_of
 
-    asked = Asked(figures, all_figures, formats, latex, narrow)
+    asked = Asked(figures, all_figures, formats, latex, narrow=narrow, replays=replays)
+    if replays and kind_of(folder) == "evidence":
+        raise ConfigurationError(f"--replays is for comparisons, and {folder} holds a campaign")
     made = evidence_report(folder, asked, tuning) if kind_of(folder) == "evidence" else comparison_report(folder, asked)
     console.print(f"Report: {made}")
 
@@ -44,9 +49,12 @@ class Asked:
     formats: Sequence[str] | None = None
     latex: bool = False
     narrow: bool = False
+    replays: bool = False
 
     def __post_init__(self) -> None:
         formats_of(self.formats or ())
+        if self.replays:
+            demand("replay")
 
     def finish(self, report: Path) -> Path:
         """Write what stands beside a report."""
@@ -80,6 +88,7 @@ def comparison_report(folder: Path, asked: Asked) -> Path:
             figures=asked.figures,
             all_figures=asked.all_figures,
             formats=formats_of(asked.formats or ()),
+            replays=asked.replays,
             on_drawn=drawn,
         )
     return asked.finish(written)

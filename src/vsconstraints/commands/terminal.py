@@ -36,6 +36,14 @@ AllFigures = Annotated[
     typer.Option("--all-figures", help="Figures of every scenario of a large suite, not of the most telling alone."),
 ]
 
+Replays = Annotated[
+    bool,
+    typer.Option(
+        "--replays",
+        help="Replay the most telling runs of each scenario that has figures: a page for a browser, linked.",
+    ),
+]
+
 Formats = Annotated[
     list[str] | None,
     typer.Option("--format", metavar="png|svg|pdf", help="Of figures; PNG if not given. Can be repeated."),

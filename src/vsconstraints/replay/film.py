@@ -114,7 +114,9 @@ class Film:
             self.clock.set_text(f"{t:.2f} s")
             for column in self.columns:
                 column.show(k, float(t), self.look)
-            self.canvas.draw()
+            # some kernels of BLAS compute with what is behind the end of small matrices, and report its overflow
+            with np.errstate(over="ignore", invalid="ignore"):
+                self.canvas.draw()
             yield np.asarray(self.canvas.buffer_rgba())[..., :3].copy()
 
 

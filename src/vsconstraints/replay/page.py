@@ -11,6 +11,8 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+import numpy as np
+
 from .. import __version__
 from ..extras import demand
 from ..figures.mesh import Mesh
@@ -109,5 +111,6 @@ def _picture(runs: Sequence[ReplayRun], frames: Frames) -> bytes:
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
     mesh.draw(ax, look.centre.tolist(), look.half, look.elevation, look.azimuth)
     file = BytesIO()
-    canvas.print_png(file)
+    with np.errstate(over="ignore", invalid="ignore"):  # as in films
+        canvas.print_png(file)
     return file.getvalue()

@@ -73,11 +73,14 @@ class Drawn:
         Sentences on what is missing.
     first_outside
         When a controller's run is first outside a row [s], for rows it violates.
+    replay
+        Where its replay is, in a sentence.
     """
 
     files: dict[tuple[str, str], str] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
     first_outside: dict[tuple[str, str], float] = field(default_factory=dict)
+    replay: str = ""
 
 
 def scenario_jobs(

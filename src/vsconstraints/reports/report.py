@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..comparisons import StoredComparison
 from ..errors import StorageError
+from ..extras import demand
 from ..figures import PNG, Formats
 from ..runs.files import replaced
 from ..runs.folder import held
@@ -18,6 +19,7 @@ from .failures import failures
 from .headlines import findings
 from .opening import opening
 from .outcomes import outcomes
+from .replays import add_replays
 from .results import Results
 from .scenario_section import scenarios_section
 from .summary import summary
@@ -30,6 +32,7 @@ def write_report(
     figures: bool = True,
     all_figures: bool = False,
     formats: Formats = PNG,
+    replays: bool = False,
     on_drawn: Callable[[int, int], None] = lambda done, total: None,
 ) -> Path:
     """Write report.md and its figures from what a comparison left in its folder.
@@ -47,6 +50,8 @@ def write_report(
         Whether to draw those of every scenario of a large suite, too, not of the most telling ones alone.
     formats
         In which figures are written; the report shows the first.
+    replays
+        Whether to replay the most telling runs of those scenarios in pages for a browser, and to link them.
     on_drawn
         Told how many scenarios have their figures, and how many there are.
 
@@ -58,22 +63,25 @@ def write_report(
     Raises
     ------
     ConfigurationError
-        if there is no comparison in the folder, or another process is storing one.
+        if there is no comparison in the folder, another process is storing one, or the extra ``replay`` is needed.
     StorageError
         if the report cannot be written.
     """
+    if replays:
+        demand("replay")
     results = Results(StoredComparison.load(folder))
     with held(folder, "a comparison"):
         try:
             chosen = results.scenarios if all_figures else telling(results)
-            pictures = _draw(results, chosen, formats, on_drawn) if figures else None
+            pictures = _draw(results, chosen, formats, on_drawn) if figures else _none(results)
+            if replays:
+                add_replays(results, chosen, pictures.scenarios)
             return _write(folder, results, pictures)
         except OSError as error:
             raise StorageError(f"the report cannot be written to {folder}: {error}") from error
 
 
-def _write(folder: Path, results: Results, pictures: Pictures | None) -> Path:
-    pictures = pictures or Pictures({name: Drawn() for name in results.scenarios})
+def _write(folder: Path, results: Results, pictures: Pictures) -> Path:
     # of one scenario there is no heat map
     first, second = (pictures.endings, pictures.overview) if pictures.endings else (pictures.overview, "")
     parts = [
@@ -99,6 +107,10 @@ class Pictures:
     scenarios: dict[str, Drawn]
     endings: str = ""
     overview: str = ""
+
+
+def _none(results: Results) -> Pictures:
+    return Pictures({name: Drawn() for name in results.scenarios})
 
 
 def _draw(results: Results, chosen: Sequence[str], formats: Formats, on_drawn: Callable[[int, int], None]) -> Pictures:

@@ -78,6 +78,7 @@ def scenario_section(results: Results, name: str, drawn: Drawn | None) -> str:
         if file := drawn.files.get((figure.name, group.suffix)):
             caption = f"{figure.caption}{group.sentence}{_addition(results, name, figure.name)}"
             parts.append(f"![{name}: {figure.name}](figures/{quote(file)})\n\n*{caption}*")
+    parts.append(drawn.replay)
     if drawn.problems:
         parts.append(bullets([plain(problem) for problem in drawn.problems]))
     return "\n\n".join(part for part in parts if part)
