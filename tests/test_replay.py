@@ -273,6 +273,39 @@ def test_a_page_is_one_small_file_with_all_that_was_said(two: list[ReplayRun], t
     assert not re.search(r"""(src|href)=(?!"data:)|url\(|@import|https?://""", own)
 
 
+@pytest.mark.parametrize("name", ["eye-to-hand-pbvs", "moving-sphere"])
+def test_everything_in_space_can_be_lit_for_two_runs(name: str, two: list[ReplayRun]) -> None:
+    """What a robot carries, and what moves: all rows of both runs act, one after the other."""
+    setup, count = Scenario.load(name).setup(), 12
+    m, none = len(setup.constraints.labels), np.zeros(count)
+    q = np.linspace(setup.q0, setup.q0 + 0.05, count)
+    seen = [setup.scene.glance(each) for each in q]
+    wide = np.ones((count, m))
+    made_up = replace(
+        two[0].trajectory,
+        t=0.1 * np.arange(count),
+        q=q,
+        qd=np.zeros_like(q),
+        features_px=np.array([pixels for pixels, _ in seen]),
+        points=np.array([points for _, points in seen]),
+        camera_error=np.zeros((count, 2)),
+        feature_error_px=none,
+        labels=setup.constraints.labels,
+        phi=-wide,
+        sigma=-wide,
+        clearance=wide,
+        between_clearance=wide,
+        active=np.arange(count)[:, None] % 12 == np.arange(m) % 12,
+    )
+    runs = [ReplayRun(law, setup, made_up) for law in ("one", "other")]
+    lamps = lamps_of(runs, Frames.of(runs))
+    carried = setup.scene.camera.fixed is not None
+    assert {lamp.run for lamp in lamps if lamp.what == "marker"} == ({0, 1} if carried else {0})
+    assert {lamp.run for lamp in lamps if lamp.what == "obstacle"} <= {0}
+    assert any(lamp.what == "joint" for lamp in lamps)
+    assert "<html" in replay_html(runs)
+
+
 # --- films ---
 
 
