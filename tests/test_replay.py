@@ -345,7 +345,8 @@ def test_a_stored_run_is_found_again(tmp_path: Path) -> None:
     assert np.array_equal(run.trajectory.q, now.trajectory.q[: len(run.trajectory.t)])
     with pytest.raises(ConfigurationError, match=r"unknown trajectory .*tracking--1.*Did you mean .*tracking--0"):
         asked_for(str(run_file(tmp_path, FOV, "tracking", 1)))
-    text = write_report(tmp_path, figures=False, replays=True).read_text()
+    assert CliRunner().invoke(app, ["report", str(tmp_path), "--no-figures", "--replays"]).exit_code == 0
+    text = (tmp_path / "report.md").read_text()
     assert f"[Replay in a browser](replays/{FOV}.html): `tracking`." in text
     assert "tracking</title>" in (tmp_path / "replays" / f"{FOV}.html").read_text()
     record = RunRecord.failed("the law divides by zero", "")
