@@ -66,7 +66,7 @@ def reproduce(
     with unfinished(folder) as kept:
         prepare()
         runs = made(wanted_runs(), kept, workers, partial(on_progress, "simulating"))
-        studies = study_results(folder, workers, partial(on_progress, "studying"), kept, formats=formats)
+        studies = study_results(folder, workers, partial(on_progress, "studying"), kept, None, formats)
         available: dict[RunSpec | str, Any] = dict(chain(runs.items(), studies.items()))
         findings = {claim.key: claim.check(available) for claim in all_claims()}
         missing = drawn(FIGURES, available, figures, workers, partial(on_progress, "drawing"), formats)
