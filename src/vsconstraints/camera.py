@@ -16,6 +16,7 @@ from .calibration import read_calibration
 from .distortion import Distortion
 from .errors import ConfigurationError, InvalidInput, unknown_name
 from .geometry import Pose, Vector2, vector
+from .readable import amounts, in_one_line
 from .renamed import renamed
 from .rows import Array, BoolArray
 
@@ -72,6 +73,14 @@ class Camera:
             vector(self.principal_point_px, 2, "camera principal_point_px")
         if self.fixed is not None and (self.mount.t.any() or not np.array_equal(self.mount.R, np.eye(3))):
             raise InvalidInput("a camera is mounted on the robot or fixed in space, not both: give mount or fixed")
+
+    @in_one_line
+    def __repr__(self) -> str:
+        width, height = self.size_px
+        lens = "" if self.distortion is None else f", {self.distortion.model} lens"
+        place = "on the robot" if self.fixed is None else f"fixed at {amounts(self.fixed.t, 'm')}"
+        focal = " and ".join(dict.fromkeys(f"{F:.4g}" for F in self.focal_px))
+        return f"<Camera {width:g} × {height:g} px, focal length {focal} px{lens}, {place}>"
 
     @classmethod
     def from_calibration(

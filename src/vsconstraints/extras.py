@@ -30,6 +30,8 @@ EXTRAS = {
     "evidence": Extra("evidence of drawn scenes", _TABLES),
     "tune": Extra("tuning of laws", (*_TABLES, "optuna", "moocore")),
     "images": Extra("images in the loop", ("cv2", "pupil_apriltags")),
+    "pandas": Extra("tables as data frames", ("pandas",)),
+    "notebooks": Extra("tables, and laws of a session in other processes", ("pandas", "cloudpickle")),
     "physics": Extra("the same arm in MuJoCo", ("mujoco",)),
     "ur-rtde": Extra("an arm of Universal Robots", ("rtde_control", "rtde_receive", "dashboard_client")),
     "replay": Extra("a replay in a browser", ("viser", "imageio_ffmpeg")),

@@ -17,6 +17,7 @@ from .decomposition import svd
 from .errors import InvalidInput, shown
 from .formulas import rotation
 from .formulas.poses import angle
+from .readable import amounts, in_one_line
 from .rows import Array
 
 Numbers = Sequence[float] | Array
@@ -47,6 +48,11 @@ class Pose:
 
     R: Array
     t: Array
+
+    @in_one_line
+    def __repr__(self) -> str:
+        turned = np.asarray(pin.log3(np.ascontiguousarray(self.R)))
+        return f"<Pose {amounts(self.t, 'm')}, turned by {amounts(turned, 'rad')}>"
 
     @classmethod
     def identity(cls) -> Pose:

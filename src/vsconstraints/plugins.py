@@ -17,6 +17,9 @@ from .provenance import noted_import
 
 Base = TypeVar("Base")
 
+IN_SESSION = "__main__"
+"""The module of what is defined in a notebook or a script that runs; other processes have another one."""
+
 
 def imported_class(name: str, base: Callable[..., Base], folder: Path | None = None) -> type[Base]:
     """The class that ``module:Class`` names.
@@ -73,7 +76,8 @@ def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
     for name in names:
         if ":" in name:
             file = plugin_file(name, folder)
-            spec = importlib.util.find_spec(_parts(name)[0]) if file is None else None
+            module = _parts(name)[0]
+            spec = importlib.util.find_spec(module) if file is None and module != IN_SESSION else None
             origin = spec.origin if spec is not None and spec.has_location else None
             found += [Path(path) for path in (file, origin) if path is not None]
     return found

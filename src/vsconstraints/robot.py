@@ -16,6 +16,7 @@ from .errors import ConfigurationError, InvalidInput, shown, unknown_name
 from .geometry import Numbers, Pose, skew, vector
 from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint
 from .limits import NO_LIMITS, ActuatorLimits
+from .readable import amount, counted, in_one_line, span
 from .renamed import renamed
 from .rows import Array
 from .urdf import UrdfSource, link_geometry, read_urdf
@@ -76,6 +77,18 @@ class Robot:
         self.limits = limits
         # scratch memory of the model's algorithms; every result is copied out of it
         self._data = model.createData()
+
+    @in_one_line
+    def __repr__(self) -> str:
+        kinds = []
+        slides = np.array(self.prismatic, dtype=np.bool_)
+        for kind, of, unit in (("revolute", ~slides, "rad"), ("prismatic", slides, "m")):
+            if of.any():
+                speed = self.qd_max[of].max()
+                fast = f", up to {amount(speed)} {unit}/s" if np.isfinite(speed) else ""
+                what = counted(int(of.sum()), f"{kind} joint")
+                kinds.append(f"{what} ({span(self.q_min[of], self.q_max[of], unit)}{fast})")
+        return f"<Robot {self.name}: {', '.join(kinds)}>"
 
     @property
     def n(self) -> int:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from .errors import InvalidInput, shown
 from .formulas.limits import at_end
+from .readable import amount, counted, enumerated, in_one_line
 
 Array = NDArray[np.floating[Any]]
 """Floats; the docstring says of what shape."""
@@ -90,6 +91,15 @@ class Rows:
         except TypeError as error:
             raise InvalidInput(f"rows need a tuple of labels and an array of scales: {error}") from error
 
+    @in_one_line
+    def __repr__(self) -> str:
+        if not len(self.labels):
+            return "<Rows: none>"
+        worst, reached = int(np.argmax(self.phi)), [self.labels[i] for i in np.flatnonzero(self.phi >= 0.0)]
+        size = f"{counted(len(self.labels), 'row')} of {counted(np.shape(self.Lg)[-1], 'joint')}"
+        greatest = f"greatest φ {amount(self.phi[worst])} ({self.labels[worst]})"
+        return f"<Rows: {size}, {greatest}, φ ≥ 0: {enumerated(reached) or 'none'}>"
+
     @classmethod
     def none(cls, n: int) -> Rows:
         """No constraint at all, for a robot with n joints."""
@@ -115,6 +125,13 @@ class Task:
     b: Array
     error: Array = field(default_factory=lambda: UNKNOWN)
     error_rate: Array = field(default_factory=lambda: UNKNOWN)
+
+    @in_one_line
+    def __repr__(self) -> str:
+        k, n = np.shape(self.J)
+        error = f", ‖e‖ = {amount(np.linalg.norm(self.error))}" if len(self.error) else ""
+        size = f"{counted(k, 'feature')} of {counted(n, 'joint')}"
+        return f"<Task: {size}{error}, ‖b‖ = {amount(np.linalg.norm(self.b))}>"
 
 
 @dataclass(slots=True)
@@ -157,6 +174,13 @@ class Command:
     fallback: str = ""
     remark: str = ""
     saturated: BoolArray = field(default_factory=lambda: NOT_LIMITED)
+
+    @in_one_line
+    def __repr__(self) -> str:
+        joint = int(np.argmax(np.abs(self.qdd)))
+        size = f"greatest |q̈| {amount(abs(self.qdd[joint]))} rad/s² or m/s² (joint {joint + 1})"
+        why = f" ({self.reason})" if self.reason else ""
+        return f"<Command {self.status}{why}: {size}, acted: {enumerated(self.active) or 'none'}>"
 
     @property
     def active(self) -> tuple[str, ...]:

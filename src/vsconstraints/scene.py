@@ -21,6 +21,7 @@ from .formulas.vectors import cross, minus
 from .geometry import Pose
 from .kinematics import Kinematics, RobotPoint
 from .motion import TargetMotion
+from .readable import counted, in_one_line
 from .robot import Robot
 from .rows import Array, BoolArray
 
@@ -129,6 +130,13 @@ class Scene:
         self._evaluate_robot = robot.evaluator(self.points)
         self._mount_twist = camera.mount.twist_matrix
         self._mount_inverse = camera.mount.inverse
+
+    @in_one_line
+    def __repr__(self) -> str:
+        markers = counted(len(self.markers), "marker") + (", moving" if self.motion is not None else "")
+        width, height = self.camera.size
+        place = "on the robot" if self.camera.fixed is None else "fixed in space"
+        return f"<Scene: robot {self.robot.name}, {markers}, camera of {width:g} × {height:g} px {place}>"
 
     def camera_pose(self, q: object, t: float = 0.0) -> Pose:
         """Pose of the camera in the target's frame at ``q`` (n,) and time ``t`` [s]."""

@@ -11,6 +11,7 @@ import numpy as np
 from .errors import ConfigurationError, InvalidInput, shown, unknown_name
 from .features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
 from .formulas.tracking import demanded, gains, goal_at
+from .readable import amount, counted, in_one_line
 from .references import Reference
 from .renamed import renamed
 from .rows import Array, Task
@@ -123,6 +124,11 @@ class VisualTask:
         self.feature, self.goals, self.gains = feature, tuple(goals), gains
         self.drift, self.velocity, self.reference = drift, velocity, reference
         self.memory = TrackingMemory()
+
+    @in_one_line
+    def __repr__(self) -> str:
+        gains = f"K_p(0) = {amount(self.gains.Kp0)} per s², damping {amount(self.gains.damping)}"
+        return f"<VisualTask {self.feature.name}: {counted(len(self.goals), 'goal')}, {gains}>"
 
     def reset(self) -> None:
         """Forget the last sample."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import one_line
 from ..provenance import Files, digests
+from ..readable import in_one_line
 from ..rows import Array, BoolArray
 from ..runs.files import read_arrays, write_arrays
 from ..runs.spec import RunSpec
@@ -59,6 +60,10 @@ class RunRecord:
     Ts: float
     fingerprint: str
     files: Files = field(default_factory=dict)
+
+    @in_one_line
+    def __repr__(self) -> str:
+        return f"<RunRecord of {self.trajectory!r}>"
 
     @classmethod
     def of(cls, setup: Setup, trajectory: Trajectory, fingerprint: str) -> RunRecord:

@@ -94,7 +94,8 @@ def compare(
     folder
         Where to; made if it is not there.
     workers
-        Number of processes at most; see :func:`vsconstraints.runs.resources.process_count`.
+        Number of processes at most; see :func:`vsconstraints.runs.resources.process_count`. 0 for this one, which also
+        runs what no other can.
     limit
         How long a run may take [s]; by its number of samples if None
         (:func:`vsconstraints.runs.resources.run_limit`).
@@ -208,6 +209,8 @@ def _simulated(spec: RunSpec) -> RunRecord:
         try:
             files = digests(spec.files)
             record = perform(spec, by_public_call=True).record
+        except INTERRUPTS:  # of this process, where it runs here
+            raise
         except BaseException as error:  # even SystemExit
             record = RunRecord.failed(described(error), spec.fingerprint)
     # of several readings the first: what was there before an edit is never taken for what is there after it
@@ -222,13 +225,22 @@ def _carry_out(
     fresh: bool,
     done: Callable[[Key, tuple[Score, bool] | Failure], None],
 ) -> None:
-    """Baselines first, since the others are scored against them."""
+    """Baselines first, since the others are scored against them; in other processes, where those can make the run."""
     baselines = {key: run for key, run in runs.items() if run.controller.name == BASELINE}
     by_scene = {(run.name, run.trial): run for run in baselines.values()}
     calls = {key: (run, folder, fresh, by_scene[run.name, run.trial]) for key, run in runs.items()}
     limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
-    first, others = ({key: calls[key] for key in runs if (key in baselines) is among} for among in (True, False))
-    carry_out(run_stored, first, others, workers=workers, limits=limits, on_answer=done)
+    here = [key for key, run in runs.items() if workers == 0 or run.here]
+    for key in here:
+        if key in baselines:
+            done(key, run_stored(*calls[key]))
+    elsewhere = [key for key in runs if key not in here]
+    first, others = ({key: calls[key] for key in elsewhere if (key in baselines) is among} for among in (True, False))
+    if elsewhere:
+        carry_out(run_stored, first, others, workers=workers, limits=limits, on_answer=done)
+    for key in here:
+        if key not in baselines:
+            done(key, run_stored(*calls[key]))
 
 
 def _lines(suite: Suite, keys: Sequence[Key], scores: Mapping[Key, Score]) -> list[list[dict[str, Any]]]:

@@ -19,6 +19,7 @@ import numpy as np
 from ..errors import ConfigurationError, InvalidInput, shown
 from ..kinematics import RobotPoint
 from ..motion import Motion
+from ..readable import amount, enumerated, in_one_line
 from ..rows import Array, IntArray
 from ..scene import PointMotion, Scene, State
 from . import by_formula
@@ -92,6 +93,16 @@ class Constraint(ABC):
         for name, value in (("K", K), ("switching_gain", switching_gain)):
             demand_positive(value, f"{name} of {self.kind}")
         self.K, self.switching_gain = float(K), float(switching_gain)
+
+    @in_one_line
+    def __repr__(self) -> str:
+        said = vars(self)
+        facts = [f"{what} {enumerated(said[what], 8)}" for what in ("markers", "joints") if said.get(what)]
+        facts += [f"K = {amount(self.K)} s", f"u⁺ = {amount(self.switching_gain)} per s"]
+        facts += [f"L = {amount(said['length'])} {self.unit}"] if "length" in said else []
+        facts += ["moving"] if said.get("motion") is not None else []
+        name = said.get("name")
+        return f"<{type(self).__name__} {self.kind}{f' {name}' if name else ''}: {', '.join(facts)}>"
 
     @property
     def points(self) -> tuple[RobotPoint, ...]:

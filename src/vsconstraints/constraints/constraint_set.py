@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import ConfigurationError, InvalidInput
 from ..kinematics import RobotPoint
+from ..readable import counted, enumerated, in_one_line
 from ..rows import Array, Rows
 from ..scene import Scene, State
 from .base import Constraint, RowBlock, Trace
@@ -73,6 +74,11 @@ class ConstraintSet:
         self.scale.setflags(write=False)
         self.approach_time.setflags(write=False)
         self.scene, self._n = scene, scene.robot.n
+
+    @in_one_line
+    def __repr__(self) -> str:
+        kinds = [f"{self.kinds.count(kind)} {kind}" for kind in dict.fromkeys(self.kinds)]
+        return f"<ConstraintSet: {counted(len(self.labels), 'row')} ({enumerated(kinds, 8)})>"
 
     def rows(self, state: State) -> tuple[Rows, Array]:
         """The rows now, and σ (m,) of each.

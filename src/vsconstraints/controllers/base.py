@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, get_args
 import numpy as np
 
 from ..errors import SolverError, shown
+from ..readable import in_one_line
 from ..rows import Array, BoolArray, Command, Rows, Status, Task, beyond_rounding, check, keep_box
 from .ranges import Declared
 
@@ -82,6 +83,13 @@ class Controller(ABC):
             return self._failure(rows, task, beyond)
         keep_box(rows, command)
         return command
+
+    @in_one_line
+    def __repr__(self) -> str:
+        parameters = inspect.signature(type(self)).parameters.values()
+        names = [parameter.name for parameter in parameters if parameter.kind is not parameter.VAR_KEYWORD]
+        given = [f"{name}={getattr(self, name)!r}" for name in names if hasattr(self, name)]
+        return f"{type(self).__name__}({', '.join(given)})"
 
     @abstractmethod
     def solve(self, rows: Rows, task: Task) -> Command:

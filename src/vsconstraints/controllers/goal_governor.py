@@ -109,6 +109,9 @@ class GoalGovernor(Controller):
         self.model = None
         self._forget()
 
+    def __repr__(self) -> str:
+        return f"{super().__repr__()[:-1]}, law={self.law!r})"
+
     def _forget(self) -> None:
         self.reference = None
         self._goal, self._last = -1, np.nan

@@ -85,6 +85,14 @@ class Figure:
                 sheet.save(file)
         return sheet is not None
 
+    def drawn(self, *needed: object) -> Any:
+        """Draw it, and return the figure of matplotlib; None if there was nothing to show. As :meth:`write` else."""
+        from matplotlib import rc_context
+
+        with rc_context({**STYLE, **(FORMULAS if self.formulas else {})}):
+            sheet = self.draw(*needed)
+            return None if sheet is None else sheet.placed()
+
 
 @contextmanager
 def _uncollected() -> Iterator[None]:

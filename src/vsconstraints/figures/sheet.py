@@ -46,12 +46,13 @@ class Sheet:
 
     def __init__(self, left: float = 0.75, right: float = 0.15) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
         from matplotlib.transforms import Affine2D, ScaledTranslation
+
+        from .shown import ShownFigure
 
         self.left, self.right, self.at = left, right, 0.08
         self.beside = (left, self.at)
-        self.figure: Any = Figure(dpi=DPI, facecolor="white")
+        self.figure: Any = ShownFigure(dpi=DPI, facecolor="white")
         self.canvas: Any = FigureCanvasAgg(self.figure)
         whole: Any = self.figure.transFigure
         from_top = ScaledTranslation(0.0, 1.0, whole)
@@ -172,8 +173,8 @@ class Sheet:
         """A legend right of the views."""
         self.legend(entries, 1, self.beside, labelspacing=0.75)
 
-    def save(self, path: Path) -> None:
-        """Write a file, whole or not at all; its suffix is one of :data:`~vsconstraints.figures.formats.FORMATS`."""
+    def placed(self) -> Any:
+        """The figure of matplotlib, with its size and everything where it belongs."""
         self.figure.set_size_inches(WIDTH, self.at)
         self._place()
         for axis in (axis for ax in self.figure.axes for axis in (ax.xaxis, ax.yaxis)):
@@ -183,6 +184,11 @@ class Sheet:
         if (cut := self._cut()) > 0.0:
             self._place(cut)
             self.canvas.draw()
+        return self.figure
+
+    def save(self, path: Path) -> None:
+        """Write a file, whole or not at all; its suffix is one of :data:`~vsconstraints.figures.formats.FORMATS`."""
+        self.placed()
         kind = path.suffix.removeprefix(".")
         if kind in VECTOR:
             with replaced(path) as part:

@@ -15,17 +15,18 @@ def outcomes(results: Results) -> str:
     linked = {name: f"[{name}](#{anchor(name)})" for name in scenarios}
     if len(laws) > len(scenarios):
         header = ["controller", *linked.values()]
-        lines = [[law, *(_outcome(results, name, law) for name in scenarios)] for law in laws]
+        lines = [[law, *(outcome(results, name, law) for name in scenarios)] for law in laws]
     else:
         header = ["scenario", *laws]
-        lines = [[link, *(_outcome(results, name, law) for law in laws)] for name, link in linked.items()]
+        lines = [[link, *(outcome(results, name, law) for law in laws)] for name, link in linked.items()]
     legend = f"{OUTSIDE} a row was violated. {WITHIN} none was, but one was outside within the sampling band."
     if results.trials > 1:
         legend += " Counts are of trials."
     return "\n\n".join(("## Outcomes", tables(header, lines, len(header)), legend))
 
 
-def _outcome(results: Results, scenario: str, controller: str) -> str:
+def outcome(results: Results, scenario: str, controller: str) -> str:
+    """How a controller ended on a scenario, counted where there are several trials, with marks for violated rows."""
     lines = results.runs(scenario, controller)
     if not lines:
         return "not run"

@@ -11,13 +11,12 @@ MOST_LANES = 12
 
 def phi_rows(results: Results, scenario: str) -> tuple[str, ...]:
     """Rows that are challenged, or violated by a competitor; those that acted longest if there are none of these."""
-    weights = _weights(results, scenario)
-    return _most({label: one for label, one in weights.items() if one[0]} or _acted(weights), MOST_PHI)
+    return telling(_weights(results, scenario))
 
 
 def lane_rows(results: Results, scenario: str) -> tuple[str, ...]:
     """Rows that held the arm back with a competitor."""
-    return _most(_acted(_weights(results, scenario)), MOST_LANES)
+    return acting(_weights(results, scenario))
 
 
 def lanes_left_out(results: Results, scenario: str) -> int:
@@ -27,6 +26,16 @@ def lanes_left_out(results: Results, scenario: str) -> int:
 
 Weights = dict[str, tuple[bool, float]]
 """By label, whether a row is challenged or violated by a competitor, and how long it acted in all."""
+
+
+def telling(weights: Weights) -> tuple[str, ...]:
+    """Those of the first kind; those that acted longest if there are none of these."""
+    return _most({label: one for label, one in weights.items() if one[0]} or _acted(weights), MOST_PHI)
+
+
+def acting(weights: Weights) -> tuple[str, ...]:
+    """Those that acted."""
+    return _most(_acted(weights), MOST_LANES)
 
 
 def _weights(results: Results, scenario: str) -> Weights:

@@ -44,6 +44,16 @@ class ControllerSpec:
     def __post_init__(self) -> None:
         object.__setattr__(self, "law", self.law or self.name)
 
+    @property
+    def here(self) -> bool:
+        """Whether only the process that asks for it can make it."""
+        return False
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files that an own one is defined in."""
+        return tuple(module_files([self.law], self.folder))
+
     def make(self) -> Controller:
         """A new controller; raises ConfigurationError or InvalidInput that names what is wrong."""
         return make_controller(self.law, self.options, self.folder)
@@ -129,7 +139,12 @@ class RunSpec:
     @property
     def files(self) -> tuple[Path, ...]:
         """Files that are named for this run: own modules, URDF, meshes, SRDF."""
-        return (*self.load().files, *module_files([self.controller.law], self.controller.folder))
+        return (*self.load().files, *self.controller.files)
+
+    @property
+    def here(self) -> bool:
+        """Whether only the process that asks for it can run it: a part of it is defined there, and nowhere else."""
+        return self.controller.here or self.load().in_session
 
     @property
     def fingerprint(self) -> str:

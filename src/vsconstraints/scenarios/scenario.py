@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import ConfigurationError, described, shown, unknown_name
 from ..meshes import mesh_files, mesh_folders
-from ..plugins import beside, module_files
+from ..plugins import IN_SESSION, beside, module_files
 from ..simulation import Setup
 from .build import build
 from .cameras import not_said_again
@@ -52,7 +52,10 @@ class Scenario:
 
     name: str
     tables: dict[str, Any]
-    folder: Path
+    folder: Path = Path()
+
+    def __repr__(self) -> str:
+        return f"<Scenario {self.name}: {shown(self.title)}>"
 
     @classmethod
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Scenario:
@@ -106,6 +109,11 @@ class Scenario:
         constraints = self.tables.get("constraints", [])
         kinds = (str(table.get("type", "")) for table in constraints if isinstance(table, dict))
         return tuple(kind for kind in kinds if ":" in kind)
+
+    @property
+    def in_session(self) -> bool:
+        """Whether a constraint of it is defined in this process alone: in a notebook."""
+        return any(part.startswith(f"{IN_SESSION}:") for part in self.own_parts)
 
     @property
     def files(self) -> tuple[Path, ...]:

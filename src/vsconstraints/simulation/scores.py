@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.samples import Loop
+from ..readable import amount, counted, in_one_line
 from ..rows import Array
 from .setup import Setup
 from .trajectory import Outcome
@@ -72,6 +73,11 @@ class RunScores:
     longest_positive_run_s: Array
     saturated_time_s: float
     share_to_hold: Array
+
+    @in_one_line
+    def __repr__(self) -> str:
+        outside = counted(int((self.outside_time_s > 0.0).sum()), "row")
+        return f"<RunScores {self.status}: {amount(self.duration_s)} s, {outside} of {len(self.labels)} outside>"
 
     @classmethod
     def of(cls, setup: Setup, loop: Loop, samples: int, outcome: tuple[Outcome, str], compiled: bool) -> RunScores:

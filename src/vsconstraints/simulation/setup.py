@@ -14,6 +14,7 @@ from ..features import CameraPose
 from ..formulas.poses import reached
 from ..images.settings import ImageSettings
 from ..limits import NO_LIMITS, ActuatorLimits
+from ..readable import amount, counted, in_one_line
 from ..renamed import renamed
 from ..rows import Array, BoolArray
 from ..scene import Scene
@@ -134,6 +135,12 @@ class Setup:
             raise ConfigurationError(f"the duration {self.duration} s is shorter than one sample, {self.Ts} s")
         for part in (self.plant, self.sensor, self.gradient_error):
             part()
+
+    @in_one_line
+    def __repr__(self) -> str:
+        time = f"{amount(self.duration)} s in steps of {amount(1e3 * self.Ts)} ms"
+        what = f"{self.task.feature.name}, {counted(len(self.constraints.labels), 'row')}"
+        return f"<Setup: {self.scene.robot.name}, {what}, {time}>"
 
     @property
     def Ts(self) -> float:  # noqa: N802 - a symbol of the formulas

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..readable import amount, counted, in_one_line
 from ..rows import Array, BoolArray
 
 Outcome = Literal["converged", "trapped", "aborted", "failed", "unfinished"]
@@ -88,6 +89,12 @@ class Trajectory:
     step_time: Array
     fallbacks: int
     compiled: bool = False
+
+    @in_one_line
+    def __repr__(self) -> str:
+        lasts = f"{amount(self.t[-1])} s, " if len(self.t) else ""
+        size = f"{counted(len(self.t), 'sample')}, {counted(len(self.labels), 'row')}"
+        return f"<Trajectory {self.status}: {lasts}{size}>"
 
     def active_intervals(self, label: str, gap: float = 0.6) -> list[tuple[float, float]]:
         """When φ of a row was at or above zero [s]: first and last sample, intervals closer than ``gap`` merged."""

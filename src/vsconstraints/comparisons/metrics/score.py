@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from ...readable import in_one_line
 from ..record import RunRecord
 from .measured import Measured
 from .table import METRICS, ROW_METRICS
@@ -17,6 +18,11 @@ class Score:
 
     result: dict[str, Any]
     constraints: list[dict[str, Any]]
+
+    @in_one_line
+    def __repr__(self) -> str:
+        outside = self.result["violated"] or "none"
+        return f"<Score: {self.result['status']}, violated rows: {outside}, of {len(self.constraints)}>"
 
 
 def score(record: RunRecord, baseline: RunRecord | None) -> Score:

@@ -1,0 +1,79 @@
+"""Compare laws as they are, from a session."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import warnings
+import weakref
+from collections.abc import Iterable
+from pathlib import Path
+
+from ..comparisons import StoredComparison, Suite
+from ..comparisons import compare as compare_suite
+from .comparison import Comparison
+from .laws import Laws, specs_of
+from .scenes import AnyScenario, scenarios_of
+
+NAME = "session"
+"""What results call the suite of a session."""
+
+
+def compare(
+    laws: Laws,
+    scenarios: AnyScenario | Iterable[AnyScenario],
+    *,
+    trials: int = 1,
+    seed: int = 0,
+    workers: int | None = None,
+    limit: float | None = None,
+    out: str | Path | None = None,
+) -> Comparison:
+    """Run every law on every scenario, tracking alone beside them, and score all as ``vsconstraints compare`` does.
+
+    Classes may be defined anywhere, in a cell of a notebook too. Every run is made by a copy of the instance in a
+    process of its own kind; what cannot be copied there runs in this process, and a warning says so.
+
+    Parameters
+    ----------
+    laws
+        Instances or registered names; a mapping gives them names of one's own, as two of one class need.
+    scenarios
+        Names of shipped ones, paths, or scenarios.
+    trials, seed
+        How often each is run from starts or with noise that differ, and what those are drawn from.
+    workers
+        Number of processes at most; as many as make sense if None. 0 runs all in this process: a debugger then reaches
+        a law, and a law that hangs or ends its process does so with the session.
+    limit
+        How long a run may take in another process [s]; by its number of samples if None.
+    out
+        A folder to keep results in: the same call goes on where it stopped. What is not kept goes with the comparison.
+
+    Raises
+    ------
+    ConfigurationError
+        if a law or a scenario cannot be used, two have the same name, or trials would all be the same run. A law that
+        fails costs its own runs, whose status is then ``failed``.
+    KeyboardInterrupt
+        if it is interrupted.
+    """
+    specs, notes = specs_of(laws)
+    suite = Suite(NAME, "Comparison from a session", scenarios_of(scenarios), specs, trials, seed).checked()
+    own = sorted({scenario.name for scenario in suite.scenarios if scenario.in_session})
+    notes += tuple(f"{name} runs in this process: a constraint of it is defined in this session" for name in own)
+    for note in notes:
+        warnings.warn(note, stacklevel=2)
+    folder = Path(tempfile.mkdtemp(prefix="vsconstraints-")) if out is None else Path(out)
+    try:
+        finished = compare_suite(suite, folder, workers=workers, limit=limit)
+        if finished.interrupted:
+            raise KeyboardInterrupt
+        comparison = Comparison(StoredComparison.load(folder), (*notes, *suite.remarks()))
+    except BaseException:
+        if out is None:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+    if out is None:
+        weakref.finalize(comparison, shutil.rmtree, folder, ignore_errors=True)
+    return comparison

@@ -1,0 +1,58 @@
+"""Objects in one line of plain words, with units: what consoles and notebooks show of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import wraps
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating[Any]]
+
+
+ROUNDED = 1e-9
+"""Of several numbers, smaller ones are shown as zero."""
+
+
+def in_one_line(tell: Callable[[Any], str]) -> Callable[[Any], str]:
+    """A ``__repr__`` in one line, that of every object where this one fails."""
+
+    @wraps(tell)
+    def told(self: Any) -> str:
+        try:
+            return " ".join(tell(self).split())
+        except Exception:  # what is half made, or holds wrong arrays, is shown in messages about that
+            return object.__repr__(self)
+
+    return told
+
+
+def amount(value: float | np.floating[Any]) -> str:
+    """Three significant digits."""
+    return f"{float(value):.3g}".replace("-", "−")
+
+
+def amounts(values: Iterable[float], unit: str = "") -> str:
+    """A few numbers with their unit: ``(0.1, 0, 0.4) m``."""
+    return f"({', '.join(amount(value if abs(value) > ROUNDED else 0.0) for value in values)}){unit and ' '}{unit}"
+
+
+def span(low: Array, high: Array, unit: str) -> str:
+    """From the least to the greatest of ranges (n,): ``−6.28 to 6.28 rad``, or that there is none."""
+    if not (np.isfinite(low).all() and np.isfinite(high).all()):
+        return f"not all limited [{unit}]" if np.isfinite((low, high)).any() else "no ranges"
+    return f"{amount(low.min(initial=np.inf))} to {amount(high.max(initial=-np.inf))} {unit}"
+
+
+def enumerated(names: Iterable[object], most: int = 3) -> str:
+    """Names behind each other, the first few of many: ``a, b, c and 4 more``."""
+    texts = [str(name) for name in names]
+    left = len(texts) - most
+    return ", ".join(texts) if left <= 0 else f"{', '.join(texts[:most])} and {left} more"
+
+
+def counted(count: int, what: str) -> str:
+    """``1 marker``, ``4 markers``."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
