@@ -6,7 +6,6 @@ from contextlib import chdir
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -110,11 +109,12 @@ class NotebookRun(Run):
         ConfigurationError
             if the extra ``replay`` is not installed, or the runs are not of the same scene.
         """
-        replay = import_module("vsconstraints.replay")
-        runs = [replay.ReplayRun(one.law, one.setup, one.trajectory, one.title) for one in (self, *others)]
+        from ..replay import ReplayRun, replay_html, write_replay
+
+        runs = [ReplayRun(one.law, one.setup, one.trajectory, one.title) for one in (self, *others)]
         if path is None:
-            return ReplayPage(replay.replay_html(runs))
-        replay.write_replay(runs, path)
+            return ReplayPage(replay_html(runs))
+        write_replay(runs, path)
         return Path(path)
 
     @in_one_line

@@ -1,0 +1,367 @@
+"""Runs and comparisons as a session has them, and the notebooks, executed."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from pathlib import Path
+from typing import Any
+
+import nbformat
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+from nbclient import NotebookClient
+from typer.testing import CliRunner
+
+import vsconstraints
+from documents import ROOT
+from vsconstraints import compare, comparisons, replay, run
+from vsconstraints.cli import app
+from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, TIMING_COLUMNS
+from vsconstraints.comparisons.tables import read_table
+from vsconstraints.controllers import CONTROLLERS, Controller, HierarchicalQP, SlidingMode, Tracking
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.notebooks import Comparison, NotebookRun, laws
+from vsconstraints.notebooks.laws import InstanceSpec, spec_of, specs_of
+from vsconstraints.rows import Command, Rows, Task
+from vsconstraints.scenarios import Scenario
+
+SHORT = Scenario.load("example-2d-fov").with_override("duration", 3.5)
+"""Long enough for tracking to leave the image."""
+
+SINGLE, ROW = "fov[marker 1]", "fov[marker 2]"
+
+
+class Half(Controller):
+    """Half of what tracking does; an own law."""
+
+    name = "half"
+
+    def __init__(self, *, share: float = 0.5) -> None:
+        self.share, self.tracking = share, Tracking()
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        command = self.tracking.solve(rows, task)
+        command.qdd *= self.share
+        return command
+
+
+class Failing(Half):
+    name = "failing"
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        raise RuntimeError("on purpose")
+
+
+class Closed(Half):
+    """Cannot be copied."""
+
+    name = "closed"
+
+    def __reduce__(self) -> Any:
+        raise TypeError("it holds a camera")
+
+
+@pytest.fixture(scope="module")
+def comparison() -> Comparison:
+    return compare([SlidingMode(), HierarchicalQP(), Half(), Failing()], SHORT, workers=0)
+
+
+@pytest.fixture(scope="module")
+def sliding() -> NotebookRun:
+    return run(SHORT, SlidingMode())
+
+
+def test_the_same_as_the_command_line(comparison: Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    carried_out = comparisons.compare
+    # in this process: that others come to the same is seen where the notebooks run
+    monkeypatch.setattr(
+        comparisons, "compare", lambda suite, out, **given: carried_out(suite, out, **(given | {"workers": 0}))
+    )
+    laws = ["--controller", "sliding-mode", "--controller", "hierarchical-qp"]
+    scene = ["--scenario", "example-2d-fov", "--set", "scenario.duration=3.5"]
+    done = CliRunner().invoke(app, ["compare", *scene, *laws, "--out", str(tmp_path), "--no-figures"])
+    assert done.exit_code == 0, done.output
+    for name, columns in (("results.csv", RESULT_COLUMNS), ("constraints.csv", CONSTRAINT_COLUMNS)):
+        own = getattr(comparison.stored, name.removesuffix(".csv"))
+        kept = [column for column in columns if column not in ("suite", *TIMING_COLUMNS)]
+        other = read_table(tmp_path / name, columns)
+        names = {line["controller"] for line in other}
+        assert names == {"tracking", "sliding-mode", "hierarchical-qp"}
+        alike = [[str(line[key]) for key in kept] for line in own if line["controller"] in names]
+        assert alike == [[str(line[key]) for key in kept] for line in other]
+
+
+def test_a_comparison_is_tables_runs_and_figures(comparison: Comparison) -> None:
+    results = comparison.results
+    assert tuple(results.columns) == RESULT_COLUMNS
+    assert tuple(comparison.constraints.columns) == CONSTRAINT_COLUMNS
+    assert list(results["controller"]) == ["tracking", "sliding-mode", "hierarchical-qp", "half", "failing"]
+    assert comparison.to_dataframe() is results
+    html = comparison._repr_html_()
+    assert html.count("<tr>") == 1 + 4
+    assert "<td>half</td>" in html
+    assert repr(comparison).startswith("<Comparison of 4 laws on 1 scenario, 1 trial: 0 of 4 runs")
+    assert isinstance(comparison.plot().tracks(), Figure)
+    assert len(comparison.plot().command().axes) == 4  # the failing law left nothing to draw
+    with pytest.raises(ConfigurationError, match=r"unknown law 'halv'.*Did you mean 'half'"):
+        comparison.run("halv")
+    with pytest.raises(ConfigurationError, match="there is no trial 1"):
+        comparison.run("half", trial=1)
+    with pytest.raises(ConfigurationError, match=r"unknown scenario 'ur5-fov'"):
+        comparison.plot("ur5-fov")
+
+
+def test_a_run_of_a_comparison_is_the_run_by_itself(comparison: Comparison, sliding: NotebookRun) -> None:
+    again = comparison.run("sliding-mode")
+    assert np.array_equal(again.trajectory.q, sliding.trajectory.q)
+    line = next(line for line in comparison.stored.results if line["controller"] == "sliding-mode")
+    for one in (again, sliding):
+        scores = one.scores()
+        assert scores.keys() == set(RESULT_COLUMNS) - {"suite", "scenario", "controller", "trial"}
+        for name, value in scores.items():
+            if name in TIMING_COLUMNS:
+                continue
+            assert value == pytest.approx(line[name], rel=1e-8, nan_ok=True) if value != line[name] else True, name
+        assert one.row_scores()["challenged"].to_dict() == {SINGLE: False, ROW: True}
+
+
+def test_a_law_that_fails_costs_its_own_runs(comparison: Comparison) -> None:
+    line = next(line for line in comparison.stored.results if line["controller"] == "failing")
+    assert line["status"] == "failed"
+    assert "RuntimeError: on purpose" in line["reason"]
+    alone = run(SHORT, Failing())
+    assert alone.scores()["status"] == "failed"
+    assert "on purpose" in repr(alone)
+    assert "on purpose" in alone._repr_html_()
+
+
+def test_a_run_as_a_data_frame(sliding: NotebookRun) -> None:
+    frame, run = sliding.to_dataframe(), sliding.trajectory
+    assert frame.index.name == "t"
+    assert np.array_equal(frame.index, run.t)
+    assert np.array_equal(frame["q"].to_numpy(), run.q)
+    assert np.array_equal(frame["qdd_command", "joint 3"], run.qdd_command[:, 2])
+    assert np.array_equal(frame["phi", ROW], sliding.phi(ROW))
+    assert np.array_equal(frame["active"].to_numpy(), run.active)
+    assert np.array_equal(frame[["u_px", "v_px"]].to_numpy()[:, [1, 3]], run.features_px[:, 1])
+    assert np.array_equal(frame["camera_error"].to_numpy(), run.camera_error)
+    assert np.array_equal(frame["feature_error_px"].to_numpy().ravel(), run.feature_error_px)
+
+
+def test_a_run_draws_itself(sliding: NotebookRun) -> None:
+    tracks = sliding.plot.tracks()
+    drawn = [line.get_xydata() for line in tracks.axes[0].lines]
+    for marker in range(2):
+        assert any(np.array_equal(xy[-1:], sliding.trajectory.features_px[-1:, marker]) for xy in drawn if len(xy))
+    picture, size = tracks._repr_png_()
+    assert picture.startswith(b"\x89PNG")
+    assert size["width"] == 800
+    assert [len(figure.axes) for figure in (sliding.plot.errors(), sliding.plot.command())] == [2, 2]
+    assert len(sliding.plot.rows().axes) == 2
+    assert len(sliding.plot.rows(SINGLE, ROW).axes) == 3
+    with pytest.raises(ConfigurationError, match=r"unknown row 'fov\[marker 3\]'.*Available"):
+        sliding.plot.rows("fov[marker 3]")
+    assert repr(sliding.plot) == "<Plots of tracking, sliding-mode: tracks(), rows(), errors(), command()>"
+
+
+def test_a_run_shows_itself(sliding: NotebookRun) -> None:
+    html = sliding._repr_html_()
+    assert "data:image/png;base64," in html
+    assert "<td>acceleration variation [rad/s³]</td>" in html
+    assert len(html) < 150_000
+    assert repr(sliding).startswith("<Run of sliding-mode on example-2d-fov: unfinished (still moving")
+
+
+def test_a_setup_made_in_python_can_be_run_and_scored() -> None:
+    made = run(SHORT.setup(), "sliding-mode")
+    assert np.array_equal(made.trajectory.q, run(SHORT, SlidingMode()).trajectory.q)
+    assert made.row_scores().loc[ROW, "challenged"]
+
+
+def test_a_replay_shows_the_runs_that_are_asked_for(
+    comparison: Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is handed over; pages have tests of their own."""
+    seen: list[Any] = []
+    monkeypatch.setattr(replay, "replay_html", lambda runs: seen.append(runs) or "<p>a page</p>")
+    monkeypatch.setattr(replay, "write_replay", lambda runs, path: Path(path).write_text(runs[0].law))
+    page = comparison.replay(["sliding-mode", "half"])
+    assert [(one.law, one.title) for one in seen[0]] == [(law, SHORT.title) for law in ("sliding-mode", "half")]
+    assert "srcdoc=" in page._repr_html_()
+    assert page.save(tmp_path / "one.html").read_text() == "<p>a page</p>"
+    assert comparison.run("half").replay(path=tmp_path / "two.html").read_text() == "half"
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_shipped_laws_are_told_by_name_and_options(name: str) -> None:
+    spec, note = spec_of(CONTROLLERS[name](), "mine")
+    assert not note
+    assert (spec.name, spec.law, dict(spec.options)) == ("mine", name, {})
+    assert not isinstance(spec, InstanceSpec)
+
+
+@given(
+    rows=st.sampled_from(["barrier", "active"]),
+    alpha=st.floats(0.1, 100.0),
+    solver=st.sampled_from(["auto", "daqp", "osqp"]),
+    weights=st.none() | st.dictionaries(st.sampled_from(["fov", "range"]), st.floats(0.1, 10.0), min_size=1),
+)
+@settings(max_examples=8)
+def test_options_of_an_instance_are_those_of_the_law_that_is_made(rows: str, alpha: float, solver: str, weights: Any):
+    law = HierarchicalQP(rows=rows, alpha=alpha, solver=solver, weights=weights)
+    spec, _ = spec_of(law)
+    assert not isinstance(spec, InstanceSpec)
+    assert repr(spec.make()) == repr(law)
+    pair = CONTROLLERS["law"](demand="barrier", resolver="filter", alpha=alpha, solver=solver)
+    spec, _ = spec_of(pair)
+    assert spec.options["demand"] == "barrier"
+    assert repr(spec.make()) == repr(pair)
+
+
+def test_an_instance_is_copied_for_each_run() -> None:
+    law = Half(share=0.25)
+    spec, note = spec_of(law)
+    assert not note
+    made, again = spec.make(), spec.make()
+    assert made is not again
+    assert made is not law
+    assert made.share == 0.25
+    assert spec.law == "test_notebooks:Half"
+    assert spec.files == (Path(__file__),)
+    assert spec.options != spec_of(Half(share=0.3))[0].options
+    changed = SlidingMode()
+    changed.solve = law.solve  # type: ignore[method-assign]
+    assert isinstance(spec_of(changed)[0], InstanceSpec)
+
+
+def test_a_law_that_cannot_be_copied_runs_here_and_that_is_said() -> None:
+    with pytest.warns(UserWarning, match=r"closed runs in this process.*TypeError: it holds a camera"):
+        found = compare(Closed(), SHORT, workers=0)
+    assert found.run("closed").trajectory.status == "unfinished"
+    assert "closed runs in this process" in found._repr_html_()
+
+
+def test_without_cloudpickle_a_law_of_the_session_runs_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    mine = type("Mine", (Half,), {"__module__": "__main__", "name": "mine"})
+    monkeypatch.setattr(sys.modules["__main__"], "Mine", mine, raising=False)
+    assert not spec_of(mine())[1]
+    monkeypatch.setattr(laws, "find_spec", lambda module: None)
+    spec, note = spec_of(mine())
+    assert spec.here
+    assert "pip install 'vsconstraints[notebooks]'" in note
+    assert not spec_of(Half())[1]
+
+
+def test_bad_input_is_named() -> None:
+    with pytest.raises(ConfigurationError, match="two laws have the name 'half'; give each its own"):
+        compare([Half(), Half(share=0.3)], SHORT)
+    with pytest.raises(ConfigurationError, match=r"Half is a class: a law is one of its instances, Half\(\)"):
+        compare([Half], SHORT)
+    with pytest.raises(ConfigurationError, match=r"Half is a class"):
+        compare(Half, SHORT)
+    with pytest.raises(ConfigurationError, match="a law is a name or an instance of a Controller, not 3"):
+        compare([3], SHORT)
+    with pytest.raises(ConfigurationError, match=r"unknown controller 'sliding'.*Did you mean 'sliding-mode'"):
+        compare("sliding", SHORT)
+    with pytest.raises(ConfigurationError, match=r"unknown scenario 'ur5'.*Did you mean 'ur5-fov'"):
+        compare(SlidingMode(), "ur5")
+    with pytest.raises(ConfigurationError, match="a scenario is a name, a path or a Scenario, not 5"):
+        compare(SlidingMode(), [5])
+    with pytest.raises(ConfigurationError, match="2 trials of example-2d-fov would be the same run"):
+        compare(SlidingMode(), SHORT, trials=2)
+    with pytest.raises(ConfigurationError, match="scenario 'example-2d-fov' appears more than once"):
+        compare(SlidingMode(), [SHORT, SHORT])
+    nameless = type("Nameless", (Half,), {"name": None})
+    with pytest.raises(ConfigurationError, match="Nameless has no name: write name"):
+        specs_of([nameless()])
+    with pytest.raises(AttributeError, match="no attribute 'comparee'"):
+        _ = vsconstraints.comparee
+
+
+def test_an_interrupt_is_heard_and_nothing_is_left(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    class Interrupted(Closed):
+        name = "interrupted"
+
+        def solve(self, rows: Rows, task: Task) -> Command:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with pytest.raises(KeyboardInterrupt), pytest.warns(UserWarning, match="in this process"):
+        compare(Interrupted(), SHORT, workers=0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_not_kept_goes_with_the_comparison(tmp_path: Path) -> None:
+    brief = SHORT.with_override("duration", 0.2)
+    found = compare("sliding-mode", brief, workers=0)
+    folder = found.stored.folder
+    assert folder.is_dir()
+    del found
+    gc.collect()
+    assert not folder.exists()
+    kept = compare({"mine": Half()}, brief, workers=0, out=tmp_path / "kept")
+    assert Comparison.load(tmp_path / "kept").laws == kept.laws == ("tracking", "mine")
+
+
+def test_trials_differ(tmp_path: Path) -> None:
+    varied = SHORT.with_override("duration", 0.2).with_override("start_deviation", 0.01)
+    found = compare("sliding-mode", varied, trials=3, seed=4, workers=0)
+    starts = [found.run("sliding-mode", trial=trial).trajectory.q[0] for trial in range(3)]
+    assert np.array_equal(starts[1], run(varied, "sliding-mode", trial=1, seed=4).trajectory.q[0])
+    assert not np.array_equal(starts[1], starts[2])
+
+
+WHERE = """
+import os
+
+class Where(Controller):
+    name = "where"
+
+    def solve(self, rows, task):
+        raise RuntimeError(f"process {os.getpid()}.")
+"""
+
+TOLD = """
+scores = comparison.run("sliding").scores()
+print(comparison.run("where").scores()["reason"].split("process ")[1].split(".")[0], os.getpid())
+print(comparison.run("cautious").scores()["status"], scores["jerk_rms"], scores["utilization"])
+"""
+
+FORGET = """
+for name in [name for name in globals() if not name.startswith("_") and name not in ("In", "Out", "get_ipython")]:
+    del globals()[name]
+"""
+
+
+def test_the_notebooks_run() -> None:
+    """One kernel for all, since a kernel takes seconds to start; names of one are gone before the next."""
+    paths = sorted((ROOT / "notebooks").glob("*.ipynb"))
+    assert len(paths) == 3
+    whole = nbformat.v4.new_notebook()
+    for path in paths:
+        notebook = nbformat.read(path, as_version=4)
+        nbformat.validate(notebook)
+        code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+        assert all(not cell.outputs and cell.execution_count is None for cell in code), f"{path.name} has outputs"
+        if path.stem == "own-law":
+            (asks,) = [cell for cell in code if "workers=2" in cell.source]
+            asks.source = WHERE + asks.source.replace("compare(\n    {", 'compare(\n    {"where": Where(), ')
+            code.append(told := nbformat.v4.new_code_cell(TOLD))
+        whole.cells += [*code, nbformat.v4.new_code_cell(FORGET)]
+    NotebookClient(whole, timeout=300, kernel_name="python3").execute()
+    (processes, scores) = told.outputs[0].text.splitlines()
+    theirs, kernel = map(int, processes.split())
+    assert theirs != kernel
+    here = run("example-2d-fov", SlidingMode()).scores()
+    assert scores == f"trapped {here['jerk_rms']} {here['utilization']}"
+    for cell in whole.cells:
+        for output in cell.outputs:
+            assert output.output_type != "error"
+            expected = "a constraint of it is defined in this session"
+            assert output.get("name") != "stderr" or expected in output.text or "compiling" in output.text, output.text
+    pictures = [o for cell in whole.cells for o in cell.outputs if "image/png" in o.get("data", {})]
+    assert len(pictures) == 6
