@@ -357,7 +357,7 @@ def test_the_notebooks_run() -> None:
     theirs, kernel = map(int, processes.split())
     assert theirs != kernel
     here = run("example-2d-fov", SlidingMode()).scores()
-    assert scores == f"trapped {here['jerk_rms']} {here['utilization']}"
+    assert scores == f"converged {here['jerk_rms']} {here['utilization']}"
     for cell in whole.cells:
         for output in cell.outputs:
             assert output.output_type != "error"
