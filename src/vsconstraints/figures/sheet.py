@@ -48,7 +48,7 @@ class Sheet:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.transforms import Affine2D, ScaledTranslation
 
-        from .shown import ShownFigure
+        from ._shown import ShownFigure
 
         self.left, self.right, self.at = left, right, 0.08
         self.beside = (left, self.at)

@@ -20,10 +20,10 @@ from ..plugins import IN_SESSION
 from ..provenance import noted_import
 from ..runs.spec import ControllerSpec
 
-Law = Controller | str
+AnyLaw = Controller | str
 """An instance, or the name of a registered one."""
 
-Laws = Law | Iterable[Law] | Mapping[str, Law]
+Laws = AnyLaw | Iterable[AnyLaw] | Mapping[str, AnyLaw]
 """One, several, or several by names of one's own."""
 
 
@@ -88,7 +88,7 @@ def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
     return tuple(spec for spec, _ in made), tuple(note for _, note in made if note)
 
 
-def spec_of(law: Law, name: str = "") -> tuple[ControllerSpec, str]:
+def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
     """One law, and why only this process can run it if that is so.
 
     Laws of this package are told by their names and options, as in a file; all others as they are.
