@@ -230,7 +230,7 @@ def _carry_out(
     by_scene = {(run.name, run.trial): run for run in baselines.values()}
     calls = {key: (run, folder, fresh, by_scene[run.name, run.trial]) for key, run in runs.items()}
     limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
-    here = [key for key, run in runs.items() if workers == 0 or run.here]
+    here = dict.fromkeys(key for key, run in runs.items() if workers == 0 or run.here)
     for key in here:
         if key in baselines:
             done(key, run_stored(*calls[key]))

@@ -89,7 +89,8 @@ class Figure:
         """Draw it, and return the figure of matplotlib; None if there was nothing to show. As :meth:`write` else."""
         from matplotlib import rc_context
 
-        with rc_context({**STYLE, **(FORMULAS if self.formulas else {})}):
+        with rc_context({**STYLE, **(FORMULAS if self.formulas else {})}), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             sheet = self.draw(*needed)
             return None if sheet is None else sheet.placed()
 
