@@ -413,6 +413,7 @@ def test_numbers_with_the_digits_that_are_known() -> None:
     assert with_interval(0.001234, 0.001134, 0.001334) == "0.00123 (0.00113 to 0.00133)"
     assert with_interval(0.000123, 0.000113, 0.000133) == "1.23e-4 (1.13e-4 to 1.33e-4)"
     assert rounded(-0.001, -1.0, 1.0) == "0.0"
+    assert rate_text(rate_of(3, 20)) == "3 of 20: 15 % (95 %: 3 to 38 %)"
     assert rate_text(rate_of(0, 3000)) == "0 of 3000: at most 0.13 % (95 %)"
     assert rate_text(rate_of(0, 3690)) == "0 of 3690: at most 0.100 % (95 %)"
     assert rate_text(rate_of(0, 5000)) == "0 of 5000: at most 7.4e-4 (95 %)"
