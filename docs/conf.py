@@ -17,10 +17,11 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "mathml",
+    "gallery",
     "listings",
     "package_reference",
 ]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "_gallery"]
 html_theme = "furo"
 html_title = f"vsconstraints {version}"
 html_static_path = ["_static"]

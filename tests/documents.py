@@ -9,9 +9,11 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 
 import typer
+import yaml
 
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
@@ -25,6 +27,7 @@ from vsconstraints.simulation import simulate
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *(path for path in sorted(DOCS.rglob("*.md")) if "_build" not in path.parts)]
+REFERENCE = sorted((DOCS / "api").glob("*.rst"))
 BASE = "ur5-fov"
 """The scenario that TOML blocks without a robot are changes of."""
 
@@ -55,6 +58,13 @@ def blocks(page: Path) -> Iterator[Block]:
     text = page.read_text(encoding="utf-8")
     for found in re.finditer(r"^(`{3,})([^\n`]*)\n(.*?)^\1\s*$", text, flags=re.S | re.M):
         yield Block(page, text.count("\n", 0, found.start()) + 1, found[2].strip(), found[3])
+
+
+def examples(page: Path) -> Iterator[Block]:
+    """The Python examples of a page of the reference, in order."""
+    text = page.read_text(encoding="utf-8")
+    for found in re.finditer(r"^\.\. code-block:: python\n\n((?:   .*\n|\n)+)", text, flags=re.M):
+        yield Block(page, text.count("\n", 0, found.start()) + 2, "python", dedent(found[1]))
 
 
 def reader_folder(folder: Path) -> Path:
@@ -134,10 +144,20 @@ def _sphinx(arguments: list[str], folder: Path) -> None:
     assert arguments == ["-W", "docs", "docs/_build"]
 
 
+def _citation(block: Block, folder: Path, names: dict[str, Any]) -> None:
+    """What a bibliography is told is what CITATION.cff says."""
+    told = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    (paper,) = told["references"]
+    said = " ".join(block.code.split())
+    for text in (told["title"], f"version {told['version']}", told["date-released"].year, paper["title"], paper["doi"]):
+        assert str(text) in said, text
+    assert f"pages = {{{paper['start']}--{paper['end']}}}" in said
+
+
 def _anything(arguments: list[str], folder: Path) -> None:
     """Nothing of ours to check."""
 
 
-RUN = {"python": _python, "toml": _toml, "xml": _markup, "sh": _shell}
+RUN = {"python": _python, "toml": _toml, "xml": _markup, "sh": _shell, "bibtex": _citation}
 OTHERS = dict.fromkeys(("pytest", "dask"), _anything)
 COMMANDS = {"vsconstraints": _vsconstraints, "pip": _pip, "sphinx-build": _sphinx, **OTHERS}

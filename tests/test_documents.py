@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import vsconstraints
-from documents import DOCS, PAGES, ROOT, RUN, Block, blocks, reader_folder, run
+from documents import DOCS, PAGES, REFERENCE, ROOT, RUN, Block, blocks, examples, reader_folder, run
 from vsconstraints.comparisons import Suite, compare
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import RunRecord
@@ -46,6 +46,15 @@ def test_every_block_runs(page: Path, tmp_path: Path, monkeypatch: pytest.Monkey
             except BaseException as error:
                 error.add_note(f"in the block at {block.where}")
                 raise
+
+
+@pytest.mark.parametrize("page", REFERENCE, ids=lambda path: path.stem)
+def test_the_reference_has_examples_that_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(reader_folder(tmp_path))
+    found = list(examples(page))
+    assert found or page.stem == "index"
+    for block in found:
+        run(block, tmp_path, {"__name__": "__main__"})
 
 
 def test_blocks_that_are_not_run_have_a_reason() -> None:

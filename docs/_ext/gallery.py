@@ -1,0 +1,63 @@
+"""``{gallery}``: every scenario that comes with the package, with a picture that is drawn when the page is read.
+
+With the extra ``replay`` the scenarios that the option ``replays`` names get a replay of some laws, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+from docutils import nodes
+from docutils.parsers.rst import directives
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+from vsconstraints.preview import FIGURE, Preview
+from vsconstraints.scenarios import Scenario, shipped_scenarios
+
+LAWS = ("tracking", "sliding-mode")
+"""What a replay shows."""
+
+TEXT = """\
+## {title}
+
+`{name}`: {description}
+
+![Start and goals of {name}: what the camera sees, the arm, and the rows that are near](_gallery/{name}.png)
+"""
+
+
+class Gallery(SphinxDirective):
+    """One section for each scenario: title, what happens in it, picture, and a replay if there is one."""
+
+    option_spec = {"replays": directives.unchanged}  # noqa: RUF012 - as Sphinx wants it
+
+    def run(self) -> list[nodes.Node]:
+        """Draw the pictures below the documentation's folder, and write the sections."""
+        pictures = Path(self.env.srcdir) / "_gallery"
+        pictures.mkdir(exist_ok=True)
+        wanted = self.options.get("replays", "").split() if find_spec("viser") else ()
+        parts = []
+        for scenario in map(Scenario.load, shipped_scenarios()):
+            FIGURE.write(pictures / f"{scenario.name}.png", Preview.of_scenario(scenario))
+            description = " ".join(str(scenario.tables.get("description", "")).split())
+            parts.append(TEXT.format(title=scenario.title, name=scenario.name, description=description))
+            if scenario.name in wanted:
+                write_replay(scenario.name, LAWS, pictures / f"{scenario.name}.html")
+                parts.append(f"{{download}}`Replay of {' and '.join(LAWS)} <_gallery/{scenario.name}.html>`\n")
+        return self.parse_text_to_nodes("\n".join(parts), allow_section_headings=True)
+
+
+def write_replay(scenario: str, laws: Sequence[str], path: Path) -> None:
+    """Simulate a scenario with some laws, and write what a browser shows of it."""
+    from vsconstraints.cli import app
+
+    app(["replay", *(f"{scenario}:{law}" for law in laws), "--out", str(path)], standalone_mode=False)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the directive."""
+    app.add_directive("gallery", Gallery)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
