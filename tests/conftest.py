@@ -1,5 +1,11 @@
 """Settings that all tests share."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import pytest
 from hypothesis import HealthCheck, settings
 
 # the same examples on every run and machine: a failure is repeatable, and slowness is none
@@ -12,3 +18,23 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("repeatable")
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs and figures are made by calls: starting processes takes longer than what tests ask of them."""
+
+    def carry_out(
+        function: Callable[..., Any],
+        *batches: Mapping[Any, tuple[Any, ...]],
+        on_answer: Callable[[Any, Any], None] = lambda key, answer: None,
+        **_: object,
+    ) -> dict[Any, Any]:
+        answers = {}
+        for key, arguments in (call for batch in batches for call in batch.items()):
+            answers[key] = function(*arguments)
+            on_answer(key, answers[key])
+        return answers
+
+    for module in ("comparisons", "reproduction"):
+        monkeypatch.setattr(f"vsconstraints.{module}.runner.carry_out", carry_out)

@@ -16,6 +16,7 @@ from vsconstraints.comparisons.tables import read_table
 COMMANDS = {"pip", "vsconstraints"}
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_every_command_does_what_the_page_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

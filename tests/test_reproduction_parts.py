@@ -18,18 +18,7 @@ from vsconstraints.reproduction.runs import ControllerSpec, RunSpec, perform
 from vsconstraints.reproduction.verdicts import Claim
 
 
-@pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Calls are made in this process: starting another one takes longer than what it is asked for."""
-    from vsconstraints.reproduction import runner
-
-    def carried_out(function, calls, **options):  # type: ignore[no-untyped-def]
-        return {key: function(*arguments) for key, arguments in calls.items()}
-
-    monkeypatch.setattr(runner, "carry_out", carried_out)
-
-
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("in_this_process")
 def test_a_figure_and_a_claim_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     reproduce(figure=[4], controller="hierarchical-qp", out=tmp_path)
     (path,) = (tmp_path / "figures").iterdir()

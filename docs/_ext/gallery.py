@@ -5,7 +5,6 @@ With the extra ``replay`` the scenarios that the option ``replays`` names get a 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -14,8 +13,10 @@ from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from vsconstraints.controllers import make_controller
 from vsconstraints.preview import FIGURE, Preview
 from vsconstraints.scenarios import Scenario, shipped_scenarios
+from vsconstraints.simulation import simulate
 
 LAWS = ("tracking", "sliding-mode")
 """What a replay shows."""
@@ -45,16 +46,18 @@ class Gallery(SphinxDirective):
             description = " ".join(str(scenario.tables.get("description", "")).split())
             parts.append(TEXT.format(title=scenario.title, name=scenario.name, description=description))
             if scenario.name in wanted:
-                write_replay(scenario.name, LAWS, pictures / f"{scenario.name}.html")
-                parts.append(f"{{download}}`Replay of {' and '.join(LAWS)} <_gallery/{scenario.name}.html>`\n")
+                write_replay(scenario, pictures / f"{scenario.name}.html")
+                link = f"{{download}}`{' and '.join(LAWS)} <_gallery/{scenario.name}.html>`"
+                parts.append(f"[Replay](replay.md) of {link}.\n")
         return self.parse_text_to_nodes("\n".join(parts), allow_section_headings=True)
 
 
-def write_replay(scenario: str, laws: Sequence[str], path: Path) -> None:
-    """Simulate a scenario with some laws, and write what a browser shows of it."""
-    from vsconstraints.cli import app
+def write_replay(scenario: Scenario, path: Path) -> None:
+    """Simulate a scenario with the laws, and write what a browser shows of it."""
+    from vsconstraints.replay import ReplayRun, write_replay
 
-    app(["replay", *(f"{scenario}:{law}" for law in laws), "--out", str(path)], standalone_mode=False)
+    setup = scenario.setup()
+    write_replay([ReplayRun(law, setup, simulate(setup, make_controller(law))) for law in LAWS], path)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
