@@ -63,6 +63,8 @@ other_packages = (
     "pin",
     "pinocchio",
     "rich",
+    "socket",
+    "threading",
     "typing",
     "types",
 )
@@ -82,5 +84,6 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.controllers.named.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
     ("py:func", "superellipse"),  # in docstrings of formulas, where classes of other modules have them as theirs
+    ("py:class", "Triangles"),  # an array of whole numbers
     ("py:class", "LawArrays"),  # of vsconstraints.kernels, as above
 ]

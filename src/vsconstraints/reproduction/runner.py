@@ -25,7 +25,7 @@ from .verdicts import all_claims
 Progress = Callable[[str, int, int], None]
 """Told what is being done, how much of it is done, and how much there is."""
 
-Count = Callable[[int, int], None]
+Amount = Callable[[int, int], None]
 """Told how much of something is done, and how much there is."""
 
 
@@ -93,7 +93,7 @@ def wanted_runs() -> list[RunSpec]:
     return list(dict.fromkeys(need for need in needs if isinstance(need, RunSpec)))
 
 
-def made(specs: Sequence[RunSpec], kept: Path, workers: int | None, on_progress: Count) -> dict[RunSpec, Run | str]:
+def made(specs: Sequence[RunSpec], kept: Path, workers: int | None, on_progress: Amount) -> dict[RunSpec, Run | str]:
     """Runs, or why there is none: the first sentence of what was raised."""
     limits = longest_first(specs)
     calls = {spec: (spec, kept_file(kept, spec)) for spec in limits}
@@ -106,7 +106,7 @@ def drawn(
     available: Mapping[Any, Any],
     folder: Path,
     workers: int | None,
-    on_progress: Count,
+    on_progress: Amount,
     formats: Formats = PNG,
 ) -> dict[int, str]:
     """Of each figure why it is not there; an empty text if it is."""
@@ -131,7 +131,7 @@ def drawn(
 def study_results(
     folder: Path,
     workers: int | None,
-    on_progress: Count,
+    on_progress: Amount,
     kept: Path,
     names: Sequence[str] | None = None,
     formats: Formats = PNG,
