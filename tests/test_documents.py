@@ -28,6 +28,11 @@ NOT_RUN: dict[tuple[str, str], str] = {
         "checks.md",
         "python -m checks.mutation                        # every mutant: some hours on two cores",
     ): "takes an hour; `.ci/run` runs a sample",
+    (
+        "errors.md",
+        "t = 0.85 s: accelerations of 1.2e+02 are beyond what rows can be checked at: rounding exceeds the gain of",
+    ): "what a message says",
+    ("images.md", "python -m checks.images"): "takes minutes",
     ("checks.md", "python -m checks.statistics                      # a quarter of an hour"): "takes that long",
 }
 """Blocks of the language ``text``, which cannot be run, by page and first line, and why they cannot."""
