@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ..camera import Count
 from ..extras import demand
 from ..rows import Array, IntArray
 
@@ -36,7 +35,7 @@ class Detector(NamedTuple):
     """
 
     find: Callable[[Pixels], Tags]
-    counts: Count
+    counts: Literal["edges", "centres"]
 
 
 def tags_of(found: list[tuple[int, Any]]) -> Tags:
