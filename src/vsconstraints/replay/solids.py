@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -25,7 +26,8 @@ FINEST = 1e-3
 Triangles = npt.NDArray[np.int64]
 
 
-class Solid(NamedTuple):
+@dataclass(frozen=True)
+class Solid:
     """Corners (V, 3) [m] and triangles (F, 3) of a surface."""
 
     corners: Array
