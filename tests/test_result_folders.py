@@ -212,7 +212,7 @@ def test_the_gate_leaves_a_developers_results_alone(tmp_path: Path) -> None:
     """With stand-ins for everything that it calls: where they would write is what matters here."""
     checkout, stubs = tmp_path / "checkout", tmp_path / "bin"
     stubs.mkdir()
-    for name in ("python3", "python", "pip", "vsconstraints", "pytest", "sphinx-build", "ruff", "mypy"):
+    for name in ("python3", "python", "pip", "vsconstraints", "pytest", "chromium", "sphinx-build", "ruff", "mypy"):
         (stubs / name).write_text(STUB)
         (stubs / name).chmod(0o755)
     for name in (".ci/run", "README.md", ".gitignore"):
