@@ -102,7 +102,7 @@ def test_the_real_world_is_a_study_of_the_same_laws(monkeypatch: pytest.MonkeyPa
     # folders within the package are told as seen from the shipped families
     assert {entry["folder"] for entry in real.resolved()["families"].values()} == {"real-world"}
     asked: list[tuple[Path, Path]] = []
-    monkeypatch.setattr("vsconstraints.cli.evidence", lambda file, out, jobs: asked.append((file, out)))
+    monkeypatch.setattr("vsconstraints.cli.evidence", lambda file, out, **_: asked.append((file, out)))
     assert say("study", "real-world", "--out", "all").exit_code == 0
     assert asked == [(Path("real-world"), Path("all/real-world"))]
     refused = say("study", "real-wold")
