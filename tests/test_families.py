@@ -483,3 +483,13 @@ def test_tracking_alone_leaves_the_rows_that_are_named(name: str) -> None:
 @pytest.mark.parametrize("name", families())
 def test_most_attempts_are_worth_making(name: str) -> None:
     assert summarised(Family.load(name), 8).acceptance > 0.2
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "six-axis", "eye-to-hand"])
+def test_disturbed_cameras_are_mounted_a_little_elsewhere(name: str) -> None:
+    """By millimetres and milliradians, another way in every scene."""
+    scenes = [Family.load(name).scene(k) for k in (0, 1)]
+    drawn = [scene.scenario("disturbed").tables["disturbances"] for scene in scenes]
+    for key, most in (("mount_translation_error", 0.01), ("mount_rotation_error", 0.015)):
+        assert all(0.0 < max(map(abs, one[key])) < most for one in drawn)
+        assert drawn[0][key] != drawn[1][key]
