@@ -20,6 +20,8 @@ def test_what_is_missing_is_named_with_what_installs_it(monkeypatch: pytest.Monk
     monkeypatch.setattr(extras, "find_spec", lambda module: None if module in ("optuna", "pandas") else object())
     with pytest.raises(ConfigurationError, match=r"needs pandas, optuna: pip install 'vsconstraints\[tune\]'"):
         extras.demand("tune")
+    with pytest.raises(ConfigurationError, match=r"^a chart needs pandas, optuna: "):
+        extras.demand("tune", "a chart")
     with pytest.raises(ConfigurationError, match=r"unknown extra 'evidenc'\. Did you mean 'evidence'"):
         extras.demand("evidenc")
 

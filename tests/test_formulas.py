@@ -349,16 +349,16 @@ def test_distances_to_polylines_are_those_to_the_nearest_of_all_segments() -> No
 
 
 def test_chords_are_those_of_blocks_of_vertices() -> None:
-    """Of two lines with 30 and 26 vertices: blocks of 24, the second across both lines, the last of 8."""
+    """Of two lines with 30 and 25 vertices: blocks of 8, the fourth across both lines, the last of 7."""
     rng = np.random.default_rng(5)
-    lines = [rng.uniform(-9.0, 9.0, (30, 2)), rng.uniform(-9.0, 9.0, (26, 2))]
+    lines = [rng.uniform(-9.0, 9.0, (30, 2)), rng.uniform(-9.0, 9.0, (25, 2))]
     vertices, blocks, groups, spans, before, after, longest = polylines.prepared(lines)
     same(vertices, np.concatenate(lines))
     same(longest, max((np.diff(line, axis=0) ** 2).sum(axis=1).max() for line in lines) / 4.0)
-    assert before.tolist() == [0, *range(29), 30, *range(30, 55)]
-    assert after.tolist() == [*range(1, 30), 29, *range(31, 56), 55]
-    for chords, size in ((blocks, 24), (groups, 24**2), (spans, 24**3)):
-        assert len(chords) == -(-56 // size)
+    assert before.tolist() == [0, *range(29), 30, *range(30, 54)]
+    assert after.tolist() == [*range(1, 30), 29, *range(31, 55), 54]
+    for chords, size in ((blocks, 8), (groups, 8**2), (spans, 8**3)):
+        assert len(chords) == -(-55 // size)
         for i, chord in enumerate(chords):
             block = vertices[i * size : (i + 1) * size]
             first, last = block[0], block[-1]

@@ -24,7 +24,7 @@ from vsconstraints.images.settings import ImageSettings
 from vsconstraints.kinematics import RobotPoint
 from vsconstraints.limits import ActuatorLimits
 from vsconstraints.motion import Motion
-from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, build, cameras, constraint_types
+from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, build, cameras, constraint_types, goals
 from vsconstraints.scenarios.reading import parameters, placed
 from vsconstraints.simulation import Setup, Tolerances
 from vsconstraints.simulation.disturbances import Disturbances
@@ -47,7 +47,7 @@ TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
     "target.square": (build.Square,),
     "target.motion": (Motion, build.Turn),
     "task": (*FEATURES.values(), TrackingGains, VisualTask),
-    "task.goals": (build.GoalTable,),
+    "task.goals": (goals.GoalTable,),
     "task.goals.camera_pose": (Pose.from_xyz_rpy,),
     "tolerances": (Tolerances,),
     "limits": (ActuatorLimits,),

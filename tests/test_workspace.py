@@ -32,7 +32,7 @@ from vsconstraints.constraints import (
     link_points,
 )
 from vsconstraints.constraints.bodies import disabled_pairs, mesh
-from vsconstraints.constraints.link_points import surface, triangles
+from vsconstraints.constraints.surfaces import surface, triangles
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.geometry import Pose

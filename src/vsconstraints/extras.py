@@ -29,7 +29,7 @@ _TABLES = ("pandas", "pyarrow", "statsmodels", "scikit_posthocs")
 EXTRAS = {
     "evidence": Extra("evidence of drawn scenes", _TABLES),
     "tune": Extra("tuning of laws", (*_TABLES, "optuna", "moocore")),
-    "images": Extra("images in the loop", ("cv2", "pupil_apriltags")),
+    "images": Extra("control by images", ("cv2", "pupil_apriltags")),
     "pandas": Extra("tables as data frames", ("pandas",)),
     "notebooks": Extra("tables, and laws of a session in other processes", ("pandas", "cloudpickle")),
     "physics": Extra("the same arm in MuJoCo", ("mujoco",)),
@@ -40,10 +40,19 @@ EXTRAS = {
 """By their names in pyproject.toml."""
 
 
-def demand(name: str) -> None:
-    """Raise ConfigurationError that says what to install, unless all packages of an extra are there."""
+def demand(name: str, what: str = "") -> None:
+    """Raise ConfigurationError that says what to install, unless all packages of an extra are there.
+
+    Parameters
+    ----------
+    name
+        Of the extra.
+    what
+        What needs it here, where that is not what it is usually for.
+    """
     if name not in EXTRAS:
         raise unknown_name("extra", name, EXTRAS)
     missing = [module for module in EXTRAS[name].modules if find_spec(module) is None]
     if missing:
-        raise ConfigurationError(f"{EXTRAS[name].what} needs {', '.join(missing)}: pip install 'vsconstraints[{name}]'")
+        needs = f"{what or EXTRAS[name].what} needs {', '.join(missing)}"
+        raise ConfigurationError(f"{needs}: pip install 'vsconstraints[{name}]'")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -55,7 +55,21 @@ def frames(setup: Setup, run: Trajectory) -> Iterator[Frame]:
             yield Frame(number, t, image, detector.find(image))
 
 
-def write_frames(setup: Setup, run: Trajectory, path: Path) -> int:
+def kind_of(path: Path) -> str:
+    """How what is written there ends: in .gif or .mp4 as a film, or not at all as a folder.
+
+    Raises
+    ------
+    ConfigurationError
+        if it ends otherwise.
+    """
+    kind = path.suffix.lower()
+    if kind not in ("", *FILMS):
+        raise ConfigurationError(f"a film ends in {' or '.join(FILMS)}, and a folder in neither: not {path.name!r}")
+    return kind
+
+
+def write_frames(setup: Setup, run: Trajectory, path: Path, on_frame: Callable[[], None] = lambda: None) -> int:
     """Write the images of a run; returns how many there are.
 
     Parameters
@@ -64,7 +78,9 @@ def write_frames(setup: Setup, run: Trajectory, path: Path) -> int:
         Whose.
     path
         A film with the tags that are found, as large as the images (``.mp4``) or half as large (``.gif``), or a folder
-        of PNGs as the control has seen them.
+        of PNGs as the control has seen them; those of an earlier run are deleted there.
+    on_frame
+        Called after each image.
 
     Raises
     ------
@@ -75,18 +91,22 @@ def write_frames(setup: Setup, run: Trajectory, path: Path) -> int:
     """
     from PIL import Image
 
-    kind, settings = path.suffix.lower(), setup.photographer().settings
-    if kind not in ("", *FILMS):
-        raise ConfigurationError(f"a film ends in {' or '.join(FILMS)}, and a folder in neither: not {path.name!r}")
+    kind, settings = kind_of(path), setup.photographer().settings
     every = frames(setup, run)
     if not kind:
         path.mkdir(parents=True, exist_ok=True)
+        for old in path.glob("[0-9]" * 5 + ".png"):
+            old.unlink()
         count = 0
         for count, frame in enumerate(every, start=1):  # noqa: B007 - it is returned
             Image.fromarray(frame.image).save(path / f"{frame.number:05d}.png")
+            on_frame()
         return count
     own = {*settings.looked_for(len(setup.scene.markers))}
-    pictures = [marked(frame, own) for frame in every]
+    pictures = []
+    for frame in every:
+        pictures.append(marked(frame, own))
+        on_frame()
     path.parent.mkdir(parents=True, exist_ok=True)
     with replaced(path) as part:
         (_write_gif if kind == ".gif" else _write_mp4)(pictures, part, min(settings.rate_hz, 1.0 / setup.Ts))

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
+from .errors import unknown_name
 from .geometry import Pose, skew, vector
 from .rows import Array
 
@@ -112,3 +114,27 @@ class KinematicsEvaluator:
             point_drift[at] = np.asarray(acceleration.linear) + arms @ turning.T
         tip = Pose(np.array(placement.rotation), np.array(placement.translation))
         return Kinematics(q.copy(), qd.copy(), tip, J, drift, points, point_J, point_drift)
+
+
+def point_twist(
+    robot: Robot, q: ArrayLike, qd: ArrayLike, link: str, offset: Sequence[float], axes: str
+) -> tuple[Array, Array]:
+    """Jacobian (6, n) and J̇ q̇ (6,) of a point's twist: see :meth:`vsconstraints.robot.Robot.jacobian`."""
+    if axes not in ("base", "tip"):
+        raise unknown_name("axes", axes, ("base", "tip"))
+    q, qd = robot.configuration(q), robot.configuration(qd, "qd")
+    x, y, z = vector(offset, 3, "offset")
+    motion = robot.kinematics(q, qd, [RobotPoint(link, (x, y, z))])
+    model, data, frame, world = robot.model, robot._data, robot.frame_id(link), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    angular_J = np.array(pin.getFrameJacobian(model, data, frame, world)).reshape(6, -1)[3:]
+    angular_drift = np.array(pin.getFrameAcceleration(model, data, frame, world).angular)
+    J = np.concatenate((motion.point_J[0], angular_J))
+    drift = np.concatenate((motion.point_drift[0], angular_drift))
+    if axes == "base":
+        return J, drift
+    # the tip's axes turn with it: d/dt (Rᵀ a) = Rᵀ (ȧ − ω × a)
+    R = motion.tip.R
+    spin = skew(R @ (motion.J[3:] @ qd))
+    turning = drift - np.concatenate((spin @ (J[:3] @ qd), spin @ (J[3:] @ qd)))
+    to_tip = np.kron(np.eye(2), R.T)
+    return to_tip @ J, to_tip @ turning

@@ -31,8 +31,8 @@ class ActuatorLimits:
     jerk
         Of |q̈ − q̈_last| / T_s [rad/s³ or m/s³].
     effort
-        Of torques or forces [Nm or N]: kept as what the robot's file says; a kinematic model cannot tell what
-        accelerations they leave.
+        Of torques or forces [Nm or N]: of a URDF, the file's. An arm with mass saturates there; a kinematic model
+        cannot tell what accelerations they leave.
     ranges
         Whether the box also keeps every joint such that it can stop within its range, and keeps its speed. Rows of
         joint ranges and speeds have nothing left to do then.

@@ -54,7 +54,10 @@ def imported_class(name: str, base: Callable[..., Base], folder: Path | None = N
 
 @contextmanager
 def beside(*folders: Path | None) -> Iterator[None]:
-    """Modules in these folders can be imported meanwhile, where no other of their names is found first."""
+    """Modules in these folders can be imported meanwhile, where no other of their names is found first.
+
+    Own modules import their neighbours whenever they like, for which Python looks nowhere but in ``sys.path``.
+    """
     added = {str(folder.resolve()) for folder in folders if folder} - set(sys.path)
     sys.path += added
     try:
@@ -91,9 +94,13 @@ def _parts(name: str) -> tuple[str, str]:
 
 
 def _module_from(file: Path) -> ModuleType:
-    """Import a file under a name of its own, so that files of the same name in two folders stay apart."""
+    """Import a file under a name of its own, so that files of the same name in two folders stay apart.
+
+    The name has no dots, with which it would seem to be in a package: then nothing of it could be pickled, and the
+    compiler keeps formulas in its cache that way.
+    """
     path = file.resolve()
-    unique = f"vsconstraints own file {path}"
+    unique = f"vsconstraints own file {path}".replace(".", "%2E")
     if unique not in sys.modules:
         spec = importlib.util.spec_from_file_location(unique, path)
         if spec is None or spec.loader is None:

@@ -39,8 +39,11 @@ COMPILED = (".nbi", ".nbc")
 
 _own_packages: set[str] = set()
 _imported: Files = {}
+"""Packages of own parts, and files that they read while they were imported, which happens once in a process."""
+
 _notes: list[tuple[Files, set[str]]] = []
 _hooked = False
+"""What is being noted, and whether the audit hook is there: one serves the whole process, and none can be removed."""
 
 
 def digest(path: str | Path) -> str:

@@ -53,6 +53,6 @@ def enumerated(names: Iterable[object], most: int = 3) -> str:
     return ", ".join(texts) if left <= 0 else f"{', '.join(texts[:most])} and {left} more"
 
 
-def counted(count: int, what: str) -> str:
-    """``1 marker``, ``4 markers``."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
+def counted(count: int, one: str, several: str = "") -> str:
+    """``1 marker``, ``4 markers``, ``2 families``."""
+    return f"{count} {one if count == 1 else several or one + 's'}"

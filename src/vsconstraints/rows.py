@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InvalidInput, shown
+from .errors import InvalidInput
 from .formulas.limits import at_end
 from .readable import amount, counted, enumerated, in_one_line
 
@@ -195,28 +195,6 @@ class Command:
         return {self.labels[i]: float(self.slack[i]) for i in np.flatnonzero(self.slack > 0.0)}
 
 
-ROUNDING = 2.0**-53
-"""Largest relative error of one operation in floating point."""
-
-
-def beyond_rounding(rows: Rows, qdd: Array) -> str:
-    """Say which row cannot be told met from unmet at these accelerations, and how far outside it is; empty if none.
-
-    Rounding of L_gφ q̈ alone, ε‖L_gφ‖‖q̈‖, is then more than u⁺, which is what the row can demand.
-    """
-    largest = float(np.abs(qdd).max(initial=0.0))
-    size = largest * float(np.linalg.norm(qdd / largest)) if largest > 0.0 else 0.0
-    with np.errstate(over="ignore", invalid="ignore"):
-        lost = ROUNDING * np.linalg.norm(rows.Lg, axis=1) * size > rows.switching_gain
-    if not lost.any():
-        return ""
-    names = ", ".join(rows.labels[i] for i in np.flatnonzero(lost))
-    return (
-        f"accelerations of {size:.1e} are beyond what rows can be checked at: rounding exceeds the gain of {names} "
-        f"(φ up to {rows.phi[lost].max():.1e})"
-    )
-
-
 GIVEN = ("phi", "Lg", "Lf", "switching_gain", "scale")
 """What rows say, m of each."""
 
@@ -237,68 +215,3 @@ def keep_box(rows: Rows, command: Command) -> None:
     if len(rows.qdd_max) and command.status != "failed":
         command.qdd = in_box(rows, command.qdd)
         command.saturated = at_end(command.qdd, rows.qdd_min, rows.qdd_max)
-
-
-def check(rows: Rows, task: Task) -> None:
-    """Raise InvalidInput unless shapes agree and every number is finite; names the row or entry at fault."""
-    if not (isinstance(rows, Rows) and isinstance(task, Task)):
-        raise InvalidInput(f"a law needs Rows and a Task, not {shown(rows)} and {shown(task)}")
-    if not (isinstance(rows.labels, tuple) and all(isinstance(label, str) for label in rows.labels)):
-        raise InvalidInput(f"rows.labels must be a tuple of names, not {shown(rows.labels)}")
-    for name, array in (
-        ("task.J", task.J),
-        ("task.b", task.b),
-        *((f"rows.{name}", getattr(rows, name)) for name in (*GIVEN, *OPTIONAL, *BOX)),
-        ("task.error", task.error),
-        ("task.error_rate", task.error_rate),
-    ):
-        if not (type(array) in ARRAYS and array.dtype == np.float64):
-            raise InvalidInput(f"{name} must be an array of floats, not {shown(array)}")
-    if task.J.ndim != 2 or task.b.shape != task.J.shape[:1]:
-        raise InvalidInput(
-            f"task.J must be (k, n) and task.b (k,): they have the shapes {task.J.shape} and {task.b.shape}"
-        )
-    m, n = len(rows.labels), task.J.shape[1]
-    if n == 0:
-        raise InvalidInput("task.J has no column: there is no joint to command")
-    for name, array, shape in (
-        ("phi", rows.phi, (m,)),
-        ("Lg", rows.Lg, (m, n)),
-        ("Lf", rows.Lf, (m,)),
-        ("switching_gain", rows.switching_gain, (m,)),
-        ("scale", rows.scale, (m,)),
-        *((name, getattr(rows, name), (m,)) for name in OPTIONAL if getattr(rows, name).shape != (0,)),
-    ):
-        if array.shape != shape:
-            raise InvalidInput(
-                f"rows.{name} has the shape {array.shape}; with {m} labels and {n} joints it must be {shape}"
-            )
-        if not np.isfinite(array).all():
-            at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
-            raise InvalidInput(f"rows.{name} is not finite for {', '.join(rows.labels[i] for i in at)}")
-    if len(rows.qdd_min) or len(rows.qdd_max):
-        _check_box(rows, n)
-    k = len(task.b)
-    for name, array in (("error", task.error), ("error_rate", task.error_rate)):
-        if array.shape not in ((0,), (k,)):
-            raise InvalidInput(f"task.{name} has the shape {array.shape}; with {k} features it must be {(k,)}")
-    for name, array in (("J", task.J), ("b", task.b), ("error", task.error), ("error_rate", task.error_rate)):
-        if not np.isfinite(array).all():
-            at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
-            raise InvalidInput(f"task.{name} is not finite in row {', '.join(map(str, at))}")
-    if (rows.switching_gain <= 0.0).any() or (rows.scale <= 0.0).any():
-        at = np.flatnonzero((rows.switching_gain <= 0.0) | (rows.scale <= 0.0))
-        raise InvalidInput(f"switching gain and scale must be positive: {', '.join(rows.labels[i] for i in at)} is not")
-
-
-def _check_box(rows: Rows, n: int) -> None:
-    low, high = rows.qdd_min, rows.qdd_max
-    if low.shape != (n,) or high.shape != (n,):
-        raise InvalidInput(
-            f"rows.qdd_min and rows.qdd_max must both be {(n,)}, or neither be given: they have the shapes {low.shape} "
-            f"and {high.shape}"
-        )
-    at = np.flatnonzero(~((low <= high) & (low < np.inf) & (high > -np.inf)))
-    if len(at):
-        boxes = "; ".join(f"joint {j + 1}: [{low[j]:g}, {high[j]:g}]" for j in at)
-        raise InvalidInput(f"rows.qdd_min and rows.qdd_max leave no acceleration: {boxes}")

@@ -16,8 +16,6 @@ from .forbidden_region import ForbiddenRegion
 class ForbiddenBox(ForbiddenRegion):
     """Robot points stay out of a box, also a turned one.
 
-    Margin − d(p) ≤ 0 for a box, also a turned one.
-
     Inside, where several faces are equally near, the way out is along the first of the box's axes; at the centre
     towards + of the shortest one.
 
@@ -29,14 +27,8 @@ class ForbiddenBox(ForbiddenRegion):
         (3,) lengths of its edges [m].
     rpy
         (3,) roll, pitch, yaw of its axes in the base frame [rad].
-    K, switching_gain
-        Approach time constant [s] and u⁺ [m/s].
-    margin
-        Safety margin [m].
-    points
-        Points that must stay out; the tip if not given.
-    name
-        Name of the obstacle, for labels when there are several.
+    K, switching_gain, margin, points, name
+        As of every :class:`.ForbiddenRegion`.
     """
 
     kind = "box"

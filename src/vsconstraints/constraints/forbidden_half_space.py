@@ -27,16 +27,10 @@ class ForbiddenHalfSpace(ForbiddenRegion):
         (3,) a, a point of the plane, in the base frame [m].
     normal
         (3,) n, out of the forbidden side; of any length.
-    K, switching_gain
-        Approach time constant [s] and u⁺ [m/s].
-    margin
-        Safety margin [m].
     length
         Characteristic length [m]: a half-space has no size of its own.
-    points
-        Points that must stay out; the tip if not given.
-    name
-        Name of the obstacle, for labels when there are several.
+    K, switching_gain, margin, points, name
+        As of every :class:`.ForbiddenRegion`.
     """
 
     kind = "half-space"

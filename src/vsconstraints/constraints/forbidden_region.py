@@ -38,7 +38,7 @@ class ForbiddenRegion(PointConstraint):
     margin
         Safety margin [m].
     points
-        Points that must stay out.
+        Points that must stay out; the tip if not given.
     name
         Name of the obstacle, for labels when there are several.
     """
@@ -50,9 +50,9 @@ class ForbiddenRegion(PointConstraint):
         length: float,
         K: float,
         switching_gain: float,
-        margin: float,
-        points: Sequence[RobotPoint],
-        name: str,
+        margin: float = 0.0,
+        points: Sequence[RobotPoint] = (RobotPoint(),),
+        name: str = "",
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain, length=length, points=points, name=name)
         self.pose, self.margin = pose, demand_margin(margin, f"a {self.kind}")
@@ -78,14 +78,8 @@ class RegionAroundAxis(ForbiddenRegion):
         (3,) ends of the axis in the base frame [m].
     radius
         [m].
-    K, switching_gain
-        Approach time constant [s] and u⁺ [m/s].
-    margin
-        Safety margin [m].
-    points
-        Points that must stay out; the tip if not given.
-    name
-        Name of the obstacle, for labels when there are several.
+    K, switching_gain, margin, points, name
+        As of every :class:`.ForbiddenRegion`.
     """
 
     def __init__(

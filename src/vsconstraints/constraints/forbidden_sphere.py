@@ -29,14 +29,8 @@ class ForbiddenSphere(ForbiddenRegion):
         (3,) c in the base frame [m].
     radius
         r [m].
-    K, switching_gain
-        Approach time constant [s] and u⁺ [m/s].
-    margin
-        Safety margin [m].
-    points
-        Points that must stay out; the tip if not given.
-    name
-        Name of the obstacle, for labels when there are several.
+    K, switching_gain, margin, points, name
+        As of every :class:`.ForbiddenRegion`.
     """
 
     kind = "sphere"

@@ -1,4 +1,8 @@
-"""The arm stays away from singular configurations: section 4.3.6."""
+"""The arm stays away from singular configurations: section 4.3.6.
+
+Singular values are LAPACK's; :mod:`vsconstraints.kernels.manipulability_rows`, where it cannot be called, finds them by
+rotations. ``test_arms_of_every_shape`` in ``tests/test_compiled_manipulability.py`` holds the pair together.
+"""
 
 from __future__ import annotations
 

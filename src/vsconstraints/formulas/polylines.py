@@ -10,7 +10,7 @@ import numpy as np
 from ..rows import Array, IntArray
 from . import formula
 
-BLOCK = 24
+BLOCK = 8
 """Vertices that are looked at together, blocks of them, and groups of those likewise."""
 
 SLACK = 1.0 + 1e-9

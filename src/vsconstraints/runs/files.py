@@ -11,6 +11,19 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import StorageError
+
+
+@contextmanager
+def storing(what: str, folder: Path) -> Iterator[None]:
+    """Raise what the system raises meanwhile as an error that says what stays."""
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(
+            f"{what} cannot be stored in {folder}: {error}; what is there stays, and the same command goes on"
+        ) from error
+
 
 @contextmanager
 def replaced(path: Path) -> Iterator[Path]:
@@ -22,6 +35,18 @@ def replaced(path: Path) -> Iterator[Path]:
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+def write_json(path: Path, data: object) -> None:
+    """Write data as JSON, whole or not at all; raises OSError."""
+    text = json.dumps(data, indent=1, ensure_ascii=False, default=str) + "\n"
+    with replaced(path) as part:
+        part.write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+def plain(data: object) -> Any:
+    """Data as it comes back from JSON."""
+    return json.loads(json.dumps(data, default=str))
 
 
 def write_arrays(path: Path, values: Mapping[str, Any], *, compressed: bool = True) -> None:

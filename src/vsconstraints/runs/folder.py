@@ -21,6 +21,7 @@ LOCK = ".vsconstraints-lock"
 """File that names the process that holds the folder. It stays, and says that what is there are results."""
 
 _held: set[Path] = set()
+"""Folders that this process holds: locks are a process' own, and a second one of the same file would refuse itself."""
 
 
 @contextmanager

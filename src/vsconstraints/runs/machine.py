@@ -6,9 +6,14 @@ import hashlib
 import os
 import platform
 import subprocess
+from collections.abc import Sequence
+from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
+
+from .. import __version__
 
 PACKAGES = (
     "numpy",
@@ -57,6 +62,19 @@ def package_versions() -> dict[str, str]:
         except PackageNotFoundError:
             versions[name] = "not installed"
     return versions
+
+
+def made_by(command: Sequence[str]) -> dict[str, Any]:
+    """What a manifest says of how results are made, by a command as it was typed, now."""
+    return {
+        "version": __version__,
+        "git_commit": git_commit(),
+        "code": code_hash()[:16],
+        "command": list(command),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "machine": machine(),
+        "packages": package_versions(),
+    }
 
 
 def git_commit() -> str:

@@ -263,7 +263,10 @@ class _Worker:
 
 @contextmanager
 def _single_threaded() -> Iterator[None]:
-    """A process that is started meanwhile finds :data:`THREAD_VARIABLES` set; for this one nothing is changed."""
+    """A process that is started meanwhile finds :data:`THREAD_VARIABLES` set; for this one nothing is changed.
+
+    Libraries read them when they are loaded, and a process that is spawned gets no other environment than this one's.
+    """
     missing = [variable for variable in THREAD_VARIABLES if variable not in os.environ]
     os.environ.update(dict.fromkeys(missing, "1"))
     try:

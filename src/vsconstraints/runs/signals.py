@@ -47,7 +47,7 @@ def exit_code(number: int) -> int:
 
 
 class _Held:
-    """Signals that are held: how often, and which one waits (0 if none)."""
+    """Signals of this process that are held: how often, and which one waits (0 if none)."""
 
     depth = 0
     waiting = 0

@@ -119,7 +119,9 @@ def demand_known(table: Table, known: Iterable[str], where: str) -> None:
 def chosen(table: Table, key: str, candidates: Mapping[str, Any], where: str, others: Sequence[str] = ()) -> Any:
     """Take a key out of a table whose value names one of some candidates, and return that one."""
     if key not in table:
-        raise ConfigurationError(f"{where}: the key {key!r} is missing")
+        raise ConfigurationError(
+            f"{where}: the key {key!r} is missing; it is one of {', '.join((*candidates, *others))}"
+        )
     name = checked(table.pop(key), str, where, key)
     if name not in candidates:
         raise unknown_name(f"{key} in {where}", name, [*candidates, *others])

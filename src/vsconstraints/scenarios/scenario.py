@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ConfigurationError, described, shown, unknown_name
+from ..errors import ConfigurationError, described, shown
 from ..meshes import mesh_files, mesh_folders
 from ..plugins import IN_SESSION, beside, module_files
 from ..simulation import Setup
 from .build import build
 from .cameras import not_said_again
-from .toml import in_todays_words, override, read_toml
+from .toml import file_named, in_todays_words, override, read_toml
 
 SHIPPED = Path(__file__).parent
 """Folder of the scenarios that come with the package."""
@@ -136,7 +136,15 @@ class Scenario:
 
         Trial 0 starts at the file's q0; every other trial deviates from it by up to ``start_deviation`` [rad or m]
         in each joint, drawn from the seed and the trial's number and so the same for every controller.
+
+        Raises
+        ------
+        VsconstraintsError
+            if it cannot be built, or trial or seed is no whole number from 0 on.
         """
+        for what, number in (("trial", trial), ("seed", seed)):
+            if number < 0 or number % 1:
+                raise ConfigurationError(f"{self.name}: a {what} is a whole number from 0 on, not {number}")
         deviation = np.random.default_rng([seed, trial]) if trial > 0 else None
         try:
             with beside(self.folder), np.errstate(over="raise", divide="raise", invalid="raise"):
@@ -155,11 +163,7 @@ def _from_base(key: str, value: object, base: Path) -> object:
 
 
 def _file(name: str, base: Path | None) -> Path:
-    if name.endswith(".toml"):
-        return (base or Path()) / name
-    if name not in shipped_scenarios():
-        raise unknown_name("scenario", name, [*shipped_scenarios(), "a path ending in .toml"])
-    return SHIPPED / f"{name}.toml"
+    return file_named("scenario", name, SHIPPED, shipped_scenarios(), base)
 
 
 def _tables(path: Path) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tomllib
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,9 @@ PLACES = ("mount", "fixed", "camera_in_tip", "tip_in_camera", "camera_in_base", 
 
 OPTIONAL = ("disturbances", "tolerances", "motion", "distortion", "plant", "sensor", "payload", "friction", *PLACES)
 """Tables that need not be in a file, and are made when a key in them is overridden."""
+
+BY_TYPE = ("sensor",)
+"""Tables for which their ``type`` alone may stand."""
 
 DEEPEST = 30
 """Levels of tables and lists in each other that a file may have."""
@@ -32,6 +36,18 @@ def read_toml(path: Path) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"cannot read {os.fspath(path)}: {error}") from error
     return parse_toml(text, os.fspath(path))
+
+
+def file_named(what: str, name: str, shipped: Path, names: Sequence[str], base: Path | None) -> Path:
+    """The file of one of these names in the folder ``shipped``, or a path as it is seen from ``base``.
+
+    Raises ConfigurationError that says ``what`` is not known, with the names.
+    """
+    if name.endswith(".toml"):
+        return (base or Path()) / name
+    if name not in names:
+        raise unknown_name(what, name, [*names, "a path ending in .toml"])
+    return shipped / f"{name}.toml"
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
@@ -79,8 +95,8 @@ def todays_word(key: str, where: str) -> str:
 def override(table: dict[str, Any], key: str, value: object, where: str) -> None:
     """Set a dotted key such as ``task.Kp0`` or ``constraints.0.K`` in nested tables, in place.
 
-    A table on the way must exist, or be one of :data:`OPTIONAL`; whether the last key is known is decided by whoever
-    reads the table.
+    A table on the way must exist, or be one of :data:`OPTIONAL`; where its type alone stands for it, it becomes one.
+    Whether the last key is known is decided by whoever reads the table.
     """
     at: Any = table
     *way, last = key.split(".")
@@ -102,4 +118,6 @@ def _child(at: Any, name: str, where: str) -> Any:
         return at[int(name)]
     if not isinstance(at, dict) or (name not in at and name not in OPTIONAL):
         raise unknown_name(f"table in {where}", name, at if isinstance(at, dict) else [])
+    if name in BY_TYPE and isinstance(at.get(name), str):
+        at[name] = {"type": at[name]}
     return at.setdefault(name, {})

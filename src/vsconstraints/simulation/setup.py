@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..constraints import ConstraintSet, ImageConstraint, Occlusion, Trace
+from ..constraints import ConstraintSet, Trace
 from ..control_step import ControlStep
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
 from ..features import CameraPose
@@ -23,11 +23,11 @@ from .disturbances import Disturbances
 from .dynamics import ArmDynamics, DynamicPlant
 from .dynamics.plant import Start
 from .gradient_error import GradientError
-from .line_of_sight import LinesOfSight
 from .photographer import Photographer
 from .plant import Actuation, Plant
 from .seeing import ImageSensor
 from .sensing import Sensor
+from .start import remarks_at_start
 
 MOST_MEMORY = 2e9
 """What a run may take of memory, in which it is kept whole [bytes]."""
@@ -184,8 +184,7 @@ class Setup:
         """What takes the images that the control sees; raises ConfigurationError where it sees none."""
         if self.images is None:
             raise ConfigurationError('there are no images without sensor = "images"')
-        occlusions = [one for one in self.constraints.constraints if isinstance(one, Occlusion)]
-        return Photographer(self.scene, self.images, occlusions, self.q0, self.disturbances.seed)
+        return Photographer(self.scene, self.images, self.constraints.constraints, self.q0, self.disturbances.seed)
 
     def gradient_error(self) -> GradientError:
         """What spoils the rows' gradients."""
@@ -245,59 +244,10 @@ class Setup:
             raise ConfigurationError(f"{robot.name} starts outside its ranges: {'; '.join(outside)}")
         try:
             with np.errstate(over="raise", divide="raise", invalid="raise"):
-                return self._remarks()
+                return remarks_at_start(self)
         except SceneError as error:
             raise ConfigurationError(f"at the start, {error}") from error
         except VsconstraintsError:
             raise
         except Exception as error:  # own constraints may raise anything, and numbers may leave the range of floats
             raise ConfigurationError(f"the start cannot be evaluated: {described(error)}") from error
-
-    def _remarks(self) -> list[str]:
-        camera = self.scene.camera
-        state = self.scene.evaluate(0.0, self.q0, self.qd0)
-        pixels = state.pixels.position
-        unseen = [
-            f"marker {i + 1} at ({u:.0f}, {v:.0f}) px" for i, (u, v) in enumerate(pixels) if not camera.sees(pixels[i])
-        ]
-        if unseen:
-            raise ConfigurationError(
-                f"at the start, outside the image of {camera.size[0]:g} × {camera.size[1]:g} px: {', '.join(unseen)} "
-                "from its centre"
-            )
-        remarks = self._check_sight()
-        rows, sigma = self.constraints.rows(state)
-        first = 0
-        for constraint, count, _ in self.constraints.blocks():
-            own = slice(first, first := first + count)
-            refusal = constraint.refusal(sigma[own], rows.labels[own])
-            if refusal:
-                raise ConfigurationError(refusal)
-        violated = [
-            f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in np.flatnonzero(sigma > 0.0)
-        ]
-        return remarks + violated + self._forbidden_goals()
-
-    def _check_sight(self) -> list[str]:
-        try:
-            lines = LinesOfSight(self.scene)
-        except ConfigurationError as error:
-            return [f"lines of sight are not checked: {error}"]
-        hidden = [f"marker {number} by {link}" for number, link in lines.hidden(self.q0, 0.0)]
-        if hidden and self.on_hidden_markers == "refuse":
-            raise ConfigurationError(
-                f"at the start the robot itself hides markers from the camera: {', '.join(hidden)}; "
-                'on_hidden_markers = "continue" runs it all the same'
-            )
-        return [f"at the start the robot itself hides markers: {', '.join(hidden)}"] if hidden else []
-
-    def _forbidden_goals(self) -> list[str]:
-        remarks = []
-        for number, goal in enumerate(self.task.goals, start=1):
-            for constraint in self.constraints.constraints:
-                # what moves may be elsewhere by then
-                if isinstance(constraint, ImageConstraint) and constraint.motion is None:
-                    forbidden = constraint.sigma(constraint.of_markers(goal.pixels)) > 0.0
-                    labels = constraint.labels(self.scene)
-                    remarks += [f"goal {number} is forbidden by {labels[i]}" for i in np.flatnonzero(forbidden)]
-        return remarks
