@@ -1,10 +1,14 @@
 """Own formulas that do not fit together are refused, not silently given another one's rows."""
 
+import pickle
+
 import numpy as np
 import pytest
 
 from vsconstraints.constraints import Circle, Curve, ForbiddenSphere, ImageConstraint
+from vsconstraints.controllers import Controller
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.plugins import imported_class
 
 
 def half(u, v, r):
@@ -51,3 +55,35 @@ def test_a_formula_with_the_curvature_of_another_is_refused():
 def test_methods_that_nothing_asks_for_are_refused(make, says):
     with pytest.raises(ConfigurationError, match=says):
         make()
+
+
+OWN_LAW = """
+from dataclasses import dataclass
+
+from vsconstraints.controllers import Demand, Filter, Law
+
+
+@dataclass(frozen=True)
+class Half(Demand):
+    share: float = 0.5
+    name, uses = "half", ()
+
+    def formula(row, share):
+        return -share * row.switching_gain
+
+
+class HalfFilter(Law):
+    name = "half-filter"
+
+    def __init__(self):
+        super().__init__(Half(), Filter())
+"""
+
+
+def test_formulas_of_a_file_that_a_suite_names_can_be_kept_by_the_compiler(tmp_path):
+    """It pickles them: what cannot be pickled would run in NumPy, with a warning."""
+    (tmp_path / "version 1.2").mkdir()
+    (tmp_path / "version 1.2" / "mine.py").write_text(OWN_LAW)
+    law = imported_class("mine:HalfFilter", Controller, tmp_path / "version 1.2")()
+    formula = type(law.demand).formula
+    assert pickle.loads(pickle.dumps(formula)) is formula

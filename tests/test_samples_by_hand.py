@@ -135,7 +135,7 @@ def loop(by_pose: bool) -> Loop:
         clock=np.zeros(2, dtype=np.int64),
         rows=rows((0.0, 0.0)),
         task=TaskArrays(NONE, NONE, np.zeros(1), NONE),
-        answer=Answer(np.zeros(2), flags[0], NONE, np.zeros(1, dtype=np.int64)),
+        answer=Answer(np.zeros(2), flags[0], NONE, np.zeros(1, dtype=np.int64), NONE),
         alone=np.array([1.0, 1.0]),
         true=rows((0.25, -0.5), (0.125, -0.25), ((1.0, 0.0), (0.0, 0.0))),
         pixels=np.zeros((1, 2)),

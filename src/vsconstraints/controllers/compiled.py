@@ -105,6 +105,7 @@ def compiled_law(law: Law, labels: tuple[str, ...]) -> CompiledLaw | None:
         law.memory,
         law.last_rates,
         np.empty(len(labels)),
+        np.empty(len(labels)),
         np.empty_like(law.memory),
         np.empty(len(labels)),
         np.full(1, math.nan),
@@ -153,11 +154,11 @@ class BoundLaw:
         self.slack = np.empty(len(made.labels)) if made.measures else NO_SLACK
         self.count: IntArray = np.zeros(1, COUNT)
         structures = load("structures")
-        answer = structures.Answer(qdd, acted, self.slack, self.count)
-        self._frozen = structures.frozen(answer)
+        outputs = qdd, acted, self.slack, self.count
+        self._frozen = structures.frozen(structures.Answer(*outputs, NO_SLACK))
         self.answer = int(self._frozen.ctypes.data)
         function, *arguments = made.call(rows, task)
-        self._function = partial(entry(function), *arguments, *answer)
+        self._function = partial(entry(function), *arguments, *outputs)
         self.solve: Callable[[], int] = self._solve if made.measures else self._function
 
     def _solve(self) -> int:

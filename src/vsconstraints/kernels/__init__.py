@@ -26,8 +26,10 @@ from typing import Any
 VARIABLE = "VSCONSTRAINTS_COMPILE"
 """Environment variable; 0 turns compilation off, and with ``alone`` no second process helps with the first one."""
 
-MODULES = ("laws", "task_priority", "hierarchical_qp", "packing", "step", "polylines", "closed_loop")
+MODULES = ("laws", "step", "task_priority", "closed_loop", "packing", "polylines", "hierarchical_qp")
 """Modules whose functions are called from Python, of which any simulation may need each.
+
+A process that compiles them begins with the first ones, and one that helps it with the last, which takes longest.
 
 Rows of constraints are compiled where a scene has such constraints; of several processes that need the same, the first
 compiles them and the others wait for it.
@@ -37,8 +39,10 @@ COMPLAINT = "vsconstraints runs in its NumPy form"
 """How the warning begins that says why nothing is compiled; processes that another one starts do not repeat it."""
 
 _told = False
+"""Whether this process has said that it has no compiler: once is enough, whoever asks."""
 
 _loaded: dict[str, Any] = {}
+"""Modules by their names, None for those that cannot be had: like ``sys.modules``, for as long as the process lives."""
 
 
 def load(name: str) -> Any:

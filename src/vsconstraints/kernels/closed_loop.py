@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
@@ -41,7 +42,7 @@ def _example() -> Loop:
     scores = Running(one, one, *(counts,) * 6, one, one, one, counts, counts, counts, one, flag, one)
     limits = JointLimits(*(one,) * 5, 0, 1.0)
     goals, plant = Goals(one, three, three, two, one, flag), PlantArrays(two, two, two, two, limits, one)
-    answer, seen = Answer(one, flag, one, counts), (two, two, two, one)
+    answer, seen = Answer(one, flag, one, counts, one), (two, two, two, one)
     return Loop(counts, one, counts, rows, task, answer, one, rows, *seen, goals, plant, kept, scores)
 
 
@@ -58,7 +59,9 @@ _MONOTONIC = time.CLOCK_MONOTONIC
 
 @in_place
 def now(clock: IntArray) -> float:
-    """Time of a clock that only goes forward [s]; ``clock`` (2,) is scratch."""
+    """Time of a clock that only goes forward [s], or 0 where nobody asks; ``clock`` (2,) or (0,) is scratch."""
+    if clock.size == 0:
+        return 0.0
     _clock_gettime(_MONOTONIC, clock.ctypes.data)
     seconds: float = clock[0] + 1e-9 * clock[1]
     return seconds
@@ -67,8 +70,7 @@ def now(clock: IntArray) -> float:
 @in_place
 def answered(law_address: int, loop: Loop, answer: Answer) -> bool:
     """Ask a law for the command; False if Python has to be asked."""
-    law = thaw_law(law_address)
-    code = carry_out(law, loop.rows, loop.task, answer)
+    code = carry_out(law_address, loop.rows, loop.task, answer)
     return code == DONE or code >= RELAXED_ROWS
 
 
@@ -99,12 +101,14 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
             kept.rows_time[at] = now(loop.clock) - started
             stage = LAW
         if stage == LAW:
+            loop.alone[0] = math.nan
             started = now(loop.clock)
             if law == 0 or not answered(law, loop, loop.answer):
                 return k, LAW
             kept.step_time[at] = now(loop.clock) - started
             stage = ALONE
-        if stage == ALONE:
+        # unless the law has found it on its way
+        if stage == ALONE and math.isnan(loop.alone[0]):
             tracking = thaw_law(alone)
             ask(tracking.track, (tracking.scratch, loop.task.J, loop.task.b, tracking.options[0], loop.alone))
         samples.finish(loop, k)

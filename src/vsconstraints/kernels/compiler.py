@@ -21,6 +21,7 @@ import numpy as np
 
 from ..formulas import FORMULAS
 from . import VARIABLE
+from .embedded import Part
 
 numba = import_module("numba")  # not typed
 
@@ -41,24 +42,9 @@ IN_PLACE = {**OPTIONS, "_nrt": False}
 """For functions that make no arrays: counting references to every view of one takes as long as computing."""
 
 
-class Part(import_module("numba.core.compiler").Compiler):  # type: ignore[misc]
-    """Compiles what is a part of other compiled functions, which optimise it together with all that is around it.
-
-    Numba would do so for each of its parts first, which takes a fifth of all its time and changes no result.
-    """
-
-    def define_pipelines(self) -> Any:
-        """As ever, but for a library that is left as it is."""
-        state = self.state
-        state.library = state.targetctx.codegen().create_library(state.func_id.func_qualname)
-        # where numba calls it otherwise, it is optimised
-        state.library._optimize_final_module = lambda: None
-        return super().define_pipelines()
-
-
 def part_of_others(function: F, options: dict[str, Any] = OPTIONS) -> F:
     """Let compiled functions call this one, which stays as it is in Python."""
-    known: F = numba.extending.register_jitable(**options, pipeline_class=Part)(function)
+    known: F = numba.extending.register_jitable(**options, no_cfunc_wrapper=True, pipeline_class=Part)(function)
     return known
 
 
@@ -104,11 +90,15 @@ def in_place(function: F) -> F:
 
 
 def compiled(
-    signature: Any, options: dict[str, Any] = OPTIONS, formulas: Sequence[Callable[..., Any]] = ()
+    signature: Any,
+    options: dict[str, Any] = OPTIONS,
+    formulas: Sequence[Callable[..., Any]] = (),
+    from_python: bool = True,
 ) -> Callable[[F], F]:
     """Compile for this signature, and keep the result on disk; ``options`` are :data:`OPTIONS` or :data:`IN_PLACE`.
 
-    The function may call ``formulas`` beside the marked ones. Arguments of other types raise TypeError.
+    The function may call ``formulas`` beside the marked ones. Arguments of other types raise TypeError. What is only
+    called by its address, not ``from_python``, compiles faster: whole structures take long to be taken apart.
     """
 
     def decorate(function: F) -> F:
@@ -117,7 +107,9 @@ def compiled(
         with _writable(_cache(function, formulas)) as folder:
             numba.config.CACHE_DIR = str(folder)
             try:
-                jit = numba.njit(signature, cache=True, no_cfunc_wrapper=True, **options)
+                jit = numba.njit(
+                    signature, cache=True, no_cfunc_wrapper=True, no_cpython_wrapper=not from_python, **options
+                )
                 with _alone(folder):
                     try:
                         result: F = _compile_or_read(jit, function)
@@ -226,7 +218,7 @@ def _sources() -> list[Path]:
         "qp/least_violation.py",
         "qp/lexicographic.py",
         "pose_estimate.py",
-        "rows.py",
+        "row_checks.py",
         "scene.py",
     )
     folders = (package / "kernels", package / "formulas")
@@ -237,6 +229,7 @@ def _sources() -> list[Path]:
 
 
 _announced = False
+"""Whether this process has said that it compiles."""
 
 _helpers: list[subprocess.Popen[bytes]] = []
 """Kept, since the end of a process that nobody holds is complained about."""
@@ -269,7 +262,8 @@ def _share(module: str) -> None:
     package = __name__.rpartition(".")[0]
     code = (
         f"from {package.rpartition('.')[0]}.runs.worker import end_with\nend_with({os.getpid()})\n"
-        f"from {package} import MODULES, load\nfor name in MODULES:\n    if name != {module!r}:\n        load(name)"
+        f"from {package} import MODULES, load\n"
+        f"for name in reversed(MODULES):\n    if name != {module!r}:\n        load(name)"
     )
     nowhere = subprocess.DEVNULL
     path = os.pathsep.join(filter(None, sys.path))

@@ -2,7 +2,8 @@
 
 All is expressed in the base frame, twists and momenta at its origin. So momenta of bodies are summed as they are: those
 of the bodies behind a joint, projected on its axis, give the bias (recursive Newton–Euler), and the inertia where the
-joint alone moves them (composite rigid bodies). Pinocchio's ``crba`` and ``nonLinearEffects`` give the same:
+joint alone moves them (composite rigid bodies). Pinocchio's ``crba`` and ``nonLinearEffects``, which only Python can
+call (:mod:`vsconstraints.simulation.dynamics.engine`), give the same:
 ``test_inertia_and_bias_are_pinocchios`` in ``tests/test_dynamics.py``.
 """
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from ..rows import Array
 from .compiler import IN_PLACE, compiled
 from .laws import carry_out, thaw_answer
-from .laws import thaw as thaw_law
 from .step import evaluate_step
 from .structures import ASK
 from .thawed import thaw
@@ -22,9 +21,8 @@ def command(step: int, law: int, answer: int, t: float, q: Array, qd: Array) -> 
     """
     if evaluate_step(step, t, q, qd):
         return REFUSED
-    now, arrays = thaw(step), thaw_law(law)
-    given = thaw_answer(answer)
-    code: int = carry_out(arrays, now.rows, now.task, given)
+    now, given = thaw(step), thaw_answer(answer)
+    code: int = carry_out(law, now.rows, now.task, given)
     if code != ASK:
         for j in range(len(now.limits.acceleration)):
             now.last_command[j] = given.qdd[j]

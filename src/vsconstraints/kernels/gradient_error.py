@@ -8,7 +8,7 @@ from .parts import address
 from .thawed import thaw
 
 
-@compiled("void(int64, int64)", IN_PLACE)
+@compiled("void(int64, int64)", IN_PLACE, from_python=False)
 def spoil(step_address: int, in_phi: int) -> None:
     """Put ∇σ_e in place of ∇σ in the rows of a step: in L_gφ, and in φ and L_fφ if so."""
     step = thaw(step_address)

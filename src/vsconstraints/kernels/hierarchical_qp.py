@@ -11,13 +11,13 @@ from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import Array
 from .compiler import compiled, in_place
 from .hierarchy import Demands, Priorities, Resolved, hierarchy
-from .laws import RESOLVER, within
+from .laws import RESOLVER, thaw, within
 from .least_violation import GREATEST, LEAST
-from .linear import START, dot, finite
+from .linear import finite
 from .parts import ask
-from .scratch import matrix
+from .resolving import checkable, follow_alone, rates, remember, valid
+from .scratch import emptied, matrix
 from .structures import ASK, FAILED, NEAREST, SCALED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
-from .task_priority import checkable, rates, remember, valid
 
 
 @in_place
@@ -27,7 +27,7 @@ def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float
     for j in range(qdd.size):
         kappa = min(kappa, share(box[GREATEST, j], qdd[j]), share(-box[LEAST, j], -qdd[j]))
     for i in range(rows.phi.size):
-        influenced = math.sqrt(dot(rows.Lg, i, rows.Lg, i, START, qdd.size)) > ZERO_GRADIENT * rows.scale[i]
+        influenced = math.sqrt(law.squared[i]) > ZERO_GRADIENT * rows.scale[i]
         law.tracked[i] = share(law.asked[i], law.tracked[i]) if influenced else 1.0
         kappa = min(kappa, law.tracked[i])
     for j in range(qdd.size):
@@ -35,8 +35,8 @@ def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float
     return kappa
 
 
-@compiled(RESOLVER)
-def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+@compiled(RESOLVER, from_python=False)
+def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.resolvers.Hierarchy`, ``Filter`` and ``Governor``.
 
     Their options are the rank tolerance, half the width of their own box or infinity, the damping, and ``STRICT`` for
@@ -47,19 +47,19 @@ def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -
     int
         The code of :func:`vsconstraints.kernels.hierarchy.hierarchy`, or ``ASK``.
     """
+    law = thaw(address)
     if not valid(law, rows, task, answer) or answer.slack.size != rows.phi.size or answer.iterations.size == 0:
         return ASK
     tolerance, bound, damping, aim = law.options[0], law.options[1], law.options[2], law.options[3]
-    m, n, qdd = rows.phi.size, answer.qdd.size, answer.qdd
-    law.scratch.taken[0] = 0
-    box = matrix(law.scratch, 2, n)
+    m, n, qdd, scratch = rows.phi.size, answer.qdd.size, answer.qdd, emptied(law)
+    box = matrix(scratch, 2, n)
     for j in range(n):
         box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
     J, b = task.J, task.b
     if aim == NEAREST or law.tracks != 0:
-        ask(law.track, (law.scratch, J, b, tolerance, qdd))
+        follow_alone(law, task, answer)
     c = law.asked
-    if ask(law.demand, (law, rows, rates(law, rows, qdd), BOUND, law.after, c)):
+    if ask(law.demand, (address, rows, rates(law, rows, qdd), BOUND, law.after, c)):
         return ASK
     kappa = scale_down(law, rows, box, qdd) if aim == SCALED else 1.0
     if aim in (NEAREST, SCALED):
@@ -67,10 +67,10 @@ def descend(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -
     weights = law.weights if law.weights.size == m else np.ones(m)
     demands, priorities = Demands(rows.Lg, c, rows.scale, weights), Priorities(box, damping, tolerance, aim == STRICT)
     resolved = Resolved(qdd, answer.slack, answer.acted)
-    code, answer.iterations[0] = hierarchy(demands, J, b, priorities, resolved, law.scratch)
+    code, answer.iterations[0] = hierarchy(demands, J, b, priorities, resolved, scratch)
     if code == FAILED:
         return FAILED
-    if not (checkable(rows.Lg, rows.switching_gain, qdd) and finite(answer.slack)):
+    if not (checkable(law, rows, qdd) and finite(answer.slack)):
         return ASK
     if kappa < 1.0:
         for i in range(m):

@@ -35,6 +35,7 @@ from .levels import (
     with_room,
 )
 from .linear import ONE, S_ROWS, START, apply, constant, copy, dot
+from .scratch import blank, matrix, vector
 from .structures import DONE, FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, Scratch
 
 HARD, RELAXING, STRICT_TASK = constant(0), constant(1), constant(2)
@@ -123,7 +124,7 @@ def hierarchy(
     qdd, slack, acted = resolved
     m = c.size
     n, k = qdd.size, J.shape[0]
-    G, X = np.empty((k, n + 1)), np.zeros((ROWS_OF_X, n))
+    G, X = matrix(scratch, k, n + 1), blank(scratch, ROWS_OF_X, n)
     for i in range(k):
         copy(G, i, J, i, n)
         G[i, n] = b[i]
@@ -155,8 +156,8 @@ def hierarchy(
     w = free
     for j in range(n):
         w += (box[GREATEST, j] < math.inf) + (box[LEAST, j] > -math.inf)
-    walls, sides, W, index = np.zeros((w, n)), np.empty(w), np.empty(free), np.empty(free, np.int64)
-    violation, rows = np.empty(free), np.empty((KINDS, w))
+    walls, sides, W, index = blank(scratch, w, n), vector(scratch, w), vector(scratch, free), np.empty(free, np.int64)
+    violation, rows = vector(scratch, free), matrix(scratch, KINDS, w)
     at = START
     unmet = False
     for i in range(m):
@@ -177,10 +178,12 @@ def hierarchy(
 
     # x = origin + Z y, in all directions first; if that is in vain in those which the least violations leave; and in
     # those which level 2 leaves, where the damping has cost it something or no answer has passed the check
-    Z, p, steps, stage = np.empty((START, n)), n, 0, HARD
+    Z, p, steps, stage = matrix(scratch, START, n), n, 0, HARD
     equal: Array = Z
     E = equal
-    limits, held, point = sides.copy(), np.zeros(w, np.bool_), np.empty((ONE, n))
+    limits, held, point = vector(scratch, w), np.zeros(w, np.bool_), matrix(scratch, ONE, n)
+    for i in range(w):
+        limits[i] = sides[i]
     short = False
     while True:
         if stage == RELAXING:
@@ -205,21 +208,21 @@ def hierarchy(
                 break
             equal = join(E, walls, held, G)
         if stage != HARD:
-            Z, p = np.empty((START, n)), n
+            Z, p = matrix(scratch, START, n), n
             if equal.shape[0] > 0:
                 F, T, rank, _ = pseudoinverse(equal, START, CERTAIN * DEPENDENT, DEPENDENT, equal, X, POINT, scratch)
                 p = n - rank
                 if p == 0:
                     steps = steps if stage == STRICT_TASK else 0
                     break
-                Z = np.zeros((p, n))
+                Z = blank(scratch, p, n)
                 for d in range(p):
                     Z[d, rank + d] = 1.0
                     apply(F, T, rank, Z, d)
             elif stage == RELAXING:
                 for j in range(n):
                     X[ORIGIN, j], X[OFFSET, j] = X[CENTER, j], 0.0
-        H, R, T = np.empty((p, w)), np.empty((p + 1, p)), np.empty((S_ROWS, p))
+        H, R, T = matrix(scratch, p, w), matrix(scratch, p + 1, p), matrix(scratch, S_ROWS, p)
         for i in range(w):
             outside = 0.0
             for d in range(p):
@@ -233,8 +236,8 @@ def hierarchy(
             rows[SIDE, i] = limits[i] - dot(walls, i, X, ORIGIN, START, n)
             if not rows[SIDE, i] > -math.inf:
                 return FAILED, 0
-        metric(G, damping, Z, X, R, T)
-        code, more = nearest(H, rows, R, T, X)
+        metric(G, damping, Z, X, R, T, scratch)
+        code, more = nearest(H, rows, R, T, X, scratch)
         steps = steps + more if stage == STRICT_TASK else more
         if code == DONE:
             for j in range(n):

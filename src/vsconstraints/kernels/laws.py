@@ -21,18 +21,18 @@ to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not 
 _one, _two, _count = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
 
 LAW = numba.typeof(
-    LawArrays(1, 1, 1, 1, 1, 1.0, _one, _one, _one, _two, _one, _one, _two, _one, _one, Scratch(_one, _count))
+    LawArrays(1, 1, 1, 1, 1, 1.0, _one, _one, _one, _two, *(_one,) * 3, _two, _one, _one, Scratch(_one, _count))
 )
 ROWS = numba.typeof(RowArrays(_one, _two, *(_one,) * 8))
 TASK = numba.typeof(TaskArrays(_two, _one, _one, _one))
-ANSWER = numba.typeof(Answer(_one, np.zeros(1, dtype=np.bool_), _one, _count))
+ANSWER = numba.typeof(Answer(_one, np.zeros(1, dtype=np.bool_), _one, _count, _one))
 SCRATCH = numba.typeof(Scratch(_one, _count))
 VECTOR, MATRIX = numba.types.float64[::1], numba.types.float64[:, ::1]
 
-RESOLVER = INT(LAW, ROWS, TASK, ANSWER)
+RESOLVER = INT(INT, ROWS, TASK, ANSWER)
 """Signature of a resolver, and so of a law: see :class:`.LawArrays`."""
 
-DEMAND = INT(LAW, ROWS, VECTOR, INT, MATRIX, VECTOR)
+DEMAND = INT(INT, ROWS, VECTOR, INT, MATRIX, VECTOR)
 """Signature of a demand: see :func:`demand_part`."""
 
 thaw, thaw_answer = thaw_as(LAW), thaw_as(ANSWER)
@@ -48,17 +48,16 @@ def given(x: Array, i: int) -> float:
 def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: int, everywhere: int) -> Any:
     """What :func:`demand` compiles.
 
-    It takes a law, its rows, L_gφ q̈ (m,) of tracking alone (or (0,) where the law does not need it), what is asked
-    for (``BOUND``, ``EQUAL`` or ``PUSH``), and writes (m, f) what is to be remembered and (m,) what is asked for. It
-    returns 0, or 1 if a demand is not a number.
+    It takes the address of a law, its rows, L_gφ q̈ (m,) of tracking alone (or (0,) where the law does not need it),
+    what is asked for (``BOUND``, ``EQUAL`` or ``PUSH``), and writes (m, f) what is to be remembered and (m,) what is
+    asked for. It returns 0, or 1 if a demand is not a number.
     """
 
-    def demands(law: LawArrays, rows: RowArrays, tracked: Array, purpose: int, after: Array, c: Array) -> int:
-        wrong = 0
+    def demands(address: int, rows: RowArrays, tracked: Array, purpose: int, after: Array, c: Array) -> int:
+        law, wrong = thaw(address), 0
         for i in range(c.size):
-            squared = total = 0.0
+            total = 0.0
             for j in range(rows.Lg.shape[1]):
-                squared += rows.Lg[i, j] * rows.Lg[i, j]
                 total += abs(rows.Lg[i, j])
             row = Row(
                 rows.phi[i],
@@ -69,7 +68,7 @@ def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: 
                 rows.switching_gain[i],
                 rows.scale[i],
                 given(tracked, i),
-                math.sqrt(squared),
+                math.sqrt(law.squared[i]),
                 total,
                 law.effort[0],
                 given(law.last_rates, i),
@@ -130,9 +129,10 @@ def write_rates(Lg: Array, qdd: Array, out: Array) -> None:
 
 
 @in_place
-def carry_out(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """Ask the law's resolver, and bring what it answers into the box of the rows; its code."""
-    code: int = ask(law.resolver, (law, rows, task, answer))
+def carry_out(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """Ask the resolver of the law at an address, and bring what it answers into the box of the rows; its code."""
+    law = thaw(address)
+    code: int = ask(law.resolver, (address, rows, task, answer))
     if rows.qdd_max.size and code != ASK:
         for j in range(answer.qdd.size):
             answer.qdd[j] = within(rows, j, answer.qdd[j])
@@ -185,12 +185,12 @@ def follow(
     iterations: IntArray,
 ) -> int:
     """Carry out the law at an address, which uses no more than these of m rows and a task; returns its code."""
-    arrays, none = thaw(law), phi[:0]
+    none = phi[:0]
     if phi.size != m or acted.size != m:
         return ASK
     rows = RowArrays(phi, Lg, Lf, none, none, none, gain, scale, none, none)
     task = TaskArrays(J, b, none, none)
-    code: int = ask(arrays.resolver, (arrays, rows, task, Answer(qdd, acted, slack, iterations)))
+    code: int = ask(thaw(law).resolver, (law, rows, task, Answer(qdd, acted, slack, iterations, none)))
     return code
 
 
@@ -226,8 +226,8 @@ def follow_whole(
         return ASK
     if not (fits(error, b.size) and fits(error_rate, b.size) and bounds(qdd_min, qdd_max, qdd.size)):
         return ASK
-    arrays = thaw(law)
+    none = phi[:0]
     rows = RowArrays(phi, Lg, Lf, sigma, sigma_dot, K, gain, scale, qdd_min, qdd_max)
     task = TaskArrays(J, b, error, error_rate)
-    code: int = carry_out(arrays, rows, task, Answer(qdd, acted, slack, iterations))
+    code: int = carry_out(law, rows, task, Answer(qdd, acted, slack, iterations, none))
     return code

@@ -21,7 +21,8 @@ from .linear import (
     solve_lower,
     solve_upper,
 )
-from .structures import DONE, FAILED, INCOMPATIBLE
+from .scratch import matrix
+from .structures import DONE, FAILED, INCOMPATIBLE, Scratch
 
 EXCEEDED = 1e-12
 """A row exceeded by less than this fraction of its terms is met."""
@@ -44,7 +45,7 @@ POINT, NEW, DIRECTION, FORCE, RATIO = constant(0), constant(1), constant(2), con
 
 
 @inner
-def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array) -> tuple[int, int]:
+def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratch) -> tuple[int, int]:
     """Minimise ½‖R y + r‖² subject to Gᵀ y ≤ h: the code, and how many rows were added.
 
     In u = R y + r, and with rows of unit norm, this is the point of Gᵀ u ≤ h nearest to the origin. The most violated
@@ -68,9 +69,11 @@ def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array) -> tuple[int, i
         diagonal in the first row.
     X
         (5, p) or more columns, for use here; the first p entries of its first row are the answer y.
+    scratch
+        For use here.
     """
     p, m = G.shape
-    F, T, active = np.empty((p, p)), np.empty((S_ROWS, p)), np.empty(p, np.int64)
+    F, T, active = matrix(scratch, p, p), matrix(scratch, S_ROWS, p), np.empty(p, np.int64)
     for i in range(m):
         rows[EXCESS, i] = 0.0 if rows[SIDE, i] < math.inf else math.inf
     for j in range(p):

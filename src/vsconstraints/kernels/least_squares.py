@@ -2,7 +2,9 @@
 
 Where full rank can be proved, by the norm of an inverse, an answer by Householder reflections is that of the definition
 by singular values. Elsewhere singular values are computed, by Jacobi rotations of as few rows as there are: what rows
-leave of the task of a redundant arm loses ranks by construction.
+leave of the task of a redundant arm loses ranks by construction. ``test_every_law_answers_alike_in_both_forms`` in
+``tests/test_laws.py`` holds it together with :mod:`vsconstraints.controllers.task_priority` and
+:mod:`vsconstraints.controllers.least_norm`, which have LAPACK.
 """
 
 from __future__ import annotations
@@ -153,8 +155,7 @@ def pseudoinverse(
     rows, tall = k, k >= p
     size = 0.0
     for i in range(whole.shape[0]):
-        for j in range(n):
-            size += whole[i, j] * whole[i, j]
+        size += dot(whole, i, whole, i, START, n)
     size = math.sqrt(size)
     S = matrix(scratch, S_ROWS, k if tall else p)
     for again in range(2):

@@ -10,7 +10,6 @@ from typing import Any
 from ..distortion import ACCURACY, ENOUGH, INSIDE, ITERATIONS, MODELS
 from ..formulas.lenses import extended, newton
 from ..rows import Array
-from .compiler import IN_PLACE
 from .parts import address, make_part
 from .row import to_fixed_tuple
 
@@ -58,7 +57,7 @@ def through(model: str) -> Any:
     kind = MODELS[model]
     numbers = "float64[:, ::1]"
     signature = f"int64(float64[::1], {numbers}, {numbers}, boolean)"
-    return make_part(template, (kind.lens,), (max(kind.counts),), signature, IN_PLACE)
+    return make_part(template, (kind.lens,), (max(kind.counts),), signature, from_python=True)
 
 
 def address_of(model: str) -> int:

@@ -12,6 +12,8 @@ from .compiler import inner
 from .least_distance import MULTIPLIER, NEW, SCALE
 from .least_violation import GREATEST, LEAST
 from .linear import S_ROWS, START, add, constant, copy, dot
+from .scratch import blank
+from .structures import Scratch
 
 CHECKED = 1e-5
 """Largest rest of the gradient of levels 2 and 3, as a fraction of the size of the cost in the metric of √damping."""
@@ -24,7 +26,7 @@ CENTER, ORIGIN, OFFSET, ROWS_OF_X = constant(5), constant(6), constant(7), const
 
 
 @inner
-def metric(G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array) -> None:
+def metric(G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array, scratch: Scratch) -> None:
     """Levels 2 and 3, ½‖G (offset + Z y)‖² / ‖G‖² + ½ damping ‖offset + Z y‖², as ½‖R y + r‖² up to a constant.
 
     Householder QR of the rows √damping I above those of G Z / ‖G‖: the reflection of column j leaves all of the former
@@ -40,10 +42,12 @@ def metric(G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array) -> 
         (8, n), with the row ``OFFSET``.
     R, S
         (p + 1, p) and (3, p) outputs: R by columns with r as the last one, and the inverses of the diagonal.
+    scratch
+        For use here.
     """
     k, n, p = G.shape[0], X.shape[1], R.shape[1]
     reduced = Z.shape[0] > 0
-    B = np.zeros((p + 1, k))
+    B = blank(scratch, p + 1, k)
     size = 0.0
     for i in range(k):
         size += dot(G, i, G, i, START, n)

@@ -37,6 +37,12 @@ def finite(x: Array) -> bool:
 
 
 @in_place
+def out_of_range(squared: float) -> bool:
+    """Whether a square is not finite, or near where squares leave the range of floating point, unless it is zero."""
+    return not ((squared < LARGE) & ((squared > 1.0 / LARGE) | (squared == 0.0)))
+
+
+@in_place
 def in_range(X: Array) -> bool:
     """Whether every row of X is finite, and far from where squares leave the range of floating point, or zero."""
     wrong = 0
@@ -44,7 +50,7 @@ def in_range(X: Array) -> bool:
         squared = 0.0
         for j in range(X.shape[1]):
             squared += X[i, j] * X[i, j]
-        wrong |= not ((squared < LARGE) & ((squared > 1.0 / LARGE) | (squared == 0.0)))
+        wrong |= out_of_range(squared)
     return wrong == 0
 
 

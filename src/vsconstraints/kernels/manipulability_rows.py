@@ -1,7 +1,8 @@
 """The row of manipulability: see :mod:`vsconstraints.constraints.manipulability`, which decomposes by LAPACK instead.
 
-Twists are in the base frame's axes, about the tip's
-origin: singular values, and brackets up to that rotation, are the same there as in the tip's axes.
+Twists are in the base frame's axes, about the tip's origin: singular values, and brackets up to that rotation, are
+the same there as in the tip's axes. ``test_arms_of_every_shape`` in ``tests/test_compiled_manipulability.py`` holds the
+pair together.
 """
 
 from __future__ import annotations

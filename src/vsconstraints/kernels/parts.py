@@ -101,6 +101,7 @@ def make_part(
     constants: tuple[int, ...],
     signature: Any,
     options: dict[str, Any] = IN_PLACE,
+    from_python: bool = False,
 ) -> Any:
     """The function that ``template(*formulas, *constants)`` gives, compiled for a signature and kept on disk.
 
@@ -116,13 +117,15 @@ def make_part(
         Of the function.
     options
         Of the compiler: :data:`.IN_PLACE` for what makes no arrays, else :data:`.OPTIONS`.
+    from_python
+        Whether Python calls it too.
     """
     function = template(*formulas, *constants)
     given = tuple(formula for formula in formulas if formula is not None)
     # functions from the disk are found by their names, of which every process counts its own
     made_of = hashlib.sha256(repr(constants).encode() + numba.core.serialize.dumps(formulas)).hexdigest()[:16]
     function.__name__ = function.__qualname__ = f"{function.__name__}_{made_of}"
-    return compiled(signature, options, given)(function)
+    return compiled(signature, options, given, from_python)(function)
 
 
 def tell_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Exception) -> None:

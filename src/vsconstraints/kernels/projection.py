@@ -1,4 +1,8 @@
-"""The resolver ``projection``, compiled."""
+"""The resolver ``projection``, compiled.
+
+Of a pair with :mod:`vsconstraints.controllers.resolvers.projection`, which says why there are two:
+``test_both_forms_agree_to_nine_digits`` in ``tests/test_resolvers.py`` holds them together.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +11,16 @@ import math
 from ..formulas.projection import opening
 from ..formulas.row import PUSH
 from .compiler import compiled
-from .laws import RESOLVER, fits
+from .laws import RESOLVER, fits, thaw
 from .parts import ask
-from .scratch import blank
-from .structures import ASK, DONE, Answer, LawArrays, RowArrays, TaskArrays
-from .task_priority import checkable, pushed, rates, remember, valid
+from .resolving import checkable, follow_alone, rates, remember, valid
+from .scratch import blank, emptied
+from .structures import ASK, DONE, Answer, RowArrays, TaskArrays
+from .task_priority import pushed
 
 
-@compiled(RESOLVER)
-def projection(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+@compiled(RESOLVER, from_python=False)
+def projection(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.resolvers.Projection`.
 
     Its options are the rank tolerance and the errors below and above which λ is 0 and 1.
@@ -25,18 +30,18 @@ def projection(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer
     int
         ``DONE``, or ``ASK`` where input is refused, the error is not given, and where numbers leave the range.
     """
+    law = thaw(address)
     e, J, qdd = task.error, task.J, answer.qdd
     if not valid(law, rows, task, answer) or e.size != task.b.size or not fits(e, e.size):
         return ASK
     k, n = J.shape
-    law.scratch.taken[0] = 0
-    ask(law.track, (law.scratch, J, task.b, law.options[0], qdd))
-    push = law.asked
-    if ask(law.demand, (law, rows, rates(law, rows, qdd), PUSH, law.after, push)):
+    scratch = emptied(law)
+    follow_alone(law, task, answer)
+    if ask(law.demand, (address, rows, rates(law, rows, qdd), PUSH, law.after, law.asked)):
         return ASK
-    X = blank(law.scratch, 3, n)
-    z, unit, null, along = X[0], X[1], X[2], blank(law.scratch, 1, k)[0]
-    if pushed(rows, push, answer.acted, z):
+    X = blank(scratch, 3, n)
+    z, unit, null, along = X[0], X[1], X[2], blank(scratch, 1, k)[0]
+    if pushed(law, rows, answer.acted, z):
         largest = error = size = 0.0
         for i in range(k):
             largest = max(largest, abs(e[i]))
@@ -49,7 +54,7 @@ def projection(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer
         for j in range(n):
             size += unit[j] * unit[j]
         size = math.sqrt(size)
-        ask(law.track, (law.scratch, J, along, law.options[0], null))
+        ask(law.track, (scratch, J, along, law.options[0], null))
         part = opening(largest * math.sqrt(error), law.options[1], law.options[2])
         for j in range(n):
             null[j] = (1.0 - part) * (z[j] - null[j])
@@ -62,7 +67,7 @@ def projection(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer
                 z[j] -= inner * unit[j]
         for j in range(n):
             qdd[j] += part * z[j] + null[j]
-    if not checkable(rows.Lg, rows.switching_gain, qdd):
+    if not checkable(law, rows, qdd):
         return ASK
     remember(law, rows, qdd)
     return DONE

@@ -1,4 +1,8 @@
-"""How tracking answers to a reference that stands still: see :meth:`vsconstraints.model.Model.response`."""
+"""How tracking answers to a reference that stands still: see :meth:`vsconstraints.model.Model.response`.
+
+One loop, of a pair with :mod:`vsconstraints.controllers.response`: ``test_responses_alike_in_both_forms`` in
+``tests/test_goal_governor.py`` holds them together.
+"""
 
 from __future__ import annotations
 

@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from ..formulas.limits import JointLimits, actuator_box, at_end, between
 from ..formulas.poses import angle, reached
 from ..formulas.tracking import goal_at
@@ -134,7 +132,7 @@ class Loop(NamedTuple):
     Ts
         (1,) sampling time [s].
     clock
-        (2,) scratch.
+        (2,) scratch, or (0,) where nobody asks how long steps take.
     rows, task, answer
         What the law works on, and what it answers: its q̈ is the plant's command. The error that is kept is the task's.
     alone
@@ -164,9 +162,9 @@ class Loop(NamedTuple):
 
 
 def put(numbers: Array, out: Array) -> None:
-    """Copy an array to another one of the same shape, element by element: that needs no memory."""
-    for at in np.ndindex(numbers.shape):
-        out[at] = numbers[at]
+    """Copy an array to another one of the same shape, number by number: that needs no memory."""
+    for i in range(numbers.size):
+        out.flat[i] = numbers.flat[i]
 
 
 def hold(transition: Array, x: Array, after: Array) -> None:

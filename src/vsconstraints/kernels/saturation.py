@@ -1,4 +1,8 @@
-"""The resolver ``saturation``, compiled."""
+"""The resolver ``saturation``, compiled.
+
+Of a pair with :mod:`vsconstraints.controllers.resolvers.saturation`, which says why there are two:
+``test_both_forms_agree_to_nine_digits`` in ``tests/test_resolvers.py`` holds them together.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +15,13 @@ from ..formulas.row import BOUND
 from ..qp.lexicographic import MET, STRICT, ZERO_GRADIENT
 from ..rows import Array, BoolArray
 from .compiler import compiled, in_place, inner
-from .laws import RESOLVER, within
+from .laws import RESOLVER, thaw, within
 from .least_squares import resolve
-from .linear import START, copy, dot
+from .linear import START, copy
 from .parts import ask
-from .scratch import blank, matrix
+from .resolving import checkable, follow_alone, rates, remember, valid
+from .scratch import blank, emptied, matrix
 from .structures import ASK, DONE, Answer, LawArrays, RowArrays, Scratch, TaskArrays
-from .task_priority import checkable, rates, remember, valid
 
 
 class Critical(NamedTuple):
@@ -81,16 +85,16 @@ def missed(J: Array, qdd: Array, tracking: Array) -> bool:
 
 
 @inner
-def bounds(rows: RowArrays, c: Array, acted: BoolArray, bound: float, n: int, scratch: Scratch) -> Array:
+def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) -> Array:
     """[W | sides] of the rows that ask for something, which are marked, with rows of unit norm, and of the box.
 
     A row that no acceleration influences is none, or zero.
     """
-    m = c.size
+    c, bound, (m, n) = law.asked, law.options[1], rows.Lg.shape
     W = blank(scratch, m + 2 * n, n + 1)
     at = START
     for i in range(m):
-        size = math.sqrt(dot(rows.Lg, i, rows.Lg, i, START, n))
+        size = math.sqrt(law.squared[i])
         influenced = size > ZERO_GRADIENT * rows.scale[i]
         acted[i] = c[i] != math.inf and (influenced or c[i] < 0.0)
         if acted[i]:
@@ -107,8 +111,8 @@ def bounds(rows: RowArrays, c: Array, acted: BoolArray, bound: float, n: int, sc
     return W[:at]
 
 
-@compiled(RESOLVER)
-def saturation(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+@compiled(RESOLVER, from_python=False)
+def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.resolvers.Saturation`.
 
     Its options are those of the hierarchy, and 1 if it scales.
@@ -119,16 +123,15 @@ def saturation(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer
         ``DONE``, or ``ASK`` where input is refused, and where numbers leave the range; that of the hierarchy, where it
         has to answer.
     """
+    law = thaw(address)
     if not valid(law, rows, task, answer) or answer.slack.size != rows.phi.size or answer.iterations.size == 0:
         return ASK
     tolerance, J, b, qdd, acted = law.options[0], task.J, task.b, answer.qdd, answer.acted
-    m, n, scratch = rows.phi.size, qdd.size, law.scratch
-    scratch.taken[0] = 0
-    ask(law.track, (scratch, J, b, tolerance, qdd))
-    c = law.asked
-    if ask(law.demand, (law, rows, rates(law, rows, qdd), BOUND, law.after, c)):
+    m, n, scratch = rows.phi.size, qdd.size, emptied(law)
+    follow_alone(law, task, answer)
+    if ask(law.demand, (address, rows, rates(law, rows, qdd), BOUND, law.after, law.asked)):
         return ASK
-    W = bounds(rows, c, acted, law.options[1], n, scratch)
+    W = bounds(law, rows, acted, scratch)
     held = np.zeros(W.shape[0], np.bool_)
     kept, saturated, A = held.copy(), matrix(scratch, n + 1, n + 1), matrix(scratch, n + 1, n + 1)
     X, nothing = blank(scratch, 3, n), blank(scratch, 1, b.size)[0]
@@ -142,24 +145,28 @@ def saturation(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer
             break
         if max(least, largest) <= most and most > largest:
             largest = most
-            kept[:] = held
+            for i in range(held.size):
+                kept[i] = held[i]
             for j in range(n):
                 best[j] = none[j] + most * (qdd[j] - none[j])
         held[at] = True
         copy(saturated, count, W, at, n + 1)
         count += 1
         # both use up what they are given
-        A[:count] = saturated[:count]
+        for i in range(count):
+            copy(A, i, saturated, i, n + 1)
         scratch.taken[0] = taken
         rank = resolve(A[:count], J, b, tolerance, qdd, scratch)[0]
         if rank < count or (law.options[4] != 0.0 and missed(J, qdd, tracking)):
             if largest < 0.0:
-                code: int = ask(law.otherwise, (law, rows, task, answer))
+                code: int = ask(law.otherwise, (address, rows, task, answer))
                 return code
-            qdd[:] = best
+            for j in range(n):
+                qdd[j] = best[j]
             held = kept
             break
-        A[:count] = saturated[:count]
+        for i in range(count):
+            copy(A, i, saturated, i, n + 1)
         scratch.taken[0] = taken
         resolve(A[:count], J, nothing, tolerance, none, scratch)
     at = 0
@@ -168,7 +175,7 @@ def saturation(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer
         if acted[i]:
             acted[i] = held[at]
             at += 1
-    if not checkable(rows.Lg, rows.switching_gain, qdd):
+    if not checkable(law, rows, qdd):
         return ASK
     answer.iterations[0] = 0
     remember(law, rows, qdd)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..rows import Array
 from .compiler import inner, numba
-from .structures import Scratch
+from .structures import LawArrays, Scratch
 
 
 @numba.extending.intrinsic  # type: ignore[untyped-decorator]
@@ -46,6 +46,20 @@ def blank(scratch: Scratch, rows: int, columns: int) -> Array:
         for j in range(columns):
             part[i, j] = 0.0
     return part
+
+
+@inner
+def vector(scratch: Scratch, size: int) -> Array:
+    """Take a vector that holds anything."""
+    part: Array = matrix(scratch, 1, size)[0]
+    return part
+
+
+@inner
+def emptied(law: LawArrays) -> Scratch:
+    """The scratch of a law, of which nothing is taken."""
+    law.scratch.taken[0] = 0
+    return Scratch(law.scratch.numbers, law.scratch.taken)
 
 
 @inner

@@ -1,4 +1,9 @@
-"""What a controller believes to see, compiled: see :mod:`vsconstraints.simulation.sensing`."""
+"""What a controller believes to see, compiled: see :mod:`vsconstraints.simulation.sensing`.
+
+The camera's pose is estimated as in :mod:`vsconstraints.pose_estimate`, by reflections instead of LAPACK, which
+compiled code cannot call: ``test_both_forms_find_the_same_pose`` in ``tests/test_disturbed_loop.py`` holds the pair
+together.
+"""
 
 from __future__ import annotations
 

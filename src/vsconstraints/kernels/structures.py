@@ -64,13 +64,14 @@ class TaskArrays(NamedTuple):
 class Answer(NamedTuple):
     """What compiled laws write: q̈ (n,), which rows acted (m,), what they leave unmet (m,), and iterations (1,).
 
-    Laws that measure no slack take (0,) for it.
+    Laws that measure no slack take (0,) for it. Those that find J†b on the way write it to ``alone`` (n,), or (0,).
     """
 
     qdd: Array
     acted: BoolArray
     slack: Array
     iterations: IntArray
+    alone: Array
 
 
 class Scratch(NamedTuple):
@@ -83,9 +84,10 @@ class Scratch(NamedTuple):
 class LawArrays(NamedTuple):
     """A compiled law: a demand and a resolver, each where its function begins, and what they work with.
 
-    The law is carried out by ``ask(law.resolver, (law, rows, task, answer))`` with :class:`RowArrays`,
-    :class:`TaskArrays` and :class:`Answer`; see :mod:`vsconstraints.kernels.laws`. It returns ``DONE`` or another code
-    of an answer, or ``ASK``: then nothing is remembered, and the controller's ``command`` has to be asked.
+    The law at an address is carried out by ``ask(thaw(address).resolver, (address, rows, task, answer))`` with
+    :class:`RowArrays`, :class:`TaskArrays` and :class:`Answer`; see :mod:`vsconstraints.kernels.laws`. It returns
+    ``DONE`` or another code of an answer, or ``ASK``: then nothing is remembered, and the controller's ``command`` has
+    to be asked.
 
     Attributes
     ----------
@@ -104,8 +106,9 @@ class LawArrays(NamedTuple):
         (m, f) what the demand remembers of each row, or (0, 0).
     last_rates
         (m,) L_gφ q̈ of the answer before, or (0,) where the demand does not use it.
-    asked, after, tracked, effort
-        Scratch: (m,) what rows ask for, what is to be remembered, and of tracking alone (m,) L_gφ q̈ and (1,) ‖q̈‖.
+    squared, asked, after, tracked, effort
+        Scratch: (m,) ‖L_gφ‖² of each row, (m,) what rows ask for, what is to be remembered, and of tracking alone
+        (m,) L_gφ q̈ and (1,) ‖q̈‖.
     scratch
         For all else; it is empty whenever a law begins.
     """
@@ -121,6 +124,7 @@ class LawArrays(NamedTuple):
     weights: Array
     memory: Array
     last_rates: Array
+    squared: Array
     asked: Array
     after: Array
     tracked: Array
