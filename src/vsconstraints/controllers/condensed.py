@@ -11,7 +11,7 @@ from ..formulas import plans
 from ..kernels import load
 from ..model import Prediction
 from ..qp.penalised import Cost
-from ..rows import Array, BoolArray, IntArray, Rows, Task
+from ..rows import Array, IntArray, Rows, Task
 from .horizon import Horizon, Instants
 
 
@@ -142,14 +142,6 @@ class Limits(NamedTuple):
             return which, G
         has = np.append(~zero, np.ones(len(which) - r, dtype=np.bool_))
         return which[has], G[has]
-
-    def open(self, G: Array, h: Array) -> BoolArray:
-        """Which of some rows the box leaves anything to say."""
-        reach = np.maximum(-self.low, self.high)
-        if not np.isfinite(reach).all():
-            return np.ones(len(h), dtype=np.bool_)
-        said: BoolArray = ~(np.abs(G) @ reach <= h)
-        return said
 
 
 def limits(ahead: Lookahead, approach: float, box: tuple[Array, Array], least: Array) -> Limits:

@@ -96,7 +96,7 @@ class PredictiveControl(Controller):
     weights
         w by the beginning of the label, as of :class:`.HierarchicalQP`.
     solver
-        Name of a QP solver; if its answer fails the check, others are asked.
+        Name of a QP solver; if the answer of another one than DAQP fails the check, others are asked.
     max_acceleration
         Bound of every |q̈| [rad/s² or m/s²] beside the box of the rows; None for none.
 
@@ -178,8 +178,7 @@ class PredictiveControl(Controller):
             if there is no model or no sampling period, or the model is of other rows.
         """
         model, horizon = self._ready(rows, task)
-        now = model.present
-        most = self._most(model)
+        now, most = model.present, self._most(model)
         low, high = self._box(rows, most)
 
         def seen_along(plan: Array) -> tuple[Instants, Prediction]:
@@ -194,20 +193,20 @@ class PredictiveControl(Controller):
         remark = "" if len(seen) == len(at.times) else _shortened(at.times[len(seen)])
         if len(seen) < 2:
             self.plan = None
-            return self._answer(rows, plan[0], "suboptimal", reason=f"braking: {remark}")
+            return self._answer(rows, plan[0], "suboptimal", f"braking: {remark}")
         ahead = look_ahead(rows, task, seen, at, plan, model.K)
         try:
             found, held = self._optimum(rows, ahead, horizon, (low, high))
         except SolverError as error:
             self.plan = self._planned(horizon, plan, now, most, NO_ROWS)
-            return self._answer(rows, plan[0], "suboptimal", reason=f"the plan goes on as it was: {error}")
+            return self._answer(rows, plan[0], "suboptimal", f"the plan goes on as it was: {error}", remark)
         best, unmet = found.x.reshape(plan.shape), found.slack
         self.plan = self._planned(horizon, best, now, most, found.rows[found.multipliers > 0.0])
         # bit by bit what tracking alone commands
         free = not found.multipliers.any() and not unmet.any()
         qdd = self._tracking.command(Rows.none(len(now.q)), task).qdd if free else best[0]
-        command = self._answer(rows, qdd, "relaxed" if unmet.any() else "ok", reason=_exceeded(rows.labels, unmet))
-        command.acted, command.remark = held, "; ".join(filter(None, (remark, self.remark(rows.labels))))
+        command = self._answer(rows, qdd, "relaxed" if unmet.any() else "ok", _exceeded(rows.labels, unmet), remark)
+        command.acted = held
         if found.verified is not None:
             command.solver, command.fallback = found.verified.solver, found.verified.fallback
             command.iterations = found.verified.answer.iterations
@@ -270,9 +269,9 @@ class PredictiveControl(Controller):
         held[given.of(holding)] = True
         return found, held[:-1]
 
-    def _answer(self, rows: Rows, qdd: Array, status: Status, reason: str) -> Command:
-        none = np.zeros(len(rows.labels), dtype=np.bool_)
-        return Command(qdd.copy(), status, none, rows.labels, reason=reason)
+    def _answer(self, rows: Rows, qdd: Array, status: Status, reason: str, remark: str = "") -> Command:
+        none, remarks = np.zeros(len(rows.labels), dtype=np.bool_), filter(None, (remark, self.remark(rows.labels)))
+        return Command(qdd.copy(), status, none, rows.labels, reason=reason, remark="; ".join(remarks))
 
 
 def _shortened(ahead: float) -> str:

@@ -1,4 +1,7 @@
-"""Level 2 of the hierarchy by itself: the least residual of the task among points that rows allow."""
+"""Level 2 of the hierarchy by itself: the least residual of the task among points that rows allow.
+
+Compiled in :mod:`vsconstraints.kernels.least_residual`; see :mod:`vsconstraints.qp.lexicographic`.
+"""
 
 from __future__ import annotations
 

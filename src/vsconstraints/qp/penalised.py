@@ -6,23 +6,31 @@ An exact penalty: with linear weights above the multipliers, slacks are zero whe
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.linalg import lapack
 
 from ..errors import InvalidInput, SolverError
-from ..rows import Array, BoolArray, IntArray
+from ..rows import Array, IntArray
 from .chain import SolverChain, Verified
-from .least_distance import scale
+from .least_distance import Scaled, scale
 from .solver import QPSolver
 
-PENALTY = 1e4
-"""Least weight of a slack, where the cost, rows and the way to the nearest point that meets the farthest of them have
-the size 1."""
+STRONG, WEAK = 1e6, 1e4
+"""Weights of slacks, where the cost has the size 1, and a slack the unit by which a step of that size moves one row in
+two by more and one by less; the weaker one where there is no answer with the stronger one.
 
-NEGLIGIBLE = 1e-7
-"""Slack as a fraction of the largest side of a row, below which the row is met."""
+In samples of arms that swing the stronger one ends at the least violation, but for 3e-5 of it, the weaker one in every
+second; with 1e8 DAQP begins to cycle.
+"""
+
+NEGLIGIBLE = 1e-9
+"""Slack in its unit below which the row is met."""
+
+GAP = 1e-6
+"""Fraction of the least penalised cost by which an answer may exceed it."""
 
 
 Stated = tuple[IntArray, Array]
@@ -40,9 +48,6 @@ class ManyRows(Protocol):
 
     def of(self, which: IntArray) -> IntArray:
         """Which slack each of these shares with others; −1 of rows that are always met."""
-
-    def open(self, A: Array, c: Array) -> BoolArray:
-        """Which of some rows those that are always met do not imply."""
 
 
 class Penalised(NamedTuple):
@@ -109,7 +114,8 @@ def penalised(cost: Cost, rows: ManyRows, weights: Array, solvers: SolverChain, 
     if not exceeded.any():
         return free
     asked = exceeded.copy()
-    asked[guess[guess < len(asked)]] = True
+    guess = guess[guess < len(asked)]
+    asked[guess[over[guess] > -np.inf]] = True
     which, A = rows.stated(np.flatnonzero(asked))
     zero = exceeded.copy()
     zero[which] = False
@@ -119,53 +125,121 @@ def penalised(cost: Cost, rows: ManyRows, weights: Array, solvers: SolverChain, 
     try:
         if solvers.preferred.recognises_infeasibility:
             try:
-                return _by_few(cost, rows, over, (which, A), solvers.preferred)._replace(slack=slack)
+                return _by_few(cost, rows, over, (which, A), _hard(solvers.preferred))._replace(slack=slack)
             except SolverError:
                 pass  # incompatible rows or a failed solver: with slacks there is an answer
-        found = _with_slack(cost, rows, over, weights, solvers)
+        found = _with_slack(cost, rows, over, weights, (which, A), solvers)
     except InvalidInput as error:
         raise SolverError(f"beyond the range of floating point: {error}") from error
     return found._replace(slack=np.maximum(slack, found.slack))
 
 
-def _by_few(cost: Cost, rows: ManyRows, over: Array, asked: Stated, solver: QPSolver) -> Penalised:
+def _with_slack(
+    cost: Cost, rows: ManyRows, over: Array, weights: Array, asked: Stated, solvers: SolverChain
+) -> Penalised:
+    preferred, groups = solvers.preferred, rows.of(np.arange(len(over)))
+    if not preferred.recognises_infeasibility:
+        return _by_few(cost, rows, over, asked, _soft(solvers.solve, groups, weights, WEAK))
+
+    def alone(P: Array, q: Array, G: Array, h: Array) -> Verified:
+        return Verified(preferred.solve(P, q, G, h), preferred.name)
+
+    try:
+        return _by_few(cost, rows, over, asked, _soft(alone, groups, weights, STRONG))
+    except SolverError:
+        # where this fails too, others were measured to fail as well, only later
+        return _by_few(cost, rows, over, asked, _soft(alone, groups, weights, WEAK))
+
+
+class _Found(NamedTuple):
+    """The best under some of the rows.
+
+    Attributes
+    ----------
+    v, multipliers, slack
+        (n,), of these rows, and (g,).
+    allowed
+        By what each of all rows may be exceeded.
+    verified
+        Who found it.
+    """
+
+    v: Array
+    multipliers: Array
+    slack: Array
+    allowed: Array | float
+    verified: Verified
+
+
+def _by_few(
+    cost: Cost, rows: ManyRows, over: Array, asked: Stated, best: Callable[[Scaled, IntArray], _Found]
+) -> Penalised:
     """The minimiser under the rows that are asked for, and then those too that it exceeds, until there are none.
 
     What minimises under some of the rows and meets all minimises under all.
     """
-    (which, A), n = asked, len(cost.center)
-    unit, origin = np.eye(n), np.zeros(n)
+    which, A = asked
     while True:
         problem = scale(cost.gradients(A), -over[which])
-        answer = solver.solve(unit, origin, problem.G, problem.h)
-        x = cost.point(problem.size * answer.x)
-        exceeded = rows.excess(x) > 0.0
+        found = best(problem, which)
+        x = cost.point(problem.size * found.v)
+        exceeded = rows.excess(x) > found.allowed
         exceeded[which] = False
         if not exceeded.any() or not len((more := rows.stated(np.flatnonzero(exceeded)))[0]):
-            return Penalised(x, which, answer.multipliers, np.empty(0), Verified(answer, solver.name))
+            return Penalised(x, which, found.multipliers, found.slack, found.verified)
         which, A = np.concatenate((which, more[0])), np.concatenate((A, more[1]))
 
 
-def _with_slack(cost: Cost, rows: ManyRows, over: Array, weights: Array, solvers: SolverChain) -> Penalised:
-    which, A = rows.stated(np.flatnonzero(over != -np.inf))
-    has = rows.open(A, A @ cost.center - over[which]) | (rows.of(which) < 0)
-    which, A = which[has], A[has]
-    groups, problem = rows.of(which), scale(cost.gradients(A), -over[which])
-    (m, n), g = problem.G.shape, len(weights)
-    # a slack's unit: that in which it moves a row by the size of the problem
-    sizes = problem.norms * problem.size
-    soft = groups >= 0
-    unit = np.zeros(g)
-    np.maximum.at(unit, groups[soft], sizes[soft])
-    unit[unit == 0.0] = 1.0
-    G, h = np.zeros((m + g, n + g)), np.zeros(m + g)
-    G[:m, :n], h[:m] = problem.G, problem.h
-    G[np.flatnonzero(soft), n + groups[soft]] = -unit[groups[soft]] / sizes[soft]
-    G[m:, n:] = -np.eye(g)
-    each = weights * unit
-    q = np.concatenate((np.zeros(n), PENALTY * each / each.min(initial=np.inf)))
-    verified = solvers.solve(np.eye(n + g), q, G, h)
-    found = np.maximum(verified.answer.x[n:], 0.0)
-    found[found <= NEGLIGIBLE * max(1.0, float(np.abs(problem.h).max()))] = 0.0
-    x = cost.point(problem.size * verified.answer.x[:n])
-    return Penalised(x, which, verified.answer.multipliers[:m], unit * found, verified)
+def _hard(solver: QPSolver) -> Callable[[Scaled, IntArray], _Found]:
+    """Rows without slack."""
+
+    def best(problem: Scaled, which: IntArray) -> _Found:
+        n = problem.G.shape[1]
+        answer = solver.solve(np.eye(n), np.zeros(n), problem.G, problem.h)
+        return _Found(answer.x, answer.multipliers, np.empty(0), 0.0, Verified(answer, solver.name))
+
+    return best
+
+
+def _soft(
+    solve: Callable[[Array, Array, Array, Array], Verified], groups: IntArray, weights: Array, penalty: float
+) -> Callable[[Scaled, IntArray], _Found]:
+    """Rows with the slacks of those that have one, by the groups of all."""
+
+    def best(problem: Scaled, which: IntArray) -> _Found:
+        of, (m, n) = groups[which], problem.G.shape
+        soft = np.flatnonzero(of >= 0)
+        present, column = np.unique(of[soft], return_inverse=True)
+        # weighted slacks count alike; the unit is what a step of the size of the problem moves one row in two by
+        moved = weights[of[soft]] * problem.norms[soft] * problem.size
+        unit, g = float(np.median(moved)) if len(moved) else 1.0, len(present)
+        S = np.zeros((m, g))
+        S[soft, column] = unit / moved
+        norms = np.sqrt(1.0 + np.einsum("ij,ij->i", S, S))
+        G, h = np.zeros((m + g, n + g)), np.zeros(m + g)
+        G[:m, :n], G[:m, n:], h[:m] = problem.G / norms[:, None], -S / norms[:, None], problem.h / norms
+        G[m:, n:] = -np.eye(g)
+        verified = solve(np.eye(n + g), np.concatenate((np.zeros(n), np.full(g, penalty))), G, h)
+        v, multipliers = verified.answer.x[:n], verified.answer.multipliers[:m] / norms
+        if not (gap := _gap(problem, S, penalty, v, multipliers)) <= GAP:
+            raise SolverError(f"the answer of {verified.solver} may cost {gap:.1e} of the least cost more than that")
+        s = np.maximum(verified.answer.x[n:], 0.0)
+        s[s <= NEGLIGIBLE] = 0.0
+        slack = np.zeros(len(weights) + 1)
+        slack[present] = s * unit / weights[present]
+        return _Found(v, multipliers, slack[:-1], slack[groups], verified)
+
+    return best
+
+
+def _gap(problem: Scaled, S: Array, penalty: float, v: Array, multipliers: Array) -> float:
+    """By what fraction the penalised cost of v, with all the slack it needs, may exceed the least: weak duality."""
+    with np.errstate(all="ignore"):
+        over, s = np.maximum(problem.G @ v - problem.h, 0.0), np.zeros(S.shape[1])
+        row, column = np.nonzero(S)
+        np.maximum.at(s, column, over[row] / S[row, column])
+        over[row] = 0.0
+        most = 0.5 * (v @ v + s @ s) + penalty * (s.sum() + over.sum())
+        pull, beyond = problem.G.T @ multipliers, np.maximum(0.0, S.T @ multipliers - penalty)
+        least = -0.5 * (pull @ pull + beyond @ beyond) - problem.h @ multipliers
+        return float((most - least) / most)

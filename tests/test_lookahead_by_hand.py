@@ -1,0 +1,169 @@
+"""What a predictive law linearises and limits, and how a goal is moved, with numbers that are worked out here.
+
+Two rows of one joint: ``a`` on σ with K = 0.5, and ``b`` on φ itself.
+"""
+
+from __future__ import annotations
+
+from math import exp, inf, sqrt
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from scenes import Straight
+from vsconstraints.controllers import GoalGovernor, PredictiveControl
+from vsconstraints.controllers.condensed import Lookahead, limits, look_ahead
+from vsconstraints.controllers.goal_governor import at_rest_elsewhere
+from vsconstraints.controllers.horizon import Horizon
+from vsconstraints.controllers.response import Response
+from vsconstraints.model import Model, Prediction
+from vsconstraints.rows import UNKNOWN, Array, Rows, Task
+
+K = np.array([0.5, 0.0])
+
+
+@pytest.mark.parametrize("sigma", [[0.08, 0.1], None])
+def test_what_the_model_says_otherwise_of_now_stays_so(sigma: list[float] | None) -> None:
+    """σ of ``a`` is 0.03 more than predicted where it is given, else by as much as φ is, 0.05; b of the task by 1."""
+    seen = Prediction(
+        phi=np.array([[0.1, 0.2], [0.3, 0.5]]),
+        Lg=np.array([[[1.0], [2.0]], [[3.0], [4.0]]]),
+        Lf=np.zeros((2, 2)),
+        sigma=np.array([[0.05, 0.2], [0.25, 0.5]]),
+        sigma_dot=np.zeros((2, 2)),
+        J=np.array([[[6.0]], [[8.0]]]),
+        b=np.array([[9.0], [5.0]]),
+        error=np.array([[1.0], [2.0]]),
+        error_rate=np.zeros((2, 1)),
+        pixels=np.empty((2, 0, 2)),
+    )
+    known = UNKNOWN if sigma is None else np.array(sigma)
+    rows = Rows(np.array([0.15, 0.1]), np.ones((2, 1)), np.zeros(2), np.ones(2), ("a", "b"), sigma=known)
+    plan = np.zeros((1, 1))
+    at = Horizon.of(1, 1, 0.1).instants(np.zeros(1), np.zeros(1), plan, np.array([inf]))
+    ahead = look_ahead(rows, Task(np.array([[7.0]]), np.array([10.0])), seen, at, plan, K)
+    more = 0.05 if sigma is None else 0.03
+    np.testing.assert_allclose(ahead.value, [[0.05 + more, 0.1], [0.25 + more, 0.4]])
+    np.testing.assert_allclose(ahead.gradient[..., 0], [[2.0, 2.0], [6.0, 4.0]])
+    np.testing.assert_allclose(ahead.J[..., 0], [[7.0], [8.0]])
+    np.testing.assert_allclose(ahead.b, [[10.0], [6.0]])
+
+
+def test_limits_of_a_plan() -> None:
+    """One block of 1 s, T_s = 0.5 s, κ = 2 s. From q̇ = 1 with q̈ = 1 the joint brakes by 2 rad/s² for another second.
+
+    A q̈ of 0.1 more moves q by 0.0125, 0.05 and 0.1, and q̇ by 0.05, 0.1 and 0.
+    """
+    horizon, plan = Horizon.of(1, 2, 0.5), np.array([[1.0]])
+    at = horizon.instants(np.zeros(1), np.ones(1), plan, np.array([2.0]))
+    np.testing.assert_allclose(at.times, [0.0, 0.5, 1.0, 2.0])
+    value = np.array([[0.08, 0.1], [0.1, 0.2], [0.2, 0.3], [0.3, 0.4]])
+    gradient = np.array([[[1.0], [1.0]], [[2.0], [2.0]], [[3.0], [3.0]], [[4.0], [4.0]]])
+    ahead = Lookahead(plan, at, value, gradient, K, np.ones((4, 1, 1)), np.zeros((4, 1)), np.zeros((4, 1)))
+    given = limits(ahead, 2.0, (np.array([[-2.0]]), np.array([[2.0]])), np.full(2, 1e-12))
+    f = exp(-0.25)
+    excess = [
+        0.125 - f * 0.08, 0.3 - f * 0.1,
+        0.35 - f * 0.125, 0.6 - f * 0.3,
+        0.7 - 0.08 * exp(-1.0), -inf,
+        1.1 - 2.0, -2.0 - 1.1,
+    ]  # fmt: skip
+    np.testing.assert_allclose(given.excess(np.array([1.1])), excess)
+    which, G = given.stated(np.array([0, 1, 2, 3, 4, 6, 7]))
+    np.testing.assert_array_equal(which, [0, 1, 2, 3, 4, 6, 7])
+    np.testing.assert_allclose(G[:, 0], [0.25, 1.0, 1.5 - 0.25 * f, 3.0 - f, 4.0, 1.0, -1.0])
+
+
+@pytest.mark.parametrize(("scale", "weights", "kept"), [(4.0, {}, 0), (0.25, {}, 1), (4.0, {"b": 8.0}, 1)])
+def test_of_rows_that_contradict_each_other_the_heavier_by_its_scale_is_kept(
+    scale: float, weights: dict[str, float], kept: int
+) -> None:
+    """q̇ ≤ −1 and q̇ ≥ 1 of a joint at rest: Σ w s/scale is least with all of it on the lighter one."""
+    rows = Rows(np.ones(2), np.array([[1.0], [-1.0]]), np.zeros(2), np.ones(2), ("a", "b"), np.array([1.0, scale]))
+    law = PredictiveControl(horizon=1, block=1, approach=1e-3, weights=weights)
+    task = Task(np.ones((1, 1)), np.zeros(1))
+    law.reset(period=0.1, model=cast(Model, Straight(rows, task)))
+    command = law.command(rows, task)
+    assert command.status == "relaxed"
+    assert np.sign(command.qdd[0]) == (-1.0, 1.0)[kept]
+    assert ("b by", "a by")[kept] in command.reason
+    assert ("a by", "b by")[kept] not in command.reason
+
+
+def planned(b: float, rows: Rows | None = None, qd: float = 0.0, J: float = 1.0, **options: Any) -> PredictiveControl:
+    """A law that has planned one block of 0.1 s for one joint that moves with q̇ [rad/s]."""
+    task = Task(np.array([[J]]), np.array([b]))
+    model = Straight(Rows.none(1) if rows is None else rows, task)
+    model.present = model.present._replace(qd=np.array([qd]))
+    law = PredictiveControl(horizon=1, block=1, **options)
+    law.reset(period=0.1, model=cast(Model, model))
+    assert law.command(model.rows, task).status == "ok"
+    return law
+
+
+def test_rows_fall_with_the_time_constant_of_so_many_blocks() -> None:
+    """From −1 to −e^(−0.1/0.2) within a block, though q̈ = 10 is asked for: q̈ = 10 (1 − e^(−0.5))."""
+    rows = Rows(np.array([-1.0]), np.ones((1, 1)), np.zeros(1), np.ones(1), ("a",))
+    law = planned(10.0, rows, qd=-1.0, approach=2.0)
+    assert law.plan is not None
+    assert law.plan.qdd[0, 0] == pytest.approx(10.0 * (1.0 - exp(-0.5)), rel=1e-5)
+
+
+def test_a_plan_goes_on_with_a_brake() -> None:
+    """1 rad/s is left at its end, and 2 rad/s² there are; without a bound nothing is known."""
+    for most, then in ((2.0, -2.0), (None, 0.0)):
+        law = planned(0.0, qd=1.0, max_acceleration=most)
+        assert law.plan is not None
+        np.testing.assert_allclose(law.plan.then, [then], atol=1e-12)
+
+
+def test_the_damping_is_relative_to_the_mean_of_the_gains() -> None:
+    """The least of (2u − 10)² + ¼ × 4u² is at 20 = 5u."""
+    law = planned(10.0, J=2.0, damping=0.25)
+    assert law.plan is not None
+    assert law.plan.qdd[0, 0] == pytest.approx(4.0)
+
+
+# --- the goal governor ---
+
+
+def governor(least: float, sigma: Array, Lg: Array, J: Array) -> GoalGovernor:
+    law = GoalGovernor(speed=2.0, margin=0.1, influence=0.3)
+    law._seen = Response(np.array([least]), sigma, Lg, J)
+    return law
+
+
+def test_rows_repel_the_reference_as_strongly_as_the_goal_attracts_it_where_the_margin_is_reached() -> None:
+    """At (2, 0) the goal attracts by (−1, 0). J⁻ᵀ(1, 1) = (1, ½); 0.2 inside it counts half, 0.4 inside not at all."""
+    J, Lg, r = np.diag([1.0, 2.0]), np.array([[1.0, 1.0], [1.0, 1.0], [5.0, 0.0]]), np.array([2.0, 0.0])
+    unit = np.array([1.0, 0.5]) / sqrt(1.25)
+    model: Any = SimpleNamespace(K=np.array([0.2, 0.2, 0.0]))
+    for inside, strength in ((0.1, 1.0), (0.2, 0.5), (0.4, 0.0)):
+        law = governor(0.2, np.array([-inside, -0.4, -0.1]), Lg, J)
+        np.testing.assert_allclose(law._direction(r, model, np.ones(3)), np.array([-1.0, 0.0]) - strength * unit)
+    # near the goal the attraction falls: 0.05 away of the 0.2 from which on it does
+    np.testing.assert_allclose(law._direction(np.array([0.0, 0.05]), model, np.ones(3)), [0.0, -0.25])
+
+
+def test_the_reference_is_the_slower_the_nearer_its_motion_comes_to_a_row() -> None:
+    for least, speed in ((0.5, 2.0), (0.3, 2.0), (0.2, 1.0), (0.1, 0.0), (-1.0, 0.0)):
+        law = governor(least, np.empty(0), np.empty((0, 2)), np.eye(2))
+        assert law._speed() == pytest.approx(speed)
+    law._seen = None
+    assert law._speed() == 0.0
+
+
+def test_what_the_feature_does_not_determine_is_damped() -> None:
+    """K_v = 5 of the second joint's 0.4 rad/s."""
+    gains = SimpleNamespace(at=lambda error: (4.0, 5.0))
+    model: Any = SimpleNamespace(task=SimpleNamespace(gains=gains), present=SimpleNamespace(qd=np.array([0.3, 0.4])))
+    task = Task(np.array([[2.0, 0.0]]), np.array([1.0]), np.array([0.1]), np.array([0.6]))
+    found = at_rest_elsewhere(task, model)
+    np.testing.assert_allclose(found.J[0], [2.0, 0.0])
+    np.testing.assert_allclose(found.J[1] * found.b[1], [0.0, -2.0], atol=1e-12)
+    np.testing.assert_allclose(found.J[1] * found.error_rate[1], [0.0, 0.4], atol=1e-12)
+    assert (found.b[0], found.error[1]) == (1.0, 0.0)
+    whole = Task(np.eye(2), np.ones(2))
+    assert at_rest_elsewhere(whole, model) is whole
