@@ -54,7 +54,9 @@ BARRIERS: list[type[Demand]] = [
 
 
 def asked(demand: Demand, **known: Any) -> Any:
-    """What a demand asks of a row of which only these are known."""
+    """What a demand asks of a row of which only these are known; what is behind its memory is not its own."""
+    if "memory" in known:
+        known["memory"] = [*known["memory"], math.nan]
     row = Row(**{name: known.get(name, math.nan) for name in Row._fields})
     return type(demand).formula(row, *demand.parameters)
 

@@ -34,7 +34,7 @@ from vsconstraints.controllers import (
     make_controller,
 )
 from vsconstraints.controllers.base import restart
-from vsconstraints.controllers.demands import Nothing
+from vsconstraints.controllers.demands import ImplicitSwitchWithDrift, Nothing
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas import formula
 from vsconstraints.formulas.row import Row
@@ -291,6 +291,46 @@ def test_a_law_says_what_it_lacks_before_anything_moves() -> None:
     with pytest.raises(InvalidInput, match=r"'high-order' uses rows\.sigma, rows\.sigma_dot, rows\.K, which these"):
         Law(HighOrder(), Filter()).command(bare, task)
     assert (law.uses, Law(NotFaster(), Priority()).uses) == (("T_s",), ("memory",))
+
+
+@compiled
+@pytest.mark.parametrize(
+    ("demand", "resolver"),
+    [pair for pair in PAIRS if pair.values[0].remembers],  # type: ignore[union-attr]
+)
+def test_a_reset_forgets_all_that_was_learnt(demand: Demand, resolver: Any) -> None:
+    """Of rows that move on: what is answered first, after others, is answered again after a reset, and not before."""
+    rows, task = problem(5)
+    near = [replace(rows, phi=0.01 * rows.phi + 0.002 * k * rows.switching_gain) for k in (3, 0, 2, 1)]
+    for form in ("define", "command"):
+        law = made(demand, resolver)
+
+        def answers(form: str = form, law: Law = law) -> list[Array]:
+            return [getattr(law, form)(one, task).qdd.copy() for one in near]
+
+        first, then = answers(), answers()
+        law.reset()
+        np.testing.assert_array_equal(answers(), first)
+        assert any((one != other).any() for one, other in zip(first, then, strict=True))
+
+
+@pytest.mark.parametrize("form", ["command", "define"])
+def test_what_is_remembered_is_not_taken_for_that_of_other_rows(form: str) -> None:
+    rows, task = problem(0)
+    other = replace(rows, labels=("x", *rows.labels[1:]))
+    for demand in (ImplicitSwitchWithDrift(), NotFaster()):
+        law = made(demand, Priority())
+        answer = getattr(law, form)
+        answer(rows, task)
+        for those in (other, Rows.none(6)):
+            with pytest.raises(InvalidInput, match=rf"'{demand.name}' remembers other rows, \('row\[0\]', .*reset\(\)"):
+                answer(those, task)
+        law.reset()
+        assert answer(other, task).labels == other.labels
+    # laws that remember nothing take any
+    law = made(Switch(), Priority())
+    for those in (rows, other, Rows.none(6)):
+        assert getattr(law, form)(those, task).labels == those.labels
 
 
 @pytest.mark.parametrize("form", ["command", "define"])

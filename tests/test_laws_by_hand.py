@@ -16,6 +16,7 @@ from vsconstraints.controllers.least_norm import least_norm
 from vsconstraints.controllers.resolvers.hierarchy import row_weights, task_cost
 from vsconstraints.controllers.task_priority import dependent_rows, resolve, unit_rows
 from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.formulas.tracking import demanded, held_gains, retargeted
 from vsconstraints.rows import Command, Rows, Task
 
 FREE = [1.0, 5.0]
@@ -57,6 +58,27 @@ def test_tracking() -> None:
     gives(answer(Tracking(), [], b=[1.0, 3e-6], J=[[1, 0], [0, 1.5e-6]]), [1.0, 2.0])
     gives(answer(Tracking(), [], b=[1.0, 3e-6], J=[[1, 0], [0, 0.7e-6]]), [1.0, 0.0])
     gives(answer(Tracking(rank_tolerance=0.9), [], b=[1.0, 3.0], J=[[1, 0], [0, 0.8]]), [1.0, 0.0])
+
+
+def test_a_goal_that_is_moved() -> None:
+    """e = 3, s_ref at 2, ė = 0.5, drift 1: −4 × 3 − 5 × 0.5 − 1 becomes −7 × (3 − 2) − 11 × 0.5 − 1."""
+    assert demanded(3.0, 0.5, 1.0, 4.0, 5.0) == pytest.approx(-15.5)
+    assert retargeted(-15.5, 3.0, 0.5, 2.0, (4.0, 5.0), (7.0, 11.0)) == pytest.approx(-13.5)
+    # a reference at the goal changes nothing
+    assert retargeted(-15.5, 3.0, 0.5, 0.0, (4.0, 5.0), (4.0, 5.0)) == pytest.approx(-15.5)
+
+
+def test_gains_of_the_implicit_midpoint_rule() -> None:
+    """K_p = 4, K_v = 5 and h = 0.2: 1 + 0.1 × 5 + 0.01 × 4 = 1.54. It is what the law asks of the mean of both ends."""
+    Kp, Kv = held_gains(4.0, 5.0, 0.2)
+    assert (Kp, Kv) == pytest.approx((4.0 / 1.54, 5.4 / 1.54))
+    e, rate = 3.0, -0.5
+    qdd = -Kp * e - Kv * rate
+    ends = e + 0.2 * rate + 0.02 * qdd, rate + 0.2 * qdd
+    # the mean of q̇ is that of its ends; that of q, by the rule, lies h/2 of it farther
+    mean_rate = 0.5 * (rate + ends[1])
+    assert qdd == pytest.approx(-4.0 * (e + 0.1 * mean_rate) - 5.0 * mean_rate)
+    assert ends[0] == pytest.approx(e + 0.2 * mean_rate)
 
 
 # --- sliding mode ---

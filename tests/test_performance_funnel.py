@@ -10,7 +10,7 @@ import pytest
 
 from scenes import camera, robot
 from vsconstraints.constraints import ConstraintSet, PerformanceFunnel, Trace
-from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking
+from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking, make_controller
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.features import Goal
 from vsconstraints.geometry import Pose
@@ -90,7 +90,14 @@ def test_the_funnel_is_about_the_goal_whatever_reference_leads_there() -> None:
 
 
 @pytest.mark.parametrize(
-    "law", [SlidingMode(), HierarchicalQP(rows="barrier"), PotentialField(blend="priority")], ids=lambda law: law.name
+    "law",
+    [
+        SlidingMode(),
+        HierarchicalQP(rows="barrier"),
+        PotentialField(blend="priority"),
+        *map(make_controller, ("implicit-switch", "super-twisting", "cbf-filter")),
+    ],
+    ids=lambda law: law.name,
 )
 def test_laws_hold_what_tracking_does_not(law) -> None:
     """As deep as one period of switching makes it, K T_s u⁺ of φ at most."""

@@ -11,7 +11,8 @@ import numpy as np
 
 from ..errors import SolverError, shown
 from ..readable import in_one_line
-from ..rows import Array, BoolArray, Command, Rows, Status, Task, beyond_rounding, check, keep_box
+from ..row_checks import beyond_rounding, check
+from ..rows import Array, BoolArray, Command, Rows, Status, Task, keep_box
 from .ranges import Declared
 
 if TYPE_CHECKING:

@@ -44,6 +44,8 @@ class Law(Controller):
         (m, f) what the demand remembers of each row of the last call; :meth:`reset` clears it.
     last_rates
         (m,) L_gφ q̈ of the last call, or (0,) if the demand does not use it; :meth:`reset` clears it.
+    remembered
+        Labels of the rows that memory and last rates are of; () if there are none.
     solvers
         The QP solver asked and those behind it, with their warm starts and the count of their failures, if the resolver
         needs any; :meth:`reset` clears both.
@@ -56,6 +58,7 @@ class Law(Controller):
     period: float | None
     memory: Array
     last_rates: Array
+    remembered: tuple[str, ...]
     solvers: SolverChain | None
 
     def __init__(self, demand: Demand, resolver: Resolver) -> None:
@@ -99,6 +102,7 @@ class Law(Controller):
 
     def _forget(self) -> None:
         self.memory, self.last_rates = np.empty((0, 0)), np.empty(0)
+        self.remembered = ()
         self._compiled: CompiledLaw | None = None
 
     def reset(self, period: float | None = None) -> None:
@@ -133,7 +137,7 @@ class Law(Controller):
         Raises
         ------
         InvalidInput
-            also if the demand uses what is not given.
+            also if the demand uses what is not given, or remembers other rows.
         """
         command = self.compute(rows, task)
         return self.define(rows, task) if command is None else command
@@ -193,10 +197,17 @@ class Law(Controller):
                 f"the demand {demand.name!r} uses the sampling period: tell it by reset(period=...) before the first "
                 "command"
             )
-        if demand.remembers and self.memory.shape != (m, len(demand.remembers)):
+        if not demand.remembers and "last_rate" not in demand.uses:
+            return
+        if not self.remembered:
             self.memory = np.tile(np.array(demand.remembers), (m, 1))
-        if "last_rate" in demand.uses and len(self.last_rates) != m:
-            self.last_rates = np.full(m, math.nan)
+            self.last_rates = np.full(m if "last_rate" in demand.uses else 0, math.nan)
+            self.remembered = rows.labels
+        elif self.remembered != rows.labels:
+            raise InvalidInput(
+                f"the demand {demand.name!r} remembers other rows, {shown(self.remembered)}: reset() the law before it "
+                f"is given those of another scene, {shown(rows.labels)}"
+            )
 
     # --- compiled ---
 

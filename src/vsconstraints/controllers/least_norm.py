@@ -1,4 +1,9 @@
-"""The task alone: of all q̈ that track best the least, the command of every law whose rows do not act."""
+"""The task alone: of all q̈ that track best the least, the command of every law whose rows do not act.
+
+Ranks are decided by singular values, which LAPACK gives; compiled code proves full rank by reflections where it can,
+which is faster: :mod:`vsconstraints.kernels.least_squares`. ``test_every_law_answers_alike_in_both_forms`` in
+``tests/test_laws.py`` holds the pair together.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""How tracking answers to a reference that stands still: what is predicted to decide whether it may be moved there."""
+"""How tracking answers to a reference that stands still: what is predicted to decide whether it may be moved there.
+
+In NumPy a model is asked sample after sample; :mod:`vsconstraints.kernels.response` asks the compiled step, in one
+loop. ``test_responses_alike_in_both_forms`` in ``tests/test_goal_governor.py`` holds the pair together.
+"""
 
 from __future__ import annotations
 

@@ -22,7 +22,9 @@ def barrier(row: Row, alpha: float) -> Any:
 class Barrier(Demand):
     """Every row demands −αφ − L_fφ, so that φ decays exponentially to its bound and never crosses it.
 
-    With φ = σ + K σ̇ this is the high-order control barrier function of h = −σ with the rates 1/K and α.
+    Ames, Xu, Grizzle and Tabuada (2017). With φ = σ + K σ̇ this is the high-order control barrier function of h = −σ
+    with the rates 1/K and α. Good at: all of the space, without chattering. Bad at: it needs L_fφ, second derivatives
+    that are right, and knows nothing of limits of q̈.
 
     Parameters
     ----------

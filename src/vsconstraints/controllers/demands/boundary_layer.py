@@ -24,7 +24,9 @@ class BoundaryLayer(Field):
     """Rows inside the region demand (1 − ψ) L_gφ q̈_track − ψ s u⁺, with ψ = min(1, (1 + φ/δ)^exponent).
 
     With exponent 1 and :class:`~vsconstraints.controllers.resolvers.Priority` this is the boundary layer of sliding
-    mode control (Slotine and Sastry 1983), laid inside the boundary.
+    mode control (Slotine and Sastry 1983), laid inside the boundary. As δ shrinks it becomes :class:`Switch`. Good at:
+    no chattering, and no violation while drift is less than u⁺. Bad at: φ comes to rest inside the layer, whose space
+    is given away.
 
     Parameters
     ----------

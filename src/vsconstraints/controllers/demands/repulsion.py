@@ -51,7 +51,9 @@ class Field(Demand):
 class Repulsion(Field):
     """Rows inside the region demand ψ s u⁺ less than what tracking does, with ψ = (1 + φ/δ)^exponent.
 
-    ψ goes on growing beyond the boundary.
+    The repulsion of artificial potential fields (Khatib 1986). ψ goes on growing beyond the boundary. Good at: smooth
+    commands, from little knowledge. Bad at: rows and task may each win, so that rows are violated, and the arm comes to
+    rest where the two are equal, beside goals near a boundary.
 
     Parameters
     ----------

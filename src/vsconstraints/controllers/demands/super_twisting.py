@@ -83,8 +83,9 @@ class ImplicitSuperTwisting(SuperTwisting):
     """Rows demand what :class:`SuperTwisting` does, solved for the end of the period.
 
     The implicit Euler method (Brogliato, Polyakov and Efimov 2020). Good at: far less switching, and a rate that is too
-    large costs nothing. Bad at: contacts, as the explicit one, and accuracy: what it takes to zero is φ + T_s v, in
-    which the drift of the period is not; at rest it is :class:`ImplicitSwitch`, and φ is T_s L_fφ.
+    large costs nothing. Bad at: contacts, as the explicit one; accuracy, since what it takes to zero is φ + T_s v, in
+    which the drift of the period is not: at rest it is :class:`ImplicitSwitch`, and φ is T_s L_fφ; and rows far inside,
+    which resolvers with inequalities keep to v ≤ k₁ √|φ| as well, though a steep φ could come faster.
 
     Parameters
     ----------

@@ -20,7 +20,11 @@ def switch(row: Row) -> Any:
 
 @dataclass(frozen=True)
 class Switch(Demand):
-    """Rows with φ ≥ 0 demand −u⁺, the others nothing (eqs. 10 and 11)."""
+    """Rows with φ ≥ 0 demand −u⁺, the others nothing (eqs. 10 and 11).
+
+    Muñoz-Benavent et al. (2018). Good at: all of the space, knowing nothing but φ and L_gφ. Bad at: it chatters, with a
+    band of T_s u⁺, and u⁺ has to exceed what drift and tracking can do.
+    """
 
     name = "switch"
     formula = staticmethod(switch)
