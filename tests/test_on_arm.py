@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
+import json
 import os
 import signal
+import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,9 +23,9 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
 from vsconstraints.cli import app
-from vsconstraints.comparisons import StoredComparison, Suite
-from vsconstraints.comparisons.folder import demand_nothing_lost
-from vsconstraints.comparisons.record import stored_run
+from vsconstraints.comparisons import StoredComparison, Suite, compare
+from vsconstraints.comparisons.folder import demand_arm_kept, demand_nothing_lost
+from vsconstraints.comparisons.record import run_file, stored_run
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, make_controller
 from vsconstraints.deployment import (
     Address,
@@ -29,6 +33,7 @@ from vsconstraints.deployment import (
     ArmLog,
     Envelope,
     Job,
+    Joints,
     Punctuality,
     Setpoint,
     Supervision,
@@ -298,6 +303,10 @@ def test_lost_images_end_in_a_braked_stop() -> None:
     log = on("loopback://?time=simulated&patience=5", eye=eye, supervision=Supervision(image_s=0.04))
     assert log.cause == "t = 0.09 s: no image shows a marker since t = 0.048 s"
     assert_stopped(log)
+    # by the system's clock an image would never be old
+    for taken in (1.7e9, np.nan):
+        ahead = on("simulated://", eye=lambda t, q, taken=taken: Measurement(seen, None, taken))
+        assert "which is not yet: by another clock?" in ahead.cause
     never = on("loopback://?time=simulated&patience=5", eye=lambda t, q: None, supervision=Supervision(image_s=0.04))
     assert "no image shows a marker" in never.cause
 
@@ -384,6 +393,77 @@ def test_a_loop_that_hangs_is_braked_by_the_watchdog() -> None:
     assert not log.periods or (log.column("sent_qd")[-1] == 0.0).all()
 
 
+def test_an_arm_brakes_by_itself_where_python_is_held() -> None:
+    def hold(command: Command) -> Command:
+        if law._left == -10:
+            ctypes.PyDLL(None).usleep(400_000)  # in C, without letting go of the interpreter
+        return replace(command, qdd=np.zeros(6))  # on a slow machine setpoints come late, and motion would be refused
+
+    law, patient = Own(hold, at=0), Supervision(late_s=10.0, hang_s=10.0)
+    # the server is a process of its own
+    log = on("loopback://?patience=20", law, supervision=patient)
+    assert log.ended == "failed"
+    assert "the arm stopped by itself: its watchdog was told nothing for 100 ms" in log.cause
+
+
+def test_a_stop_after_silence_begins_where_the_arm_is() -> None:
+    driver, n = driver_for("simulated://", SETUP), np.zeros(6)
+    line = stream.Stream(driver, limits(6), n, 4)
+    line.clock = Late(*(0.0,) * 1000)  # type: ignore[assignment]
+    line.begin()
+    states: list[Joints] = []
+    sent: list[Array] = []
+
+    def send(q: Array, qd: Array) -> None:
+        sent.append(q)
+        states.append(Joints(0.0, q, qd))
+
+    driver.read, driver.send = lambda: states[-1], send  # type: ignore[method-assign]
+    for late in (0.003, 0.05):
+        line.send(Setpoint(n, np.full(6, 0.2), n))
+        states.append(Joints(0.0, n + 0.01, np.full(6, 0.1)))
+        sent.clear()
+        line.clock.t += Ts + late  # type: ignore[union-attr]
+        line.bring_to_rest(False, lambda: None)
+        # v²/2a beyond where it was sent, or beyond where it is
+        far = 0.2**2 / 10.0 if late < 0.01 else 0.01 + 0.1**2 / 10.0
+        np.testing.assert_allclose(sent[-1], far, atol=1e-9)
+        assert line.stop[1]
+
+
+def test_an_arm_that_goes_on_after_its_stop_is_told_to_stop_by_itself() -> None:
+    driver = driver_for("simulated://", SETUP)
+    told = []
+    driver.read = lambda: Joints(0.0, SETUP.q0, np.array([0.0, 0.0, -0.3, 0.0, 0.0, 0.0]))  # type: ignore[method-assign]
+    driver.halt = told.append  # type: ignore[method-assign]
+    line = stream.Stream(driver, limits(6, 7.0), SETUP.q0, 4)
+    line.begin()
+    line.bring_to_rest(False, lambda: None)
+    assert line.stop == (
+        "while braking, joint 3 still moves at -0.3 rad/s, 0.5 s after it was sent to rest; told to stop by its own "
+        "means",
+        False,
+    )
+    assert told == [7.0]
+
+
+def test_a_drivers_own_mistake_does_not_keep_an_arm_from_its_stop() -> None:
+    driver = driver_for("simulated://", SETUP)
+    line, told = stream.Stream(driver, limits(6), SETUP.q0, 4), []
+
+    def mistaken() -> Joints:
+        raise KeyError("joint 7")
+
+    driver.read, driver.halt = mistaken, told.append  # type: ignore[method-assign]
+    line.bring_to_rest(False, lambda: None)
+    assert line.stop[0].startswith("while braking, KeyError: 'joint 7'")
+    assert line.stop[0].endswith("told to stop by its own means")
+    assert told
+    driver.halt = lambda deceleration: mistaken()  # type: ignore[method-assign,assignment,return-value]
+    line.bring_to_rest(True, lambda: None)
+    assert "IT COULD NOT BE TOLD TO STOP (KeyError: 'joint 7'" in line.stop[0]
+
+
 def test_a_call_to_the_arm_that_hangs_is_answered_by_the_arms_own_stop() -> None:
     address, end = stand_in_server("stall")
     log = on(f"{address}?patience=1", supervision=Supervision(late_s=10.0, hang_s=0.05))
@@ -394,7 +474,7 @@ def test_a_call_to_the_arm_that_hangs_is_answered_by_the_arms_own_stop() -> None
 
 def stand_in_server(fault: Fault = "none") -> tuple[str, Any]:
     own = Envelope.of(SETUP.scene.robot, SETUP.limits, Ts)
-    arm = StandIn(SETUP.q0, StandInLimits(own.q_min, own.q_max, 10.0 * own.qd_max, 100.0 * own.acceleration), Ts)
+    arm = StandIn(SETUP.q0, StandInLimits(own.q_min, own.q_max, 10.0 * own.qd_max, 100.0 * own.acceleration), Ts, 2.0)
     port, end = in_thread(arm, Behaviour(fault, 0.0))
     return f"loopback://127.0.0.1:{port}", end
 
@@ -493,10 +573,29 @@ def test_a_stand_in_follows_then_goes_on_then_brakes() -> None:
     np.testing.assert_allclose(arm.state(), [[1e-5], [0.01]])
     arm.advance(PATIENCE)
     np.testing.assert_allclose(arm.state(), [[1e-5 + PATIENCE * 0.01], [0.01]])
+    assert not arm.stopped
     arm.advance(1.0)
     np.testing.assert_allclose(arm.state(), [[1e-5 + PATIENCE * 0.01 + 0.01**2 / 20.0], [0.0]], atol=1e-15)
-    arm.take(np.array([0.5]), np.array([0.0]))
-    assert arm.stopped == "protective stop: joint 1 is too fast"
+    assert arm.stopped == "its watchdog was told nothing for 100 ms"
+
+
+def test_a_stand_in_refuses_what_it_cannot_do() -> None:
+    def sent(late: float, q: float, qd: float) -> str:
+        arm = StandIn(np.zeros(1), StandInLimits(-np.ones(1), np.ones(1), np.ones(1), np.full(1, 10.0)), Ts)
+        arm.take(np.array([1e-5]), np.array([0.01]))
+        arm.advance(Ts + late)
+        arm.take(np.array([q]), np.array([qd]))
+        return arm.stopped
+
+    assert sent(0.0, 0.5, 0.0) == "protective stop: joint 1 is too fast"
+    # where it was sent 50 ms ago it is no more
+    assert sent(0.0, 1e-5, 0.0) == ""
+    assert sent(0.05, 1e-5, 0.5) == "protective stop: joint 1 accelerates too much"
+    fast = StandIn(np.zeros(1), StandInLimits(-np.ones(1), np.ones(1), np.ones(1), np.full(1, 1e4)), Ts)
+    fast.take(np.array([1e-3]), np.array([1.0]))
+    fast.advance(Ts + 0.05)
+    fast.take(np.array([2e-3]), np.array([1.0]))
+    assert fast.stopped == "protective stop: joint 1 is too fast"
 
 
 # --- arms of Universal Robots, by what their package is told ---
@@ -509,8 +608,8 @@ class FakeUr:
         self.calls: list[tuple[str, tuple[Any, ...]]] = []
         self.answers: dict[str, Any] = {
             "isConnected": True,
-            "isEmergencyStopped": False,
-            "isProtectiveStopped": False,
+            "getSafetyStatusBits": 0b1,
+            "getTargetSpeedFraction": 1.0,
             "getActualQ": SETUP.q0.tolist(),
             "getActualQd": [0.0] * 6,
         }
@@ -554,9 +653,13 @@ def test_an_arm_of_universal_robots_is_streamed_positions(ur: FakeUr, monkeypatc
     assert log.ended == "done"
     assert_stopped(log)
     sent = [arguments for name, arguments in ur.calls if name == "servoJ"]
-    assert len(sent) == len(log.periods)
-    assert sent[7] == (log.periods[7].sent_q.tolist(), 0.0, 0.0, Ts, 0.05, 500.0)
-    assert ur.names().count("kickWatchdog") == len(sent)
+    # the first one is to stay
+    assert len(sent) == 1 + len(log.periods)
+    assert sent[0][0] == SETUP.q0.tolist()
+    assert sent[8] == (log.periods[7].sent_q.tolist(), 0.0, 0.0, Ts, 0.05, 500.0)
+    # it overwrites the setpoint; the watchdog waits for setpoints, and not for the law to be ready
+    assert "kickWatchdog" not in ur.names()
+    assert ur.names().index("setWatchdog") == ur.names().index("servoJ") - 5 - 1
     assert ("setWatchdog", (10.0,)) in ur.calls
     assert ur.names()[-5:] == ["servoStop", "stopScript", "disconnect", "disconnect", "disconnect"]
 
@@ -566,7 +669,7 @@ def test_an_arm_of_universal_robots_is_streamed_speeds(ur: FakeUr, monkeypatch: 
     log = on("ur-rtde://192.168.0.2?send=speed", setup=replace(SETUP, duration=0.02))
     sent = [arguments for name, arguments in ur.calls if name == "speedJ"]
     assert sent[-1] == ([0.0] * 6, 40.0, Ts)
-    assert sent[3][0] == log.periods[3].sent_qd.tolist()
+    assert sent[4][0] == log.periods[3].sent_qd.tolist()
     assert "speedStop" in ur.names()
 
 
@@ -576,7 +679,9 @@ def test_an_arm_of_universal_robots_is_streamed_speeds(ur: FakeUr, monkeypatch: 
         ({"servoJ": False}, "the arm did not take servoJ"),
         ({"servoJ": RuntimeError("lost")}, "servoJ: lost"),
         ({"isConnected": False}, "the connection to the arm broke"),
-        ({"isProtectiveStopped": True}, "emergency stop or protective stop"),
+        ({"getSafetyStatusBits": 0b10000000101}, "the arm stopped by itself: protective stop, stopped due to safety"),
+        ({"getSafetyStatusBits": 0b10000010001}, "the arm stopped by itself: safeguard stop, stopped due to safety"),
+        ({"getActualQd": RuntimeError("no state")}, "getActualQd: no state"),
         ({"getTimestamp": None}, "the arm has said nothing new"),
     ],
 )
@@ -605,13 +710,65 @@ def test_the_package_of_universal_robots_takes_what_is_sent() -> None:
     assert "arg5: float) -> bool" in control.servoJ.__doc__
     assert "qd: list[float], acceleration: float = 0.5, time: float = 0.0) -> bool" in control.speedJ.__doc__
     for kind, names in (
-        (control, "setWatchdog kickWatchdog servoStop speedStop stopScript disconnect"),
-        (receive, "getActualQ getActualQd getTimestamp isConnected isEmergencyStopped isProtectiveStopped disconnect"),
+        (control, "setWatchdog servoStop speedStop stopScript disconnect"),
+        (
+            receive,
+            "getActualQ getActualQd getTimestamp isConnected getSafetyStatusBits getTargetSpeedFraction disconnect",
+        ),
         (dashboard, "connect stop disconnect"),
     ):
         assert all(hasattr(kind, name) for name in names.split())
     with pytest.raises(ArmError, match="connect: "):
         on("ur-rtde://127.0.0.1")
+
+
+@pytest.fixture
+def ur_controller() -> Iterator[tuple[str, Any]]:
+    """A stand-in for an arm's controller in a process of its own: where it is, and what asks it."""
+    pytest.importorskip("rtde_control")
+    words = [sys.executable, str(Path(__file__).with_name("universal_robots.py")), "127.0.0.78"]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        if process.stdout.readline() != "ready\n":
+            pytest.skip("there is no such address here, or its ports are taken")
+
+        def ask(expression: str) -> Any:
+            print(expression, file=process.stdin, flush=True)
+            return json.loads(process.stdout.readline())  # type: ignore[union-attr]
+
+        yield "ur-rtde://127.0.0.78", ask
+        process.kill()
+
+
+def test_the_package_of_universal_robots_brings_setpoints_to_the_arm(
+    ur_controller: tuple[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address, ask = ur_controller
+    # on a slow machine both wait for each other
+    monkeypatch.setattr(ur_rtde, "WATCHDOG", 0.5)
+    monkeypatch.setattr(ur_rtde, "STALE", 10.0)
+    patient = Supervision(late_s=10.0, hang_s=10.0, following_rad=10.0)
+    ask("setattr(arm, 'slider', 0.5)")
+    with pytest.raises(ArmError, match="the arm's speed slider is at 50 %"):
+        on(address)
+    ask("setattr(arm, 'slider', 1.0)")
+    ask(f"setattr(arm, 'q', {SETUP.q0.tolist()})")
+    log = on(address, setup=replace(SETUP, duration=0.1), supervision=patient)
+    assert (log.ended, log.at_rest) == ("done", True)
+    carried_out = ask("arm.carried_out")
+    # setWatchdog, servoJ …, servoStop, stopScript
+    assert [command for command, _ in carried_out[-2:]] == [16, 255]
+    assert carried_out[0][0] == 35
+    assert carried_out[0][1][0] == 0.5
+    reached = [told for command, told in carried_out if command == 11]
+    assert len(reached) > 5
+    np.testing.assert_array_equal(reached[-1][:6], log.column("sent_q")[-1])
+    assert reached[-1][6:] == [0.0, 0.0, Ts, 0.03, 1000.0]
+    # a gate was opened: the arm stands, and what is told to be safe is not
+    ask("setattr(arm, 'safety', 0b10000010001)")
+    with pytest.raises(ArmError, match="the arm stopped by itself: safeguard stop"):
+        on(address)
 
 
 def test_every_driver_says_what_it_is() -> None:
@@ -640,6 +797,34 @@ def test_what_is_not_permitted_is_said_and_nothing_stays(monkeypatch: pytest.Mon
     assert gc.isenabled()
     assert "no real-time scheduling (Operation not permitted)" in said[0]
     assert "memory is not locked (Cannot allocate memory)" in said[1]
+
+
+def test_memory_is_locked_where_that_cannot_fail_later(monkeypatch: pytest.MonkeyPatch) -> None:
+    resource = pytest.importorskip("resource")
+    monkeypatch.setattr(resource, "getrlimit", lambda what: (8 << 20, 8 << 20))
+    monkeypatch.setattr(realtime, "_may_lock", lambda: False)
+    monkeypatch.setattr(realtime.sys, "platform", "linux")
+    assert realtime._lock() == "a limit of 8 MB"
+    warned = realtime.Permitted("Operation not permitted", "a limit of 8 MB").warnings()
+    assert "`ulimit -r 80`" in warned[0]
+    assert "`ulimit -l unlimited`" in warned[1]
+    assert (
+        realtime.Permitted("", "").warnings() == realtime.Permitted("not asked for", "not asked for").warnings() == []
+    )
+
+
+def test_memory_is_made_ready_before_the_loop() -> None:
+    if not realtime._reserve():
+        pytest.skip("another C library")
+    try:
+        before = realtime.usage().faults
+        kept = [np.ones(20_000) for _ in range(50)]  # 8 MB, which the system would give out page by page
+        assert len(kept) == 50
+        assert realtime.usage().faults - before < 200
+        said = realtime.used(realtime.Usage(1, 0, 2), realtime.Usage(4, 1, 9))
+        assert said == "meanwhile 3 page faults, 1 of them from disk, and preempted 7 times"
+    finally:
+        realtime._set_malloc(*realtime.AS_BEFORE)
 
 
 class Late:
@@ -725,5 +910,14 @@ def test_a_run_is_stored_as_any_other(tmp_path: Path) -> None:
     suite = Suite.load().select(["ur5-fov"], ["sliding-mode"], settings=["scenario.duration=0.1"])
     assert all(stored_run(run, out) is not None for run in suite.with_baseline().runs())
     demand_nothing_lost(out, suite.with_baseline())
+    # which goes no further than that: what an arm has done is never simulated in its place
+    demand_arm_kept(out, suite.with_baseline().runs())
+    with pytest.raises(ConfigurationError, match=r"holds a run on loopback:.*, which a simulation would replace"):
+        compare(suite, out, workers=0, fresh=True)
+    with pytest.raises(ConfigurationError, match=r"holds a run on loopback:.*, which a simulation would replace"):
+        compare(Suite.load().select(["example-2d-fov"], ["sliding-mode"]), out, workers=0, fresh=True)
+    run_file(out, "ur5-fov", "sliding-mode", 0).unlink()
+    with pytest.raises(ConfigurationError, match=r"holds a run on loopback:.*, which a simulation would replace"):
+        compare(suite, out, workers=0)
     with pytest.raises(ConfigurationError, match="each run needs its own --out"):
         record.demand_own_folder(out)

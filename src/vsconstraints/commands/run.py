@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 DRY = "simulated://"
 
+UNWATCHED = "nothing of the arm's own is known to its driver, and where Python itself is held nothing brakes it"
+
 
 def run(
     context: typer.Context,
@@ -56,6 +58,7 @@ def run(
     from ..deployment.images import MODEL, SIMULATED
     from ..deployment.record import demand_own_folder, punctuality
     from ..kernels import prepare
+    from ..reports.page import where
     from ..runs.folder import held
     from ..runs.signals import exit_code
     from .reporting import Asked, comparison_report
@@ -87,6 +90,9 @@ def run(
     with real_time(priority and not driver.simulated_time) as permitted:
         if not driver.simulated_time:
             console.print(f"Real time: {'; '.join(permitted.said())}.")
+            console.print(f"If the loop falls silent: {driver.watchdog or UNWATCHED}.")
+            for warning in permitted.warnings():
+                errors.print(f"warning: {warning}")
         setup, log = run_on_arm(Job(setup, law, driver, eye, from_arm=from_arm))
     for line in punctuality(log).lines() if not driver.simulated_time else ():
         console.print(line)
@@ -95,7 +101,7 @@ def run(
     report = comparison_report(out, Asked(figures))
     if trajectory is not None:
         console.print(f"{trajectory.status}: {trajectory.reason}")
-    console.print(f"Log and results: {out}. Report: {report}")
+    console.print(f"Log and results: {out}. {where(report)}")
     if log.signal:
         raise typer.Exit(exit_code(log.signal))
     if log.ended != "done":

@@ -98,12 +98,16 @@ class Driver(ABC):
         Options that an address may have.
     takes
         What is sent.
+    watchdog
+        What the arm does by itself where the loop falls silent, in words; empty if nothing is known of it. Only this
+        stops an arm where Python itself is held.
     """
 
     real: ClassVar[bool] = True
     simulated_time: bool = False
     known: ClassVar[tuple[str, ...]] = ()
     takes: Takes = "position"
+    watchdog: str = ""
 
     def __init__(self, address: Address, setup: Setup) -> None:
         for option in address.options:
@@ -114,6 +118,9 @@ class Driver(ABC):
     @abstractmethod
     def connect(self) -> None:
         """Reach the arm; nothing moves. Raises ArmError."""
+
+    def begin(self) -> None:
+        """Setpoints follow from now on, one each period: the time to start the arm's own watchdog. Raises ArmError."""
 
     @abstractmethod
     def read(self) -> Joints:

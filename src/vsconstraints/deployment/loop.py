@@ -22,6 +22,7 @@ from .driver import ArmError, Driver, Joints
 from .envelope import Envelope
 from .images import Eye
 from .log import ArmLog, Ended
+from .realtime import usage, used
 from .start import demand_start
 from .stream import Stream
 from .supervision import Requests, Supervision, Watchdog, requests_noted
@@ -132,18 +133,12 @@ class _Run:
 
     def carry_out(self) -> ArmLog:
         """All periods, and the stop."""
-        stream = self.stream
+        stream, before = self.stream, usage()
         with requests_noted() as requests, self._watched(requests):
             ended, cause = self._periods(requests)
             with stream.turn:
                 if not self.taken:
                     stream.bring_to_rest(self.silent, self._alive)
-        remarks = []
-        if stream.missed:
-            remarks.append(f"{stream.missed} periods were missed, by {1e3 * stream.shift:.3g} ms in all")
-        guarded = sum(period.guarded for period in stream.periods)
-        if guarded:
-            remarks.append(f"commands were brought to the arm's limits in {guarded} periods")
         return ArmLog(
             ended=ended,
             cause=cause,
@@ -154,7 +149,7 @@ class _Run:
             missed=stream.missed,
             Ts=self.Ts,
             compiled=self._compiled(),
-            remarks=tuple(remarks),
+            remarks=stream.remarks(used(before, usage())),
         )
 
     def _compiled(self) -> bool:
@@ -213,8 +208,9 @@ class _Run:
     def _periods(self, requests: Requests) -> tuple[Ended, str]:
         """All periods: how they ended and why."""
         k = 0
-        self.stream.begin()
         try:
+            self.driver.begin()
+            self.stream.begin()
             for k in range(self.setup.samples):
                 if requests.signal:
                     raise Halt("stopped", f"{signal.Signals(requests.signal).name} asked for it")
@@ -274,6 +270,8 @@ class _Run:
         given: dict[str, Any] = {}
         if seen is not None and seen.pixels is not None:
             taken = t if seen.taken is None else seen.taken
+            if not taken <= t + 1e-6:  # but for rounding; also what is no number
+                raise Halt("failed", f"an image was taken at {taken:.6g} s, which is not yet: by another clock?")
             if np.isfinite(seen.pixels).all(axis=1).any():
                 self.image_at = max(self.image_at, taken)
                 given = {"pixels": np.array(seen.pixels, dtype=np.float64), "taken": taken}

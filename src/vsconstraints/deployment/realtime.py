@@ -7,14 +7,28 @@ import gc
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
 
 PRIORITY = 80
 """Of SCHED_FIFO, from 1 to 99: above what else runs so, below the system's own threads that watch."""
 
 CURRENT_AND_FUTURE = 1 | 2
 """MCL_CURRENT and MCL_FUTURE of Linux' mlockall."""
+
+IPC_LOCK = 14
+"""Number of the capability to lock memory without limit."""
+
+RESERVED = 1 << 26
+"""Memory that is made ready beforehand, so that the loop waits for none [bytes]."""
+
+TRIM_THRESHOLD, MMAP_MAX = -1, -4
+"""M_TRIM_THRESHOLD and M_MMAP_MAX of glibc's mallopt: memory that is freed is kept, and none is mapped by itself."""
+
+NEVER, AS_BEFORE = (2**31 - 1, 0), (128 * 1024, 65536)
+"""What they are set to meanwhile, and what they are otherwise."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +54,52 @@ class Permitted:
             "no garbage is collected meanwhile",
         ]
 
+    def warnings(self) -> list[str]:
+        """What was asked for and not permitted, and what would permit it."""
+        found = []
+        if self.fifo and self.fifo != NOT_ASKED:
+            found.append(
+                f"no real-time scheduling ({self.fifo}): other programs can delay the loop by tens of milliseconds. "
+                f"`ulimit -r {PRIORITY}` permits it (/etc/security/limits.conf: rtprio)"
+            )
+        if self.locked and self.locked != NOT_ASKED:
+            found.append(
+                f"memory is not locked ({self.locked}): the loop can wait for a disk. `ulimit -l unlimited` permits it "
+                "(/etc/security/limits.conf: memlock)"
+            )
+        return found
+
+
+class Usage(NamedTuple):
+    """What a thread has met so far.
+
+    Pages that were not there, those of them that were read from a disk, and how often another thread was let before it.
+    """
+
+    faults: int
+    from_disk: int
+    preempted: int
+
+
+def usage() -> Usage:
+    """Of this thread; zeros where the system does not tell."""
+    try:
+        import resource
+
+        now = resource.getrusage(resource.RUSAGE_THREAD)
+    except (ImportError, AttributeError):
+        return Usage(0, 0, 0)
+    return Usage(now.ru_minflt + now.ru_majflt, now.ru_majflt, now.ru_nivcsw)
+
+
+def used(before: Usage, after: Usage) -> str:
+    """What was met between the two, in words."""
+    faults, from_disk, preempted = (b - a for a, b in zip(before, after, strict=True))
+    return f"meanwhile {faults} page faults, {from_disk} of them from disk, and preempted {preempted} times"
+
+
+NOT_ASKED = "not asked for"
+
 
 @contextmanager
 def real_time(wanted: bool = True) -> Iterator[Permitted]:
@@ -54,8 +114,9 @@ def real_time(wanted: bool = True) -> Iterator[Permitted]:
     gc.collect()
     gc.freeze()
     gc.disable()
-    before = _schedule() if wanted else "not asked for"
-    locked = _lock() if wanted else "not asked for"
+    before = _schedule() if wanted else NOT_ASKED
+    reserved = wanted and _reserve()
+    locked = _lock() if wanted else NOT_ASKED
     try:
         yield Permitted(before if isinstance(before, str) else "", locked)
     finally:
@@ -63,6 +124,8 @@ def real_time(wanted: bool = True) -> Iterator[Permitted]:
             os.sched_setscheduler(0, before[0], os.sched_param(before[1]))
         if not locked:
             ctypes.CDLL(None).munlockall()
+        if reserved:
+            _set_malloc(*AS_BEFORE)
         gc.unfreeze()
         if collected:
             gc.enable()
@@ -84,5 +147,41 @@ def _lock() -> str:
     """Why memory is not locked; empty if it is."""
     if sys.platform != "linux":
         return f"{sys.platform}: not tried"
+    import resource
+
+    most = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    if most != resource.RLIM_INFINITY and not _may_lock():
+        # within a limit, what the program asks for later would be refused
+        return f"a limit of {most / 2**20:g} MB"
     library = ctypes.CDLL(None, use_errno=True)
     return "" if library.mlockall(CURRENT_AND_FUTURE) == 0 else os.strerror(ctypes.get_errno())
+
+
+def _may_lock() -> bool:
+    """Whether this process may lock memory without limit."""
+    with suppress(OSError, ValueError, IndexError):
+        status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
+        return bool(int(status.split("CapEff:")[1].split()[0], 16) >> IPC_LOCK & 1)
+    return False
+
+
+def _reserve() -> bool:
+    """Have memory ready that the C library gives out without asking the system; False where it is another library."""
+    try:
+        library = ctypes.CDLL(None)
+        _set_malloc(*NEVER)
+        library.malloc.restype = ctypes.c_void_p
+        library.malloc.argtypes, library.free.argtypes = [ctypes.c_size_t], [ctypes.c_void_p]
+        block = library.malloc(RESERVED)
+    except (AttributeError, OSError, TypeError):
+        return False
+    if block:
+        ctypes.memset(block, 0, RESERVED)
+        library.free(block)
+    return True
+
+
+def _set_malloc(trim: int, mapped: int) -> None:
+    library = ctypes.CDLL(None)
+    library.mallopt(TRIM_THRESHOLD, trim)
+    library.mallopt(MMAP_MAX, mapped)

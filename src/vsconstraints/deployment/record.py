@@ -10,6 +10,7 @@ import numpy as np
 
 from ..comparisons import Finished, RunSpec, Suite
 from ..comparisons import compare as compare_runs
+from ..comparisons.folder import ARM_LOG
 from ..comparisons.record import RunRecord, run_file
 from ..controllers import Controller
 from ..errors import ConfigurationError
@@ -22,7 +23,7 @@ from ..simulation.plant import Plant
 from .log import ArmLog
 from .timing import LATENESS, Punctuality
 
-ARM = "arm"
+ARM = ARM_LOG.parent.name
 """Folder of what only a run on an arm has: the log of all periods, and how late they began."""
 
 
@@ -156,7 +157,7 @@ def store(
     (folder / ARM).mkdir(parents=True, exist_ok=True)
     (folder / "trajectories").mkdir(exist_ok=True)
     punctual = punctuality(log)
-    log.save(folder / ARM / "log.npz", where=where, **punctual.numbers())
+    log.save(folder / ARM_LOG, where=where, **punctual.numbers())
     LATENESS.write(folder / ARM / LATENESS.file, {where: punctual})
     spec: RunSpec = next(run for run in suite.runs())
     trajectory = None

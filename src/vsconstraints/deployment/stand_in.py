@@ -8,8 +8,14 @@ import numpy as np
 
 from ..rows import Array
 
-PATIENCE = 0.05
-"""How long after the end of a period an arm goes on as it was sent; then it brakes [s]."""
+PATIENCE = 0.1
+"""How long after the end of a period an arm goes on as it was sent; then its watchdog brakes it [s].
+
+Ten periods if that is longer.
+"""
+
+LATE = 0.01
+"""By how much a setpoint may be late before it is held against where the arm is, and not where it was sent [s]."""
 
 SLACK = 1.05
 """What is refused is beyond its limits by this factor: setpoints come through a network."""
@@ -28,6 +34,8 @@ class StandInLimits:
 class StandIn:
     """Position is a cubic from one setpoint to the next, then goes on straight for a while, then the arm brakes.
 
+    That is its watchdog: an arm that it has braked takes nothing more.
+
     Parameters
     ----------
     q
@@ -36,6 +44,8 @@ class StandIn:
         What it takes.
     period
         In which a setpoint is reached [s].
+    patience
+        Of its watchdog: see :data:`PATIENCE`.
 
     Attributes
     ----------
@@ -45,16 +55,20 @@ class StandIn:
         Why it stopped by itself and takes nothing more; empty if it has not.
     """
 
-    def __init__(self, q: Array, limits: StandInLimits, period: float) -> None:
+    def __init__(self, q: Array, limits: StandInLimits, period: float, patience: float = PATIENCE) -> None:
         n = len(q)
         self.limits, self.period, self.t, self.stopped = limits, period, 0.0, ""
-        self._begun, self._patience = -np.inf, PATIENCE
+        self._begun, self._most = -np.inf, max(patience, 10.0 * period)
+        self._patience = self._most
         here: tuple[Array, Array] = np.array(q), np.zeros(n)
         self._from, self._to = here, here
 
     def advance(self, seconds: float) -> None:
         """Let time pass."""
         self.t += max(seconds, 0.0)
+        silent = self.t - self._begun - self.period
+        if np.isfinite(self._begun) and silent > self._most and not self.stopped:
+            self.stopped = f"its watchdog was told nothing for {1e3 * self._most:g} ms"
 
     def state(self) -> tuple[Array, Array]:
         """(n,) q and q̇ now."""
@@ -75,7 +89,7 @@ class StandIn:
         """A setpoint for the end of the period that begins; one beyond the limits makes the arm stop by itself."""
         if self.stopped:
             return
-        before = self._to if np.isfinite(self._begun) else self.state()
+        before = self._to if self.t - self._begun < self.period + LATE else self.state()
         limits, T = self.limits, self.period
         wrong = (
             ("is not finite", ~(np.isfinite(q) & np.isfinite(qd))),
@@ -87,7 +101,12 @@ class StandIn:
             if joints.any():
                 self.stop(f"protective stop: joint {int(np.argmax(joints)) + 1} {what}")
                 return
-        self._from, self._to, self._begun, self._patience = self.state(), (np.array(q), np.array(qd)), self.t, PATIENCE
+        self._from, self._to, self._begun, self._patience = (
+            self.state(),
+            (np.array(q), np.array(qd)),
+            self.t,
+            self._most,
+        )
 
     def stop(self, why: str) -> None:
         """Brake now, and take nothing more."""

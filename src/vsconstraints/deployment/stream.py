@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..errors import described
 from ..order_filter import OrderFilter
 from ..rows import Array
 from .brake import Brake
@@ -18,6 +19,15 @@ from .log import Period
 
 LONGEST_STOP = 30.0
 """A stop that is streamed takes no longer [s]."""
+
+SILENT = 0.01
+"""After so long without a setpoint an arm may have gone on, held or braked: a stop begins where it is measured [s]."""
+
+SETTLING = 0.5
+"""How long after the last setpoint of a stop an arm may still move [s]."""
+
+STILL = 0.01
+"""Measured speed that is rest [rad/s or m/s]."""
 
 
 class Stream:
@@ -57,14 +67,14 @@ class Stream:
         self.clock: Clock = SimulatedClock() if driver.simulated_time else RealClock()
         self.sent = Setpoint(q, np.zeros_like(q), np.zeros_like(q))
         self._filter = OrderFilter(q, np.zeros_like(q), self.Ts)
-        self._no_image = np.full((markers, 2), np.nan)
+        self._no_image, self._sent_at = np.full((markers, 2), np.nan), np.inf
         self.periods: list[Period] = []
         self.missed, self.shift, self.begun = 0, 0.0, 0.0
         self.turn, self.stop = threading.Lock(), ("", False)
 
     def begin(self) -> None:
         """The first period begins now."""
-        self.begun = self.clock.now()
+        self.begun = self._sent_at = self.clock.now()
 
     def wait(self, k: int) -> tuple[float, float]:
         """Wait for a period's beginning: when it was to be, since the first one, and how late it is [s]."""
@@ -104,7 +114,7 @@ class Stream:
     def send(self, setpoint: Setpoint) -> None:
         """Send it; raises ArmError."""
         self.driver.send(setpoint.q, setpoint.qd)
-        self.sent = setpoint
+        self.sent, self._sent_at = setpoint, self.clock.now()
 
     def bring_to_rest(self, by_arm: bool, alive: Callable[[], None]) -> None:
         """Bring the arm to rest: by setpoints or, where it does not take them, by its own means. See :attr:`stop`.
@@ -121,41 +131,63 @@ class Stream:
             try:
                 self.stop = self._stream_stop(alive), True
                 return
-            except ArmError as error:
-                trouble = f"while braking, {error}; "
+            except Exception as error:  # also a driver's own mistake must not keep the arm from being told to stop
+                trouble = f"while braking, {_said(error)}; "
         try:
             self.driver.halt(float(self.envelope.acceleration.min()))
             self.stop = f"{trouble}told to stop by its own means", False
-        except ArmError as error:
+        except Exception as error:  # as above: then it is said
             self.stop = (
-                f"{trouble}IT COULD NOT BE TOLD TO STOP ({error}): its own watchdog, or the emergency stop, must do so",
+                f"{trouble}IT COULD NOT BE TOLD TO STOP ({_said(error)}): its own watchdog, or the emergency stop, "
+                "must do so",
                 False,
             )
 
     def _stream_stop(self, alive: Callable[[], None]) -> str:
-        """Send setpoints until the arm is at rest; how that went. Raises ArmError."""
-        before, from_q = len(self.periods), self.sent.q
-        self._filter.q, self._filter.qd = self.sent.q, self.sent.qd
+        """Send setpoints until the arm is seen to be at rest; how that went. Raises ArmError."""
+        before = len(self.periods)
         begun = max(self.clock.now(), self.begun + before * self.Ts + self.shift)
-        brake = Brake(self.sent.qdd, self.envelope)
-        while not brake.at_rest(self._filter.qd):
+        if self.clock.now() - self._sent_at > self.Ts + SILENT:
+            here = self.driver.read()
+            self.sent = Setpoint(here.q, here.qd, np.zeros_like(here.q))
+        from_q = self.sent.q
+        self._filter.q, self._filter.qd = self.sent.q, self.sent.qd
+        brake, rested = Brake(self.sent.qdd, self.envelope), 0
+        while True:
             k = len(self.periods) - before
-            if k * self.Ts > LONGEST_STOP:
-                raise ArmError(f"the stop has taken {LONGEST_STOP:g} s")
             self.clock.wait(begun + k * self.Ts)
             alive()
-            qdd = brake.step(self._filter.q, self._filter.qd)
+            due, state = self.clock.now() - self.begun, self.driver.read()
+            if brake.at_rest(self._filter.qd):
+                if (np.abs(state.qd) <= STILL).all():
+                    break
+                rested += 1
+                if rested * self.Ts > SETTLING:
+                    j = int(np.argmax(np.abs(state.qd)))
+                    raise ArmError(
+                        f"joint {j + 1} still moves at {state.qd[j]:.3g} rad/s, {SETTLING:g} s after it was sent to "
+                        "rest"
+                    )
+            if k * self.Ts > LONGEST_STOP:
+                raise ArmError(f"the stop has taken {LONGEST_STOP:g} s")
+            qdd = brake.step(self._filter.q, self._filter.qd) if not rested else np.zeros_like(state.q)
             q = self._filter.step(qdd)
             if (np.abs(self._filter.qd) <= 1e-12).all():
                 self._filter.qd = np.zeros_like(q)
-            due, state = self.clock.now() - self.begun, self.driver.read()
             self.send(Setpoint(q, self._filter.qd, qdd))
             self.log((due, 0.0, 0.0, 0.0, 0.0), state, braking=True)
-        if len(self.periods) > before:
-            self.clock.wait(begun + (len(self.periods) - before) * self.Ts)
         taken, moved = (len(self.periods) - before) * self.Ts, np.abs(self.sent.q - from_q).max()
         line = "" if brake.straight in (None, True) else ", each joint for itself, to stay within its range"
         return f"braked to rest in {taken:.3g} s over at most {moved:.3g} rad{line}"
+
+    def remarks(self, meanwhile: str) -> tuple[str, ...]:
+        """What a reader of the results should know, with what went on where periods were missed."""
+        said, guarded = [], sum(period.guarded for period in self.periods)
+        if self.missed:
+            said.append(f"{self.missed} periods were missed, by {1e3 * self.shift:.3g} ms in all ({meanwhile})")
+        if guarded:
+            said.append(f"commands were brought to the arm's limits in {guarded} periods")
+        return tuple(said)
 
     def log(
         self,
@@ -182,3 +214,7 @@ class Stream:
                 braking=braking,
             )
         )
+
+
+def _said(error: Exception) -> str:
+    return str(error) if isinstance(error, ArmError) else described(error)

@@ -31,7 +31,8 @@ class Supervision:
     late_s
         How late a period may begin [s]; what is later than a whole period counts as missed.
     hang_s
-        How long the loop may say nothing before another thread brakes the arm [s]; five periods if that is longer.
+        How long the loop may say nothing before another thread brakes the arm [s]; five periods if that is longer. An
+        arm's own watchdog should wait longer, or it comes first.
     image_s
         How old the newest image with a marker may be [s].
     """
@@ -40,7 +41,7 @@ class Supervision:
     rest_rad_s: float = 0.01
     following_rad: float = 0.1
     late_s: float = 0.02
-    hang_s: float = 0.1
+    hang_s: float = 0.05
     image_s: float = 0.5
 
     def __post_init__(self) -> None:

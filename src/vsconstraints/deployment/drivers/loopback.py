@@ -27,7 +27,7 @@ from ..server import (
     receive,
 )
 from ..server import length as length_of
-from ..stand_in import StandIn, StandInLimits
+from ..stand_in import PATIENCE, StandIn, StandInLimits
 
 
 class LoopbackArm(Driver):
@@ -48,6 +48,7 @@ class LoopbackArm(Driver):
 
     real = False
     known = ("time", "fault", "at", "patience", "off")
+    watchdog = f"a process of its own, which brakes after {1e3 * PATIENCE:g} ms without a setpoint"
 
     def __init__(self, address: Address, setup: Setup) -> None:
         super().__init__(address, setup)
