@@ -154,6 +154,11 @@ def test_points_are_where_ros_and_opencv_have_them_from_the_same_file(tmp_path: 
         ({"distortion_coefficients": matrix([0.1] * 3)}, "has 4 or 5 or 8 finite coefficients, not 3"),
         ({"distortion_coefficients": matrix([0.1] * 12)}, "has 4 or 5 or 8 finite coefficients, not 12"),
         ({"distortion_coefficients": matrix([float("nan")] * 5)}, "finite numbers"),
+        ({"binning_x": 2, "binning_y": 1}, r"fewer pixels \(binning_x = 2\): calibrate it as it is used"),
+        (
+            {"roi": {"x_offset": 10, "y_offset": 0, "width": 320, "height": 480, "do_rectify": True}},
+            r"\(roi.x_offset = 10, roi.width = 320\)",
+        ),
         # the matrix is one of images twice as large
         (
             {"camera_matrix": {"rows": 3, "cols": 3, "data": [1206.4, 0, 645.0, 0, 1203.6, 472.7, 0, 0, 1]}},
@@ -189,6 +194,23 @@ def test_a_calibration_for_another_image_size_is_refused(tmp_path: Path) -> None
         ConfigurationError, match="of images of 640 × 480 px, not of 1280 × 960 px: calibrate the camera"
     ):
         Camera.from_calibration(file, size_px=(1280, 960))
+
+
+def test_a_file_without_a_size_is_told_it(tmp_path: Path) -> None:
+    file = written(tmp_path / "intrinsics.yml", {"K": K.tolist(), "D": D})
+    with pytest.raises(ConfigurationError, match=r"'image_width' is missing; .* Or say size_px"):
+        Camera.from_calibration(file)
+    assert read_calibration(file, size=(640.0, 480.0)) == read_calibration(by_opencv(tmp_path / "b.yaml"))
+    assert Camera.from_calibration(file, size_px=(640, 480)).size_px == (640.0, 480.0)
+    half = written(tmp_path / "half.yml", {"K": K.tolist(), "D": D, "image_width": 640})
+    with pytest.raises(ConfigurationError, match="'image_height' is missing"):
+        Camera.from_calibration(half, size_px=(640, 480))
+
+
+def test_what_ros_says_of_whole_images_changes_nothing(tmp_path: Path) -> None:
+    whole = {"x_offset": 0, "y_offset": 0, "height": 480, "width": 640, "do_rectify": False}
+    said = read_calibration(written(tmp_path / "a.yaml", ros(binning_x=1, binning_y=0, roi=whole)))
+    assert said == read_calibration(written(tmp_path / "b.yaml", ros()))
 
 
 # --- in scenarios ---

@@ -139,6 +139,15 @@ def test_nothing_disturbed_is_nothing_changed() -> None:
     assert there.gradient_error()(rows, there.qd0) is rows
 
 
+def test_a_seed_may_be_any_whole_number_from_0_on() -> None:
+    scenario = Scenario.load("example-2d-fov").with_override("start_deviation", 0.01)
+    starts = [scenario.setup(1, seed).q0 for seed in (0, 10**30, 10**30 + 1)]
+    assert len({tuple(q0) for q0 in starts}) == 3
+    for trial, seed in ((-1, 0), (0, -1), (0.5, 0), (0, 1.5)):
+        with pytest.raises(ConfigurationError, match=r"a (trial|seed) is a whole number from 0 on"):
+            scenario.setup(trial, seed)  # type: ignore[arg-type]
+
+
 def test_every_controller_meets_the_same_disturbances() -> None:
     """Noise is drawn per image and period, whatever the controller does; another seed or trial draws others."""
     settings = {"pixel_noise": 2.0, "lost_frames": 0.3, "acceleration_noise": 0.5}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from functools import cache
 
 import cv2
@@ -13,7 +15,7 @@ from vsconstraints.distortion import Distortion
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.geometry import Pose, distance
 from vsconstraints.images.board import Board
-from vsconstraints.images.detectors import DETECTORS, Pixels
+from vsconstraints.images.detectors import DETECTORS, Pixels, roomy
 from vsconstraints.images.rendering import Renderer
 from vsconstraints.images.settings import ImageSettings
 from vsconstraints.images.sighting import Sighting, board_pose, sight
@@ -90,6 +92,31 @@ def test_both_detectors_count_pixels_alike() -> None:
     assert len(off) >= 72
     assert np.abs(off.mean(axis=0)).max() < 0.06
     assert off.std(axis=0).max() < 0.25
+
+
+@pytest.mark.parametrize("size", [(64, 64), (120, 160), (1, 20_479), (700, 3)])
+def test_a_small_image_has_room_in_the_detector(size: tuple[int, int]) -> None:
+    """AprilTag's memory is for at least one block of 2048 outlines from 143 × 143 pixels on."""
+    image = np.random.default_rng(0).integers(0, 255, size, dtype=np.uint8)
+    roomier = roomy(image)
+    assert roomier.size >= 143 * 143
+    assert roomier.shape[1] == size[1]
+    np.testing.assert_array_equal(roomier[: size[0]], image)
+    assert (roomier[size[0] :] == image[-1]).all()
+    enough = np.zeros((143, 144), dtype=np.uint8)
+    assert roomy(enough) is enough
+
+
+def test_a_detector_is_left_to_the_end_of_the_process() -> None:
+    """Destroyed by its package, it reads families that are freed already: processes crashed after their last line."""
+    program = """
+import pupil_apriltags
+pupil_apriltags.Detector.__del__ = lambda self: print("destroyed" if self.tag_detector_ptr else "left")
+from vsconstraints.images.detectors import apriltag
+apriltag()
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "left\n"
 
 
 def test_a_tag_that_fills_whole_pixels_is_drawn_on_them() -> None:

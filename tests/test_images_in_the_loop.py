@@ -17,6 +17,7 @@ from vsconstraints.errors import ConfigurationError
 from vsconstraints.frames import FOREIGN, OWN, frames, marked, write_frames
 from vsconstraints.geometry import distance
 from vsconstraints.images.detectors import Pixels
+from vsconstraints.images.settings import ImageSettings
 from vsconstraints.scenarios import Scenario
 from vsconstraints.scene import State
 from vsconstraints.simulation import Setup, Trajectory, simulate
@@ -75,11 +76,11 @@ def test_images_come_at_their_own_rate_and_late() -> None:
         eye.measured(k, there.q0, there.qd0)
         # asked twice in a sample, it says the same
         assert eye.measured(k, there.q0, there.qd0) is eye.measured(k, there.q0, there.qd0)
-    taken = [look.taken for look in eye.looks]
+    taken = [one.taken for one in eye.exposures]
     # the first samples of 2 ms that are not before 0, 1/45, 2/45, …
     np.testing.assert_allclose(taken, [0.0, 0.024, 0.046, 0.068, 0.09, 0.112])
     eye.reset()
-    assert not eye.looks
+    assert not eye.exposures
 
 
 def test_depth_is_what_is_asked_for() -> None:
@@ -213,7 +214,7 @@ def test_what_occludes_stands_before_the_tags() -> None:
         eye = sensor(covered)
         for k in range(60):
             eye.measured(k, there.q0, there.qd0)
-        first, last = (eye.looks[i].sighting.seen for i in (0, -1))
+        first, last = (eye.exposures[i].sighting.seen for i in (0, -1))
         assert first.tolist() == [False, True, True, True]
         assert last[0] == at_last
 
@@ -244,7 +245,12 @@ def test_images_of_a_run_are_those_that_its_control_has_seen(monkeypatch: pytest
 def test_images_are_written_as_film_and_as_files(tmp_path: Path) -> None:
     there = made(0.1, sensor__printed=[0, 1, 2, 9])
     run = simulate(there, SlidingMode())
-    assert write_frames(there, run, tmp_path / "folder") == 4
+    (tmp_path / "folder").mkdir()
+    for name in ("00004.png", "notes.txt"):  # of an earlier run, which was longer, and what else is there
+        (tmp_path / "folder" / name).touch()
+    counted: list[int] = []
+    assert write_frames(there, run, tmp_path / "folder", lambda: counted.append(1)) == len(counted) == 4
+    (tmp_path / "folder" / "notes.txt").unlink()
     files = sorted((tmp_path / "folder").iterdir())
     assert [file.name for file in files] == ["00000.png", "00001.png", "00002.png", "00003.png"]
     written = list(frames(there, run))
@@ -265,6 +271,9 @@ def test_images_are_written_as_film_and_as_files(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["film.mp4", "folder", "new"]
     with pytest.raises(ConfigurationError, match=r"ends in \.gif or \.mp4"):
         write_frames(there, run, tmp_path / "film.avi")
+    # and before anything is simulated, or even read
+    with pytest.raises(ConfigurationError, match=r"ends in \.gif or \.mp4"):
+        command("no-such-scenario", tmp_path / "film.avi")
 
 
 def test_the_command_makes_images_of_any_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -287,7 +296,8 @@ def test_the_command_makes_images_of_any_scenario(tmp_path: Path, capsys: pytest
             {"sensor": {"type": "images", "rate": 3.0}},
             r"unknown key in ur5-images\.sensor 'rate'\. Did you mean 'rate_hz'",
         ),
-        ({"sensor": {"rate_hz": 3.0}}, "the key 'type' is missing"),
+        ({"sensor": {"rate_hz": 3.0}}, "the key 'type' is missing; it is one of images"),
+        ({"sensor": "images", "sensor.rate": 3.0}, "unknown key in ur5-images.sensor 'rate'"),
         ({"disturbances.pixel_noise": 0.1}, r"disturbances\.pixel_noise is of markers that are seen without images"),
         ({"disturbances.delay": 1}, r"disturbances\.delay is of markers"),
         ({"sensor.tag_side_m": 0.2}, "overlap"),
@@ -308,3 +318,10 @@ def test_without_the_extra_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         made()
     with pytest.raises(ConfigurationError, match='no images without sensor = "images"'):
         made(scene="ur5-fov").photographer()
+
+
+def test_a_sensor_that_was_named_alone_takes_settings() -> None:
+    named = Scenario.load("ur5-fov").with_override("sensor", "images")
+    told = named.with_override("sensor.rate_hz", 20.0).setup().images
+    assert told == ImageSettings(rate_hz=20.0)
+    assert named.setup().images == ImageSettings()

@@ -16,6 +16,7 @@ import numpy as np
 
 from .distortion import Distortion
 from .errors import ConfigurationError, InvalidInput, shown, unknown_name
+from .geometry import Vector2
 from .rows import Array
 
 ROS_MODELS = {"plumb_bob": "brown-conrady", "rational_polynomial": "brown-conrady", "equidistant": "fisheye"}
@@ -52,8 +53,11 @@ class Calibration:
     distortion: Distortion | None
 
 
-def read_calibration(path: str | Path, model: str | None = None) -> Calibration:
+def read_calibration(path: str | Path, model: str | None = None, size: Vector2 | None = None) -> Calibration:
     """What a file of OpenCV or ROS says.
+
+    Where a file does not say how large images were, as those of OpenCV's stereo sample do not, they are of this
+    ``size`` (2,) [px].
 
     Where a file says neither ``distortion_model``, as ROS's do, nor ``fisheye_model``, as those of OpenCV's sample
     do, its lens is of this ``model`` of :class:`vsconstraints.distortion.Distortion`: Brown and Conrady's if it is
@@ -64,11 +68,13 @@ def read_calibration(path: str | Path, model: str | None = None) -> Calibration:
     Raises
     ------
     ConfigurationError
-        if the file cannot be read, lacks a key, has values that do not fit, or is of another image size than it says.
+        if the file cannot be read, lacks a key, has values that do not fit, is of another image size than it says, or
+        of images of which the camera delivers a part, or fewer pixels.
     """
     where = os.fspath(path)
     table = _table(Path(path), where)
-    size = _number(table, "width", where), _number(table, "height", where)
+    size = _size(table, where, size)
+    _demand_whole(table, size, where)
     K = _matrix(table, "K", where)
     if K.shape != (9,) or K[[1, 3, 6, 7]].any() or K[8] != 1.0 or (K[[0, 4]] <= 0.0).any():
         raise ConfigurationError(
@@ -105,8 +111,30 @@ def _key(table: Mapping[str, Any], what: str, where: str) -> str:
     if found is None:
         raise ConfigurationError(
             f"{where}: the key {NAMES[what][0]!r} is missing; there are {', '.join(map(str, table))}"
+            + (". Or say size_px = [WIDTH, HEIGHT] beside it" if what in ("width", "height") else "")
         )
     return found
+
+
+def _size(table: Mapping[str, Any], where: str, told: Vector2 | None) -> tuple[float, float]:
+    """(W, H) as the file has it, or else as it was told."""
+    if told is not None and not any(key in table for what in ("width", "height") for key in NAMES[what]):
+        return float(told[0]), float(told[1])
+    return _number(table, "width", where), _number(table, "height", where)
+
+
+def _demand_whole(table: Mapping[str, Any], size: tuple[float, float], where: str) -> None:
+    """Raise ConfigurationError where ROS's camera delivers other images than it was calibrated with."""
+    said = [f"{key} = {table[key]}" for key in ("binning_x", "binning_y") if table.get(key) not in (None, 0, 1)]
+    part = table.get("roi")
+    if isinstance(part, Mapping):
+        whole = {"x_offset": 0, "y_offset": 0, "width": size[0], "height": size[1]}
+        said += [f"roi.{key} = {part[key]}" for key in whole if part.get(key) not in (None, 0, whole[key])]
+    if said:
+        raise ConfigurationError(
+            f"{where}: the camera delivers a part of the image that it was calibrated with, or fewer pixels "
+            f"({', '.join(said)}): calibrate it as it is used"
+        )
 
 
 def _number(table: Mapping[str, Any], what: str, where: str) -> float:

@@ -97,7 +97,8 @@ class Camera:
         calibration
             The file.
         size_px
-            Width and height of the images that are used, if it is to be checked that they are those calibrated with.
+            Width and height of the images that are used, if it is to be checked that they are those calibrated with,
+            or the file does not say.
         distortion_model
             For files that do not say which lens their coefficients are of; ``brown-conrady`` if None.
 
@@ -106,7 +107,7 @@ class Camera:
         ConfigurationError
             if the file cannot be used, or is one for another image size.
         """
-        found = read_calibration(calibration, distortion_model)
+        found = read_calibration(calibration, distortion_model, size_px)
         if size_px is not None and tuple(size_px) != found.size_px:
             raise ConfigurationError(
                 f"{calibration} is a calibration of images of {found.size_px[0]:g} × {found.size_px[1]:g} px, not of "

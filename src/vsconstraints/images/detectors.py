@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Callable
 from functools import cache
 from typing import Any, Literal, NamedTuple
@@ -13,6 +14,9 @@ from ..rows import Array, IntArray
 
 MOST_WRONG_BITS = 1
 """Bits of a tag that may be wrong; more are taken for something else."""
+
+LEAST_PIXELS = 20_480
+"""Of an image: of fewer, AprilTag's library makes too little room for outlines, and writes beyond it."""
 
 Pixels = np.ndarray[tuple[int, int], np.dtype[np.uint8]]
 """(H, W) grey levels."""
@@ -45,6 +49,13 @@ def tags_of(found: list[tuple[int, Any]]) -> Tags:
     return Tags(np.array([number for number, _ in found], dtype=np.int64), corners.reshape(-1, 4, 2))
 
 
+def roomy(image: Pixels) -> Pixels:
+    """The image, with its last row again below it as often as the detector needs."""
+    H, W = image.shape
+    missing = -(-LEAST_PIXELS // W) - H
+    return image if missing <= 0 else np.pad(image, ((0, missing), (0, 0)), "edge")
+
+
 @cache
 def apriltag() -> Detector:
     """AprilTag's detector, on an image of half the size; edges are refined in the whole one."""
@@ -52,11 +63,13 @@ def apriltag() -> Detector:
     import pupil_apriltags
 
     detector = pupil_apriltags.Detector(families="tag36h11", nthreads=1, quad_decimate=2.0)
+    # it would free the families before the detector, which reads them then: the end of the process frees both
+    atexit.register(setattr, detector, "tag_detector_ptr", None)
     # it begins elsewhere on a tag as OpenCV prints it, and goes round the other way
     order = [1, 0, 3, 2]
 
     def find(image: Pixels) -> Tags:
-        found = detector.detect(image)
+        found = detector.detect(roomy(image))
         return tags_of([(one.tag_id, one.corners[order]) for one in found if one.hamming <= MOST_WRONG_BITS])
 
     return Detector(find, "edges")

@@ -13,6 +13,7 @@ from ..errors import InvalidInput, shown, unknown_name
 
 DetectorName = Literal["apriltag", "aruco"]
 DepthName = Literal["pose", "model"]
+OpaqueName = Literal["links", "bodies", "regions"]
 
 LAST_ID = 586
 """The family tag36h11 has 587 tags."""
@@ -51,6 +52,9 @@ class ImageSettings:
         Numbers of the tags that are looked for, one per marker; 0, 1, 2, … if None.
     printed
         Numbers of those that the board really has; the same if None.
+    opaque
+        What stands before the tags besides what occludes: the arm's own ``"links"``, ``"bodies"`` of collision
+        constraints, forbidden ``"regions"`` that have an end.
     patience_s
         How long the control goes on with an image that is the last that could be used, before the arm is braked [s].
     """
@@ -68,6 +72,7 @@ class ImageSettings:
     tag_side_m: float | None = None
     tags: Sequence[int] | None = None
     printed: Sequence[int] | None = None
+    opaque: Sequence[OpaqueName] = ("links", "bodies")
     patience_s: float = 0.25
 
     def __post_init__(self) -> None:
@@ -89,6 +94,9 @@ class ImageSettings:
                     f"sensor: {name} must not exceed the time between images, {1.0 / self.rate_hz:.3g} s, not "
                     f"{shown(getattr(self, name))}"
                 )
+        for kind in self.opaque:
+            if kind not in get_args(OpaqueName):
+                raise unknown_name("entry of opaque of sensor", str(kind), get_args(OpaqueName))
         for name in ("tags", "printed"):
             ids = getattr(self, name)
             if ids is not None and not all(int(one) == one and 0 <= one <= LAST_ID for one in ids):

@@ -92,10 +92,10 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
     return Loop(
         parts=np.zeros(9, dtype=np.int64),
         Ts=np.array([setup.Ts]),
-        clock=np.zeros(2, dtype=np.int64),
+        clock=np.zeros(2 if whole else 0, dtype=np.int64),
         rows=believed.rows,
         task=believed.task,
-        answer=Answer(plant.x[-2], zeros(m, dtype=np.bool_), none, one.copy()),
+        answer=Answer(plant.x[-2], zeros(m, dtype=np.bool_), none, one.copy(), none),
         alone=zeros(n),
         true=true.rows,
         pixels=true.pixels,

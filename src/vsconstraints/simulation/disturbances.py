@@ -86,7 +86,9 @@ class Disturbances:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            if field.name != "gradient_error_rows" and not np.isfinite(getattr(self, field.name)).all():
+            # a seed is a whole number of any size, which NumPy does not ask such things of
+            named = field.name in ("gradient_error_rows", "seed")
+            if not named and not np.isfinite(getattr(self, field.name)).all():
                 raise InvalidInput(f"disturbance {field.name} must be finite, not {getattr(self, field.name)}")
         for name in ("gradient_error", "acceleration_noise", "time_constant", "pixel_noise", "image_period", "delay"):
             if getattr(self, name) < 0:

@@ -176,7 +176,10 @@ class _Run:
         loop.parts[4] = self._laws[0].ctypes.data
         if law is not None and not by_public_call:
             loop.parts[3] = self.law = self._laws[1].ctypes.data
-            loop = loop._replace(answer=loop.answer._replace(slack=law.slack))
+            # the same rank tolerance: the law's way to its answer may lead by tracking alone
+            same = law.arrays.options[0] == alone.arrays.options[0]
+            answer = loop.answer._replace(slack=law.slack, alone=loop.alone if same else loop.answer.alone)
+            loop = loop._replace(answer=answer)
         return loop
 
     def _begin(self, loop: Loop) -> None:

@@ -8,14 +8,16 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from ..constraints import Occlusion
+from ..constraints import Constraint, Occlusion
 from ..geometry import Pose
 from ..images.board import Board
 from ..images.detectors import Pixels
 from ..images.rendering import Renderer
 from ..images.settings import ImageSettings
+from ..images.silhouettes import covered
 from ..rows import Array, BoolArray
 from ..scene import Scene, State
+from .opaque import Opaque
 
 
 class Photographer:
@@ -27,8 +29,8 @@ class Photographer:
         As it is.
     settings
         Of camera and print.
-    obstacles
-        Constraints whose curves are in front of the target.
+    constraints
+        Curves of those that occlude are in front of the target, and bodies and regions as the settings have it.
     q0
         (n,) where the robot starts, from where the print is seen.
     seed
@@ -44,11 +46,12 @@ class Photographer:
         self,
         scene: Scene,
         settings: ImageSettings,
-        obstacles: Sequence[Occlusion],
+        constraints: Sequence[Constraint],
         q0: Array,
         seed: tuple[int, ...],
     ) -> None:
-        self.scene, self.settings, self.obstacles, self._seed = scene, settings, obstacles, seed
+        self.scene, self.settings, self._constraints, self._seed = scene, settings, constraints, seed
+        self.obstacles = [one for one in constraints if isinstance(one, Occlusion)]
         self.eye = scene.camera_pose(q0).t
         ids = settings.tags if settings.printed is None else settings.printed
         board = Board.of_markers(scene.markers, self.eye, settings.tag_side_m, ids)
@@ -64,11 +67,19 @@ class Photographer:
                 return state.camera
             return state.camera @ Pose(np.asarray(pin.exp3(after * turning)), after * velocity)
 
-        return self.renderer.render(where, np.random.default_rng((*self._seed, 3, number)), self._hidden(state.t))
+        return self.renderer.render(where, np.random.default_rng((*self._seed, 3, number)), self._hidden(state))
 
-    def _hidden(self, t: float) -> BoolArray | None:
+    @cached_property
+    def opaque(self) -> Opaque:
+        """What else stands before the tags; made where an image is, since meshes may be read for it."""
+        return Opaque(self.scene, self._constraints, self.settings.opaque)
+
+    def _hidden(self, state: State) -> BoolArray | None:
         """(H, W) before which pixels an obstacle stands; None where there is none."""
-        masks = []
+        t, masks = state.t, []
+        solids = self._solids(state)
+        if solids:
+            masks.append(covered(solids, self._plane(state.camera), self.scene.camera))
         for i, obstacle in enumerate(self.obstacles):
             if obstacle.motion is not None:
                 masks.append(self._before(obstacle, t))
@@ -77,6 +88,17 @@ class Photographer:
                     self._still[i] = self._before(obstacle, t)
                 masks.append(self._still[i])
         return np.logical_or.reduce(masks) if masks else None
+
+    def _solids(self, state: State) -> list[Array]:
+        """Solids in the camera's frame: (V, 3) points of each."""
+        q, camera = state.robot.q, self.scene.camera
+        here = camera.fixed or self.scene.robot.pose(q) @ camera.mount.inverse
+        return [(points - here.t) @ here.R for points in self.opaque.solids(q, state.t)]
+
+    def _plane(self, camera: Pose) -> Array:
+        """(4,) the board's plane in the frame of a camera at this pose in the target's frame."""
+        seen = self.renderer.board.camera_in_board(camera)
+        return np.append(seen.R[2], -seen.t[2])
 
     def _before(self, obstacle: Occlusion, t: float) -> BoolArray:
         ideal = obstacle.displaced(self._ideal[None], np.array([t]))[0]

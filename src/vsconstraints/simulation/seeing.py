@@ -29,7 +29,7 @@ STOPPING = 0.1
 """Time constant with which an arm without images is braked [s]."""
 
 
-class Look(NamedTuple):
+class Exposure(NamedTuple):
     """One image: when it was taken [s], what it says, and the markers' true ideal pixels.
 
     ``camera`` is the camera's true pose in the target's frame.
@@ -73,7 +73,7 @@ class ImageSensor(Sensor):
 
     Attributes
     ----------
-    looks
+    exposures
         Every image so far.
     blind
         Whether the last image that could be used is too old to go on with.
@@ -103,7 +103,7 @@ class ImageSensor(Sensor):
     def reset(self) -> None:
         """Begin a new run with the same noise."""
         super().reset()
-        self.looks: list[Look] = []
+        self.exposures: list[Exposure] = []
         self._waiting: deque[tuple[float, _Memory | None]] = deque()
         self._last: _Memory | None = None
         self._taken, self._braked, self.blind = -1, 0, False
@@ -139,7 +139,8 @@ class ImageSensor(Sensor):
             self._last = self._waiting.popleft()[1] or self._last
         last = self._last
         if last is None:
-            raise SceneError(f"no tag that is looked for is seen in the first image{_besides(self.looks[0].sighting)}")
+            besides = _besides(self.exposures[0].sighting)
+            raise SceneError(f"no tag that is looked for is seen in the first image{besides}")
         self.blind = t - last.taken > self.settings.latency_s + 1.0 / self.settings.rate_hz + self.settings.patience_s
         self._braked += self.blind
         now = self._model.camera_pose(q, t)
@@ -160,7 +161,7 @@ class ImageSensor(Sensor):
         near = None if last is None else last.camera @ (last.model.inverse @ model)
         image = self._photographer.image(number, state)
         seen = sight(image, self._detector, self._board, self.camera, near)
-        self.looks.append(Look(t, seen, state.pixels.position, state.camera))
+        self.exposures.append(Exposure(t, seen, state.pixels.position, state.camera))
         memory = None if seen.camera is None else _Memory(t, seen.camera, model, seen.pixels)
         # the first one is waited for
         self._waiting.append((t + self.settings.latency_s if number else t, memory))
@@ -182,14 +183,14 @@ class ImageSensor(Sensor):
 
     def remarks(self) -> list[str]:
         """What a reader of the results should know of the images."""
-        looks, said = self.looks, []
-        nothing = [look.taken for look in looks if look.sighting.camera is None]
+        exposures, said = self.exposures, []
+        nothing = [one.taken for one in exposures if one.sighting.camera is None]
         if nothing:
-            said.append(f"{len(nothing)} of {len(looks)} images could not be used, the first at {nothing[0]:.3g} s")
-        unfit = sum(look.sighting.unfit for look in looks)
+            said.append(f"{len(nothing)} of {len(exposures)} images could not be used, the first at {nothing[0]:.3g} s")
+        unfit = sum(one.sighting.unfit for one in exposures)
         if unfit:
             said.append(f"in {unfit} images the tags were not where those of the board can be")
-        foreign = sorted({number for look in looks for number in look.sighting.foreign})
+        foreign = sorted({number for one in exposures for number in one.sighting.foreign})
         if foreign:
             said.append(f"tags were seen that are not the board's: {', '.join(map(str, foreign))}")
         if self._braked:

@@ -1,4 +1,8 @@
-"""Mechanics of an arm by Pinocchio, where nothing is compiled."""
+"""Mechanics of an arm by Pinocchio, where nothing is compiled.
+
+Compiled code cannot call Pinocchio: :mod:`vsconstraints.kernels.dynamics` computes the same there, and
+``test_inertia_and_bias_are_pinocchios`` in ``tests/test_dynamics.py`` holds the pair together.
+"""
 
 from __future__ import annotations
 
