@@ -19,7 +19,7 @@ from vsconstraints.figures.mesh import Mesh
 from vsconstraints.geometry import distance
 from vsconstraints.preview import Preview, lines
 from vsconstraints.preview.obstacles import add_obstacles
-from vsconstraints.preview.space import IN_VIEW, Places, look_at
+from vsconstraints.preview.space import IN_VIEW, Places, viewpoint_of
 from vsconstraints.robots import ready_made
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 
@@ -39,16 +39,16 @@ def say(*words: str) -> Result:
 
 def assert_in_picture(preview: Preview, aspect: float) -> None:
     """Everything that a view is fitted to is seen in it, from where matplotlib looks with those angles."""
-    look = look_at(preview.setup, list(preview.moments), aspect)
-    e, a = np.deg2rad([look.elevation, look.azimuth])
+    view = viewpoint_of(preview.setup, list(preview.moments), aspect)
+    e, a = np.deg2rad([view.elevation, view.azimuth])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
     up = np.array([-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.cos(e)])
-    away = np.concatenate([Places.of(preview.setup, moment).points for moment in preview.moments]) - look.centre
+    away = np.concatenate([Places.of(preview.setup, moment).points for moment in preview.moments]) - view.centre
     across, height = np.abs(away @ right).max(), np.abs(away @ up).max()
-    assert across < look.half * IN_VIEW * aspect
-    assert height < look.half * IN_VIEW
+    assert across < view.half * IN_VIEW * aspect
+    assert height < view.half * IN_VIEW
     # and it is not lost there
-    assert max(across / aspect, height) > 0.8 * look.half * IN_VIEW
+    assert max(across / aspect, height) > 0.8 * view.half * IN_VIEW
 
 
 # --- every scenario ---

@@ -6,11 +6,13 @@ import json
 import re
 from dataclasses import replace
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.path import Path as Outline
@@ -25,13 +27,14 @@ from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.figures.arm import bars_of
 from vsconstraints.figures.image import Plane
-from vsconstraints.replay import ReplayRun, film, replay_html, write_film, write_replay
+from vsconstraints.replay import ReplayRun, film, page, replay_html, write_film, write_replay
 from vsconstraints.replay.asked import asked_for
 from vsconstraints.replay.frames import ACTS, MOST, OFF, OUTSIDE, Frames, lights
 from vsconstraints.replay.image import image_data
 from vsconstraints.replay.lamps import lamps_of, things_of
-from vsconstraints.replay.solids import MOST_TRIANGLES, Links, links_of
-from vsconstraints.replay.space import Arm
+from vsconstraints.replay.solids import MOST_TRIANGLES, Links, Solid, links_of
+from vsconstraints.replay.space import THINNER, Arm
+from vsconstraints.replay.viewpoint import common_viewpoint, standpoint
 from vsconstraints.reports import write_report
 from vsconstraints.reports.replays import telling_laws
 from vsconstraints.robots import ready_made
@@ -227,6 +230,34 @@ def test_every_node_is_where_the_robot_has_it(name: str) -> None:
                 assert np.abs(end - stage.world(arm.joint(i), [[0.0, 0.0, 0.0]])[0]).max() < 1e-5
 
 
+@given(st.booleans(), st.booleans(), st.floats(1e-4, 0.05))
+def test_a_surface_is_moved_inwards(flipped: bool, split: bool, depth: float) -> None:
+    """A cube of 0.2 m, with its faces turned in or out, and with corners of its own for every face or not."""
+    box = trimesh.creation.box((0.2, 0.2, 0.2))
+    corners, triangles = np.array(box.vertices), np.array(box.faces)
+    if split:
+        corners, triangles = corners[triangles].reshape(-1, 3), np.arange(36).reshape(12, 3)
+    solid = Solid(corners, triangles[:, ::-1] if flipped else triangles)
+    # the corners go along edges of triangles, of which some faces have two at a corner and some one: all go inwards
+    moved = solid.within(depth).corners
+    assert np.linalg.norm(moved - solid.corners, axis=1) == pytest.approx(depth, abs=1e-9)
+    assert (np.abs(moved) < np.abs(solid.corners)).all()
+    assert np.array_equal(solid.within(0.0).corners, solid.corners)
+
+
+def test_arms_in_one_place_have_no_surface_in_common() -> None:
+    """Else they flicker into each other: every corner of the second one is within the first."""
+    first = links_of(ready_made("ur5"), 1.0)
+    second = first.within(THINNER)
+    for outer, inner in zip(first.solids, second.solids, strict=True):
+        away = np.linalg.norm(inner.corners - outer.corners, axis=1)
+        # what has no inside, as two faces back to back, stays; rounded to a quarter of a millimetre the others differ
+        assert np.mean(np.abs(away - THINNER) < 1e-5) > 0.9
+        assert THINNER > 4.0 / 4096.0
+        bones = inner.corners - outer.corners
+        assert np.einsum("vi,vi->", bones, outer.corners - outer.corners.mean(axis=0)) < 0.0
+
+
 def test_meshes_are_those_of_the_robot_made_coarser() -> None:
     links = links_of(ready_made("ur5"), 1.0)
     assert links.remark == ""
@@ -273,6 +304,36 @@ def test_a_page_is_one_small_file_with_all_that_was_said(two: list[ReplayRun], t
     assert not re.search(r"""(src|href)=(?!"data:)|url\(|@import|https?://""", own)
 
 
+def demand_in_view(runs: list[ReplayRun]) -> None:
+    """An eye of 0.7 rad that stands where the page says sees arm and target at every sample, in a window 0.72 wide."""
+    view = common_viewpoint(runs)
+    eye = standpoint(runs, view)
+    ahead = (view.centre - eye) / np.linalg.norm(view.centre - eye)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    for run in runs:
+        scene = run.setup.scene
+        for t, q in zip(run.trajectory.t, run.trajectory.q, strict=True):
+            there = np.concatenate([[scene.robot.pose(q).t], *bars_of(scene.robot, q), scene.markers_at(q, t)]) - eye
+            depth = there @ ahead
+            assert (depth > 0.0).all()
+            assert (np.abs(there @ right) < 0.72 * np.tan(0.35) * depth).all()
+            assert (np.abs(there @ np.cross(right, ahead)) < np.tan(0.35) * depth).all()
+
+
+def test_the_picture_for_browsers_without_webgl_is_whole(two: list[ReplayRun]) -> None:
+    """A UR5 is wider than axes in space are, and nothing of it is at the picture's edge."""
+    setup = Scenario.load("ur5-fov").setup()
+    q = np.stack((setup.q0, setup.q0))
+    still = replace(two[0].trajectory, t=np.array([0.0, 0.1]), q=q, qd=np.zeros_like(q))
+    with Image.open(BytesIO(page._picture([ReplayRun("any", setup, still)]))) as picture:
+        drawn = (np.asarray(picture.convert("L")) < 250).any(axis=0)
+    first, last = np.flatnonzero(drawn)[[0, -1]]
+    width, height = picture.size
+    assert 5 < first < last < width - 5
+    assert last - first > height
+
+
 @pytest.mark.parametrize("name", ["eye-to-hand-pbvs", "moving-sphere"])
 def test_everything_in_space_can_be_lit_for_two_runs(name: str, two: list[ReplayRun]) -> None:
     """What a robot carries, and what moves: all rows of both runs act, one after the other."""
@@ -299,6 +360,7 @@ def test_everything_in_space_can_be_lit_for_two_runs(name: str, two: list[Replay
     )
     runs = [ReplayRun(law, setup, made_up) for law in ("one", "other")]
     lamps = lamps_of(runs, Frames.of(runs))
+    demand_in_view(runs)
     carried = setup.scene.camera.fixed is not None
     assert {lamp.run for lamp in lamps if lamp.what == "marker"} == ({0, 1} if carried else {0})
     assert {lamp.run for lamp in lamps if lamp.what == "obstacle"} <= {0}
@@ -330,6 +392,16 @@ def test_a_film_shows_image_and_arm(two: list[ReplayRun], tmp_path: Path, monkey
     count, seconds = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "film.mp4"))
     assert count == 4 + 12
     assert seconds == pytest.approx(16 / 12, abs=0.1)
+
+
+def test_a_film_names_as_many_rows_as_there_is_room_for() -> None:
+    rows = ["fov[marker 2]", "range[joint 6].upper", "speed[joint 2].upper", "sphere[tip]"]
+    assert film.told("acts: ", rows[:1], 46) == "acts: fov[marker 2]"
+    assert film.told("violated: ", rows[:3], 80) == f"violated: {', '.join(rows[:3])}"
+    assert film.told("violated: ", rows[:3], 46) == "violated: fov[marker 2] and 2 more"
+    assert film.told("violated: ", rows, 90) == f"violated: {', '.join(rows[:3])} and 1 more"
+    assert film.told("", [], 46) == ""
+    assert len(film.told("acts: ", ["x" * 60, "y"], 30)) <= 30
 
 
 # --- runs by their names, and what is refused ---
@@ -399,11 +471,13 @@ def test_the_most_telling_runs_are_the_deepest_outside_and_the_best_inside() -> 
         (["example-2d-fov"], "names no run: give SCENARIO:CONTROLLER"),
         (["example-2d-fog:tracking"], "Did you mean 'example-2d-fov'"),
         (["example-2d-fov:trackin"], "Did you mean 'tracking'"),
+        (["example-2d-fov:tracking:first"], "a trial is a number from 0 on, not 'first'"),
         (["some.npz"], "no trajectory of a comparison"),
         ([f"{FOV}:tracking"] * 2, "two of the runs are called 'tracking'"),
         ([f"{FOV}:tracking"] * 5, "1 to 4 runs, not 5"),
         ([f"{FOV}:tracking", "example-2d-bowl:sliding-mode"], "different scenes"),
         ([f"{FOV}:tracking", "--gif", "film.avi"], "ends in .gif or .mp4"),
+        ([f"{FOV}:tracking", "--out", "film.gif"], "ends in .html: not 'film.gif'"),
     ],
 )
 def test_what_cannot_be_shown_is_refused(

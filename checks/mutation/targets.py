@@ -86,6 +86,7 @@ TESTS = (
     "tests/test_laws.py",
     "tests/test_laws_by_hand.py",
     "tests/test_lenses.py",
+    "tests/test_lookahead_by_hand.py",
     "tests/test_limits.py",
     "tests/test_measurement_by_hand.py",
     "tests/test_metrics.py",

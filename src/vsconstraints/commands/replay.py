@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from ..errors import ConfigurationError
+from . import completions
 from .terminal import console, errors
 
 
@@ -17,6 +19,7 @@ def replay(
             metavar="RUN...",
             help="SCENARIO:CONTROLLER, which is simulated now (with :TRIAL behind it for another start), or the file "
             "of a stored run, FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz. Up to four, of one scenario.",
+            autocompletion=completions.runs,
         ),
     ],
     out: Annotated[
@@ -34,6 +37,8 @@ def replay(
     from ..replay import write_film, write_replay
     from ..replay.asked import asked_for, name_of
 
+    if out is not None and out.suffix.lower() not in (".html", ".htm"):
+        raise ConfigurationError(f"a replay is a page, and ends in .html: not {out.name!r}. --gif and --mp4 make films")
     films = [path for path in (gif, mp4) if path is not None]
     if out is not None or not films:
         demand("replay")

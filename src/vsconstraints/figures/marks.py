@@ -98,12 +98,13 @@ def above_legend(ax: Any, columns: int) -> None:
 def decades(low: float, high: float, least: float = 1.0, most: int = 9) -> list[float]:
     """Powers of ten within limits; where zero is within them, zero and powers of either sign from ``least`` on.
 
-    Some are left out, evenly, where there would be more than ``most``, whose numbers would overlap.
+    Some are left out, evenly, where there would be more than ``most``, whose numbers would overlap; those next to zero
+    too, as the part between them and zero is as short as a decade.
     """
     least, both = (low, 1) if low > 0.0 else (least, 2)
     first, last = math.ceil(math.log10(least)), math.floor(math.log10(max(-low, high)))
     step = max(math.ceil(both * (last - first + 1) / most), 1)
-    powers = range(first, last + 1, step)
+    powers = range(first if low > 0.0 else first + step - 1, last + 1, step)
     sizes = [10.0**k for k in powers]
     return [x for x in (*(-size for size in reversed(sizes)), 0.0, *sizes) if low <= x <= high]
 

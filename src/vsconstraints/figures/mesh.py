@@ -10,12 +10,13 @@ import numpy as np
 
 from ..geometry import Pose
 from ..rows import Array
-from .style import darker
+from .style import INK, darker
 
 LIGHT = np.array([0.35, -0.55, 0.76])
 """(3,) where the light comes from, in the base frame."""
 
 AXIS_COLOURS = ("#D42A2A", "#2E8B3D", "#1447C4")
+PLATE = "#F4F1E6"
 
 
 class Mesh:
@@ -64,14 +65,32 @@ class Mesh:
         for k in range(4):
             self.add(np.array([pose.t, base[k], base[(k + 1) % 4]]), f"{colour}8C", shaded=False)
 
-    def draw(self, ax: Any, centre: Sequence[float], half: float, elevation: float, azimuth: float) -> None:
-        """Put everything into 3D axes, and look at a cube around a centre (3,) from two angles [deg]."""
+    def target(self, markers: Array, edge: float, marker: float) -> None:
+        """A target's markers (M, 3), on a plate where they are more than two; radii of its edges and of markers [m]."""
+        if len(markers) > 2:
+            centre = markers.mean(axis=0)
+            plate = centre + 1.25 * (markers - centre)
+            self.add(plate, PLATE, shaded=False)
+            for side in pairwise([*plate, plate[0]]):
+                self.tube(np.array(side), edge, INK, 6)
+        for place in markers:
+            self.ball(place, marker, INK, count=10)
+
+    def draw(
+        self, ax: Any, centre: Sequence[float], half: float, elevation: float, azimuth: float, whole: bool = False
+    ) -> None:
+        """Put everything into 3D axes, and look at a cube around a centre (3,) from two angles [deg].
+
+        Axes in space are square within their place; what is beside is cut off unless the ``whole`` is wanted.
+        """
         from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
         # opaque polygons are outlined in their own colour, which closes the seams between them
         edges = [colour if len(colour) == 7 else "none" for colour in self.colours]
         look = {"facecolors": self.colours, "edgecolors": edges, "linewidths": 0.25}
-        ax.add_collection3d(Poly3DCollection(self.polygons, **look, zsort="average"), autolim=False)
+        solids = Poly3DCollection(_padded(self.polygons), **look, zsort="average")
+        ax.add_collection3d(solids, autolim=False)
+        solids.set_clip_on(not whole)
         for name, middle in zip("xyz", centre, strict=True):
             getattr(ax, f"set_{name}lim")(middle - half, middle + half)
         ax.set_box_aspect((1, 1, 1), zoom=1.45)
@@ -79,6 +98,20 @@ class Mesh:
         ax.set_proj_type("persp", focal_length=0.6)
         ax.set_axis_off()
         ax.patch.set_alpha(0.0)
+
+
+def _padded(polygons: Sequence[Array]) -> Any:
+    """Polygons as one masked array (n, p, 3) with as many corners as the largest has.
+
+    matplotlib would pad them with whatever is in memory, and warn where that overflows when it is projected.
+    """
+    count = np.array([len(polygon) for polygon in polygons], dtype=int)
+    corner = np.arange(count.max(initial=0))
+    # the last corner again: matplotlib before 3.10 knows nothing of masks
+    last = np.minimum(corner, count[:, None] - 1)
+    corners = np.array([polygon[own] for polygon, own in zip(polygons, last, strict=True)]).reshape(*last.shape, 3)
+    mask = np.broadcast_to((corner >= count[:, None])[..., None], corners.shape)
+    return np.ma.MaskedArray(corners, mask)
 
 
 def _rings(points: Array, radius: float, sides: int) -> list[Array]:

@@ -125,8 +125,8 @@ class Sheet:
         """Square axes without numbers right of a panel, level with its upper edge [in]."""
         (left, top, width, _) = next(place for ax, place in self._places if ax is panel)
         ax = self.axes(left + width + gap, top, side, side)
-        ax.set_xticks([])
-        ax.set_yticks([])
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_visible(False)
         return ax
 
     def text(self, left: float, top: float, text: str, **options: Any) -> None:

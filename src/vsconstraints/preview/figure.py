@@ -14,7 +14,7 @@ from ..rows import Array
 from .moments import Moment
 from .nearness import Row
 from .preview import Preview
-from .space import Look, drawn, look_at
+from .space import Viewpoint, drawn, viewpoint_of
 
 COLUMNS = 3
 LEFT, GAP, TITLE = 0.62, 0.16, 0.3
@@ -114,26 +114,26 @@ def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
     if not known:
         return
     top, height = sheet.at + 0.12, min(width, 2.5)
-    look = look_at(preview.setup, known, width / height)
+    viewpoint = viewpoint_of(preview.setup, known, width / height)
     for first in range(0, len(preview.moments), columns):
         row = preview.moments[first : first + columns]
         tall = height if any(moment.q is not None for moment in row) else NOTHING
         for column, moment in enumerate(row):
             left = LEFT + column * (width + GAP)
             if moment.q is not None:
-                _view(sheet, preview, moment, look, (left, top, width, height))
+                _view(sheet, preview, moment, viewpoint, (left, top, width, height))
             else:
                 sheet.text(left + 0.1, top + 0.5 * tall, f"{moment.name}: no configuration found", color=OUTSIDE)
         top += tall
     sheet.at = top + 0.1
 
 
-def _view(sheet: Sheet, preview: Preview, moment: Moment, look: Look, place: tuple[float, float, float, float]) -> None:
+def _view(
+    sheet: Sheet, preview: Preview, moment: Moment, viewpoint: Viewpoint, place: tuple[float, float, float, float]
+) -> None:
     ax = sheet.axes(*place, projection="3d", computed_zorder=False)
-    drawn(preview.setup, moment, look.half).draw(ax, look.centre.tolist(), look.half, look.elevation, look.azimuth)
-    for solid in ax.collections:
-        # axes in space are square within their place, and would cut off what is beside
-        solid.set_clip_on(False)
+    mesh = drawn(preview.setup, moment, viewpoint.half)
+    mesh.draw(ax, viewpoint.centre.tolist(), viewpoint.half, viewpoint.elevation, viewpoint.azimuth, whole=True)
 
 
 def _rows(sheet: Sheet, preview: Preview) -> None:

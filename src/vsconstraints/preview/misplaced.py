@@ -10,7 +10,7 @@ from ..errors import VsconstraintsError
 from ..rows import Array
 from ..scenarios import Scenario
 from ..simulation import Setup
-from .moments import Moment, looked_at, nowhere
+from .moments import Moment, moment_at, nowhere
 
 OF_GOALS = "performance-funnel"
 """Constraints that are about the goals."""
@@ -33,7 +33,7 @@ def without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
 
 def moments_without(setup: Setup, scenario: Scenario) -> list[Moment]:
     """The start, and those goals that are given by joint coordinates, as far as they can be seen."""
-    moments = [looked_at(setup, "start", 0.0, setup.q0, setup.qd0)]
+    moments = [moment_at(setup, "start", 0.0, setup.q0, setup.qd0)]
     goals = scenario.tables["task"].get("goals", [])
     nothing = np.full((len(setup.scene.markers), 2), np.nan)
     for number, goal in enumerate(goals if isinstance(goals, list) else [], start=1):
@@ -42,7 +42,7 @@ def moments_without(setup: Setup, scenario: Scenario) -> list[Moment]:
         if q is None:
             moments.append(nowhere(setup, name, 0.0, nothing, "where the robot is there is not known"))
         else:
-            moments.append(looked_at(setup, name, 0.0, q, np.zeros_like(q)))
+            moments.append(moment_at(setup, name, 0.0, q, np.zeros_like(q)))
     return moments
 
 

@@ -49,7 +49,7 @@ class Moment:
     problems: tuple[str, ...]
 
 
-def looked_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
+def moment_at(setup: Setup, name: str, t: float, q: Array, qd: Array) -> Moment:
     """The robot at ``q`` and ``qd`` (n,) at time ``t`` [s]."""
     scene = setup.scene
     robot, camera = scene.robot, scene.camera

@@ -12,7 +12,7 @@ from ..scenarios import Scenario
 from ..simulation import Setup
 from .goals import goal_configuration
 from .misplaced import moments_without, without_goals
-from .moments import Moment, looked_at, nowhere
+from .moments import Moment, moment_at, nowhere
 from .nearness import NEAR, Row, rows_of
 
 
@@ -43,7 +43,7 @@ class Preview:
     @classmethod
     def of(cls, name: str, setup: Setup) -> Self:
         """The preview of a setup; nothing is simulated."""
-        moments = (looked_at(setup, "start", 0.0, setup.q0, setup.qd0), *_at_goals(setup))
+        moments = (moment_at(setup, "start", 0.0, setup.q0, setup.qd0), *_at_goals(setup))
         try:
             setup.check_start()
             refusal = ""
@@ -95,7 +95,7 @@ def _at_goals(setup: Setup) -> list[Moment]:
         except SceneError as error:
             found.append(nowhere(setup, name, t, goal.pixels, str(error)))
         else:
-            moment = looked_at(setup, name, t, q, np.zeros_like(q))
+            moment = moment_at(setup, name, t, q, np.zeros_like(q))
             if missed > setup.tolerances.feature_px:
                 inexact = f"no pose shows the markers just so: the best found misses one by {missed:.3g} px"
                 moment = replace(moment, problems=(inexact, *moment.problems))

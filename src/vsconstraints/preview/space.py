@@ -10,7 +10,6 @@ import numpy as np
 
 from ..camera import Camera
 from ..errors import InvalidInput
-from ..figures import INK
 from ..figures.arm import JOINT, add_arm, bars_of
 from ..figures.mesh import Mesh
 from ..geometry import Pose
@@ -19,7 +18,7 @@ from ..simulation import Setup
 from .moments import Moment
 from .obstacles import add_obstacles
 
-TARGET, CAMERA = "#F4F1E6", "#0072B2"
+CAMERA = "#0072B2"
 
 REACH = 0.8
 """Of the arm whose bars are as thick as :mod:`vsconstraints.figures.arm` says [m]."""
@@ -28,17 +27,17 @@ NEAREST = 0.05
 """At which what the camera sees is drawn at least [m], where markers are behind it."""
 
 IN_VIEW = 1.16
-"""Half the height that a look shows, relative to half the side of its cube."""
+"""Half the height that a view shows, relative to half the side of its cube."""
 
 MARGIN = 1.12
 """By how much more is shown than is there: bars have a thickness, and what is near is seen larger."""
 
 TALL, FLAT = 20.0, 55.0
-"""Elevation of the look at a scene, and at one that lies in a horizontal plane [deg]."""
+"""Elevation from which a scene is seen, and one that lies in a horizontal plane [deg]."""
 
 
-class Look(NamedTuple):
-    """What a view shows: centre (3,) and half side of a cube [m], elevation and azimuth of the look at it [deg]."""
+class Viewpoint(NamedTuple):
+    """What is shown, a cube of this centre (3,) and half side [m], seen from this elevation and azimuth [deg]."""
 
     centre: Array
     half: float
@@ -83,24 +82,24 @@ class Places(NamedTuple):
         return np.concatenate((self.arm, self.camera.t[None], self.markers, self.corners))
 
 
-def look_at(setup: Setup, moments: list[Moment], aspect: float) -> Look:
-    """One look for all moments: everything is in it, and seen from where it covers most of the picture.
+def viewpoint_of(setup: Setup, moments: list[Moment], aspect: float) -> Viewpoint:
+    """One viewpoint for all moments: everything is in it, and seen from where it covers most of the picture.
 
     ``aspect`` is the width of the views over their height, at least 1.
     """
     points = np.concatenate([Places.of(setup, moment).points for moment in moments])
     size = float(np.ptp(points, axis=0).max())
     elevation = FLAT if np.ptp(points[:, 2]) < 0.25 * size else TALL
-    azimuth = max(np.arange(-90.0, 91.0, 10.0), key=lambda azimuth: _area(points @ _axes(elevation, azimuth)))
-    axes = _axes(elevation, azimuth)
+    azimuth = max(np.arange(-90.0, 91.0, 10.0), key=lambda azimuth: _area(points @ axes_of(elevation, azimuth)))
+    axes = axes_of(elevation, azimuth)
     seen = points @ axes
     middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     across, up = 0.5 * np.ptp(seen, axis=0)[:2]
-    return Look(axes @ middle, MARGIN * max(up, across / aspect) / IN_VIEW, elevation, float(azimuth))
+    return Viewpoint(axes @ middle, MARGIN * max(up, across / aspect) / IN_VIEW, elevation, float(azimuth))
 
 
-def _axes(elevation: float, azimuth: float) -> Array:
-    """(3, 3) directions to the right, up and towards the reader, as columns, of a look from two angles [deg]."""
+def axes_of(elevation: float, azimuth: float) -> Array:
+    """(3, 3) directions to the right, up and towards the reader, as columns, of a view from two angles [deg]."""
     e, a = np.deg2rad([elevation, azimuth])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
@@ -119,20 +118,9 @@ def drawn(setup: Setup, moment: Moment, size: float) -> Mesh:
     mesh, places, scale = Mesh(), Places.of(setup, moment), size / REACH
     add_obstacles(mesh, setup, moment.t, size)
     add_arm(mesh, setup.scene.robot, moment.q, scale)
-    _target(mesh, places.markers, scale)
+    mesh.target(places.markers, 0.003 * scale, 0.015 * scale)
     _camera(mesh, setup.scene.camera, places, scale)
     return mesh
-
-
-def _target(mesh: Mesh, markers: Array, scale: float) -> None:
-    if len(markers) > 2:
-        centre = markers.mean(axis=0)
-        around = centre + 1.25 * (markers - centre)
-        mesh.add(around, TARGET, shaded=False)
-        for side in pairwise([*around, around[0]]):
-            mesh.tube(np.array(side), 0.003 * scale, INK, 6)
-    for marker in markers:
-        mesh.ball(marker, 0.015 * scale, INK, count=10)
 
 
 def _camera(mesh: Mesh, camera: Camera, places: Places, scale: float) -> None:

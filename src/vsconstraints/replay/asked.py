@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..comparisons import ControllerSpec, RunRecord, RunSpec, StoredComparison
 from ..comparisons.run import perform
+from ..controllers import CONTROLLERS
 from ..errors import ConfigurationError, unknown_name
 from ..scenarios import Scenario
 from .run import ReplayRun
@@ -65,6 +66,9 @@ def simulated(run: str, seed: int = 0) -> ReplayRun:
     law, trial = (law, int(last)) if law and last.isdecimal() else (rest, 0)
     if not (scenario and separator and law):
         raise ConfigurationError(f"{run!r} names no run: give {HOW}")
+    shipped, behind, _ = law.partition(":")
+    if behind and shipped in CONTROLLERS:
+        raise ConfigurationError(f"{run!r} names no run: a trial is a number from 0 on, not {last!r}")
     loaded = Scenario.load(scenario)
     made = perform(RunSpec(loaded, ControllerSpec(law, folder=Path()), trial=trial, seed=seed))
     return ReplayRun(_named(law, trial), made.setup, made.trajectory, loaded.title)

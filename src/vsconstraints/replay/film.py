@@ -22,7 +22,8 @@ from ..runs.files import replaced
 from .frames import ACTS, OUTSIDE, Frames
 from .lamps import things_of
 from .run import ReplayRun, demand_seen_together, looks_of
-from .space import LIT, looked_at
+from .space import LIT
+from .viewpoint import common_viewpoint
 
 RATE, LONGEST = 12.0, 8.0
 """Frames a second, and how long a film lasts at most [s]: what takes longer is seen faster."""
@@ -37,7 +38,10 @@ COLOURS = 96
 """Of a GIF."""
 
 LISTED = 3
-"""Lit rows that are named."""
+"""Lit rows that are named at most."""
+
+LETTERS = 12.0
+"""Of what is said below an image, on an inch of it."""
 
 
 def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> list[str]:
@@ -81,7 +85,7 @@ class Film:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        self.runs, self.frames, self.look = runs, frames, looked_at(runs, frames)
+        self.runs, self.frames, self.viewpoint = runs, frames, common_viewpoint(runs)
         self.figure: Any = Figure(dpi=DPI, facecolor="white")
         self.canvas: Any = FigureCanvasAgg(self.figure)
         plane = Plane.of(runs[0].setup)
@@ -113,10 +117,8 @@ class Film:
         for k, t in enumerate(self.frames.t):
             self.clock.set_text(f"{t:.2f} s")
             for column in self.columns:
-                column.show(k, float(t), self.look)
-            # some kernels of BLAS compute with what is behind the end of small matrices, and report its overflow
-            with np.errstate(over="ignore", invalid="ignore"):
-                self.canvas.draw()
+                column.show(k, float(t), self.viewpoint)
+            self.canvas.draw()
             yield np.asarray(self.canvas.buffer_rgba())[..., :3].copy()
 
 
@@ -125,6 +127,7 @@ class Column:
 
     def __init__(self, run: ReplayRun, frames: Frames, image: Any, space: Any, colour: str) -> None:
         self.run, self.space = run, space
+        self.letters = int(LETTERS * image.get_position().width * WIDTH)
         self.samples, self.lights, self.things = frames.samples(run), frames.lights(run), things_of(run)
         plane = replace(Plane.of(run.setup), moving=())
         plane.draw(image, labels=False)
@@ -147,7 +150,7 @@ class Column:
             for line in constraint.boundary(plane.size, frames.t)
         ]
 
-    def show(self, frame: int, t: float, look: Any) -> None:
+    def show(self, frame: int, t: float, viewpoint: Any) -> None:
         """Put everything where it is in a frame."""
         k, trajectory = int(self.samples[frame]), self.run.trajectory
         lights = self.lights[frame]
@@ -165,9 +168,7 @@ class Column:
             line.set_data(*(points + motion.displacement(t)).T)
         state = int(lights.max(initial=0))
         lit = [trajectory.labels[r] for r in np.flatnonzero(lights == state)] if state else []
-        more = f" and {len(lit) - LISTED} more" if len(lit) > LISTED else ""
-        word = {ACTS: "acts: ", OUTSIDE: "violated: "}.get(state, "")
-        self.said.set_text(f"{word}{', '.join(lit[:LISTED])}{more}")
+        self.said.set_text(told({ACTS: "acts: ", OUTSIDE: "violated: "}.get(state, ""), lit, self.letters))
         self.said.set_color(darker(LIT.get(state, INK), 0.8))
         over = t > trajectory.t[-1] + 1e-9 or frame == len(self.samples) - 1
         self.status.set_text(trajectory.status if over else "")
@@ -175,8 +176,20 @@ class Column:
             old.remove()
         nothing = np.empty(0)
         moment = Moment("", t, trajectory.q[k], nothing, nothing, nothing, nothing, ())
-        mesh: Mesh = drawn(self.run.setup, moment, look.half)
-        mesh.draw(self.space, look.centre.tolist(), look.half, look.elevation, look.azimuth)
+        mesh: Mesh = drawn(self.run.setup, moment, viewpoint.half)
+        mesh.draw(
+            self.space, viewpoint.centre.tolist(), viewpoint.half, viewpoint.elevation, viewpoint.azimuth, whole=True
+        )
+
+
+def told(word: str, lit: Sequence[str], letters: int) -> str:
+    """A word and the rows that are lit: as many of them as there is room for, and how many there are beside."""
+    texts = []
+    for count in range(min(len(lit), LISTED), 0, -1):
+        more = f" and {len(lit) - count} more" if len(lit) > count else ""
+        texts.append(f"{word}{', '.join(lit[:count])}{more}")
+    fitting = [text for text in texts if len(text) <= letters]
+    return fitting[0] if fitting else shortened(texts[-1], letters) if texts else ""
 
 
 def _gif(film: Film, path: Path) -> None:

@@ -42,7 +42,7 @@ class Panel {
     const rest = [];
     if (run.more) rest.push(`${run.more} more that act`);
     if (run.quiet) rest.push(`${run.quiet} rows that never act`);
-    if (rest.length) element("li", list, `and ${rest.join(", ")}`);
+    if (rest.length) element("li", list, `and ${rest.join(", ")}`).className = "rest";
   }
 
   fit() {
@@ -95,10 +95,12 @@ class Panel {
     c.fillStyle = "#eeeeee";
     c.fillRect(0, 0, lane.width, lane.height);
     const step = lane.width / row.lights.length;
-    for (let k = 0; k < row.lights.length; k++) {
+    // as long as a lamp stays as it is, it is one piece, without seams
+    for (let k = 0, end = 0; k < row.lights.length; k = end) {
+      while (end < row.lights.length && row.lights[end] === row.lights[k]) end++;
       if (row.lights[k] === "0") continue;
       c.fillStyle = COLOURS[row.lights[k]];
-      c.fillRect(k * step, 0, Math.max(step, 1), lane.height);
+      c.fillRect(Math.floor(k * step), 0, Math.max(Math.ceil((end - k) * step), 2), lane.height);
     }
     return c.getImageData(0, 0, lane.width, lane.height);
   }
@@ -139,9 +141,9 @@ class Panel {
       c.fillStyle = "#ffffff";
       c.fillText(String(i / 2 + 1), now[i], now[i + 1] + 0.06 * size);
     }
-    const over = t > run.end + 1e-9;
+    const over = t > run.end + 1e-9 || k === data.frames - 1;
     const error = run.error[k] === null ? "" : `${run.error[k].toFixed(1)} px from the goal`;
-    this.said.textContent = over ? `${run.status} at ${run.end.toFixed(2)} s` : `${error} (${run.status})`;
+    this.said.textContent = over ? `${run.status} at ${run.end.toFixed(2)} s` : error;
     this.said.title = run.reason;
     for (const { row, lamp, lane } of this.lanes) {
       const state = Number(row.lights[k]);
@@ -223,9 +225,50 @@ function seek(t) {
   field.dispatchEvent(new viewer.contentWindow.Event("input", { bubbles: true }));
 }
 
+function play() {
+  if (!viewer) {
+    playing = !playing;
+    return;
+  }
+  let bar = inViewer("[role=slider]");
+  while (bar && !bar.querySelector("button")) bar = bar.parentElement;
+  if (bar) bar.querySelector("button").click();
+}
+
+// what keys do as long as no button or field has them
+const KEYS = {
+  " ": () => play(),
+  ArrowLeft: () => seek((frame - 1 + 0.5) * data.period),
+  ArrowRight: () => seek((frame + 1 + 0.5) * data.period),
+  Home: () => seek(0),
+  End: () => seek(END),
+};
+
+function pressed(event) {
+  if (event.ctrlKey || event.altKey || event.metaKey || !(event.key in KEYS)) return;
+  event.preventDefault();
+  event.stopPropagation();
+  KEYS[event.key]();
+}
+
+document.addEventListener("keydown", (event) => {
+  if (!event.target.matches("button, input")) pressed(event);
+});
+
+// the viewer has keys of its own, but its field for the time, where the focus is at the start, has no use for these
+function listen() {
+  viewer.contentDocument.addEventListener("keydown", (event) => {
+    if (event.target === inViewer("input")) pressed(event);
+  }, true);
+}
+
+let listening = false;
+
 function now(since) {
   if (viewer) {
     const slider = inViewer("[role=slider]");
+    if (slider && !listening) listen();
+    listening = listening || slider !== null;
     if (slider && wanted !== null) {
       const t = wanted;
       wanted = null;
@@ -265,9 +308,7 @@ if (hasWebGL()) {
   const slider = at("bar").querySelector("input");
   slider.max = END;
   slider.addEventListener("input", () => seek(Number(slider.value)));
-  at("bar").querySelector("button").addEventListener("click", () => {
-    playing = !playing;
-  });
+  at("bar").querySelector("button").addEventListener("click", play);
 }
 const start = /[#&]t=([0-9.]+)/.exec(window.location.hash);
 if (start) seek(Number(start[1]));

@@ -11,18 +11,17 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-import numpy as np
-
 from .. import __version__
 from ..extras import demand
 from ..figures.mesh import Mesh
-from ..preview.moments import looked_at as looked_at_moment
+from ..preview.moments import moment_at
 from ..preview.space import drawn
 from ..runs.files import replaced
 from .frames import Frames
 from .image import image_data
 from .run import ReplayRun, demand_seen_together
-from .space import looked_at, space_of
+from .space import space_of
+from .viewpoint import common_viewpoint
 
 HERE = Path(__file__).parent
 
@@ -85,7 +84,7 @@ def _page(runs: Sequence[ReplayRun], frames: Frames, title: str) -> tuple[str, l
         style=(HERE / "page.css").read_text(encoding="utf-8"),
         script=(HERE / "page.js").read_text(encoding="utf-8"),
         remarks=escape(" ".join(remarks)),
-        picture=base64.b64encode(_picture(runs, frames)).decode(),
+        picture=base64.b64encode(_picture(runs)).decode(),
         data=_in_html(image_data(runs, frames)),
         space=_in_html(space.html),
     )
@@ -97,20 +96,19 @@ def _in_html(data: Any) -> str:
     return json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
 
 
-def _picture(runs: Sequence[ReplayRun], frames: Frames) -> bytes:
+def _picture(runs: Sequence[ReplayRun]) -> bytes:
     """A PNG of the first arm in the middle of its run."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     run = runs[0]
-    look, k = looked_at(runs, frames), len(run.trajectory.t) // 2
-    moment = looked_at_moment(run.setup, "", float(run.trajectory.t[k]), run.trajectory.q[k], run.trajectory.qd[k])
-    mesh: Mesh = drawn(run.setup, moment, look.half)
+    viewpoint, k = common_viewpoint(runs), len(run.trajectory.t) // 2
+    moment = moment_at(run.setup, "", float(run.trajectory.t[k]), run.trajectory.q[k], run.trajectory.qd[k])
+    mesh: Mesh = drawn(run.setup, moment, viewpoint.half)
     figure = Figure(figsize=PICTURE, dpi=100, facecolor="white")
     canvas = FigureCanvasAgg(figure)
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
-    mesh.draw(ax, look.centre.tolist(), look.half, look.elevation, look.azimuth)
+    mesh.draw(ax, viewpoint.centre.tolist(), viewpoint.half, viewpoint.elevation, viewpoint.azimuth, whole=True)
     file = BytesIO()
-    with np.errstate(over="ignore", invalid="ignore"):  # as in films
-        canvas.print_png(file)
+    canvas.print_png(file)
     return file.getvalue()

@@ -39,12 +39,34 @@ class Solid:
             self.corners @ np.asarray(placement.rotation).T + np.asarray(placement.translation), self.triangles
         )
 
+    def within(self, depth: float) -> Solid:
+        """The same with its surface this far further in [m]."""
+        if depth == 0.0 or not len(self.triangles):
+            return self
+        # what is one corner of the body may be several of the mesh, one for each face that meets there
+        places, own = np.unique(np.round(self.corners, 6), axis=0, return_inverse=True)
+        triangles = np.asarray(own).reshape(-1)[self.triangles]
+        a, b, c = places[triangles].transpose(1, 0, 2)
+        faces = np.cross(b - a, c - a)
+        # the volume is positive if faces look outwards
+        outwards = np.sign(np.einsum("fi,fi->", a, faces)) or 1.0
+        normals = np.zeros_like(places)
+        for corner in triangles.T:
+            np.add.at(normals, corner, outwards * faces)
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        moved = places - depth * normals / np.where(lengths > 0.0, lengths, 1.0)
+        return Solid(moved[np.asarray(own).reshape(-1)], self.triangles)
+
 
 class Links(NamedTuple):
     """Solids of an arm with n joints: of the base and of what each joint moves (n + 1), in that joint's frame."""
 
     solids: list[Solid]
     remark: str = ""
+
+    def within(self, depth: float) -> Links:
+        """The same with surfaces this far further in [m]."""
+        return self._replace(solids=[solid.within(depth) for solid in self.solids])
 
 
 def links_of(robot: Robot, size: float) -> Links:

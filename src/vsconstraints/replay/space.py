@@ -11,19 +11,17 @@ import numpy as np
 import pinocchio as pin
 
 from ..figures import INK
-from ..figures.mesh import Mesh
+from ..figures.mesh import PLATE, Mesh
 from ..geometry import Pose
-from ..preview.moments import Moment
 from ..preview.obstacles import add_obstacle
-from ..preview.space import IN_VIEW, REACH, TARGET, Look, look_at
+from ..preview.space import REACH, Viewpoint
 from ..rows import Array
 from .frames import ACTS, OUTSIDE, Frames
 from .lamps import Lamp, lamps_of
+from .nodes import Mover, add_solid, of_mesh, pale, rgb
 from .run import ReplayRun, looks_of
 from .solids import Links, Solid, ball, bar, links_of, together
-
-FIELD_OF_VIEW = 0.7
-"""Of who looks at the page [rad]."""
+from .viewpoint import FIELD_OF_VIEW, common_viewpoint, standpoint
 
 LIT = {ACTS: "#F0A202", OUTSIDE: "#D1102A"}
 """Colours of lamps."""
@@ -34,8 +32,11 @@ GLASS = "#8FA3BF"
 FIRST, OTHERS = 1.0, 0.45
 """Opacity of the first arm, and of those that stand in the same place."""
 
-UNCHANGED = 1e-6
-"""What moves less from frame to frame is not told again."""
+THINNER = 1.5e-3
+"""By how much an arm's surface is within that of the arm before it, for an arm of :data:`.REACH` [m].
+
+Two surfaces in one place would flicker into each other; so where arms agree, the first one is seen.
+"""
 
 
 class Space(NamedTuple):
@@ -43,26 +44,6 @@ class Space(NamedTuple):
 
     html: str
     remarks: list[str]
-
-
-class Mover:
-    """A thing in space, which is told where it is only where that changes."""
-
-    def __init__(self, handle: Any) -> None:
-        self.handle = handle
-        self.at: dict[str, Array] = {}
-
-    def set(self, name: str, value: Array) -> None:
-        """Give it a ``position`` (3,), a ``wxyz`` (4,) or a ``scale`` (3,)."""
-        before = self.at.get(name)
-        if before is None or np.abs(value - before).max() > UNCHANGED:
-            self.at[name] = value
-            setattr(self.handle, name, tuple(value.tolist()) if name == "scale" else value)
-
-    def place(self, pose: Pose) -> None:
-        """Put it at a pose in its parent's frame."""
-        self.set("position", pose.t)
-        self.set("wxyz", _wxyz(pose.R))
 
 
 class Arm:
@@ -80,7 +61,7 @@ class Arm:
         self.joints: list[Mover] = []
         self.slides: dict[int, Mover] = {}
         at = name
-        look: dict[str, Any] = {"color": _rgb(colour), "opacity": None if opacity == 1.0 else opacity}
+        look: dict[str, Any] = {"color": rgb(colour), "opacity": None if opacity == 1.0 else opacity}
         scene.add_frame(at, show_axes=False)
         for i, solid in enumerate(links.solids):
             if i > 0:
@@ -89,7 +70,7 @@ class Arm:
                 at = f"{at}/{i}"
                 self.joints.append(Mover(scene.add_frame(at, show_axes=False)))
             if len(solid.triangles):
-                _mesh(scene, f"{at}/solid", solid, **look)
+                add_solid(scene, f"{at}/solid", solid, **look)
         placement = self.robot.model.frames[self.robot.frame_id("tip")].placement
         self.tip = f"{at}/tip"
         handle = scene.add_frame(self.tip, show_axes=False)
@@ -124,19 +105,20 @@ def space_of(runs: Sequence[ReplayRun], frames: Frames) -> Space:
 
 def _recorded(server: Any, runs: Sequence[ReplayRun], frames: Frames) -> Space:
     scene, setup, colours = server.scene, runs[0].setup, looks_of(runs)
-    look = looked_at(runs, frames)
-    _stand(server, look)
-    size = look.half / REACH
+    viewpoint = common_viewpoint(runs)
+    _stand(server, runs, viewpoint)
+    size = viewpoint.half / REACH
     links = links_of(setup.scene.robot, size)
     arms = []
     for k, run in enumerate(runs):
-        colour = _pale(colours[run.law].colour)
-        arms.append(Arm(scene, f"/{k + 1} {_name(run.law)}", run, links, colour, FIRST if k == 0 else OTHERS))
-        _carried(scene, arms[-1], run, size, colours[run.law].colour)
+        colour = pale(colours[run.law].colour)
+        own = links.within(k * THINNER * size)
+        arms.append(Arm(scene, f"/{k + 1} {_name(run.law)}", run, own, colour, FIRST if k == 0 else OTHERS))
+        _carried(scene, arms[-1], run, (1.0 - 0.03 * k) * size, colours[run.law].colour)
         _path(scene, f"/{k + 1} path", run, frames, colours[run.law].colour)
     target = _target(scene, runs[0], arms, size)
-    moving = _obstacles(scene, runs[0], look.half)
-    lamps = [Bulbs(scene, lamp, runs, arms, look.half) for lamp in lamps_of(runs, frames)]
+    moving = _obstacles(scene, runs[0], viewpoint.half)
+    lamps = [Bulbs(scene, lamp, runs, arms, viewpoint.half) for lamp in lamps_of(runs, frames)]
     samples = [frames.samples(run) for run in runs]
     serializer = server.get_scene_serializer()
     for k, t in enumerate(frames.t):
@@ -160,7 +142,7 @@ class Bulbs:
         solid, parent = _cover(lamp, runs, arms, half)
         glass = {"opacity": 0.85 if lamp.what == "marker" else 0.6}
         self.covers = {
-            state: _mesh(scene, f"{parent}/lamp {lamp.what} {lamp.number} {state}", solid, _rgb(colour), **glass)
+            state: add_solid(scene, f"{parent}/lamp {lamp.what} {lamp.number} {state}", solid, rgb(colour), **glass)
             for state, colour in LIT.items()
         }
         for cover in self.covers.values():
@@ -185,33 +167,21 @@ def _cover(lamp: Lamp, runs: Sequence[ReplayRun], arms: Sequence[Arm], half: flo
     if lamp.what == "joint":
         robot = setup.scene.robot
         along = _axis(robot, lamp.number) * 0.05 * scale
-        return bar(-along, along, 0.062 * scale), arms[lamp.run].joint(lamp.number)
+        return bar(-along, along, (0.062 - 0.002 * lamp.run) * scale), arms[lamp.run].joint(lamp.number)
     mesh = Mesh()
     add_obstacle(mesh, setup.constraints.constraints[lamp.number], 0.0, 1.01 * half)
-    return _of_mesh(mesh), f"/obstacle {lamp.number}"
+    return of_mesh(mesh), f"/obstacle {lamp.number}"
 
 
-def _stand(server: Any, look: Look) -> None:
+def _stand(server: Any, runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> None:
     """Where who opens the page stands, and the light."""
-    e, a = np.deg2rad([look.elevation, look.azimuth])
-    towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-    away = 1.4 * look.half * IN_VIEW / np.tan(0.5 * FIELD_OF_VIEW)
+    eye = standpoint(runs, viewpoint)
+    away = float(np.linalg.norm(eye - viewpoint.centre))
     camera = server.initial_camera
-    camera.position, camera.look_at = tuple(look.centre + away * towards), tuple(look.centre)
+    camera.position, camera.look_at = tuple(eye), tuple(viewpoint.centre)
     camera.up, camera.fov = (0.0, 0.0, 1.0), FIELD_OF_VIEW
     camera.near, camera.far = 0.01 * away, 100.0 * away
     server.scene.set_up_direction("+z")
-
-
-def looked_at(runs: Sequence[ReplayRun], frames: Frames) -> Look:
-    """A look in which the motions of all runs are."""
-    moments = []
-    for run in runs:
-        t = run.trajectory.t
-        for k in np.linspace(0, len(t) - 1, 5).astype(int):
-            nothing = np.empty(0)
-            moments.append(Moment("", float(t[k]), run.trajectory.q[k], nothing, nothing, nothing, nothing, ()))
-    return look_at(runs[0].setup, moments, 1.25)
 
 
 def _carried(scene: Any, arm: Arm, run: ReplayRun, size: float, colour: str) -> None:
@@ -222,7 +192,7 @@ def _carried(scene: Any, arm: Arm, run: ReplayRun, size: float, colour: str) -> 
         "fov": float(2.0 * np.arctan(0.5 * height / camera.focal[1])),
         "aspect": float(width / camera.focal[0] / (height / camera.focal[1])),
         "scale": 0.16 * size,
-        "color": _rgb(colour),
+        "color": rgb(colour),
         "thickness": 0.006 * size,
         "variant": "filled",
     }
@@ -233,7 +203,7 @@ def _carried(scene: Any, arm: Arm, run: ReplayRun, size: float, colour: str) -> 
         Mover(scene.add_camera_frustum("/camera", **eye)).place(camera.fixed)
         at = Pose(np.eye(3), run.setup.scene.markers.mean(axis=0))
     if np.linalg.norm(at.t) > 1e-6:
-        _mesh(scene, f"{arm.tip}/carrier", bar(np.zeros(3), at.t, 0.007 * size), _rgb("#4A5568"))
+        add_solid(scene, f"{arm.tip}/carrier", bar(np.zeros(3), at.t, 0.007 * size), rgb("#4A5568"))
 
 
 def _path(scene: Any, name: str, run: ReplayRun, frames: Frames, colour: str) -> None:
@@ -243,7 +213,7 @@ def _path(scene: Any, name: str, run: ReplayRun, frames: Frames, colour: str) ->
     places = np.array([(world.robot.pose(run.trajectory.q[k]) @ to).t for k in np.unique(samples)])
     if len(places) > 1:
         pieces = np.stack((places[:-1], places[1:]), axis=1)
-        scene.add_line_segments(name, pieces, _rgb(colour), thickness=2.0, thickness_units="screen")
+        scene.add_line_segments(name, pieces, rgb(colour), thickness=2.0, thickness_units="screen")
 
 
 def _target(scene: Any, run: ReplayRun, arms: Sequence[Arm], size: float) -> Mover | None:
@@ -253,11 +223,11 @@ def _target(scene: Any, run: ReplayRun, arms: Sequence[Arm], size: float) -> Mov
     fixed = run.setup.scene.camera.fixed is not None
     for parent in [arm.tip for arm in arms] if fixed else ["/target"]:
         handle = None if fixed else scene.add_frame(parent, show_axes=False)
-        _mesh(scene, f"{parent}/markers", spots, _rgb(INK))
+        add_solid(scene, f"{parent}/markers", spots, rgb(INK))
         if len(markers) > 2:
             corners = markers.mean(axis=0) + 1.25 * (markers - markers.mean(axis=0))
             fan = np.array([[0, i, i + 1] for i in range(1, len(corners) - 1)])
-            _mesh(scene, f"{parent}/plate", Solid(corners, fan), _rgb(TARGET), flat_shading=True)
+            add_solid(scene, f"{parent}/plate", Solid(corners, fan), rgb(PLATE), flat_shading=True)
     return None if fixed else Mover(handle)
 
 
@@ -269,7 +239,7 @@ def _obstacles(scene: Any, run: ReplayRun, half: float) -> list[tuple[Mover, Any
         add_obstacle(mesh, constraint, 0.0, half)
         if mesh.polygons:
             handle = scene.add_frame(f"/obstacle {k}", show_axes=False)
-            _mesh(scene, f"/obstacle {k}/glass", _of_mesh(mesh), _rgb(GLASS), opacity=0.45)
+            add_solid(scene, f"/obstacle {k}/glass", of_mesh(mesh), rgb(GLASS), opacity=0.45)
             motion = getattr(constraint, "motion", None)
             if motion is not None:
                 moving.append((Mover(handle), motion))
@@ -281,7 +251,7 @@ def _slide(scene: Any, name: str, robot: Any, joint: int, look: dict[str, Any]) 
     placement, axis = robot.model.jointPlacements[joint], _axis(robot, joint)
     z_to_axis = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
     thin = bar(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.004)
-    handle = _mesh(scene, name, thin, look["color"], opacity=look["opacity"])
+    handle = add_solid(scene, name, thin, look["color"], opacity=look["opacity"])
     Mover(handle).place(Pose(np.array(placement.rotation) @ z_to_axis, np.array(placement.translation)))
     return handle
 
@@ -293,36 +263,6 @@ def _axis(robot: Any, joint: int) -> Array:
     S = np.asarray(data.S).reshape(6)
     axis: Array = S[:3] if robot.prismatic[joint - 1] else S[3:]
     return axis
-
-
-def _mesh(scene: Any, name: str, solid: Solid, color: tuple[int, int, int], **look: Any) -> Any:
-    # a quarter of a millimetre nobody sees, and the file is much smaller
-    corners = np.round(solid.corners * 4096.0) / 4096.0
-    return scene.add_mesh_simple(
-        name, corners, solid.triangles, color=color, side="double", cast_shadow=False, receive_shadow=False, **look
-    )
-
-
-def _of_mesh(mesh: Mesh) -> Solid:
-    """The polygons of a mesh as triangles."""
-    parts = []
-    for polygon in mesh.polygons:
-        fan = np.array([[0, i, i + 1] for i in range(1, len(polygon) - 1)])
-        parts.append(Solid(polygon, fan))
-    return together(parts)
-
-
-def _wxyz(R: Array) -> Array:
-    x, y, z, w = pin.Quaternion(R).coeffs()
-    return np.round(np.array([w, x, y, z]), 6)
-
-
-def _rgb(colour: str) -> tuple[int, int, int]:
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
-
-
-def _pale(colour: str, white: float = 0.45) -> str:
-    return "#" + "".join(f"{int((1.0 - white) * part + white * 255):02X}" for part in _rgb(colour))
 
 
 def _name(law: str) -> str:

@@ -1,0 +1,38 @@
+"""How large replays are, and how long they take to make: ``python -m checks.replays [SCENARIO …]``.
+
+Tracking alone and the sliding mode are replayed in every scenario that comes with the package, or in those that are
+named. It needs the extra ``replay``.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+
+from vsconstraints.replay import replay_html
+from vsconstraints.replay.asked import asked_for
+from vsconstraints.scenarios import shipped_scenarios
+
+LAWS = ("tracking", "sliding-mode")
+
+MOST_BYTES, MOST_TIME = 4e6, 5.0
+"""Of a page; the second is time of a processor [s]."""
+
+
+def check(scenarios: Sequence[str] = (), tell: Callable[[str], None] = print) -> bool:
+    """Tell size and times of each page; whether none is too large and none takes too long."""
+    good = True
+    for name in scenarios or shipped_scenarios():
+        runs = [asked_for(f"{name}:{law}") for law in LAWS]
+        begun, clock = time.process_time(), time.perf_counter()
+        size = len(replay_html(runs).encode())
+        spent, waited = time.process_time() - begun, time.perf_counter() - clock
+        small = size < MOST_BYTES and spent < MOST_TIME
+        good &= small
+        tell(f"{name:32} {size / 1e6:4.1f} MB, made in {spent:4.1f} s of a processor, {waited:4.1f} s by the clock")
+    return good
+
+
+if __name__ == "__main__":
+    sys.exit(not check(sys.argv[1:]))

@@ -1,0 +1,45 @@
+"""Solid bodies in figures: what is drawn does not depend on what happens to be in memory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from vsconstraints.figures.mesh import Mesh
+
+
+def picture(mesh: Mesh) -> Any:
+    figure = Figure(figsize=(2.0, 2.0), dpi=60)
+    canvas = FigureCanvasAgg(figure)
+    ax = figure.add_subplot(projection="3d", computed_zorder=False)
+    mesh.draw(ax, [0.0, 0.0, 0.0], 1.0, 20.0, 30.0)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba()).copy()
+
+
+def test_polygons_of_several_sizes_are_drawn_whatever_is_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """matplotlib pads polygons with memory it has not written; of great numbers there the projection overflows."""
+    mesh = Mesh()
+    mesh.tube(np.array([[-0.5, 0.0, 0.0], [0.5, 0.2, 0.1]]), 0.2, "#3366CC")  # squares, and caps of ten corners
+    mesh.add(np.array([[0.0, 0.0, 0.5], [0.5, 0.0, 0.5], [0.0, 0.5, 0.6]]), "#CC3333")
+    clean, empty = picture(mesh), np.empty
+
+    def dirty(*args: Any, **options: Any) -> Any:
+        made = empty(*args, **options)
+        if made.dtype == np.float64:
+            made.fill(np.finfo(float).max)
+        return made
+
+    with monkeypatch.context() as patched, np.errstate(over="raise"):
+        patched.setattr(np, "empty", dirty)
+        again = picture(mesh)
+    np.testing.assert_array_equal(again, clean)
+    assert len(np.unique(clean.reshape(-1, 4), axis=0)) > 10
+
+
+def test_nothing_is_drawn_of_nothing() -> None:
+    assert (picture(Mesh()) == 255).all()
