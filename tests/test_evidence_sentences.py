@@ -13,13 +13,14 @@ import pytest
 from scipy.stats import beta, binomtest
 
 from made_evidence import drawn_runs, frame, made, run
+from vsconstraints.evidence import Campaign
 from vsconstraints.reports.evidence.answers import answers, best, calmest
 from vsconstraints.reports.evidence.material import Material
 from vsconstraints.reports.evidence.opening import opening
 from vsconstraints.reports.evidence.sentence import Sentence
 from vsconstraints.reports.evidence.standing import standing
 from vsconstraints.reports.evidence.turning import gained, nowhere, turned
-from vsconstraints.reports.evidence.words import Share, percentage
+from vsconstraints.reports.evidence.words import WHERE, Share, percentage, within
 
 Successes = Mapping[str, Mapping[str, str]]
 """By condition and law, one letter a scene: ``+`` success, ``v`` goal reached but a row violated, ``t`` trapped."""
@@ -65,6 +66,15 @@ def test_digits_are_those_that_an_interval_can_tell_apart() -> None:
     assert Share(0.0, 0.0, 3.7e-4).text() == "0 % (0–0.037 %)"
     assert Share(1.0, 1.0, 1.0).percent == "100"
     assert Share(0.93, 0.91, 0.95).complement == Share(1.0 - 0.93, 1.0 - 0.95, 1.0 - 0.91)
+
+
+def test_sentences_have_words_for_every_condition_that_is_shipped() -> None:
+    shipped = [
+        name for study in (None, "real-world") for each in Campaign.load(study).families for name in each.conditions
+    ]
+    assert set(shipped) == set(WHERE)
+    assert within("images") == "by images"
+    assert within("own") == "in the condition own"
 
 
 def test_what_is_not_all_is_never_printed_as_all() -> None:

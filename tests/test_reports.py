@@ -10,6 +10,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ from vsconstraints.reports.groups import MOST, grouped
 from vsconstraints.reports.markdown import code, plain, table
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.results import Results
-from vsconstraints.reports.rows_shown import MOST_LANES, MOST_PHI, lane_rows, lanes_left_out, phi_rows
+from vsconstraints.reports.rows_shown import MOST_LANES, MOST_PHI, acting_in, lane_rows, lanes_left_out, phi_rows
 
 COMPETITORS = ("sliding-mode", "potential-field")
 
@@ -364,7 +365,7 @@ def test_bold_is_beaten_by_nothing_and_beats_something(given: list[tuple[float, 
     texts = marked([Cell.of([v]) for v, _ in given], [may for _, may in given], better)
     values = [value(text) for text in texts if text != "–"]
     for text, (v, may) in zip(texts, given, strict=True):
-        assert text.startswith("(") == (not may and math.isfinite(v))
+        assert text.startswith("(") == (not may and math.isfinite(v) and len(given) > 1)
         best = value(text) == (min if better == "less" else max)(values, default=math.nan) and len(set(values)) > 1
         assert text.startswith("**") == (may and best)
 
@@ -508,6 +509,28 @@ def test_rows_that_held_the_arm_back_are_listed(tmp_path: Path) -> None:
     (held,) = (t for t in tables_of(text) if "rows that held the arm back" in t[0])
     cells = {"`fov[marker 1]`": "97.00 / 1.50 s"}
     assert held == [{"rows that held the arm back": name} | cells for name in ("a", "b")]
+
+
+def test_what_it_takes_to_hold_rows_is_told_where_limits_are_stated(tmp_path: Path) -> None:
+    """Rows that fall by themselves, or that no law came to, have no column."""
+    lines = [result(name) for name in ("tracking", "a", "b")]
+    shares = {"tracking": (0.25, math.nan, -0.5), "a": (1.5, math.nan, 0.0), "b": (math.nan, 0.8, math.nan)}
+    rows = [
+        row(name, f"fov[marker {i + 1}]", share_to_hold=share)
+        for name, own in shares.items()
+        for i, share in enumerate(own)
+    ]
+    text = write_report(made(tmp_path, lines, rows, {"limits": {"acceleration": 2.0}})).read_text(encoding="utf-8")
+    (held,) = (t for t in tables_of(text) if "what holding takes" in t[0])
+    expected = {"tracking": ("25.00", "–"), "a": ("150.00", "–"), "b": ("–", "80.00")}
+    columns = "what holding takes", "`fov[marker 1]`", "`fov[marker 2]`"
+    assert held == [dict(zip(columns, (name, *cells), strict=True)) for name, cells in expected.items()]
+    assert "limits: acceleration 2.0" in text
+    assert "**What holding takes**" in text
+    none = [row(name, share_to_hold=math.nan) for name in shares]
+    text = write_report(made(tmp_path, lines, none, {"limits": "robot"})).read_text(encoding="utf-8")
+    assert "olding takes" not in text
+    assert "limits: those of the robot's actuators" in text
 
 
 def test_failures_name_row_depth_time_and_reason(tmp_path: Path) -> None:
@@ -774,6 +797,18 @@ def test_a_report_of_many_laws_has_figures_and_tables_of_few(copy: Path) -> None
 def test_a_folder_without_a_comparison_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"manifest\.json is missing"):
         write_report(tmp_path)
+
+
+def test_lanes_are_of_rows_that_act_with_a_law_of_the_figure() -> None:
+    """In their order, whatever that of a run is."""
+
+    def run(*acts: bool) -> Any:
+        active = np.array([[False] * 3, acts])
+        return SimpleNamespace(trajectory=SimpleNamespace(labels=("c", "a", "b"), active=active))
+
+    assert acting_in(("a", "b", "c"), [run(True, False, False), run(False, False, True)]) == ("b", "c")
+    assert acting_in(("a", "b"), [run(True, False, False)]) == ()
+    assert acting_in(("a", "b", "c"), []) == ()
 
 
 def test_figures_keep_the_rows_that_matter_most(tmp_path: Path) -> None:

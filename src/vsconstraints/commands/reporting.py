@@ -14,7 +14,7 @@ from rich.text import Text
 from ..errors import ConfigurationError
 from ..extras import demand
 from ..figures import formats_of
-from .terminal import AllFigures, Figures, Formats, Latex, Narrow, Replays, console, progress_bar
+from .terminal import AllFigures, Figures, Formats, Latex, Replays, console, progress_bar
 
 
 def report(
@@ -23,7 +23,6 @@ def report(
     all_figures: AllFigures = False,
     formats: Formats = None,
     latex: Latex = False,
-    narrow: Narrow = False,
     replays: Replays = False,
     tuning: Annotated[
         Path | None,
@@ -31,13 +30,14 @@ def report(
     ] = None,
 ) -> None:
     """Write the report of a comparison, or of a campaign, again from what is stored."""
+    from ..reports.page import where
     from ..runs.folder import kind_of
 
-    asked = Asked(figures, all_figures, formats, latex, narrow=narrow, replays=replays)
+    asked = Asked(figures, all_figures, formats, latex, replays=replays)
     if replays and kind_of(folder) == "evidence":
         raise ConfigurationError(f"--replays is for comparisons, and {folder} holds a campaign")
     made = evidence_report(folder, asked, tuning) if kind_of(folder) == "evidence" else comparison_report(folder, asked)
-    console.print(f"Report: {made}")
+    console.print(where(made))
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,6 @@ class Asked:
     all_figures: bool = False
     formats: Sequence[str] | None = None
     latex: bool = False
-    narrow: bool = False
     replays: bool = False
 
     def __post_init__(self) -> None:
@@ -59,14 +58,9 @@ class Asked:
     def finish(self, report: Path) -> Path:
         """Write what stands beside a report."""
         from ..reports.latex import write_tables
-        from ..reports.markdown import narrowed
-        from ..runs.files import replaced
 
         if self.latex:
             console.print(f"Tables for LaTeX: {write_tables(report)}")
-        if self.narrow:
-            with replaced(report) as part:
-                part.write_text(narrowed(report.read_text(encoding="utf-8")), encoding="utf-8")
         return report
 
 

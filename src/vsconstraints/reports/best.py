@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -46,7 +46,7 @@ def marked(cells: Sequence[Cell], eligible: Sequence[bool], better: Better | Non
     """The cells' texts: the best one bold and all that tie with it, those that are not compared in parentheses.
 
     None is bold where another one of the column is better, compared or not, nor where all are alike: what nobody
-    challenges is no merit.
+    challenges is no merit. A cell that is alone is neither: there is nothing that it could be compared with.
     """
     there = [cell for cell in cells if math.isfinite(cell.value)]
     best = ""
@@ -55,7 +55,7 @@ def marked(cells: Sequence[Cell], eligible: Sequence[bool], better: Better | Non
     texts = []
     for cell, may in zip(cells, eligible, strict=True):
         text = f"{cell.before}{bold(cell.text) if may and cell.shown == best else cell.text}"
-        aside = better is not None and not may and math.isfinite(cell.value)
+        aside = better is not None and len(cells) > 1 and not may and math.isfinite(cell.value)
         texts.append(f"({text})" if aside else text)
     return texts
 
@@ -76,12 +76,12 @@ def comparable(statuses: Sequence[Sequence[str]]) -> list[bool]:
     return [bool(own) and all(status == "converged" for status in own) for own in statuses]
 
 
-def keeps_rows(lines: Sequence[dict[str, Any]]) -> bool:
+def keeps_rows(lines: Sequence[Mapping[str, Any]]) -> bool:
     """Whether no row was violated in any trial."""
     return bool(lines) and all(line["violation_depth"] == 0.0 for line in lines)
 
 
-def judged_by(metric: Metric, lines: Sequence[dict[str, Any]]) -> bool:
+def judged_by(metric: Metric, lines: Sequence[Mapping[str, Any]]) -> bool:
     """Whether runs that converged may be compared by a metric.
 
     Depth and time outside tell who leaves the allowed space; everything else counts only inside it, and the φ band only
@@ -91,7 +91,7 @@ def judged_by(metric: Metric, lines: Sequence[dict[str, Any]]) -> bool:
     return kept and (metric.judged != "sliding" or all(line["sliding_lost_s"] == 0.0 for line in lines))
 
 
-def shown(metric: Metric, line: dict[str, Any]) -> float:
+def shown(metric: Metric, line: Mapping[str, Any]) -> float:
     """A metric's value in a line of results.csv, in the unit in which reports show it; NaN where there is none."""
     value = float(line[metric.column])
     if metric.over:

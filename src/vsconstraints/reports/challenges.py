@@ -53,6 +53,23 @@ def held_rows(results: Results, scenario: str) -> str:
     return tables(["rows that held the arm back", *(code(label) for label in labels)], lines)
 
 
+def shares_to_hold(results: Results, scenario: str) -> str:
+    """Tables with one line per controller and one column per row that takes accelerations to hold; empty if none does.
+
+    Nothing is known of scenarios without limits.
+    """
+    names = results.controllers
+    shares = {
+        label: [[line["share_to_hold"] for line in results.rows(scenario, name, label)] for name in names]
+        for label in results.labels(scenario)
+    }
+    shares = {label: own for label, own in shares.items() if any(share > 0.0 for of_law in own for share in of_law)}
+    if not shares:
+        return ""
+    lines = [[name, *(over_trials(own[i], percent) for own in shares.values())] for i, name in enumerate(names)]
+    return tables(["what holding takes", *(code(label) for label in shares)], lines)
+
+
 def _usage(lines: Sequence[Line]) -> str:
     usage, seconds = [line["usage_held"] for line in lines], median([line["held_time_s"] for line in lines])
     if not math.isfinite(median(usage)):

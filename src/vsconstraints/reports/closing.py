@@ -66,7 +66,7 @@ def closing(results: Results) -> str:
     return "\n\n".join(parts)
 
 
-def _options(results: Results, manifest: dict[str, Any]) -> str:
+def _options(results: Results, manifest: Mapping[str, Any]) -> str:
     lines = []
     for name, entry in manifest["configuration"]["controllers"].items():
         options = [f"{key} = {value}" for key, value in entry.items() if key != "type"]
@@ -92,26 +92,35 @@ def _forms(results: Results) -> str:
     return f"compiled in {compiled} of {len(lines)} runs; in NumPy, in whole or in part, some of {enumeration(names)}"
 
 
-def _machine(results: Results, manifest: dict[str, Any]) -> str:
-    machine, packages = manifest.get("machine", {}), manifest.get("packages", {})
+def _machine(results: Results, manifest: Mapping[str, Any]) -> str:
     wall = manifest.get("wall_time_s")
     kept = manifest.get("stored_before") or 0
     facts = {
-        "processor": machine.get("processor"),
-        "cores": machine.get("cores"),
-        "system": machine.get("system"),
-        "python": machine.get("python"),
-        **packages,
+        **machine_of(manifest),
+        **manifest.get("packages", {}),
         "control step": _forms(results),
-        "version": manifest.get("version"),
-        "git commit": manifest.get("git_commit"),
-        "command": code(" ".join(manifest["command"])) if manifest.get("command") else None,
-        "started": manifest.get("started"),
+        **command_of(manifest),
         "seed": manifest.get("seed"),
         "wall time [s]": None if wall is None else number(float(wall)),
         "runs": f"{results.finished} of {results.planned}" + (f", {kept} of them stored before" if kept else ""),
     }
     return facts_table(facts)
+
+
+def machine_of(manifest: Mapping[str, Any]) -> dict[str, object]:
+    """The facts on the machine."""
+    machine = manifest.get("machine", {})
+    return {name: machine.get(name) for name in ("processor", "cores", "system", "python")}
+
+
+def command_of(manifest: Mapping[str, Any]) -> dict[str, object]:
+    """The facts on the code, and on how and when it was called."""
+    return {
+        "version": manifest.get("version"),
+        "git commit": manifest.get("git_commit"),
+        "command": code(" ".join(manifest["command"])) if manifest.get("command") else None,
+        "started": manifest.get("started"),
+    }
 
 
 def facts_table(facts: Mapping[str, object]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, product
 from pathlib import Path, PurePath
@@ -19,8 +19,9 @@ from ..simulation import Setup
 from .figures import DISTURBANCE, ENDINGS, FIGURES, OVERVIEW, View
 from .figures.trade_off import shown_runs
 from .groups import Group
+from .picture import picture
 from .results import Results
-from .rows_shown import lane_rows, phi_rows
+from .rows_shown import acting_in, lane_rows, phi_rows
 
 TRIAL_SHOWN = 0
 """The trial that figures show: the one that starts where the scenario says."""
@@ -167,7 +168,9 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
     if not runs:
         return drawn
     setup = _setup(job, drawn)
-    views = {group: View(setup, runs, group.controllers, job.phi_rows, job.lane_rows) for group in job.groups}
+    views = {group: View(setup, runs, group.controllers, job.phi_rows) for group in job.groups}
+    for group, view in views.items():
+        views[group] = replace(view, lane_rows=acting_in(job.lane_rows, [runs[name] for name in view.competitors]))
     for figure, (group, view) in product((*FIGURES, DISTURBANCE), views.items()):
         if len(views) > 1 and not view.competitors:
             continue
@@ -183,20 +186,10 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
 def draw_endings(results: Results, folder: Path, formats: Formats = PNG) -> str:
     """Draw how every scenario ended into ``folder``, and say what it shows; nothing of one scenario alone."""
     _remove(folder, f"{ENDINGS.name}.*")
-    file = ENDINGS.file_in(formats)
     if len(results.scenarios) < 2:
         return ""
-    try:
-        if not ENDINGS.write(folder / file, results, formats=formats):
-            return ""
-    except Exception as error:  # a figure must not cost the report
-        return f"The figure of {ENDINGS.title} could not be drawn: {type(error).__name__}: {error}"
-    several = (
-        " Of several trials: the median, or in how many a run converged inside and the worst."
-        if results.trials > 1
-        else ""
-    )
-    return f"![{ENDINGS.title.capitalize()}](figures/{file})\n\n*{ENDINGS.caption}{several}*"
+    several = " Of several trials: the median, or in how many a run converged inside and the worst."
+    return picture(ENDINGS, folder, formats, results, remark=several if results.trials > 1 else "")
 
 
 def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str:
@@ -206,18 +199,11 @@ def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str
 
 
 def _overview_of(results: Results, group: Group, folder: Path, formats: Formats) -> str:
-    file = OVERVIEW.file_in(formats, group.suffix)
-    try:
-        if not OVERVIEW.write(folder / file, results, group.controllers, formats=formats):
-            return ""
-    except Exception as error:  # a figure must not cost the report
-        return f"The figure of {OVERVIEW.title} could not be drawn: {type(error).__name__}: {error}"
-    text = f"![{OVERVIEW.title.capitalize()}](figures/{file})\n\n*{OVERVIEW.caption}{group.sentence}"
-    own = shown_runs(results, group.controllers)
+    own, remark = shown_runs(results, group.controllers), group.sentence
     left_out = sum(len(results.all_runs(name)) - len(runs) for name, runs in own.items())
     if left_out:
-        text += f" Left out are runs that did not converge, or that no row held back: {left_out}."
-    return text + "*"
+        remark += f" Left out are runs that did not converge, or that no row held back: {left_out}."
+    return picture(OVERVIEW, folder, formats, results, group.controllers, suffix=group.suffix, remark=remark)
 
 
 def remove_stale(folder: Path, kept: Iterable[str], formats: Formats = PNG) -> None:

@@ -7,6 +7,7 @@ from urllib.parse import quote
 
 from ..comparisons.metrics import METRICS, Metric
 from ..comparisons.suite import BASELINE
+from ..readable import counted
 from .best import shown
 from .markdown import bold, bullets, code, enumeration
 from .numbers import FORMATS, median, number
@@ -138,8 +139,3 @@ def _ran(results: Results, scenario: str) -> bool:
 def some(names: list[str]) -> list[str]:
     """The names or, if there are more than :data:`MOST_NAMES`, the first of them and how many more there are."""
     return names if len(names) <= MOST_NAMES else [*names[: MOST_NAMES - 1], f"{len(names) - MOST_NAMES + 1} more"]
-
-
-def counted(count: int, noun: str) -> str:
-    """``1 run``, ``2 runs``."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -9,22 +9,16 @@ from collections.abc import Sequence
 PAGE = 1012
 """Width at which GitHub shows a page [px]: a wider table scrolls sideways."""
 
-PHONE = 358
-"""The same on a phone that is 390 px wide, without its margins."""
-
 LETTER, COLUMN = 9, 27
 """Width of a letter, and of what stands around a column, on such a page at most [px]."""
 
-BLOCK = re.compile(r"(?:^\|.*\n)+", re.MULTILINE)
-"""The lines of a table."""
 
-
-def tables(header: Sequence[str], lines: Sequence[Sequence[str]], text_columns: int = 1, page: int = PAGE) -> str:
-    """A table like :func:`table`; if it is wider than a page [px], several that each begin with its first column."""
+def tables(header: Sequence[str], lines: Sequence[Sequence[str]], text_columns: int = 1) -> str:
+    """A table like :func:`table`; if it is wider than a page, several that each begin with its first column."""
     widths = page_widths(header, lines, text_columns)
-    parts = _parts(widths, len(widths), page)
+    parts = _parts(widths, len(widths))
     # as many columns in each, where no more tables come of it
-    even = _parts(widths, -(-(len(widths) - 1) // max(len(parts), 1)), page)
+    even = _parts(widths, -(-(len(widths) - 1) // max(len(parts), 1)))
     return "\n\n".join(
         table(
             [header[k] for k in part],
@@ -35,27 +29,16 @@ def tables(header: Sequence[str], lines: Sequence[Sequence[str]], text_columns: 
     )
 
 
-def narrowed(text: str) -> str:
-    """A report for a phone: its tables are cut between columns until none is wider than :data:`PHONE`."""
-    return BLOCK.sub(lambda block: f"{_narrowed(block[0].splitlines())}\n", text)
-
-
-def _narrowed(block: Sequence[str]) -> str:
-    header, rule, *lines = map(cells_of, block)
-    texts = sum(mark.startswith(":") for mark in rule)
-    return tables(header, lines, texts, PHONE)
-
-
 def cells_of(line: str) -> list[str]:
     """Cells of a line of a table, in which bars that end none have a backslash, even inside code."""
     return [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip()[1:-1])]
 
 
-def _parts(widths: Sequence[int], most: int, page: int) -> list[list[int]]:
+def _parts(widths: Sequence[int], most: int) -> list[list[int]]:
     """Numbers of the columns of each table: the first one, and at most so many others, in order."""
     parts = [[0]]
     for i in range(1, len(widths)):
-        if len(parts[-1]) > 1 and (len(parts[-1]) > most or sum(widths[k] for k in (*parts[-1], i)) > page):
+        if len(parts[-1]) > 1 and (len(parts[-1]) > most or sum(widths[k] for k in (*parts[-1], i)) > PAGE):
             parts.append([0])
         parts[-1].append(i)
     return parts

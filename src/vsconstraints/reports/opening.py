@@ -6,8 +6,9 @@ from collections import defaultdict
 from pathlib import PurePath
 
 from ..comparisons.suite import BASELINE
+from ..readable import counted
 from ..scenarios import Scenario
-from .headlines import counted, some
+from .headlines import some
 from .markdown import bold, enumeration, plain
 from .numbers import number
 from .results import Results, violated

@@ -1,8 +1,8 @@
-"""The report of a comparison: report.md and the figures it shows."""
+"""The report of a comparison: report.md, the same as a page, and the figures it shows."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,6 @@ from ..comparisons import StoredComparison
 from ..errors import StorageError
 from ..extras import demand
 from ..figures import PNG, Formats
-from ..runs.files import replaced
 from ..runs.folder import held
 from .closing import closing
 from .drawing import Drawn, draw_all, draw_endings, draw_overview, remove_stale, scenario_jobs
@@ -19,6 +18,7 @@ from .failures import failures
 from .headlines import findings
 from .opening import opening
 from .outcomes import outcomes
+from .page import write_pages
 from .replays import add_replays
 from .results import Results
 from .scenario_section import scenarios_section
@@ -35,7 +35,7 @@ def write_report(
     replays: bool = False,
     on_drawn: Callable[[int, int], None] = lambda done, total: None,
 ) -> Path:
-    """Write report.md and its figures from what a comparison left in its folder.
+    """Write report.md, the same as report.html, and its figures from what a comparison left in its folder.
 
     The same comparison gives the same text, byte for byte. Whatever is missing in the folder, a trajectory or a run,
     is named in the report and left out of its figures.
@@ -95,8 +95,7 @@ def _write(folder: Path, results: Results, pictures: Pictures) -> Path:
         closing(results),
     ]
     report = folder / "report.md"
-    with replaced(report) as part:
-        part.write_text("\n\n".join(text for text in parts if text) + "\n", encoding="utf-8")
+    write_pages(report, "\n\n".join(text for text in parts if text) + "\n")
     return report
 
 
@@ -104,7 +103,7 @@ def _write(folder: Path, results: Results, pictures: Pictures) -> Path:
 class Pictures:
     """What was drawn: figures of scenarios by name, and those of the whole comparison with their captions."""
 
-    scenarios: dict[str, Drawn]
+    scenarios: Mapping[str, Drawn]
     endings: str = ""
     overview: str = ""
 

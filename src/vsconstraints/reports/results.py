@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +11,7 @@ from ..comparisons import StoredComparison
 from ..comparisons.suite import BASELINE
 from .groups import grouped
 
-Line = dict[str, Any]
+Line = Mapping[str, Any]
 
 CARRIED_THROUGH = ("converged", "trapped", "unfinished")
 """Statuses of runs that went on to the end of their time."""

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ..comparisons.record import RunRecord
 from .results import Results
 
 MOST_PHI = 6
@@ -17,6 +22,12 @@ def phi_rows(results: Results, scenario: str) -> tuple[str, ...]:
 def lane_rows(results: Results, scenario: str) -> tuple[str, ...]:
     """Rows that held the arm back with a competitor."""
     return acting(_weights(results, scenario))
+
+
+def acting_in(labels: Sequence[str], runs: Iterable[RunRecord]) -> tuple[str, ...]:
+    """Those of these rows that act in any of these runs."""
+    acted = {run.trajectory.labels[i] for run in runs for i in np.flatnonzero(run.trajectory.active.any(axis=0))}
+    return tuple(label for label in labels if label in acted)
 
 
 def lanes_left_out(results: Results, scenario: str) -> int:

@@ -12,7 +12,7 @@ from ..comparisons.metrics import METRICS, NEGLIGIBLE
 from ..comparisons.suite import BASELINE
 from ..scenarios import Scenario
 from .best import Cell, comparable, judged_by, marked, shown
-from .challenges import challenges, held_rows
+from .challenges import challenges, held_rows, shares_to_hold
 from .drawing import Drawn
 from .figures import DISTURBANCE, FIGURES
 from .headlines import anchor
@@ -45,10 +45,19 @@ HOW_TO_READ = (
     "for how long. Its mean, weighted by those times, is the utilization of a run that converged.",
 )
 
+HOLDING = (
+    "**What holding takes**: where a row first comes to φ = 0, or tracking alone would bring it there, the share [%] "
+    "of what the limits of acceleration allow that it takes to hold it there. Above 100 no law could have held the row "
+    "from then on; 0 or less is a row that falls by itself."
+)
+"""How to read what scenarios with limits have besides."""
+
 
 def scenarios_section(results: Results, drawn: Mapping[str, Drawn]) -> str:
     """How to read tables and figures, then one part per scenario."""
     reading = list(HOW_TO_READ)
+    if any(shares_to_hold(results, name) for name in results.scenarios):
+        reading.append(HOLDING)
     if any(one.files for one in drawn.values()):
         reading += [*(figure.reading for figure in FIGURES), "Dashed vertical lines: the goal changes."]
     if results.trials > 1:
@@ -71,7 +80,7 @@ def scenario_section(results: Results, name: str, drawn: Drawn | None) -> str:
     if not any(results.runs(name, controller) for controller in results.controllers):
         return "\n\n".join([*parts, "No run of this scenario finished."])
     parts += [_alone(results, name), *(metric_table(results, name, group) for group in GROUPS)]
-    parts += [challenges(results, name), held_rows(results, name)]
+    parts += [challenges(results, name), held_rows(results, name), shares_to_hold(results, name)]
     if drawn is None:
         return "\n\n".join([*(part for part in parts if part), f"Its figures: {ALL_FIGURES}"])
     for figure, group in product((*FIGURES, DISTURBANCE), results.groups):
@@ -101,11 +110,20 @@ def _facts(scenario: Scenario) -> str:
         number_of = f", {len(goals)} goals" if isinstance(goals, list) and len(goals) > 1 else ""
         facts.append(f"task: {task.get('feature', '?')}{number_of}")
     facts += _unusual(keys)
+    if keys.get("limits"):
+        facts.append(f"limits: {_limits(keys['limits'])}")
     if isinstance(keys.get("sampling_time"), (int, float)):
         facts.append(f"T_s = {1e3 * keys['sampling_time']:g} ms")
     if isinstance(keys.get("duration"), (int, float)):
         facts.append(f"{keys['duration']:g} s")
     return "; ".join(facts) + "." if facts else ""
+
+
+def _limits(given: Any) -> str:
+    """What limits of actuators are stated: those of the robot, or a table."""
+    if not isinstance(given, dict):
+        return f"those of the {plain(str(given))}'s actuators"
+    return ", ".join(f"{plain(str(key))} {plain(str(value))}" for key, value in given.items())
 
 
 def _unusual(keys: Mapping[str, Any]) -> list[str]:

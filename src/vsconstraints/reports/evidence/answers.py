@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from ...controllers.demands import USES
+from ...readable import counted
 from ...runs.spec import BASELINE
 from ...statistics import paired, rate
 from ..markdown import bold, enumeration
@@ -13,7 +14,7 @@ from ..numbers import number
 from .material import Material
 from .sentence import Sentence
 from .standing import Standing, standing
-from .words import Share, count, first_of, of_scenes, percentage, where
+from .words import Share, first_of, of_scenes, percentage, where
 
 DOES, DO = "keeps all rows and reaches the goal", "keep all rows and reach the goal"
 
@@ -126,7 +127,7 @@ def calmest(material: Material, one: Standing) -> Sentence | None:
     text = (
         f"Of these, {bold(calm)} has the calmest command: its acceleration varies {number(middle)} times "
         f"({number(low)}–{number(high)}) as much as that of {second}, the next (median of "
-        f"{count(pair.n, 'scene')} in which all of them succeed)."
+        f"{counted(pair.n, 'scene')} in which all of them succeed)."
     )
     numbers = {"ratio": middle, "ratio_low": low, "ratio_high": high, "ratio_scenes": pair.n}
     others = tuple(law for law in front if law not in (calm, second))
@@ -160,7 +161,7 @@ def attainable(material: Material, condition: str) -> Sentence | None:
     if not len(own) or share.value >= ATTAINABLE:
         return None
     text = (
-        f"Tracking alone, which knows no rows, reaches the goal in {share.text(count(len(own), 'scene'))}: where it "
+        f"Tracking alone, which knows no rows, reaches the goal in {share.text(counted(len(own), 'scene'))}: where it "
         "does not, it is no row that keeps a law from the goal, and violations say more than success."
     )
     return Sentence(text, "attainable", condition, (), {**share.numbers("reached"), "scenes": len(own)})

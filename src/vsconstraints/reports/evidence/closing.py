@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ...comparisons.metrics import DEFINITIONS
-from ..closing import facts_table
-from ..markdown import bullets, code
+from ..closing import command_of, facts_table, machine_of
+from ..markdown import bullets
 from ..numbers import DASH, number
 from .material import Material
 
@@ -64,19 +64,13 @@ def closing(material: Material) -> str:
 
 def _machine(material: Material) -> str:
     manifest, configuration = material.manifest, material.configuration
-    machine, packages = manifest.get("machine", {}), manifest.get("packages", {})
+    packages = manifest.get("packages", {})
     wall, runs = manifest.get("wall_time_s"), len(material.evidence.runs)
     rate = manifest.get("runs_per_s") or (runs / wall if wall else None)
     facts = {
-        "processor": machine.get("processor"),
-        "cores": machine.get("cores"),
-        "system": machine.get("system"),
-        "python": machine.get("python"),
+        **machine_of(manifest),
         "packages": ", ".join(f"{name} {version}" for name, version in packages.items()),
-        "version": manifest.get("version"),
-        "git commit": manifest.get("git_commit"),
-        "command": code(" ".join(manifest["command"])) if manifest.get("command") else None,
-        "started": manifest.get("started"),
+        **command_of(manifest),
         "half, seed": f"{configuration.get('half', DASH)}, {configuration.get('seed', DASH)}",
         "wall time [s]": None if wall is None else number(float(wall)),
         "runs": str(runs),

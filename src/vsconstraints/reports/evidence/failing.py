@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
+from ...readable import counted
 from ...runs.spec import BASELINE
 from ..challenges import FINER
 from ..failures import kind
 from ..markdown import code, enumeration, plain, table
-from ..numbers import number
+from ..numbers import DASH, number
 from .drawing import shown
 from .figures.worst import WORST, Shown
 from .material import Material
 from .replay import again, setup_of
-from .words import count, percentage
+from .words import percentage
 
 MOST_KINDS = 3
 LEAST_SHARE = 0.02
@@ -85,7 +86,7 @@ def reason(material: Material, run: Any) -> str:
         worst = own.loc[own["usage_max"].astype(float).idxmax()]
         unit, factor = FINER.get(str(worst["unit"]), (str(worst["unit"]), 1.0))
         by = f"{number(factor * float(worst['violation_depth']))} {unit}"
-        more = f" and {count(len(own) - 1, 'other row')}" if len(own) > 1 else ""
+        more = f" and {counted(len(own) - 1, 'other row')}" if len(own) > 1 else ""
         parts.append(f"outside {code(str(worst['constraint']))} by {by}{more}")
     elif run["violated"]:
         parts.append(f"outside {plain(str(run['violated']))}")
@@ -97,7 +98,7 @@ def _ways(material: Material, law: str) -> list[str]:
     own = material.runs[material.runs["controller"] == law]
     bad = own[~own["success"]]
     if bad.empty:
-        return [f"0 of {len(own)}", "–"]
+        return [f"0 of {len(own)}", DASH]
     ways: Counter[str] = Counter()
     for status, violated, why in zip(bad["status"], bad["violated"].fillna(""), bad["reason"].fillna(""), strict=True):
         ways[_way(str(status), str(violated), str(why))] += 1

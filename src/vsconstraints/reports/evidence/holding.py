@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from math import inf, isfinite
 from typing import Any, NamedTuple
 
+from ...readable import counted
 from ...statistics import compare_laws
 from ..markdown import bold, bullets, enumeration, table
-from ..numbers import number
+from ..numbers import DASH, number
 from .material import SCENE, Material
 from .sentence import Sentence
-from .words import count, of_scenes, percentage, where, within
+from .words import of_scenes, percentage, where, within
 
 
 class Measure(NamedTuple):
@@ -124,13 +125,12 @@ Told = dict[tuple[str, str], Held]
 
 def conclusions(material: Material) -> tuple[Conclusion, ...]:
     """All conclusions of the first condition in each of the others, in the families that both have."""
-    if "conclusions" not in material.known:
-        found = [
+    return material.once(
+        "conclusions",
+        lambda: tuple(
             one for other in material.conditions[1:] for measure in MEASURES for one in _of(material, measure, other)
-        ]
-        material.known["conclusions"] = tuple(found)
-    every: tuple[Conclusion, ...] = material.known["conclusions"]
-    return every
+        ),
+    )
 
 
 def _of(material: Material, measure: Measure, condition: str) -> list[Conclusion]:
@@ -157,10 +157,7 @@ def _told(material: Material, runs: Any, measure: Measure) -> Told:
     """As :func:`told`, once for the same runs."""
     columns = ["condition", *SCENE, "controller"]
     key = "told", measure.name, frozenset(runs[columns].itertuples(index=False, name=None))
-    if key not in material.known:
-        material.known[key] = told(runs, measure)
-    found: Told = material.known[key]
-    return found
+    return material.once(key, lambda: told(runs, measure))
 
 
 def told(runs: Any, measure: Measure) -> Told:
@@ -202,15 +199,15 @@ def held(material: Material) -> list[Sentence]:
 
 
 def _sentence(material: Material, condition: str, own: Sequence[Conclusion]) -> Sentence:
-    counted = Counter(one.outcome for one in own)
+    endings = Counter(one.outcome for one in own)
     runs = _runs(material, condition, condition)
     scenes, families = len(runs[SCENE].drop_duplicates()), len(set(runs["family"]))
-    unknown = counted[LOST] + counted[TOO_FEW]
-    few = f", {counted[TOO_FEW]} of these since there are too few scenes" if counted[TOO_FEW] else ""
+    unknown = endings[LOST] + endings[TOO_FEW]
+    few = f", {endings[TOO_FEW]} of these since there are too few scenes" if endings[TOO_FEW] else ""
     text = (
-        f"Of {count(len(own), 'conclusion')} on pairs of laws that hold {within(material.conditions[0])}, "
-        f"{counted[HOLDS]} {_verb('hold', counted[HOLDS])} {within(condition)}, {counted[REVERSED]} "
-        f"{_verb('are', counted[REVERSED])} reversed, and of {unknown} it cannot be told{few} "
+        f"Of {counted(len(own), 'conclusion')} on pairs of laws that hold {within(material.conditions[0])}, "
+        f"{endings[HOLDS]} {_verb('hold', endings[HOLDS])} {within(condition)}, {endings[REVERSED]} "
+        f"{_verb('are', endings[REVERSED])} reversed, and of {unknown} it cannot be told{few} "
         f"({of_scenes(scenes, families)})."
     )
     turned = [one for one in own if one.outcome == REVERSED]
@@ -218,7 +215,7 @@ def _sentence(material: Material, condition: str, own: Sequence[Conclusion]) -> 
         more = [f"{len(turned) - MOST_NAMED} more"] if len(turned) > MOST_NAMED else []
         named = [f"{one.better} before {one.worse} by {one.measure.words}" for one in turned[:MOST_NAMED]]
         text = f"{text} Reversed: {enumeration([*named, *more])}."
-    numbers = {"conclusions": len(own), **{name: counted[name] for name in (HOLDS, REVERSED, LOST, TOO_FEW)}}
+    numbers = {"conclusions": len(own), **{name: endings[name] for name in (HOLDS, REVERSED, LOST, TOO_FEW)}}
     return Sentence(text, "holds", condition, (), {**numbers, "scenes": scenes, "families": families})
 
 
@@ -263,7 +260,7 @@ def _table(own: Sequence[Conclusion], first: str, others: Sequence[str]) -> str:
 
 def _cell(one: Conclusion | None) -> str:
     if one is None:
-        return "–"
+        return DASH
     if one.outcome in (LOST, TOO_FEW):
         return one.outcome
     word = bold(one.outcome) if one.outcome == REVERSED else one.outcome

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ...figures import PNG, Formats
 from ...figures.style import TUNED
@@ -19,11 +19,13 @@ if TYPE_CHECKING:
 
     from ...evidence import Evidence
 
+Worked = TypeVar("Worked")
+
 SCENE = ["family", "scene"]
 """Columns that say which scene it is: laws are compared on the same ones."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Material:
     """Evidence as the report's parts need it.
 
@@ -37,15 +39,20 @@ class Material:
         Whether figures are drawn.
     formats
         In which they are written.
-    known
-        What was worked out of it already, by what it is of.
     """
 
     evidence: Evidence
     tuning: Path | None = None
     figures: bool = True
     formats: Formats = PNG
-    known: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
+    _worked_out: dict[Any, Any] = field(default_factory=dict, repr=False)
+
+    def once(self, key: Hashable, work_out: Callable[[], Worked]) -> Worked:
+        """What several parts ask for, worked out for the first of them, by what it is of."""
+        if key not in self._worked_out:
+            self._worked_out[key] = work_out()
+        found: Worked = self._worked_out[key]
+        return found
 
     @property
     def folder(self) -> Path:

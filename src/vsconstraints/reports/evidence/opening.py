@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ...readable import counted
 from ..markdown import bold, bullets, plain, table
 from ..numbers import DASH, median, number
 from .answers import answers
@@ -16,7 +17,7 @@ from .material import Material
 from .sentence import Sentence
 from .standing import Standing, standing
 from .turning import gained, nowhere, turned
-from .words import count, of_scenes, within
+from .words import of_scenes, within
 
 MOST_COLUMNS = 7
 
@@ -70,7 +71,7 @@ def opening(material: Material) -> Opening:
 def _what(material: Material, whole: bool) -> str:
     scenes = material.evidence.scenes
     found = int(scenes["found"].sum())
-    kinds = f"{count(len(material.laws), 'law')}, {count(len(material.conditions), 'condition')}"
+    kinds = f"{counted(len(material.laws), 'law')}, {counted(len(material.conditions), 'condition')}"
     where_laws_fail = "[Where each law fails](#where-each-law-fails) is below; " if whole else ""
     return (
         f"{of_scenes(found, len(material.families))} {'was' if found == 1 else 'were'} drawn at random, with rows that "

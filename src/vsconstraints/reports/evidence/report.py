@@ -1,4 +1,4 @@
-"""The report of evidence: report.md, its figures, and its claims as data."""
+"""The report of evidence: report.md, the same as a page, its figures, and its claims as data."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from ...errors import StorageError
 from ...evidence import Evidence
 from ...figures import PNG, Formats
 from ...runs.files import replaced
+from ..page import write_pages
 from .closing import closing
 from .decisions import decisions
 from .failing import failing
@@ -52,7 +53,7 @@ def write_evidence_report(
     formats: Formats = PNG,
     on_written: OnWritten = lambda done, total: None,
 ) -> Path:
-    """Write report.md, its figures and claims.json from the evidence in a folder.
+    """Write report.md, the same as report.html, its figures and claims.json from the evidence in a folder.
 
     Parameters
     ----------
@@ -96,9 +97,9 @@ def write_report_of(material: Material, on_written: OnWritten = lambda done, tot
     every = {**first.as_data(), "conclusions": [one.as_data() for one in conclusions(material)]}
     claims = json.dumps(every, indent=1, ensure_ascii=False)
     try:
-        for path, text in ((report, "\n\n".join(part for part in parts if part)), (material.folder / CLAIMS, claims)):
-            with replaced(path) as part:
-                part.write_text(text + "\n", encoding="utf-8")
+        write_pages(report, "\n\n".join(part for part in parts if part) + "\n")
+        with replaced(material.folder / CLAIMS) as part:
+            part.write_text(claims + "\n", encoding="utf-8")
     except OSError as error:
         raise StorageError(f"the report cannot be written to {material.folder}: {error}") from error
     return report

@@ -6,11 +6,12 @@ import json
 from collections import Counter
 from typing import TYPE_CHECKING
 
+from ...readable import counted
 from ..markdown import bullets, enumeration, plain, table
 from ..numbers import DASH
 from .material import Material
 from .rates import share_of
-from .words import count, percentage
+from .words import percentage
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,7 +34,7 @@ def scenes(material: Material) -> str:
         lines.append([family, str(int(own["found"].sum())), str(attempts), _reasons(rejected, attempts), hopeless])
         missing = int((~own["found"].astype(bool)).sum())
         if missing:
-            facts.append(f"{plain(family)}: {count(missing, 'scene')} was not found, every attempt was rejected.")
+            facts.append(f"{plain(family)}: {counted(missing, 'scene')} was not found, every attempt was rejected.")
     header = ["family", "scenes", "attempts", "rejected, in % of the attempts", "beyond limits [%]"]
     text = (
         "A scene is drawn until an attempt is physically possible and tracking alone leaves a row. *Beyond limits*: "
@@ -51,7 +52,7 @@ def _in_time(every: pd.DataFrame) -> str:
         return ""
     late = int((known["least_time_s"] > known["duration_s"]).sum())
     return (
-        f"No law can arrive in time in {late} of {count(len(known), 'scene')} with a known least time: from rest at "
+        f"No law can arrive in time in {late} of {counted(len(known), 'scene')} with a known least time: from rest at "
         "the start to rest at the goal's joint coordinates, each joint as fast as its limits of acceleration and speed "
         "allow."
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -61,8 +61,8 @@ class Standing:
 
     condition: str
     laws: tuple[str, ...]
-    shares: dict[str, Share]
-    pairs: dict[tuple[str, str], Pair]
+    shares: Mapping[str, Share]
+    pairs: Mapping[tuple[str, str], Pair]
     scenes: int
     families: int
 
@@ -105,10 +105,7 @@ def standing(
 ) -> Standing:
     """How often a column is true for each law, in the scenes of a condition that all of them ran."""
     key = condition, column, None if families is None else tuple(families)
-    if key not in material.known:
-        material.known[key] = _worked_out(material, condition, column, families)
-    found: Standing = material.known[key]
-    return found
+    return material.once(key, lambda: _worked_out(material, condition, column, families))
 
 
 def _worked_out(material: Material, condition: str, column: str, families: Sequence[str] | None) -> Standing:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from ...readable import counted
 from ..markdown import bold, enumeration, plain
 from .material import Material
 from .sentence import Sentence
 from .standing import Standing, standing
-from .words import count, first_of, of_scenes, within
+from .words import first_of, of_scenes, within
 
 
 def turned(material: Material) -> list[Sentence]:
@@ -31,7 +32,7 @@ def _turned(material: Material, first: str, other: str) -> Sentence | None:
         return None
     a, b = max(turns, key=lambda names: turns[names])
     ahead, then = before.pair(a, b).difference, after.pair(b, a).difference
-    more = f"; so does that of {count(len(turns) - 1, 'more pair')}" if len(turns) > 1 else ""
+    more = f"; so does that of {counted(len(turns) - 1, 'more pair')}" if len(turns) > 1 else ""
     text = (
         f"The order turns over: {within(first)}, {a} succeeds more often than {b} by {ahead.text()}; {within(other)}, "
         f"{b} more often than {a} by {then.text()} ({of_scenes(before.scenes, before.families)}){more}."
@@ -70,7 +71,9 @@ def gained(material: Material) -> Sentence | None:
         parts.append(f"not distinguishable from the settings it comes with: {enumeration([*named, *more])}")
     if not parts:
         return None
-    text = f"Tuned on training scenes, {within(condition)}, {'; '.join(parts)} ({count(one.scenes, 'held-out scene')})."
+    text = (
+        f"Tuned on training scenes, {within(condition)}, {'; '.join(parts)} ({counted(one.scenes, 'held-out scene')})."
+    )
     return Sentence(text, "tuned", condition, tuple(pairs), numbers)
 
 
@@ -82,6 +85,6 @@ def nowhere(material: Material) -> list[Sentence]:
         if runs["status"].isin(["failed", "aborted"]).all():
             reasons = runs["reason"].fillna("").astype(str).value_counts()
             why = f", most often: {plain(str(reasons.index[0]))}" if reasons.index[0] else ""
-            text = f"{bold(law)} gets nowhere: each of its {count(len(runs), 'run')} failed or was aborted{why}."
+            text = f"{bold(law)} gets nowhere: each of its {counted(len(runs), 'run')} failed or was aborted{why}."
             found.append(Sentence(text, "nowhere", "", (law,), {"runs": len(runs)}))
     return found

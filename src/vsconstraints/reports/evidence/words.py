@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...readable import counted
 from ...statistics import Rate
 from ..markdown import plain
 from ..numbers import DASH
@@ -14,6 +15,10 @@ WHERE = {
     "nominal": "Without disturbances",
     "disturbed": "With disturbances",
     "limited": "Under the arms' own limits",
+    "calibrated": "With errors of calibration",
+    "dynamics": "On arms with mass",
+    "images": "By images",
+    "images-and-dynamics": "By images and on arms with mass",
 }
 """How a sentence on a condition begins."""
 
@@ -104,12 +109,7 @@ def percentage(share: float, digits: int) -> str:
 
 def of_scenes(scenes: int, families: int) -> str:
     """How many scenes, of how many families."""
-    return f"{count(scenes, 'scene')} of {count(families, 'family', 'families')}"
-
-
-def count(number: int, one: str, several: str = "") -> str:
-    """``1 scene``, ``2 scenes``."""
-    return f"{number} {one if number == 1 else several or one + 's'}"
+    return f"{counted(scenes, 'scene')} of {counted(families, 'family', 'families')}"
 
 
 def first_of(names: Sequence[str]) -> tuple[list[str], list[str]]:

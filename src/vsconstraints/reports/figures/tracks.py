@@ -13,7 +13,7 @@ from ...figures import INK, WIDTH, Sheet, line, patch
 from ...figures.image import Plane, square, symbol, tracks
 from ...figures.style import FAINT
 from ...rows import BoolArray
-from .close_up import CloseUp, close_up, rows_in_image
+from .close_up import CloseUp, close_up, comes_here, rows_in_image
 from .view import View
 
 COLUMNS = 3
@@ -25,6 +25,10 @@ START = symbol("o", "white", size=10.5)
 EARLIER, LAST = symbol("*", "white", size=6.3), symbol("*", INK, "white", size=6.3)
 SEEN = 0.005
 """Distance from the goal that is seen, relative to the size of the picture."""
+
+NOBODY = "no marker\ncomes here"
+REMARK: dict[str, Any] = {"fontsize": 8, "color": INK, "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.5}}
+"""In a close-up of a law that stays away from where another one is shown; and how that is written."""
 
 OUTSIDE: dict[str, Any] = {"color": "#B00020", "linewidth": 2.6}
 
@@ -58,6 +62,8 @@ def draw_tracks(view: View) -> Sheet | None:
             square(ax, detail.centre, detail.half, detail.half, color=INK, linewidth=0.8, zorder=8)
             beside = sheet.beside_panel(ax, APART, BESIDE * width)
             enlarged.draw(beside)
+            if not comes_here(view.runs[name], detail):
+                beside.text(0.5, 0.5, NOBODY, transform=beside.transAxes, ha="center", va="center", **REMARK)
             _tracks(beside, view, name, 1.5)
             _ends(beside, view, name)
     # a legend stands in a free place of the grid, or below it
@@ -88,13 +94,15 @@ def _outside(run: RunRecord) -> list[tuple[int, BoolArray]]:
     return [(marker, outside) for marker, outside in every if outside.any()]
 
 
-def _apart(view: View, name: str) -> bool:
-    """Whether a marker ends where its goal's symbol does not hide it."""
+def _apart(view: View, plane: Plane, name: str) -> bool:
+    """Whether a marker ends in the part of the plane that is shown, where its goal's symbol does not hide it."""
     goals = view.setup.task.goals if view.setup is not None else ()
     ends = view.runs[name].trajectory.features_px[-1]
+    seen = (np.abs(ends) <= plane.half).all(axis=-1)
     if not goals or ends.shape != goals[-1].pixels.shape:
-        return True
-    return bool((np.abs(ends - goals[-1].pixels) > SEEN * max(_size_seen(view))).any())
+        return bool(seen.any())
+    away = (np.abs(ends - goals[-1].pixels) > SEEN * max(_size_seen(view))).any(axis=-1)
+    return bool((seen & away).any())
 
 
 def _size_seen(view: View) -> tuple[float, float]:
@@ -122,7 +130,7 @@ def _entries(view: View, plane: Plane, detail: CloseUp | None) -> list[dict[str,
         entries.append(EARLIER | {"label": "earlier goal"})
     if goals:
         entries.append(LAST | {"label": "goal" if goals == 1 else "last goal"})
-    if any(_apart(view, name) for name in view.competitors or view.shown):
+    if any(_apart(view, plane, name) for name in view.competitors or view.shown):
         entries.append(symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"))
     if view.baseline is not None and view.competitors:
         entries.append(line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9})

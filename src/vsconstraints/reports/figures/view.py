@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -33,7 +33,7 @@ class View:
     """
 
     setup: Setup | None
-    runs: dict[str, RunRecord]
+    runs: Mapping[str, RunRecord]
     controllers: Sequence[str]
     phi_rows: Sequence[str] = ()
     lane_rows: Sequence[str] = ()

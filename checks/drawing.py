@@ -1,0 +1,64 @@
+"""How long a report takes: ``python -m checks.drawing FOLDER`` draws a stored comparison again, in one process.
+
+Times are of the processor, so that waiting for other work on the machine does not count: figures of scenarios with how
+many were drawn, the whole comparison's, and both forms of the text. Figures and report are those of
+``vsconstraints report FOLDER``; with ``--all`` every scenario is drawn, not the most telling alone.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+from typing import Any
+
+from vsconstraints.comparisons import StoredComparison
+from vsconstraints.reports.drawing import draw_endings, draw_overview, draw_scenario, scenario_jobs
+from vsconstraints.reports.page import html_page
+from vsconstraints.reports.results import Results
+from vsconstraints.reports.telling import telling
+
+
+def timed(call: Callable[[], Any]) -> tuple[float, Any]:
+    """How long it took [s], and what it returned."""
+    began = process_time()
+    answer = call()
+    return process_time() - began, answer
+
+
+def main(arguments: list[str]) -> int:
+    """Print the times; 2 if no folder is named."""
+    folders = [Path(one) for one in arguments if one != "--all"]
+    if len(folders) != 1:
+        print(__doc__, file=sys.stderr)
+        return 2
+    folder = folders[0]
+    reading, results = timed(lambda: Results(StoredComparison.load(folder)))
+    jobs = scenario_jobs(results, None if "--all" in arguments else telling(results))
+    (folder / "figures").mkdir(exist_ok=True)
+    first, _ = timed(lambda: draw_scenario(jobs[0]))  # with the imports
+    times, figures = [], 0
+    for job in jobs:
+        seconds, drawn = timed(partial(draw_scenario, job))
+        times.append((seconds, job.scenario.name))
+        figures += len(drawn.files)
+    with TemporaryDirectory() as made:
+        whole, _ = timed(lambda: [draw(results, Path(made)) for draw in (draw_endings, draw_overview)])
+    text = (folder / "report.md").read_text(encoding="utf-8")
+    html_page(text)  # with the imports
+    page, _ = timed(lambda: html_page(text))
+    total = sum(seconds for seconds, _ in times)
+    print(f"reading                      {reading:6.2f} s")
+    print(f"figures of scenarios         {total:6.2f} s: {figures} of {len(jobs)} scenarios")
+    print(f"  longest                    {max(times)[0]:6.2f} s: {max(times)[1]}")
+    print(f"  imports, in each process   {max(first - times[0][0], 0.0):6.2f} s")
+    print(f"figures of the whole         {whole:6.2f} s")
+    print(f"report.html                  {page:6.2f} s of {len(text) // 1000} kB")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,105 @@
+"""Close-ups beside tracks: where there is something to see, and said where there is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vsconstraints.comparisons import RunRecord
+from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
+from vsconstraints.figures.image import Plane
+from vsconstraints.reports.figures.close_up import CloseUp, close_up, comes_here
+from vsconstraints.reports.figures.tracks import NOBODY, draw_tracks
+from vsconstraints.reports.figures.view import View
+from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import simulate
+
+ROW = "fov[marker 2]"
+
+
+@pytest.fixture(scope="module")
+def view() -> View:
+    """Two laws that slide along the border of the image, and tracking alone."""
+    setup = Scenario.load("example-2d-fov").with_override("duration", 7.0).setup()
+    runs = {law.name: RunRecord.of(setup, simulate(setup, law), "")
+            for law in (Tracking(), SlidingMode(), HierarchicalQP(rows="barrier"))}  # fmt: skip
+    return View(setup, runs, tuple(runs), (ROW,), (ROW,))
+
+
+def moved(view: View, law: str, pixels: Any, clearance: float | None = None) -> View:
+    """The same, but for the second marker's track in a run, and the clearance of its row."""
+    run = view.runs[law]
+    trajectory = run.trajectory
+    features, clear = trajectory.features_px.copy(), trajectory.clearance.copy()
+    features[:, 1] = pixels
+    if clearance is not None:
+        clear[:, trajectory.labels.index(ROW)] = clearance
+    other = replace(run, trajectory=replace(trajectory, features_px=features, clearance=clear))
+    return replace(view, runs={**view.runs, law: other})
+
+
+def remarks(view: View) -> list[bool]:
+    """Of each close-up, whether it says that nobody comes."""
+    sheet = draw_tracks(view)
+    assert sheet is not None
+    return [NOBODY in [one.get_text() for one in ax.texts] for ax in sheet.figure.axes if not ax.get_title(loc="left")]
+
+
+def told(view: View) -> list[str]:
+    sheet = draw_tracks(view)
+    assert sheet is not None
+    return [text.get_text() for text in sheet.figure.legends[0].get_texts()]
+
+
+def test_a_track_comes_into_a_window_between_its_samples_too() -> None:
+    def record(*pixels: tuple[float, float]) -> Any:
+        class Made:
+            class trajectory:  # noqa: N801
+                features_px = np.array(pixels)[:, None, :]
+
+        return Made
+
+    window = CloseUp(np.array([100.0, 50.0]), 10.0)
+    assert comes_here(record((100.0, 50.0), (101.0, 50.0)), window)
+    assert comes_here(record((0.0, 50.0), (300.0, 50.0)), window)
+    assert not comes_here(record((0.0, 61.0), (300.0, 61.0)), window)
+    assert not comes_here(record((0.0, 50.0), (89.0, 50.0)), window)
+    assert not comes_here(record((np.nan, np.nan), (np.nan, np.nan)), window)
+
+
+def test_a_law_that_stays_away_says_so(view: View) -> None:
+    assert remarks(view) == [False, False]
+    assert remarks(moved(view, "hierarchical-qp", (0.0, 0.0))) == [False, True]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(-3e3, 3e3), st.floats(-3e3, 3e3), st.floats(-200.0, 0.0))
+def test_a_close_up_shows_a_boundary_within_what_is_shown(view: View, u: float, v: float, clearance: float) -> None:
+    """Wherever a marker goes, and however wrongly its distance from the boundary is told there."""
+    changed = moved(moved(view, "sliding-mode", (u, v), clearance), "hierarchical-qp", (u, -v), clearance)
+    plane = Plane.of(view.setup)  # type: ignore[arg-type]
+    found = close_up(changed, plane)
+    if found is None:
+        return
+    assert (np.abs(found.centre) <= plane.half).all()
+    corners = found.centre + found.half * np.random.default_rng(0).uniform(-1.0, 1.0, (4000, 2))
+    sigma = np.max([one.sigma(corners) for one in plane.constraints], axis=0)
+    assert (sigma > 0.0).any()
+    assert (sigma <= 0.0).any()
+
+
+def test_ends_that_are_not_in_the_picture_are_not_in_the_legend(view: View) -> None:
+    """Both runs end on their way: at the border they are seen, and far beyond it they are not."""
+    entry = "end, where not at the goal"
+    assert entry in told(view)
+    gone = view
+    for law in ("sliding-mode", "hierarchical-qp"):
+        run = gone.runs[law].trajectory
+        away = replace(run, features_px=np.where(run.t[:, None, None] > 6.9, 5e3, run.features_px))
+        gone = replace(gone, runs={**gone.runs, law: replace(gone.runs[law], trajectory=away)})
+    assert entry not in told(gone)
