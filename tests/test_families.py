@@ -266,6 +266,22 @@ fixed = { xyz = [-0.6, -0.1, 0.4], rpy = [-1.5708, 0.0, -1.5708] }
     assert "marker 1 by forearm_link" in scene.refusal
 
 
+def test_scenes_whose_first_image_shows_no_tag_are_rejected(tmp_path: Path) -> None:
+    text = """
+extends = "ur5-fov"
+attempts = 2
+[conditions.dark.sensor]
+type = "images"
+light = LIGHT
+"""
+    (tmp_path / "dark.toml").write_text(text.replace("LIGHT", "0.001"))
+    scene = Family.load(tmp_path / "dark.toml").scene(0)
+    assert scene.rejected == {Reason.START_UNDETECTED.value: 2}
+    assert "no tag that is looked for is seen in the first image" in scene.refusal
+    (tmp_path / "bright.toml").write_text(text.replace("LIGHT", "0.9"))
+    assert Family.load(tmp_path / "bright.toml").scene(0).found
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

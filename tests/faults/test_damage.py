@@ -66,7 +66,7 @@ def test_damage_costs_no_more_than_what_it_hit(
         shutil.rmtree(copied.folder)
 
 
-KINDS = {"": "tables", ".json": "tables", ".csv": "tables", ".md": "tables", ".npz": "trajectories", ".png": "figures"}
+KINDS = dict.fromkeys(("", ".json", ".csv", ".md", ".html"), "tables") | {".npz": "trajectories", ".png": "figures"}
 
 
 def refused(code: int, said: str) -> bool:

@@ -89,6 +89,7 @@ def evidence(
 ) -> None:
     """Run every controller on thousands of drawn scenes, store the scores as Parquet shards, and write a report."""
     from ..evidence import Campaign, Plan, Shard, collect
+    from ..reports.page import where
 
     if cluster is not None and jobs is not None:
         raise ConfigurationError("--jobs is how many processes of this machine are used: with --cluster there are none")
@@ -107,7 +108,7 @@ def evidence(
         finished = collect(chosen, out, plan, command=typed_command(), on_progress=show)
     _say(finished)
     if plan.shard.of == 1:
-        console.print(f"Report: {evidence_report(out, asked)}")
+        console.print(where(evidence_report(out, asked)))
     if finished.progress.all_failed:
         errors.print("error: every run of the controllers that were to be compared failed; column reason says why")
         raise typer.Exit(NOTHING_DONE)
@@ -151,8 +152,9 @@ def merge(
 ) -> None:
     """Put the parts of a campaign together that were run apart, and write its report."""
     from ..evidence import merge as put_together
+    from ..reports.page import where
 
     asked = Asked(figures, formats=formats, latex=latex)
     merged = put_together(out, shards)
     console.print(f"{merged.scenes} scenes, {merged.runs} runs of {len(shards)} folders. Stored in {out}")
-    console.print(f"Report: {evidence_report(out, asked)}")
+    console.print(where(evidence_report(out, asked)))

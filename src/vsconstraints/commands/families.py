@@ -24,7 +24,7 @@ def families(
             autocompletion=completions.families,
         ),
     ] = None,
-    scenes: Annotated[int, typer.Option(min=1, help="How many scenes are drawn of each.")] = 100,
+    scenes: Annotated[int, typer.Option(min=1, max=10_000_000, help="How many scenes are drawn of each.")] = 100,
     half: Annotated[str, typer.Option(help="training or held-out.")] = "held-out",
     seed: Annotated[int, typer.Option(min=0, help="Of all scenes.")] = 0,
 ) -> None:

@@ -15,14 +15,16 @@ from ..comparisons.entries import (
     parsed_setting,
     target_of,
     unique,
+    whole,
     with_baseline,
     with_option,
 )
 from ..errors import ConfigurationError, shown, unknown_name
 from ..families import HALVES, SHIPPED, Family
+from ..runs.files import plain
 from ..scenarios.reading import Table, demand_known, demand_table, made
 from ..scenarios.toml import read_toml
-from .identity import Identity, of_code, of_controllers, of_family, plain
+from .identity import Identity, of_code, of_controllers, of_family
 
 SHIPPED_CAMPAIGNS = {name: Path(__file__).parent / f"{name}.toml" for name in ("evidence", "real-world")}
 """Files of the campaigns that come with the package, by name."""
@@ -137,9 +139,8 @@ class Campaign:
     def _with_setting(self, setting: str) -> Campaign:
         key, value, text = parsed_setting(setting)
         if key in ("scenes", "seed"):
-            if not isinstance(value, int) or isinstance(value, bool):
-                raise ConfigurationError(f"{key} must be an integer, not {shown(text)}")
-            return replace(self, scenes=value) if key == "scenes" else replace(self, seed=value)
+            changed: dict[str, Any] = {key: whole(key, value, text)}
+            return replace(self, **changed)
         if key == "half":
             return replace(self, half=str(value))
         if key == "conditions":
@@ -217,7 +218,7 @@ class Campaign:
             "controllers": {entry.name: {"type": entry.law, **entry.options} for entry in self.controllers},
             "families": {
                 family.name: {
-                    "folder": _told(family.folder),
+                    "folder": _portable(family.folder),
                     "conditions": list(self.conditions_of(family)),
                     "tables": plain(family.tables),
                 }
@@ -242,7 +243,7 @@ class _File:
     tuned: str = ""
 
 
-def _told(folder: Path) -> str:
+def _portable(folder: Path) -> str:
     """A family's folder for a manifest: within that of the shipped families as seen from it, since that differs."""
     whole, shipped = folder.resolve(), SHIPPED.resolve()
     return "/".join(whole.relative_to(shipped).parts) if whole.is_relative_to(shipped) else str(whole)

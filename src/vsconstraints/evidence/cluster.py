@@ -40,7 +40,7 @@ GOES_ON = "what was finished is stored, and the same command goes on"
 
 
 @contextmanager
-def cluster(address: str, told: Callable[[], Any]) -> Iterator[OpenWorkers]:
+def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
     """The workers of a Dask scheduler, for as long as the ``with`` block lasts.
 
     Nothing is stored by workers: what calls come to is sent back. A worker that dies loses only what it was at, which
@@ -50,7 +50,7 @@ def cluster(address: str, told: Callable[[], Any]) -> Iterator[OpenWorkers]:
     ----------
     address
         Of the scheduler, for example ``tcp://10.0.0.1:8786``.
-    told
+    identity
         Says what results depend on, on whichever machine it is called: it is picklable, and its answers are nested
         tables.
 
@@ -63,7 +63,7 @@ def cluster(address: str, told: Callable[[], Any]) -> Iterator[OpenWorkers]:
     """
     demand("cluster")
     client = _connected(address)
-    session = Session(f"vsconstraints-{uuid.uuid4().hex[:12]}", told, told())
+    session = Session(f"vsconstraints-{uuid.uuid4().hex[:12]}", identity, identity())
     try:
         _demand_alike(client, address, session)
 
@@ -196,9 +196,9 @@ def _demand_alike(client: Any, address: str, session: Session) -> None:
 
 
 def _stranger(found: Stranger, session: Session) -> ConfigurationError:
-    if isinstance(found.told, Failure):
-        return ConfigurationError(f"worker {found.address} cannot make runs: {found.told.reason}")
-    what = in_words(list(differences(found.told, session.expected)))
+    if isinstance(found.identity, Failure):
+        return ConfigurationError(f"worker {found.address} cannot make runs: {found.identity.reason}")
+    what = in_words(list(differences(found.identity, session.expected)))
     return ConfigurationError(
         f"worker {found.address} would give other results: {what} (there: the worker). Install the same there"
     )

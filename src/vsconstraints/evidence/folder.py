@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError, StorageError
-from ..runs.files import replaced
-from ..runs.folder import MANIFEST
+from ..errors import ConfigurationError
 from ..runs.machine import machine
 from . import parquet
 from .campaign import Campaign
@@ -146,21 +142,3 @@ def clear(folder: Path) -> None:
     """Remove everything that a campaign left."""
     for name in (*TABLES, TRAJECTORIES):
         shutil.rmtree(folder / name, ignore_errors=True)
-
-
-def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
-    """Write the manifest whole or not at all; raises OSError."""
-    text = json.dumps(manifest, indent=1, ensure_ascii=False, default=str) + "\n"
-    with replaced(folder / MANIFEST) as part:
-        part.write_text(text, encoding="utf-8", errors="backslashreplace")
-
-
-@contextmanager
-def storing(folder: Path) -> Iterator[None]:
-    """What the system raises meanwhile, as an error that says what stays."""
-    try:
-        yield
-    except OSError as error:
-        raise StorageError(
-            f"evidence cannot be stored in {folder}: {error}; what is there stays, and the same command goes on"
-        ) from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -13,6 +12,7 @@ from ..families import Family
 from ..kernels import available
 from ..plugins import module_files
 from ..provenance import digest
+from ..runs.files import plain
 from ..runs.machine import code_hash, package_versions
 from ..runs.spec import ControllerSpec
 from ..scenarios import Scenario
@@ -49,11 +49,6 @@ def of_family(family: Family) -> Identity:
     """What a family says, and what the files that it names hold."""
     files = Scenario(family.name, family.tables, family.folder).files
     return {"tables": plain(family.tables), "files": {path.name: digest(path) for path in files}}
-
-
-def plain(data: Any) -> Any:
-    """Data as it comes back from JSON."""
-    return json.loads(json.dumps(data, default=str))
 
 
 def differences(there: Any, here: Any, key: str = "") -> Iterator[str]:

@@ -10,8 +10,8 @@ from typing import Any
 
 from .. import __version__
 from ..errors import ConfigurationError
-from ..runs.files import replaced
-from ..runs.folder import held, manifest_of
+from ..runs.files import replaced, storing, write_json
+from ..runs.folder import MANIFEST, held, manifest_of
 from . import parquet
 from .columns import TABLES, TIMING
 from .folder import (
@@ -21,8 +21,6 @@ from .folder import (
     clear,
     shard_file,
     shard_names,
-    storing,
-    write_manifest,
     write_parts,
 )
 from .identity import differences, in_words
@@ -100,12 +98,12 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
         raise ConfigurationError(f"{out} is one of the folders that are to be merged: give another one to be written")
     with held(out, "evidence"):
         clear(out)
-        with storing(out):
+        with storing("evidence", out):
             for source, scenes in once:
                 _copy(source, scenes, out)
             _copy_trajectories(list(manifests), out)
             counts = _counts(out)
-            write_manifest(out, _together(manifests, counts))
+            write_json(out / MANIFEST, _together(manifests, counts))
     return counts
 
 

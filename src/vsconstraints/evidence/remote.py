@@ -27,14 +27,14 @@ class Session:
     ----------
     name
         Of this command alone.
-    told
+    identity
         Says what results depend on, where it is called: picklable, with an answer that can be compared.
     expected
         What it says where the command was given.
     """
 
     name: str
-    told: Callable[[], Any]
+    identity: Callable[[], Any]
     expected: Any
 
 
@@ -66,12 +66,12 @@ class Stranger:
     ----------
     address
         Which one.
-    told
+    identity
         What results depend on there; why that cannot be said, as a :class:`~vsconstraints.runs.pool.Failure`.
     """
 
     address: str
-    told: Any
+    identity: Any
 
 
 @dataclass
@@ -102,6 +102,7 @@ class _Processes:
 
 
 _processes = _Processes()
+"""Of this Dask worker, which calls functions and gives them no place to keep anything."""
 
 
 def answered(packed: bytes) -> bytes:
@@ -129,14 +130,14 @@ def _process(session: Session) -> _Process | Stranger:
     with _processes.lock:
         _may_have_children()
         _processes.by_thread[thread] = process
-    told = _answer(process, Call(session.told, ()))
-    if told == session.expected:
+    identity = _answer(process, Call(session.identity, ()))
+    if identity == session.expected:
         return process
     for one in _processes.take(session.name):
         one.end()
     from distributed import get_worker
 
-    return Stranger(get_worker().address, told)
+    return Stranger(get_worker().address, identity)
 
 
 def _answer(process: _Process, call: Call) -> Any:

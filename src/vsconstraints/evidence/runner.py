@@ -5,19 +5,18 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
 from ..kernels import prepare
-from ..runs.folder import held, manifest_of
+from ..runs.files import storing, write_json
+from ..runs.folder import MANIFEST, held, manifest_of
 from ..runs.keep import Keep, demand_keep
-from ..runs.machine import code_hash, git_commit, machine, package_versions
+from ..runs.machine import made_by
 from ..runs.pool import Failure
 from ..runs.signals import INTERRUPTS, signal_of
 from .campaign import Campaign
-from .folder import clear, storing, what_is_there, write_manifest, write_shard
+from .folder import clear, what_is_there, write_shard
 from .pieces import by_pieces
 from .progress import Finished, Progress
 from .task import Batch, Shard, Work
@@ -103,8 +102,8 @@ def collect(
         manifest = _manifest(campaign, plan, command)
         # of a command that finds all done, these stay what they were
         manifest |= {name: value for name, value in manifest_of(folder).items() if name in OF_WORK}
-        with storing(folder):
-            write_manifest(folder, manifest)
+        with storing("evidence", folder):
+            write_json(folder / MANIFEST, manifest)
         stored = sum(map(len, there.scenes.values()))
         progress = Progress(stored + sum(len(task.scenes) for task in tasks.values()), stored, stored)
         on_progress(progress)
@@ -113,7 +112,7 @@ def collect(
             if tasks:
                 with plan.workers(scored) as workers:
                     _carry_out(tasks, workers, _Store(campaign, folder, progress, on_progress))
-            with storing(folder):
+            with storing("evidence", folder):
                 kept = keep_trajectories(folder, plan.keep, work, plan.workers)
         except INTERRUPTS as interrupt:
             interrupted = signal_of(interrupt)
@@ -128,8 +127,8 @@ def collect(
             stored_before=stored,
             trajectories=kept,
         )
-        with storing(folder):
-            write_manifest(folder, manifest)
+        with storing("evidence", folder):
+            write_json(folder / MANIFEST, manifest)
         return finished
 
 
@@ -141,35 +140,29 @@ class _Store:
         self._folder, self._progress, self._on_progress = folder, progress, on_progress
 
     def __call__(self, task: Batch, part: Part) -> None:
-        with storing(self._folder):
+        with storing("evidence", self._folder):
             write_shard(self._folder, task, part, self._identities[task.family.name])
         self._progress.add(task, part)
         self._on_progress(self._progress)
 
 
 def _carry_out(tasks: Mapping[str, Batch], workers: Workers, store: Callable[[Batch, Part], None]) -> None:
-    """Store what every task comes to; one that no worker survives is made again by pieces when all others are done."""
+    """Store what every task comes to; what no worker survives is made again by pieces when all others are done."""
     broken = []
     for name, answer in workers.run({name: (task,) for name, task in tasks.items()}, again=False):
         if isinstance(answer, Failure):
             broken.append(tasks[name])
         else:
             store(tasks[name], answer)
-    for task in broken:
-        store(task, by_pieces(task, workers))
+    for task, part in by_pieces(broken, workers):
+        store(task, part)
 
 
 def _manifest(campaign: Campaign, plan: Plan, command: Sequence[str]) -> dict[str, Any]:
     return {
-        "version": __version__,
-        "git_commit": git_commit(),
-        "code": code_hash()[:16],
-        "command": list(command),
-        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        **made_by(command),
         "seed": campaign.seed,
         "shard": [plan.shard.number, plan.shard.of],
         "keep": plan.keep,
         "configuration": campaign.resolved(),
-        "machine": machine(),
-        "packages": package_versions(),
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -32,7 +32,7 @@ class Evidence:
     """
 
     folder: Path
-    manifest: dict[str, Any]
+    manifest: Mapping[str, Any]
 
     @classmethod
     def load(cls, folder: Path) -> Evidence:

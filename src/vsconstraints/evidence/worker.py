@@ -148,7 +148,7 @@ def _json(data: Any) -> str:
     return json.dumps(dict(data), ensure_ascii=False, default=lambda value: value.tolist())
 
 
-def _worth_keeping(row: Line) -> bool:
+def _worth_keeping(row: Mapping[str, Any]) -> bool:
     left = row["violation_depth"] > 0.0 or row["band_depth"] > 0.0
     return bool(row["challenged"] or left or row["active_time_s"] > 0.0)
 

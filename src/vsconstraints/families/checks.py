@@ -9,6 +9,7 @@ from ..errors import SceneError, VsconstraintsError
 from ..rows import Array
 from ..simulation import RunScores, Setup, score_run
 from ..simulation.line_of_sight import LinesOfSight
+from ..simulation.seeing import ImageSensor
 from .ends import last
 from .placements import Ends
 from .reasons import Reason, Rejected
@@ -43,6 +44,16 @@ def left_by_tracking(setup: Setup) -> tuple[str, ...]:
     if not challenged:
         raise Rejected(Reason.NOT_CHALLENGED)
     return challenged
+
+
+def check_first_image(setup: Setup) -> None:
+    """Raise Rejected if the control sees images, and none of its tags in the first one."""
+    sensor = setup.sensor() if setup.images is not None else None
+    if isinstance(sensor, ImageSensor):
+        try:
+            sensor.measured(0, setup.q0, setup.qd0)
+        except SceneError as error:
+            raise Rejected(Reason.START_UNDETECTED, str(error)) from error
 
 
 def share_to_hold(setup: Setup) -> float:

@@ -13,10 +13,10 @@ from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
 from ..plugins import beside
 from ..scenarios import Scenario
 from ..scenarios.reading import Table, demand_table
-from ..scenarios.toml import read_toml
+from ..scenarios.toml import file_named, read_toml
 from ..simulation import Setup
 from .arrival import least_time
-from .checks import check_ends, left_by_tracking, share_to_hold
+from .checks import check_ends, check_first_image, left_by_tracking, share_to_hold
 from .drawing import Streams, demand_no_placement, drawn, merged, parsed
 from .drawn import Drawn, reasons
 from .ends import placed
@@ -86,13 +86,7 @@ class Family:
         ConfigurationError
             if there is none of that name, the file cannot be read, or something cannot be drawn.
         """
-        name = str(name_or_path)
-        if name.endswith(".toml"):
-            path = (base or Path()) / name
-        elif name in families():
-            path = SHIPPED / f"{name}.toml"
-        else:
-            raise unknown_name("family", name, [*families(), "a path ending in .toml"])
+        path = file_named("family", str(name_or_path), SHIPPED, families(), base)
         tables = read_toml(path)
         extended = tables.get("extends")
         if extended is not None:
@@ -228,9 +222,12 @@ class Family:
             scenarios = {name: Scenario(where, each, self.folder) for name, each in tables.items()}
             nominal = scenarios[NOMINAL].setup(seed=noise)
             check_ends(nominal, ends)
+            check_first_image(nominal)
             challenged = left_by_tracking(nominal)
             # what takes time and seldom refuses comes last
             setups = {name: scenario.setup(seed=noise) for name, scenario in scenarios.items() if name != NOMINAL}
+            for setup in setups.values():
+                check_first_image(setup)
         except VsconstraintsError as error:
             raise Rejected(Reason.BUILD_REFUSED, str(error)) from error
         limited = setups.get(LIMITED, nominal)

@@ -29,6 +29,8 @@ class Reason(StrEnum):
     """Anything else for which a run cannot start."""
     NOT_CHALLENGED = "nothing challenged"
     """Tracking alone leaves no row: there is nothing to compare."""
+    START_UNDETECTED = "no tag in the first image"
+    """In a condition by images no law has anything to begin with."""
 
 
 class Rejected(Exception):
