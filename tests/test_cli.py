@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 
 import vsconstraints
+from vsconstraints.cli import GROUPS
+from vsconstraints.commands.terminal import console, errors
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.controllers import CONTROLLERS
 from vsconstraints.kernels import available
@@ -36,11 +38,19 @@ def test_version() -> None:
     assert run("--version").stdout == f"vsconstraints {vsconstraints.__version__}\n"
 
 
-def test_help_names_the_commands() -> None:
+def test_help_names_the_commands_by_what_they_are_for() -> None:
     shown = run("--help")
     assert shown.returncode == 0
-    for command in ("compare", "list", "report"):
-        assert command in shown.stdout
+    commands = [name for group in GROUPS.values() for name in group]
+    assert commands[:2] == ["compare", "list"]
+    assert re.findall(r"^\W? ([a-z]+) ", shown.stdout, re.MULTILINE) == commands
+
+
+def test_what_is_printed_is_printed_as_it_is() -> None:
+    for terminal in (console, errors):
+        with terminal.capture() as printed:
+            terminal.print("error: images by my_camera:eye: [1] of C:smile:")
+        assert printed.get() == "error: images by my_camera:eye: [1] of C:smile:\n"
 
 
 def test_list_names_everything() -> None:

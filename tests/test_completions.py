@@ -22,6 +22,13 @@ from vsconstraints.scenarios import shipped_scenarios
         ("compare --scenario mi", {"mine.toml"}),
         ("compare --keep wo", {"worst"}),
         ("preview case", {"case-study-6r"}),
+        ("run case", {"case-study-6r"}),
+        ("run ur5-fov --controller pre", {"predictive"}),
+        ("frames ur5-images --controller pre", {"predictive"}),
+        ("frames ur5-i", {"ur5-image", "ur5-images"}),
+        ("replay ur5-f", {f"ur5-fov:{law}" for law in CONTROLLERS}),
+        ("replay old", {"old.npz"}),
+        ("replay ur5-fov:sl", {"ur5-fov:sliding-mode"}),
         ("study --jobs 1 pa", {"pareto"}),
         ("families planar", {"planar-arm"}),
         ("evidence --family six", {"six-axis"}),
@@ -29,11 +36,23 @@ from vsconstraints.scenarios import shipped_scenarios
         ("reproduce --figure 19", {"19"}),
         ("reproduce --claim 9", {"9", "9a", "9b"}),
         ("compare --controller no-such", set()),
+        ("compare --format p", {"png", "pdf"}),
+        ("report first --format s", {"svg"}),
+        ("replay example-2d-h", {"example-2d-heart-concave:", "example-2d-heart-convex:"}),
+        ("replay mi", {f"mine.toml:{law}" for law in CONTROLLERS}),
+        ("replay ur5-fov:tracking panda-fov:sl", {"panda-fov:sliding-mode"}),
+        # bash takes a colon for a word
+        ("replay ur5-fov :", set(CONTROLLERS)),
+        ("replay ur5-fov : tracking ur5-fov : sl", {"sliding-mode"}),
+        ("replay ur5-fov : tracking panda", {f"panda-fov:{law}" for law in CONTROLLERS}),
+        ("reproduce --figure 1", {"10", "11", "12", "14", "15", "16", "17", "18", "19"}),
+        ("evidence --family no-such", set()),
     ],
 )
 def test_names_are_offered(typed: str, offered: set[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").touch()
+    (tmp_path / "old.npz").touch()
     words = f"vsconstraints {typed}"
     asked = {"_VSCONSTRAINTS_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
     told = CliRunner().invoke(app, [], env=asked, prog_name="vsconstraints")

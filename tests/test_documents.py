@@ -23,6 +23,7 @@ from vsconstraints.scenarios import Scenario
 from vsconstraints.scenarios.toml import read_toml
 from vsconstraints.simulation import Trajectory, simulate
 
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 NOT_RUN: dict[tuple[str, str], str] = {
     (
         "checks.md",
@@ -33,6 +34,11 @@ NOT_RUN: dict[tuple[str, str], str] = {
         "t = 0.85 s: accelerations of 1.2e+02 are beyond what rows can be checked at: rounding exceeds the gain of",
     ): "what a message says",
     ("images.md", "python -m checks.images"): "takes minutes",
+    ("checks.md", "python -m checks.bands                           # half a minute"): "takes that long",
+    (
+        "checks.md",
+        "python -m checks.drawing vsconstraints-results         # what `vsconstraints report` draws",
+    ): "needs a comparison with its trajectories",
     ("checks.md", "python -m checks.statistics                      # a quarter of an hour"): "takes that long",
 }
 """Blocks of the language ``text``, which cannot be run, by page and first line, and why they cannot."""
@@ -81,7 +87,7 @@ def test_a_wrong_command_would_be_found(code: str, tmp_path: Path) -> None:
         run(Block(ROOT / "README.md", 1, "sh", code), tmp_path, {})
 
 
-@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize("path", [*PAGES, *NOTEBOOKS], ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(path: Path) -> None:
     links = re.findall(r"\]\(([^)#\s]+)", path.read_text(encoding="utf-8"))
     for link in links:

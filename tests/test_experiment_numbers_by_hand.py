@@ -17,8 +17,8 @@ from vsconstraints.reproduction.claims.erroneous_gradients import (
     little_speed_difference,
     very_similar,
 )
-from vsconstraints.reproduction.runs import RunSpec
 from vsconstraints.reproduction.verdicts import NotMeasured
+from vsconstraints.runs.spec import RunSpec
 from vsconstraints.studies import StudyResult
 
 OTHER = "fov[marker 3]"

@@ -15,7 +15,7 @@ from vsconstraints.commands import reporting
 from vsconstraints.comparisons import keep_trajectories
 from vsconstraints.comparisons.metrics import RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
-from vsconstraints.comparisons.tables import write_table
+from vsconstraints.comparisons.tables import read_table, write_table
 from vsconstraints.errors import ConfigurationError, StorageError
 from vsconstraints.reports.summary import law_table
 from vsconstraints.runs.keep import Kinds, demand_keep, kept_lines
@@ -93,6 +93,14 @@ def made(folder: Path) -> Path:
 def test_trajectories_of_other_runs_go(keep: Any, left: list[str], tmp_path: Path) -> None:
     assert keep_trajectories(made(tmp_path), keep) == len(left)
     assert sorted(path.stem for path in (tmp_path / "trajectories").iterdir()) == left
+
+
+def test_what_an_arm_has_done_stays(tmp_path: Path) -> None:
+    lines = read_table(made(tmp_path) / "results.csv", RESULT_COLUMNS)
+    driven = [line | {"reason": "on loopback://; at rest"} if line["trial"] else line for line in lines]
+    write_table(tmp_path / "results.csv", RESULT_COLUMNS, driven)
+    assert keep_trajectories(tmp_path, "none") == 2
+    assert sorted(path.stem for path in (tmp_path / "trajectories").iterdir()) == ["s--a--1", "s--b--1"]
 
 
 def test_what_cannot_be_removed_is_an_error(tmp_path: Path) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gc
+import re
 import sys
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from nbclient import NotebookClient
+from rich.console import Console
 from typer.testing import CliRunner
 
 import vsconstraints
@@ -24,7 +28,7 @@ from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.controllers import CONTROLLERS, Controller, HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.notebooks import Comparison, NotebookRun, laws
+from vsconstraints.notebooks import Comparison, NotebookRun, laws, progress
 from vsconstraints.notebooks.laws import InstanceSpec, spec_of, specs_of
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -152,6 +156,11 @@ def test_a_run_as_a_data_frame(sliding: NotebookRun) -> None:
     assert np.array_equal(frame["feature_error_px"].to_numpy().ravel(), run.feature_error_px)
 
 
+def said(figure: Figure) -> set[str]:
+    """All texts of a figure, labels of its axes among them."""
+    return {text.get_text() for text in figure.findobj(Text)} - {""}
+
+
 def test_a_run_draws_itself(sliding: NotebookRun) -> None:
     tracks = sliding.plot.tracks()
     drawn = [line.get_xydata() for line in tracks.axes[0].lines]
@@ -160,7 +169,11 @@ def test_a_run_draws_itself(sliding: NotebookRun) -> None:
     picture, size = tracks._repr_png_()
     assert picture.startswith(b"\x89PNG")
     assert size["width"] == 800
-    assert [len(figure.axes) for figure in (sliding.plot.errors(), sliding.plot.command())] == [2, 2]
+    errors, command = sliding.plot.errors(), sliding.plot.command()
+    assert (len(errors.axes), len(command.axes)) == (2, 2)
+    # each shows what it is called by, of all laws: not the other's
+    assert "q̈ [rad/s²]" in said(command) - said(errors)
+    assert "error" in " ".join(said(errors) - said(command))
     assert len(sliding.plot.rows().axes) == 2
     assert len(sliding.plot.rows(SINGLE, ROW).axes) == 3
     with pytest.raises(ConfigurationError, match=r"unknown row 'fov\[marker 3\]'.*Available"):
@@ -307,6 +320,21 @@ def test_what_is_not_kept_goes_with_the_comparison(tmp_path: Path) -> None:
     assert Comparison.load(tmp_path / "kept").laws == kept.laws == ("tracking", "mine")
 
 
+def test_how_far_a_comparison_is_is_told_in_a_terminal_alone(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    brief = SHORT.with_override("duration", 0.1)
+    compare("sliding-mode", brief, workers=0)
+    assert capfd.readouterr() == ("", "")
+    terminal = StringIO()
+    monkeypatch.setattr(progress, "Console", lambda **given: Console(file=terminal, force_terminal=True, width=80))
+    compare("sliding-mode", brief, workers=0, progress=False)
+    assert terminal.getvalue() == ""
+    compare("sliding-mode", brief, workers=0)
+    assert "2/2" in terminal.getvalue()
+    assert capfd.readouterr() == ("", "")
+
+
 def test_trials_differ(tmp_path: Path) -> None:
     varied = SHORT.with_override("duration", 0.2).with_override("start_deviation", 0.01)
     found = compare("sliding-mode", varied, trials=3, seed=4, workers=0)
@@ -365,3 +393,9 @@ def test_the_notebooks_run() -> None:
             assert output.get("name") != "stderr" or expected in output.text or "compiling" in output.text, output.text
     pictures = [o for cell in whole.cells for o in cell.outputs if "image/png" in o.get("data", {})]
     assert len(pictures) == 6
+    # each comparison has told how far it is, and at the end that it is done
+    lines = [o.data["text/plain"] for cell in whole.cells for o in cell.outputs if o.output_type == "display_data"]
+    counts = [re.match(r"comparing: (\d+) of (\d+) runs, \d+ s$", line) for line in lines]
+    told_at_end = [(int(found[1]), int(found[2])) for found in counts if found]
+    assert told_at_end
+    assert all(done == total > 1 for done, total in told_at_end)

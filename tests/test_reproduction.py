@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from vsconstraints.comparisons import RunRecord
+from vsconstraints.comparisons.run import Run, kept_run, perform
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.features import CameraPose
@@ -27,9 +28,9 @@ from vsconstraints.reproduction.claims.erroneous_gradients import Difference
 from vsconstraints.reproduction.figures import FIGURES, planar
 from vsconstraints.reproduction.reconstructed import reconstructed
 from vsconstraints.reproduction.report import TOPICS, differences
-from vsconstraints.reproduction.runs import Run, RunSpec, kept_run, perform
 from vsconstraints.reproduction.verdicts import TEXTS, VERDICTS, Claim, Finding, claim
 from vsconstraints.rows import Array
+from vsconstraints.runs.spec import RunSpec
 from vsconstraints.scenarios import shipped_scenarios
 from vsconstraints.simulation import simulate
 from vsconstraints.studies import StudyResult
@@ -605,6 +606,7 @@ def test_the_report_is_written_even_where_parts_fail(tmp_path: Path, monkeypatch
     )
     text = result.report.read_text(encoding="utf-8")
     assert result.report == tmp_path / "report.md"
+    assert result.report.with_suffix(".html").is_file()
     assert (tmp_path / "figures" / "fig-02.png").stat().st_size > 10_000
     assert not (tmp_path / "figures" / "fig-06.png").exists()
     assert "Not drawn: ValueError" in text

@@ -8,14 +8,15 @@ import pytest
 from matplotlib.image import imread
 
 from vsconstraints.commands.reproduce import reproduce
+from vsconstraints.comparisons.run import perform
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.figures import Sheet
 from vsconstraints.reproduction import chosen_claims, chosen_figures, redraw
 from vsconstraints.reproduction.figures import FIGURES
 from vsconstraints.reproduction.figures.arm import _details, _tip_path
 from vsconstraints.reproduction.parts import check
-from vsconstraints.reproduction.runs import ControllerSpec, RunSpec, perform
 from vsconstraints.reproduction.verdicts import Claim
+from vsconstraints.runs.spec import ControllerSpec, RunSpec
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -10,7 +10,9 @@ import pytest
 
 from test_simulation import Fails, Meddles, Played, dependent_rows, setup
 from vsconstraints.comparisons import RunRecord, score
-from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
+from vsconstraints.controllers import Controller, HierarchicalQP, Law, PotentialField, SlidingMode, Tracking
+from vsconstraints.controllers.demands import Switch
+from vsconstraints.controllers.resolvers import RESOLVERS, Resolver
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import RunScores, Setup, score_run, simulate
@@ -125,3 +127,15 @@ def test_samples_are_the_same_however_many_are_taken_at_once(monkeypatch: pytest
     monkeypatch.setattr("vsconstraints.simulation.loop.CHUNK", 7)
     parts = score_run(there, SlidingMode())
     np.testing.assert_equal(vars(parts), vars(whole))
+
+
+@pytest.mark.parametrize("resolver", RESOLVERS, ids=lambda resolver: resolver.name)
+def test_rows_act_alike_whoever_says_what_tracking_commands(resolver: type[Resolver]) -> None:
+    # laws that come by it on their way tell the compiled loop, unless their rank tolerance is another one; asked by
+    # their public call, they tell nothing
+    there = Scenario.load("case-study-6r").with_override("duration", 0.6).setup()
+    law = Law(Switch(), resolver())
+    told, asked = simulate(there, law), simulate(there, law, by_public_call=True)
+    assert told.active.any()
+    for name in ("active", "saturated", "phi", "qdd_command"):
+        np.testing.assert_array_equal(getattr(told, name), getattr(asked, name), err_msg=name)

@@ -27,7 +27,20 @@ def test_circles_and_long_lists_are_found(tmp_path, capsys):
     assert "circles of imports: p.a, p.b, p.c" in said
     assert "longest parameter lists: 9 p/a.py: f" in said
     assert "9 lines of Python in 4 files" in said
+    assert "files of more than 300 lines: none" in said
     assert structure.main([str(tmp_path / "nowhere")]) == 2
+
+
+def test_lines_are_told_apart(tmp_path, capsys):
+    """By hand: a text of three lines with a blank one in it, a comment, code, and what is between them."""
+    module = '"""One.\n\nTwo.\n"""\n\n# a remark\nx = 1  # code\n"""Of x."""\n\n\ny = """no\ndocstring"""\n'
+    (tmp_path / "m.py").write_text(module)
+    (tmp_path / "long.py").write_text("x = 1\n" * 301)
+    assert structure.main([str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert structure.Lines.of(module, structure.ast.parse(module)) == (3, 6, 3)
+    assert "   313    304      6      3 in all" in said
+    assert "files of more than 300 lines: 301 long.py" in said
 
 
 def test_the_page_on_structure_names_what_is_there():
@@ -43,3 +56,16 @@ def test_the_page_on_structure_names_what_is_there():
     assert {f"{file.parent.name}/" for file in package.glob("*/__init__.py")} <= set(paths)
     text = "".join(file.read_text(encoding="utf-8") for file in (root / "tests").glob("test_*.py"))
     assert [test for test in tests if f"def {test}(" not in text] == []
+
+
+def test_what_stands_twice_says_so_beside_it():
+    """Each file of the table of pairs names the test that holds it and the other one together."""
+    root = Path(__file__).parents[1]
+    page = (root / "docs" / "structure.md").read_text(encoding="utf-8")
+    table = page.split("## What stands twice")[1].split("## ")[0]
+    rows = [line.split("|")[1:-1] for line in table.splitlines() if line.startswith("| ")][1:]
+    assert len(rows) > 5
+    for _, *files, test in rows:
+        for file in re.findall(r"`([a-z_/]+\.py)`", "".join(files)):
+            text = (root / "src" / "vsconstraints" / file).read_text(encoding="utf-8")
+            assert test.strip(" `") in text, f"{file} does not name {test}"

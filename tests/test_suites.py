@@ -49,6 +49,11 @@ def test_each_makes_a_variant_of_every_combination(tmp_path: Path) -> None:
         assert scenario.tables["duration"] == 1.0
 
 
+def test_a_suite_is_named_as_text_too() -> None:
+    path = Path(__file__).parents[1] / "comparisons" / "laws.toml"
+    assert Suite.load(str(path)) == Suite.load(path)
+
+
 def test_a_variant_of_a_file_finds_what_the_file_names(tmp_path: Path) -> None:
     example = (Path(__file__).parent.parent / "examples" / "my-arm.toml").resolve()
     suite = load(tmp_path, f'{{ scenario = "{example.as_posix()}", name = "short", set = {{ duration = 1.0 }} }}')
@@ -177,3 +182,9 @@ def test_a_selection_is_called_one() -> None:
     assert suite.select([one.name for one in suite.scenarios]).title == suite.title
     assert suite.select(["ur5-fov"]).title == f"{suite.title}: a selection"
     assert suite.select(controllers=["sliding-mode"]).title == f"{suite.title}: a selection"
+
+
+def test_a_folder_of_results_is_no_suite(tmp_path: Path) -> None:
+    (tmp_path / "results.csv").touch()
+    with pytest.raises(ConfigurationError, match=r"is a folder of results, not a suite: vsconstraints report"):
+        Suite.load(tmp_path)

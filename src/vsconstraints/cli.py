@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from collections.abc import Callable
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated
@@ -42,20 +43,7 @@ from .commands.tune import tune
 from .errors import StorageError, VsconstraintsError, WorkersLost, unknown_name
 from .runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 
-app.command()(diff)
-app.command()(families)
-app.command()(frames)
-app.command()(evidence)
-app.command()(merge)
-app.command()(preview)
-app.command()(replay)
-app.command()(report)
-app.command()(reproduce)
-app.command()(run)
-app.command()(tune)
 
-
-@app.command()
 def compare(
     context: typer.Context,
     suite: Annotated[Path | None, typer.Argument(help="A suite file; the default comparison if not given.")] = None,
@@ -112,6 +100,7 @@ def compare(
     from .comparisons import compare as run
     from .comparisons.metrics import Score
     from .reports.failures import kind
+    from .reports.page import where
     from .runs.folder import held
     from .runs.keep import demand_keep
 
@@ -164,7 +153,7 @@ def compare(
     print_laws(out)
     if kept != "all":
         console.print(f"Trajectories kept: {keep_trajectories(out, kept)} of {total}; --keep {kept}.")
-    console.print(f"{total} runs in {result.wall_time:.1f} s. Report: {report_file}")
+    console.print(f"{total} runs in {result.wall_time:.1f} s. {where(report_file)}")
     if result.all_failed:
         errors.print(
             "error: every run of the controllers that were to be compared failed; the report gives the reasons"
@@ -172,7 +161,6 @@ def compare(
         raise typer.Exit(NOTHING_DONE)
 
 
-@app.command("list")
 def list_() -> None:
     """Show the scenarios, controllers, solvers, robots and constraints there are."""
     from .listing import print_listing
@@ -180,7 +168,6 @@ def list_() -> None:
     print_listing(console)
 
 
-@app.command()
 def study(
     names: Annotated[
         list[str] | None,
@@ -220,6 +207,20 @@ def study(
             console.print(f"  {sentence}")
         for failure in result.failures:
             errors.print(f"  {failure}")
+
+
+GROUPS: dict[str, dict[str, Callable[..., None]]] = {
+    "Laws in a few scenes": {"compare": compare, "list": list_, "report": report, "diff": diff},
+    "A look at a scene, or at a run of it": {"preview": preview, "replay": replay, "frames": frames},
+    "On an arm": {"run": run},
+    "The paper, and general questions": {"reproduce": reproduce, "study": study},
+    "Thousands of drawn scenes": {"families": families, "evidence": evidence, "merge": merge, "tune": tune},
+}
+"""The commands by what they are for, in the order in which ``--help`` shows them."""
+
+for _what, _commands in GROUPS.items():
+    for _name, _command in _commands.items():
+        app.command(_name, rich_help_panel=_what)(_command)
 
 
 def _version(value: bool) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable
 from glob import glob
 from typing import get_args
 
+import typer
+
 Names = Callable[[], Iterable[object]]
 
 
@@ -17,6 +19,32 @@ def offered(names: Names, files: str = "") -> Callable[[str], list[str]]:
         return found + sorted(glob(f"{incomplete}*{files}") if files else ())
 
     return complete
+
+
+class BehindColon(str):
+    """A word that completes a colon in bash, where what is inserted begins after it."""
+
+    def startswith(self, *prefix: object) -> bool:
+        """Yes: Typer drops what does not begin like the word that is completed."""
+        return True
+
+
+def runs(context: typer.Context, incomplete: str) -> list[str]:
+    """What completes ``SCENARIO:CONTROLLER``, or the file of a stored run.
+
+    A scenario that is the only one to begin like the word comes with its laws: a shell ends a word that is complete. To
+    bash a colon is a word of its own, and what completes the word behind it is the law alone.
+    """
+    before = list(context.params.get("runs") or ())
+    if incomplete == ":":
+        return [BehindColon(name) for name in controllers("")]
+    if before[-1:] == [":"]:
+        return controllers(incomplete)
+    scenario, colon, controller = incomplete.partition(":")
+    found, files = [scenario] if colon else scenarios(incomplete), sorted(glob(f"{incomplete}*.npz"))
+    if len(found) == 1 and not files:
+        return [f"{found[0]}:{name}" for name in controllers(controller)]
+    return [*(f"{name}:" for name in found), *files]
 
 
 def _scenarios() -> Iterable[object]:
@@ -56,6 +84,12 @@ def _claims() -> Iterable[object]:
     return (*dict.fromkeys(claim.number for claim in claims), *(claim.key for claim in claims))
 
 
+def _formats() -> Iterable[object]:
+    from ..figures.formats import FORMATS
+
+    return FORMATS
+
+
 def _ways_to_keep() -> Iterable[object]:
     from ..runs.keep import Keep
 
@@ -68,4 +102,5 @@ families = offered(_families, ".toml")
 studies = offered(_studies)
 figures = offered(_figures)
 claims = offered(_claims)
+formats = offered(_formats)
 ways_to_keep = offered(_ways_to_keep)

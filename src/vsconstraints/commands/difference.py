@@ -39,7 +39,7 @@ def diff(
     """Say what changed between two comparisons; exit code 1 if something got worse, 2 if they cannot be compared."""
     from ..extras import demand
 
-    demand("evidence")
+    demand("evidence", "a difference of two folders")
     from ..difference.difference import TOLERANCE, Question, difference
     from ..difference.page import page, verdict
 

@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 
 from ..runs.signals import INTERRUPTS, exit_code, signal_of
+from . import completions
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -21,9 +22,9 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-# no markup: names and paths may contain square brackets
-console = Console(highlight=False, markup=False, soft_wrap=True)
-errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+# no markup, no emoji: names and paths may contain square brackets, and `my_camera:eye:` is no picture of one
+console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
+errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 NOTHING_DONE, USAGE_ERROR = 1, 2
 
@@ -46,15 +47,15 @@ Replays = Annotated[
 
 Formats = Annotated[
     list[str] | None,
-    typer.Option("--format", metavar="png|svg|pdf", help="Of figures; PNG if not given. Can be repeated."),
+    typer.Option(
+        "--format",
+        metavar="png|svg|pdf",
+        help="Of figures; PNG if not given. Can be repeated.",
+        autocompletion=completions.formats,
+    ),
 ]
 Latex = Annotated[
     bool, typer.Option("--latex", help="Write the report's tables for LaTeX, too, into the folder tables.")
-]
-
-Narrow = Annotated[
-    bool,
-    typer.Option("--narrow", help="Cut the report's tables until they fit a phone, which needs no scrolling then."),
 ]
 
 

@@ -41,6 +41,7 @@ def tune(
 
     demand("tune")
     from ..evidence import Campaign
+    from ..reports.page import where
     from ..tuning import Budget, Problem
     from ..tuning import tune as run
     from ..tuning.storing import REPORT, TUNED
@@ -66,4 +67,4 @@ def tune(
     for law in tuning.laws:
         if law.chosen is not None and not law.chosen.feasible:
             errors.print(f"note: no setting of {law.law.law.name} keeps to the violations that are allowed")
-    console.print(f"Settings: {out / TUNED}. Report: {out / REPORT}")
+    console.print(f"Settings: {out / TUNED}. {where(out / REPORT)}")

@@ -82,6 +82,13 @@ def parsed_setting(setting: str) -> tuple[str, Any, str]:
     return key.strip(), _value(text.strip()), text
 
 
+def whole(key: str, value: object, text: str) -> int:
+    """The value of a setting that is a whole number; raises ConfigurationError otherwise."""
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise ConfigurationError(f"{key} must be an integer, not {shown(text)}")
+    return value
+
+
 def target_of(key: str, names: Iterable[str], others: Iterable[str]) -> tuple[str, str]:
     """The name that a dotted key begins with, and the rest of it.
 

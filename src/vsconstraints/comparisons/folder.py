@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import csv
-import json
+import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError
+from ..runs.files import plain
 from ..runs.folder import manifest_of
+from ..runs.spec import RunSpec
+from .record import stored_run
 from .suite import Suite
+
+ARM_LOG = Path("arm", "log.npz")
+"""What a run on an arm leaves in its folder beside what all runs do."""
+
+ON_ARM = re.compile(r"on [\w-]+://[^;]*")
+"""How the reason of a run on an arm begins."""
 
 
 def demand_nothing_lost(folder: Path, suite: Suite) -> None:
@@ -18,7 +28,7 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
     Lost are finished runs that are no part of it, or have other settings in it. Runs that are made again since the
     code, the machine or a file has changed are not lost: the same is asked of them.
     """
-    earlier, now = _settings(manifest_of(folder).get("configuration")), _settings(_plain(suite.resolved()))
+    earlier, now = _settings(manifest_of(folder).get("configuration")), _settings(plain(suite.resolved()))
     planned = {(scenario, controller, str(trial)) for scenario, controller, trial in (run.key for run in suite.runs())}
     for scenario, controller, trial in _finished(folder):
         parts = ("seed", ""), ("scenario", scenario), ("controller", controller)
@@ -32,6 +42,20 @@ def demand_nothing_lost(folder: Path, suite: Suite) -> None:
             f"{folder} holds another comparison, which would be lost: {scenario} with {controller}, trial {trial}, "
             f"{why}. Give another folder with --out, or --fresh to replace what is there"
         )
+
+
+def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) -> None:
+    """Raise ConfigurationError if a run on an arm would be made again, which only a simulation would be."""
+    if not (folder / ARM_LOG).is_file():
+        return
+    planned = {(run.key[0], run.key[1], str(run.key[2])): run for run in runs}
+    for key, reason in _finished(folder).items():
+        driven, run = ON_ARM.match(reason), planned.get(key)
+        if driven and (fresh or run is None or stored_run(run, folder) is None):
+            raise ConfigurationError(
+                f"{folder} holds a run {driven[0]}, {key[0]} with {key[1]}, which a simulation would replace: "
+                "code, settings or files have changed, or --fresh was given. Give another folder with --out"
+            )
 
 
 def _settings(configuration: object) -> dict[tuple[str, str], Any]:
@@ -49,20 +73,15 @@ def _dict(data: object) -> dict[str, Any]:
     return data if isinstance(data, dict) else {}
 
 
-def _plain(data: object) -> object:
-    """Data as it comes back from JSON."""
-    return json.loads(json.dumps(data, default=str))
-
-
-def _finished(folder: Path) -> list[tuple[str, str, str]]:
-    """Scenario, controller and trial of every line of results.csv that can be read."""
+def _finished(folder: Path) -> dict[tuple[str, str, str], str]:
+    """Scenario, controller and trial of every line of results.csv that can be read, and its reason."""
     try:
         with (folder / "results.csv").open(newline="", encoding="utf-8", errors="replace") as file:
             lines = list(csv.DictReader(file))
     except (OSError, csv.Error):
-        return []
-    return [
-        (line["scenario"], line["controller"], line["trial"])
+        return {}
+    return {
+        (line["scenario"], line["controller"], line["trial"]): line.get("reason") or ""
         for line in lines
         if all(line.get(name) for name in ("scenario", "controller", "trial"))
-    ]
+    }

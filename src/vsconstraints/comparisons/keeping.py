@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ..errors import StorageError
 from ..runs.keep import Keep, Kinds, kept_lines
+from .folder import ON_ARM
 from .metrics import RESULT_COLUMNS
 from .record import run_file
 from .tables import read_table
@@ -16,7 +17,8 @@ KINDS = Kinds(("scenario", "controller"), "trial", "scenario")
 def keep_trajectories(folder: Path, keep: Keep) -> int:
     """Remove the trajectories of all other runs of a stored comparison; how many stay.
 
-    The same command makes those runs again: it keeps what it makes until its report is written.
+    The same command makes those runs again: it keeps what it makes until its report is written. What an arm has done
+    stays, since no command makes it again.
 
     Raises
     ------
@@ -26,9 +28,10 @@ def keep_trajectories(folder: Path, keep: Keep) -> int:
         if a trajectory cannot be removed.
     """
     lines = read_table(folder / "results.csv", RESULT_COLUMNS)
+    driven = [line for line in lines if ON_ARM.match(line["reason"])]
     files = {
         run_file(folder, line["scenario"], line["controller"], int(line["trial"]))
-        for line in kept_lines(lines, keep, KINDS)
+        for line in (*kept_lines(lines, keep, KINDS), *driven)
     }
     stored = set((folder / "trajectories").glob("*.npz"))
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import chdir, suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -72,10 +73,9 @@ class Run:
         """(N,) σ of a row; φ for rows that have none of their own."""
         return self.trajectory.sigma[:, self.index(label)]
 
-    def row(self, label: str) -> dict[str, Any]:
+    def row(self, label: str) -> Mapping[str, Any]:
         """The row's line of constraints.csv."""
-        line: dict[str, Any] = self.score.constraints[self.index(label)]
-        return line
+        return self.score.constraints[self.index(label)]
 
     def bound(self, label: str) -> float:
         """T_s u⁺ of a row: eq. (43)."""

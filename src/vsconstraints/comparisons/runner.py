@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import chdir, contextmanager, nullcontext, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import chdir, nullcontext, suppress
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
-from ..errors import StorageError, described
+from ..errors import described
 from ..kernels import prepare
 from ..provenance import Files, digests, imported, noted
-from ..runs.files import replaced
-from ..runs.folder import held
-from ..runs.machine import code_hash, git_commit, machine, package_versions
+from ..runs.files import storing, write_json
+from ..runs.folder import MANIFEST, held
+from ..runs.machine import made_by
 from ..runs.pool import Failure, carry_out
 from ..runs.resources import run_limit
 from ..runs.signals import INTERRUPTS, signal_of
 from ..runs.spec import BASELINE, RunSpec
-from .folder import demand_nothing_lost
+from .folder import demand_arm_kept, demand_nothing_lost
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, Score, score
 from .record import RunRecord, run_file, stored_run
 from .run import perform
@@ -59,7 +56,7 @@ class Finished:
     """
 
     folder: Path
-    scores: dict[Key, Score]
+    scores: Mapping[Key, Score]
     stored_before: int
     wall_time: float
     interrupted: int
@@ -120,10 +117,11 @@ def compare(
         runs = {run.key: run for run in suite.runs()}
         if not fresh:
             demand_nothing_lost(folder, suite)
-        manifest = _manifest(suite, command)
-        with _storing(folder):
+        demand_arm_kept(folder, runs.values(), fresh)
+        manifest = {**made_by(command), "seed": suite.seed, "configuration": suite.resolved()}
+        with storing("results", folder):
             (folder / "trajectories").mkdir(exist_ok=True)
-            _write_json(folder / "manifest.json", manifest)
+            write_json(folder / MANIFEST, manifest)
             for name in TABLES if fresh else ():
                 (folder / name).unlink(missing_ok=True)
         scores: dict[Key, Score] = {}
@@ -155,22 +153,12 @@ def compare(
         compiled = Counter(bool(scores[key].result["compiled"]) for key in finished)
         manifest.update(wall_time_s=wall_time, runs=len(runs), finished=len(finished), stored_before=stored_before)
         manifest.update(compiled={"compiled": compiled[True], "NumPy": compiled[False]})
-        with _storing(folder):
+        with storing("results", folder):
             for (name, columns), lines in zip(TABLES.items(), _lines(suite, finished, scores), strict=True):
                 if finished or not (folder / name).exists():
                     write_table(folder / name, columns, lines)
-            _write_json(folder / "manifest.json", manifest)
+            write_json(folder / MANIFEST, manifest)
         return Finished(folder, scores, stored_before, wall_time, interrupted)
-
-
-@contextmanager
-def _storing(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise StorageError(
-            f"results cannot be stored in {folder}: {error}; what is there stays, and the same command goes on"
-        ) from error
 
 
 def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSpec | None = None) -> tuple[Score, bool]:
@@ -251,23 +239,3 @@ def _lines(suite: Suite, keys: Sequence[Key], scores: Mapping[Key, Score]) -> li
         [{**own, **score.result} for own, score in runs],
         [{**own, **row} for own, score in runs for row in score.constraints],
     ]
-
-
-def _manifest(suite: Suite, command: Sequence[str]) -> dict[str, Any]:
-    return {
-        "version": __version__,
-        "git_commit": git_commit(),
-        "code": code_hash()[:16],
-        "command": list(command),
-        "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "seed": suite.seed,
-        "configuration": suite.resolved(),
-        "machine": machine(),
-        "packages": package_versions(),
-    }
-
-
-def _write_json(path: Path, data: object) -> None:
-    text = json.dumps(data, indent=1, ensure_ascii=False, default=str) + "\n"
-    with replaced(path) as part:
-        part.write_text(text, encoding="utf-8", errors="backslashreplace")

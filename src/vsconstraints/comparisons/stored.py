@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -35,9 +35,9 @@ class StoredComparison:
     """
 
     folder: Path
-    manifest: dict[str, Any]
-    results: list[dict[str, Any]]
-    constraints: list[dict[str, Any]]
+    manifest: Mapping[str, Any]
+    results: Sequence[Mapping[str, Any]]
+    constraints: Sequence[Mapping[str, Any]]
 
     @classmethod
     def load(cls, folder: Path) -> StoredComparison:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError, VsconstraintsError, shown
+from ..errors import ConfigurationError, VsconstraintsError
 from ..plugins import beside
 from ..runs.spec import BASELINE, ControllerSpec, RunSpec
 from ..scenarios import Scenario
@@ -22,6 +22,7 @@ from .entries import (
     parsed_setting,
     target_of,
     unique,
+    whole,
     with_baseline,
     with_option,
 )
@@ -61,7 +62,7 @@ class Suite:
     seed: int = 0
 
     @classmethod
-    def load(cls, path: Path | None = None) -> Suite:
+    def load(cls, path: Path | str | None = None) -> Suite:
         """The suite of a TOML file; without a path the default one: the paper's scenarios and two real arms.
 
         An entry of ``scenarios`` is a shipped scenario's name, a path, or a table that describes variants of one:
@@ -84,7 +85,11 @@ class Suite:
         ConfigurationError, InvalidInput
             if the file cannot be read, has an unknown key, or something in it cannot be built or started.
         """
-        source = path or DEFAULT
+        source = Path(path or DEFAULT)
+        if (source / "results.csv").is_file():
+            raise ConfigurationError(
+                f"{source} is a folder of results, not a suite: vsconstraints report {source} makes its report again"
+            )
         file: _File = made(_File, read_toml(source), source.name)
         scenarios = tuple(
             scenario
@@ -132,9 +137,8 @@ class Suite:
     def _with_setting(self, setting: str) -> Suite:
         key, value, text = parsed_setting(setting)
         if key in ("trials", "seed"):
-            if not isinstance(value, int) or isinstance(value, bool):
-                raise ConfigurationError(f"{key} must be an integer, not {shown(text)}")
-            return replace(self, trials=value) if key == "trials" else replace(self, seed=value)
+            changed: dict[str, Any] = {key: whole(key, value, text)}
+            return replace(self, **changed)
         entries = {entry.name for entry in self.controllers}
         names = {*entries, "scenario", *(scenario.name for scenario in self.scenarios)}
         target, rest = target_of(key, names, ("trials", "seed"))
@@ -152,8 +156,10 @@ class Suite:
         """The suite itself, if everything in it can be built and started; raises what is wrong otherwise."""
         if not self.scenarios or not self.controllers:
             raise ConfigurationError(f"suite {self.name}: there is nothing to compare")
-        if self.trials < 1 or self.seed < 0:
-            raise ConfigurationError(f"trials must be 1 or more and seed 0 or more: {self.trials}, {self.seed}")
+        if self.trials < 1 or self.seed < 0 or self.trials % 1 or self.seed % 1:
+            raise ConfigurationError(
+                f"trials must be a whole number from 1, and seed one from 0 on: {self.trials}, {self.seed}"
+            )
         scenarios, controllers = len(self.scenarios), len(self.controllers)
         if scenarios * controllers * self.trials > MOST_RUNS:
             raise ConfigurationError(

@@ -7,12 +7,14 @@ import tempfile
 import warnings
 import weakref
 from collections.abc import Iterable
+from contextlib import nullcontext
 from pathlib import Path
 
 from ..comparisons import StoredComparison, Suite
 from ..comparisons import compare as compare_suite
 from .comparison import Comparison
 from .laws import Laws, specs_of
+from .progress import told
 from .scenes import AnyScenario, scenarios_of
 
 NAME = "session"
@@ -28,6 +30,7 @@ def compare(
     workers: int | None = None,
     limit: float | None = None,
     out: str | Path | None = None,
+    progress: bool = True,
 ) -> Comparison:
     """Run every law on every scenario, tracking alone beside them, and score all as ``vsconstraints compare`` does.
 
@@ -49,6 +52,8 @@ def compare(
         How long a run may take in another process [s]; by its number of samples if None.
     out
         A folder to keep results in: the same call goes on where it stopped. What is not kept goes with the comparison.
+    progress
+        Whether to tell how many runs are done, in a terminal and in a notebook; elsewhere nothing is told.
 
     Raises
     ------
@@ -66,7 +71,10 @@ def compare(
         warnings.warn(note, stacklevel=2)
     folder = Path(tempfile.mkdtemp(prefix="vsconstraints-")) if out is None else Path(out)
     try:
-        finished = compare_suite(suite, folder, workers=workers, limit=limit)
+        with told(len(suite.with_baseline().runs())) if progress else nullcontext(lambda: None) as advance:
+            finished = compare_suite(
+                suite, folder, workers=workers, limit=limit, on_finished=lambda run, score, stored: advance()
+            )
         if finished.interrupted:
             raise KeyboardInterrupt
         comparison = Comparison(StoredComparison.load(folder), (*notes, *suite.remarks()))

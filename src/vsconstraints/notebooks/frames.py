@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -55,7 +56,7 @@ def frame_of(trajectory: Trajectory) -> pd.DataFrame:
     return frame
 
 
-def table_of(lines: list[dict[str, Any]]) -> pd.DataFrame:
+def table_of(lines: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Lines of a table as a data frame; raises ConfigurationError if pandas is not installed."""
     demand("pandas")
     import pandas as pd

@@ -13,7 +13,7 @@ from typing import Any
 from ..comparisons.tables import write_table
 from ..figures import PNG, Formats
 from ..reports.markdown import bold, bullets, code, plain, table
-from ..runs.files import replaced
+from ..reports.page import where, write_pages
 from ..runs.machine import git_commit, machine, package_versions
 from ..studies import STUDIES, data_file, figure_file
 from .figures import FIGURES
@@ -93,13 +93,13 @@ class Reproduction:
     def summary(self) -> str:
         """One line for the command line."""
         counts = ", ".join(f"{count} {verdict}" for verdict, count in self.counts.items() if count)
-        return f"{len(self.findings)} claims: {counts}. {self.wall_time:.0f} s. Report: {self.report}"
+        return f"{len(self.findings)} claims: {counts}. {self.wall_time:.0f} s. {where(self.report)}"
 
 
 def write_report(
     result: Reproduction, drawn: Mapping[int, str], studies: Mapping[str, Any], command: Sequence[str]
 ) -> None:
-    """Write report.md and claims.csv; each whole or not at all.
+    """Write report.md, the same as report.html, and claims.csv; each whole or not at all.
 
     Parameters
     ----------
@@ -129,8 +129,7 @@ def write_report(
         "## Machine and versions",
         _machine(result, command),
     ]
-    with replaced(result.report) as part:
-        part.write_text("\n\n".join(text.strip() for text in parts if text) + "\n", encoding="utf-8")
+    write_pages(result.report, "\n\n".join(text.strip() for text in parts if text) + "\n")
     lines = [
         (claim.key, claim.where, claim.sentence, claim.rule, finding.verdict, finding.text) for claim, finding in found
     ]

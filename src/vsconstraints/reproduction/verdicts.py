@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from ..comparisons.run import Run
+from ..readable import counted
+from ..runs.spec import RunSpec
 from ..simulation.trajectory import Outcome
-from .runs import Run, RunSpec
 
 Verdict = Literal["holds", "holds partly", "does not hold", "not measured"]
 
@@ -157,14 +159,9 @@ def finding(text: str, good: bool, part: bool = False, /, **values: float) -> Fi
     return Finding(judged(good, part), text, values)
 
 
-def signed(value: float) -> str:
-    """Three significant digits with a true minus sign."""
-    return f"{value:.3g}".replace("-", "−")
-
-
 def plural(samples: int) -> str:
     """``1 sample``, ``14 samples``."""
-    return f"{samples} sample" + ("" if samples == 1 else "s")
+    return counted(samples, "sample")
 
 
 def shown_intervals(found: Sequence[tuple[float, float]]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -62,8 +63,8 @@ class RunSummary:
 
     status: str
     reason: str
-    result: dict[str, Any] = field(default_factory=dict)
-    rows: dict[str, dict[str, Any]] = field(default_factory=dict)
+    result: Mapping[str, Any] = field(default_factory=dict)
+    rows: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     Ts: float = np.nan
     t: Array = field(default_factory=lambda: np.empty(0))
     q: Array = field(default_factory=lambda: np.empty((0, 0)))

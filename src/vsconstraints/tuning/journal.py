@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import StorageError
+from ..runs.files import storing
 from .objectives import Judged
 
 Setting = tuple[str, str]
@@ -51,12 +51,6 @@ class Journal:
         """Keep what a setting is worth; raises StorageError if that cannot be written."""
         law, options = setting
         line = json.dumps({"law": law, "options": options, "judged": judged._asdict()})
-        try:
-            with self._path.open("a", encoding="utf-8") as file:
-                file.write(line + "\n")
-        except OSError as error:
-            raise StorageError(
-                f"evaluations cannot be stored in {self._path.parent}: {error}; what is there stays, and the same "
-                "command goes on"
-            ) from error
+        with storing("evaluations", self._path.parent), self._path.open("a", encoding="utf-8") as file:
+            file.write(line + "\n")
         self._known[setting] = judged

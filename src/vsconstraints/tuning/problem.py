@@ -126,8 +126,8 @@ class Problem:
             if none is found, or drawing one raises something.
         """
         campaign, each = self.campaign, range(self.budget.scenes)
-        calls = {(family.name, i): (family, i, campaign.seed) for family in campaign.families for i in each}
-        answers = carry_out(training_scene, calls, workers=workers, on_progress=on_progress)
+        calls = {(family.name, i): (family, i, TRAINING, campaign.seed) for family in campaign.families for i in each}
+        answers = carry_out(Family.scene, calls, workers=workers, on_progress=on_progress)
         return tuple(self._staged({key: answers[key] for key in calls}))
 
     def _staged(self, scenes: dict[tuple[str, int], Drawn | Failure]) -> Iterator[Stage]:
@@ -141,11 +141,6 @@ class Problem:
                 family.demand_scenes(TRAINING, self.campaign.seed, self.budget.scenes)
             for scene in found:
                 yield from (Stage(scene, condition) for condition in self.campaign.conditions_of(family))
-
-
-def training_scene(family: Family, number: int, seed: int) -> Drawn:
-    """A scene of the training half."""
-    return family.scene(number, TRAINING, seed)
 
 
 def baseline(campaign: Campaign) -> ControllerSpec:

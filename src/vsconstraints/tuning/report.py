@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from statistics import median
 
+from ..reports.markdown import table
 from .objectives import OBJECTIVES, REFERENCE
 from .problem import Problem
 from .result import Evaluation, Tuned, Tuning
@@ -16,8 +17,7 @@ HEAD = ("law", "setting", *(objective.title for objective in OBJECTIVES), "viola
 def report(tuning: Tuning) -> str:
     """The report as Markdown."""
     lines = [f"# Tuning: {tuning.problem.campaign.title}", "", *_how(tuning.problem), ""]
-    lines += [f"| {' | '.join(HEAD)} |", f"|{'---|' * len(HEAD)}"]
-    lines += [f"| {' | '.join(cells)} |" for law in tuning.laws for cells in _lines(law)]
+    lines.append(table(HEAD, [cells for law in tuning.laws for cells in _lines(law)], text_columns=2))
     return "\n".join([*lines, "", *_remarks(tuning), ""])
 
 

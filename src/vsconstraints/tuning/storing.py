@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import StorageError
-from ..runs.files import replaced
+from ..reports.page import write_pages
+from ..runs.files import replaced, storing
 from .objectives import OBJECTIVES
 from .report import report
 from .result import Tuned, Tuning
@@ -22,16 +22,13 @@ def write(tuning: Tuning, folder: Path) -> None:
     import pandas
 
     tables = {EVALUATIONS: evaluation_lines(tuning), HYPERVOLUMES: hypervolume_lines(tuning)}
-    texts = {TUNED: tuned_toml(tuning), REPORT: report(tuning)}
-    try:
+    with storing("results", folder):
         for name, lines in tables.items():
             with replaced(folder / name) as part:
                 pandas.DataFrame(lines).to_parquet(part, index=False)
-        for name, text in texts.items():
-            with replaced(folder / name) as part:
-                part.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise StorageError(f"results cannot be stored in {folder}: {error}; the same command goes on") from error
+        with replaced(folder / TUNED) as part:
+            part.write_text(tuned_toml(tuning), encoding="utf-8")
+        write_pages(folder / REPORT, report(tuning))
 
 
 def evaluation_lines(tuning: Tuning) -> list[dict[str, Any]]:

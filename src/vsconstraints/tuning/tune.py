@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from ..errors import ConfigurationError
-from ..evidence.identity import differences, in_words, plain
+from ..evidence.identity import differences, in_words
 from ..extras import demand
 from ..kernels import prepare
-from ..runs.files import replaced
-from ..runs.folder import held
+from ..runs.files import plain, write_json
+from ..runs.folder import MANIFEST, held
 from ..runs.machine import git_commit, machine
 from .evaluation import Evaluator, evaluating
 from .journal import Journal, setting_key
@@ -21,7 +21,7 @@ from .result import Asked, Tuning
 from .search import Search
 from .storing import write
 
-JOURNAL, MANIFEST = "journal.jsonl", "manifest.json"
+JOURNAL = "journal.jsonl"
 
 Progress = Callable[[str, int, int], None]
 """Told what is being done, how much of it is done, and how much there is."""
@@ -124,5 +124,4 @@ def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
         "git_commit": git_commit(),
         "machine": machine(),
     }
-    with replaced(path) as part:
-        part.write_text(json.dumps(manifest, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_json(path, manifest)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,8 +17,8 @@ from .table import METRICS, ROW_METRICS
 class Score:
     """One line of results.csv and one of constraints.csv for each row, without suite, scenario, controller, trial."""
 
-    result: dict[str, Any]
-    constraints: list[dict[str, Any]]
+    result: Mapping[str, Any]
+    constraints: Sequence[Mapping[str, Any]]
 
     @in_one_line
     def __repr__(self) -> str:

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runs import Run
-from ..verdicts import Finding, finding, plural, signed
+from ...comparisons.run import Run
+from ...readable import amount
+from ..verdicts import Finding, finding, plural
 
 VANISHED = 0.01
 """Share of the greatest error that may be left where the paper says zero."""
@@ -57,7 +58,7 @@ def fulfilled(run: Run, label: str) -> Finding:
     sigma, bound, samples = greatest_sigma(run, label), run.bound(label), run.positive_samples(label)
     phi = float(run.row(label)["phi_max"])
     text = (
-        f"max σ = {signed(sigma)}; max φ = {signed(phi)} (T_s u⁺ = {bound:g}), positive for {plural(samples)} in a row"
+        f"max σ = {amount(sigma)}; max φ = {amount(phi)} (T_s u⁺ = {bound:g}), positive for {plural(samples)} in a row"
     )
     good = sigma <= 0.0 and clear(run, label) >= 0.0 and phi <= bound and samples <= LONGEST_POSITIVE
     return finding(text, good, sigma_max=sigma, phi_max=phi, bound=bound, positive_samples=samples)
@@ -70,7 +71,7 @@ def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
     worst, longest = max(labels, key=lambda label: excess(run, label)), max(labels, key=run.positive_samples)
     most, samples, at = excess(run, worst), run.positive_samples(longest), run.index(longest)
     text = (
-        f"max σ = {signed(sigma)}; max φ = {signed(phi)}, up to {most:.2f} T_s u⁺ ({worst}), at or above zero for "
+        f"max σ = {amount(sigma)}; max φ = {amount(phi)}, up to {most:.2f} T_s u⁺ ({worst}), at or above zero for "
         f"{plural(samples)} in a row{'' if len(labels) == 1 else f' ({longest})'}; (12) asks for u⁺ > "
         f"{run.drift[:, at].max():.3g} there, where u⁺ = {run.record.switching_gain[at]:g}"
     )

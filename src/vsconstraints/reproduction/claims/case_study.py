@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...comparisons.run import MERGE, Run
+from ...readable import amount
 from ...rows import Array, BoolArray
+from ...runs.spec import BASELINE, ControllerSpec, RunSpec
 from ...simulation import intervals
-from ..runs import BASELINE, MERGE, ControllerSpec, Run, RunSpec
-from ..verdicts import Finding, claim, ends_of, finding, plural, rounds_to, shown_intervals, signed
+from ..verdicts import Finding, claim, ends_of, finding, plural, rounds_to, shown_intervals
 from .boundary import VANISHED, clear, fully_used, greatest_phi, phi_never_positive, smoothly
 
 CASE = RunSpec("case-study-6r")
@@ -128,7 +130,7 @@ def _three_at_a_time(case: Run) -> Finding:
 @claim("5i", CASE)
 def _sphere_fulfilled(case: Run) -> Finding:
     least, phi = clear(case, SPHERE), greatest_phi(case, SPHERE)
-    text = f"the end-effector stays {1e3 * least:.3f} mm outside; max φ = {signed(phi)} m"
+    text = f"the end-effector stays {1e3 * least:.3f} mm outside; max φ = {amount(phi)} m"
     return finding(text, least >= 0.0, clearance_min=least, phi_max=phi)
 
 

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...comparisons.run import Run
+from ...readable import amount
 from ...studies import StudyResult
 from ...studies.unselected_experiments import APPLIED, LITTLE, VERY_SIMILAR
-from ..runs import Run
-from ..verdicts import Finding, NotMeasured, Verdict, claim, finding, judged, signed
+from ..verdicts import Finding, NotMeasured, Verdict, claim, finding, judged
 from .boundary import greatest_sigma
 from .experiments import FIRST, SECOND, Experiment, sliding_row
 from .studied import number
@@ -95,9 +96,9 @@ def very_similar(exact: Run, erroneous: Run, alone: Run, study: StudyResult, *, 
     here, other = (Difference.between(exact, run, of.kind) for run in (erroneous, alone))
     verdict, scenes = in_unselected(study, of.exact.name, "similar", here.similar(width))
     text = (
-        f"{scenes}. Here tracks differ by up to {here.track:.2f} px, with errors max σ = {signed(here.sigma)}, "
+        f"{scenes}. Here tracks differ by up to {here.track:.2f} px, with errors max σ = {amount(here.sigma)}, "
         f"{erroneous.trajectory.status}; with ∇σ_e in L_gφ alone by {other.track:.2f} px, max σ = "
-        f"{signed(other.sigma)}, {alone.trajectory.status}"
+        f"{amount(other.sigma)}, {alone.trajectory.status}"
     )
     return Finding(verdict, text, {"track_difference_px": here.track, "sigma_max": here.sigma})
 
@@ -131,6 +132,6 @@ def _satisfactory(pbvs: Run, pbvs_error: Run, ibvs: Run, ibvs_error: Run, study:
         verdicts.append(verdict)
         texts.append(
             f"{experiment.name}: {scenes}; here T_s = {run.sampling_time:g} s, {run.trajectory.status}, max σ = "
-            f"{signed(sigma)}"
+            f"{amount(sigma)}"
         )
     return finding(". ".join(texts), {*verdicts} == {"holds"}, {*verdicts} != {"does not hold"})

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ...comparisons.run import Run
+from ...runs.spec import RunSpec
 from ...studies import StudyResult
-from ..runs import Run, RunSpec
 from ..verdicts import Finding, NotMeasured, claim, finding, plural
 from .boundary import LONGEST_POSITIVE, MOST_EXCESS, clear, excess, with_sigma
 from .experiments import FASTER

@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...comparisons.run import Run
 from ...order_filter import OrderFilter
+from ...readable import amount
 from ...rows import BoolArray
-from ..runs import Run, RunSpec
-from ..verdicts import Finding, NotMeasured, claim, finding, plural, signed
+from ...runs.spec import RunSpec
+from ..verdicts import Finding, NotMeasured, claim, finding, plural
 from .boundary import FULLY, clear, excess, greatest_sigma, unused
 
 PBVS, IBVS = RunSpec("experiment-1-pbvs"), RunSpec("experiment-2-ibvs")
@@ -88,7 +90,7 @@ def one_marker_slides(run: Run, kind: str) -> Finding:
     least, share, sigma, times = clear(run, row), unused(run, row), greatest_sigma(run, row), run.t[acts(run, row)]
     text = (
         f"{', '.join(acting)} acts in {plural(len(times))} from {times[0]:.1f} to {times[-1]:.1f} s, at most "
-        f"{np.diff(times).max(initial=0.0):.1f} s apart; max σ = {signed(sigma)}, {least:.2g} px from the boundary "
+        f"{np.diff(times).max(initial=0.0):.1f} s apart; max σ = {amount(sigma)}, {least:.2g} px from the boundary "
         f"({100.0 * share:.2g} % of L); the greatest φ is {excess(run, row):.2g} T_s u⁺"
     )
     kept = sigma <= 0.0 and least >= 0.0
@@ -120,7 +122,7 @@ def _motion_must_be_slow(*runs: Run) -> Finding:
         least = clear(run, *run.labels(experiment.kind))
         good.append(run.trajectory.status == "converged" and least >= 0.0)
         texts.append(
-            f"{experiment.name}, T_s = {run.sampling_time:g} s: {run.trajectory.status}, {signed(least)} px clear"
+            f"{experiment.name}, T_s = {run.sampling_time:g} s: {run.trajectory.status}, {amount(least)} px clear"
         )
     slow = not good[0] and not good[2]
     return finding("; ".join(texts), slow and good[1] and good[3], slow)

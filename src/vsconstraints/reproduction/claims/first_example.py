@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...comparisons.run import Run
+from ...readable import amount
 from ...rows import Array
-from ..runs import Run, RunSpec
-from ..verdicts import Finding, claim, ends_of, finding, rounds_to, shown_intervals, signed
+from ...runs.spec import RunSpec
+from ..verdicts import Finding, claim, ends_of, finding, rounds_to, shown_intervals
 from .boundary import VANISHED, clear, fulfilled, fully_used, greatest_sigma, phi_never_positive, smoothly
 
 FOV = RunSpec("example-2d-fov")
@@ -38,7 +40,7 @@ claim("1g", FOV)(lambda fov: phi_never_positive(fov, [SECOND]))
 @claim("1a", FOV)
 def _second_feature_remains(fov: Run) -> Finding:
     sigma, least = greatest_sigma(fov, SECOND), clear(fov, SECOND)
-    text = f"max σ = {signed(sigma)}; the marker stays {least:.2f} px inside the boundary"
+    text = f"max σ = {amount(sigma)}; the marker stays {least:.2f} px inside the boundary"
     return finding(text, sigma <= 0.0 <= least, sigma_max=sigma, clearance_min=least)
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runs import ControllerSpec, Run, RunSpec
-from ..verdicts import Finding, NotMeasured, claim, finding, signed
+from ...comparisons.run import Run
+from ...readable import amount
+from ...runs.spec import ControllerSpec, RunSpec
+from ..verdicts import Finding, NotMeasured, claim, finding
 from .case_study import CASE
 from .first_example import FOV, SECOND
 
@@ -46,5 +48,5 @@ def _second_derivatives_not_needed(*runs: Run) -> Finding:
             continue
         difference = np.abs(law.trajectory.qdd_command - blind.trajectory.qdd_command).max()
         same.append(difference == 0.0 and bool((law.trajectory.q == blind.trajectory.q).all()))
-        texts.append(f"{spec.name}: q̈_c differs by {signed(difference)} rad/s² in {len(law.t)} samples")
+        texts.append(f"{spec.name}: q̈_c differs by {amount(difference)} rad/s² in {len(law.t)} samples")
     return finding("; ".join(texts), all(same))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...comparisons.run import Run
 from ...control_step import ControlStep
-from ..runs import Run, RunSpec
-from ..verdicts import Finding, claim, finding, signed
+from ...readable import amount
+from ...runs.spec import RunSpec
+from ..verdicts import Finding, claim, finding
 from .boundary import greatest_sigma, with_sigma
 from .case_study import CASE
 
@@ -30,7 +32,7 @@ def _moving_objects(*runs: Run) -> Finding:
             run.ever_active(),
             run.trajectory.status,
         )
-        texts.append(f"{spec.name}: {status}, max σ = {signed(sigma)}, {', '.join(acting) or 'no row'} active")
+        texts.append(f"{spec.name}: {status}, max σ = {amount(sigma)}, {', '.join(acting) or 'no row'} active")
         good.append(status == "converged" and sigma <= 0.0 and bool(acting))
     return finding("; ".join(texts), all(good), any(good))
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runs import Run, RunSpec
-from ..verdicts import Finding, claim, finding, plural, shown_intervals, signed
+from ...comparisons.run import Run
+from ...readable import amount
+from ...runs.spec import RunSpec
+from ..verdicts import Finding, claim, finding, plural, shown_intervals
 from .boundary import VANISHED, clear, excess, fulfilled, greatest_phi, phi_never_positive
 from .first_example import angle, position
 
@@ -65,7 +67,7 @@ def _both_features_stay_out(bowl: Run) -> Finding:
     found = phi_never_positive(bowl, rows)
     each = "; ".join(
         f"{label}: max φ = {greatest_phi(bowl, label):.3g} ({excess(bowl, label):.3g} T_s u⁺), φ ≥ 0 for "
-        f"{plural(bowl.positive_samples(label))} in a row, least clearance {signed(clear(bowl, label))} px"
+        f"{plural(bowl.positive_samples(label))} in a row, least clearance {amount(clear(bowl, label))} px"
         for label in rows
     )
     needed = bowl.drift[:, bowl.index(OTHER_ROW)].max()
@@ -102,7 +104,7 @@ def _sliding_mode_temporarily_lost(concave: Run) -> Finding:
     last = phi[concave.t >= concave.t[-1] - 2.0].max()
     text = (
         f"φ > 0 for {plural(samples)} in a row ({samples * concave.sampling_time:.3f} s), max φ in the last 2 s "
-        f"{signed(last)}; the run ends {trajectory.status}, {1e3 * position(concave)[-1]:.1f} mm and "
+        f"{amount(last)}; the run ends {trajectory.status}, {1e3 * position(concave)[-1]:.1f} mm and "
         f"{1e3 * angle(concave)[-1]:.1f} mrad from the goal"
     )
     lost, back = samples > 5, last <= concave.bound(HEART)

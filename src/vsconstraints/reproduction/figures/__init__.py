@@ -3,12 +3,12 @@
 from collections.abc import Callable
 
 from ...figures import Figure, Sheet
+from ...runs.spec import RunSpec
 from ..claims.case_study import CASE
 from ..claims.erroneous_gradients import IBVS_ERROR, PBVS_ERROR
 from ..claims.experiments import IBVS, PBVS
 from ..claims.first_example import FAST, FOV, HIGH_GAIN
 from ..claims.trap_and_corners import BOWL, CONCAVE, CONVEX
-from ..runs import RunSpec
 from . import arm, case_study, experiments, planar, sketches
 
 

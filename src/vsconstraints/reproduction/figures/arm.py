@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ...figures import INK, WIDTH, Sheet, band, zero_line
+from ...comparisons.run import Run
+from ...figures import WIDTH, Sheet, band, zero_line
 from ...figures.arm import add_arm
 from ...figures.mesh import Mesh
 from ...geometry import Pose
 from ...rows import Array
 from ..claims.case_study import SPHERE, phases
-from ..runs import Run
 from . import lines as paper
 from .case_study import SHORT, frame_times
 
-TARGET, ORANGE = "#F4F1E6", "#F0A202"
+ORANGE = "#F0A202"
 
 LABEL_AT = {
     "F": (0.0, -0.14, 0.02),
@@ -44,13 +43,7 @@ def system(case: Run, k: int) -> Mesh:
     scene, q, sphere = case.setup.scene, case.trajectory.q[k], case.constraint(SPHERE)
     mesh = Mesh()
     add_arm(mesh, scene.robot, q)
-    centre = scene.markers.mean(axis=0)
-    plate = centre + 1.25 * (scene.markers - centre)
-    mesh.add(plate, TARGET, shaded=False)
-    for side in pairwise([*plate, plate[0]]):
-        mesh.tube(np.array(side), 0.003, INK, 6)
-    for marker in scene.markers:
-        mesh.ball(marker, 0.012, INK, count=10)
+    mesh.target(scene.markers, 0.003, 0.012)
     _add_sphere(mesh, sphere, 20)
     mesh.pyramid(scene.camera_pose(q), 0.05, 0.05, 0.08, paper.BLUE)
     return mesh

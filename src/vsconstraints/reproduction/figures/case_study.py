@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from ...comparisons.run import Run
 from ...figures import INK, REFERENCE, Sheet, above_legend, line, signal
 from ...figures.image import symbol
 from ...figures.marks import note
 from ...figures.style import FAINT
 from ..claims.case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, at_once, phases, switch_sample
-from ..runs import Run
 from . import lines as paper
 
 SYMBOLS = ("o", "^", "s", "*")

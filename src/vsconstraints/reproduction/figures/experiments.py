@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from ...comparisons.run import Run
 from ...features import ImagePoints
 from ...figures import INK, Sheet, above_legend, line, signal
 from ...figures.image import symbol, tracks
 from ...rows import Array
-from ..runs import Run
 from . import lines as paper
 
 VISIBILITY = ("fov", "occlusion")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+from ...comparisons.run import Run
 from ...figures import INK, Sheet, inside_legend, signal, time_axis, zero_line
 from ...figures.image import Plane, symbol
 from ...rows import Array
-from ..runs import Run
 
 COLOURS = ("#1447C4", "#C2188F", "#2E8B3D", "#E07B00", "#7A4FBF", "#1A1A1A")
 """One for each of up to six joints, and for each of four markers."""

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...comparisons.run import Run
 from ...figures import INK, Sheet, band, inside_legend, line, logarithmic, signal
 from ...figures.image import Plane, square, symbol
 from ..claims.first_example import SECOND
 from ..claims.trap_and_corners import BOWL_ROW, HEART, NOTCH, OTHER_ROW, TIP
-from ..runs import Run
 from . import lines as paper
 
 VIEW = 3.7

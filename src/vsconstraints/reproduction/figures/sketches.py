@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from ...camera import Camera
+from ...comparisons.run import Run
 from ...constraints import FieldOfView
 from ...figures import INK, Sheet, line
 from ...figures.image import square
 from ...geometry import Pose
-from ..runs import Run
 from . import lines as paper
 
 TEXT = """\
