@@ -78,11 +78,15 @@ nitpick_ignore = [
     ("py:class", "dict[str"),  # aliases of types with a comma in them
     ("py:class", "tuple[int | None"),
     ("py:class", "vsconstraints.plugins.Base"),  # type variables
+    ("py:class", "vsconstraints.runs.keep.Line"),
     ("py:class", "vsconstraints.runs.pool.Key"),
+    ("py:class", "vsconstraints.evidence.workers.Key"),
     ("py:class", "vsconstraints.formulas.F"),
     ("py:class", "vsconstraints.renamed.Made"),
     ("py:class", "vsconstraints.controllers.named.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
+    ("py:class", "vsconstraints.reports.evidence.material.Worked"),
+    ("py:class", "ArrayLike"),  # of NumPy, where other names are there for type checkers only
     ("py:func", "superellipse"),  # in docstrings of formulas, where classes of other modules have them as theirs
     ("py:class", "Triangles"),  # an array of whole numbers
     ("py:class", "LawArrays"),  # of vsconstraints.kernels, as above
