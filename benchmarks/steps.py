@@ -21,7 +21,8 @@ act where they act in the run. *rows* is `ControlStep.evaluate` (kinematics, fea
 `controller.command` of these, with the making of `Rows` and `Task`, *total* is the function of `ControlStep.bind`,
 which does both compiled in one, in a turn of its own. Times are median / p99 / max in µs; *ratio* is the total's median
 / p99 / max in units, measured in turn with it; *first* is the first total in µs, with the making of the `ControlStep`,
-in a process that has its code loaded. Of long runs, the first 60 s.
+in a process that has its code loaded. Of long runs, the first 60 s. Laws that look ahead take their turns among
+themselves and with the unit: they compute for so long that the others would find the caches emptied.
 """
 
 
@@ -73,40 +74,51 @@ def measure(effort: Effort) -> Part:
     lines = []
     for name in effort.scenarios:
         scenario = shortened(Scenario.load(name), effort.duration)
-        walks, halves, others = {}, {}, controllers()
-        for law, controller in controllers().items():
-            # a task remembers its last sample: each walk has its own
-            setup = scenario.setup()
-            run = simulate(setup, controller)
-            walks[law] = Walk(setup, controller, run, effort.turns)
-            halves[f"{law}, in two"] = Walk(scenario.setup(), others[law], run, effort.turns)
-        subjects: dict[str, Subject] = {name: walk.in_one for name, walk in walks.items()}
-        times = in_turn({**subjects, **{name: walk.in_two for name, walk in halves.items()}}, effort.turns)
-        unit = float(np.median(times[UNIT]))
-        for law, walk in walks.items():
-            total = Times(times[law], unit)
-            rows, command = (Times(column, unit) for column in times[f"{law}, in two"].T)
-            part.keep(f"{name}, {law}", total)
-            lines.append(
-                [
-                    name,
-                    law,
-                    walk.form,
-                    str(len(setup.constraints.labels)),
-                    median_p99_max(rows),
-                    median_p99_max(command),
-                    median_p99_max(total),
-                    ratios(total),
-                    digits(total.spread),
-                    microseconds(walk.first),
-                ]
-            )
-        if name == CASE_STUDY:
-            of_unit = Times(times[UNIT], unit)
-            part.keep("unit", of_unit)
+        for looking_ahead in (False, True):
+            lines += timed_in_turn(scenario, looking_ahead, effort.turns, part)
     header = ["scenario", "controller", "rows are", "m", "rows", "command", "total", "ratio", "p99/median", "first"]
     part.tables.append(Table(header, lines, text_columns=3))
     return part
+
+
+def timed_in_turn(scenario: Scenario, looking_ahead: bool, turns: int, part: Part) -> list[list[str]]:
+    """Lines of the table for laws that look ahead or for those that do not; their numbers are kept in the part."""
+    laws, others = (
+        {law: controller for law, controller in controllers().items() if ("model" in controller.uses) == looking_ahead}
+        for _ in range(2)
+    )
+    walks, halves = {}, {}
+    for law, controller in laws.items():
+        # a task remembers its last sample: each walk has its own
+        setup = scenario.setup()
+        run = simulate(setup, controller)
+        walks[law] = Walk(setup, controller, run, turns)
+        halves[f"{law}, in two"] = Walk(scenario.setup(), others[law], run, turns)
+    subjects: dict[str, Subject] = {law: walk.in_one for law, walk in walks.items()}
+    times = in_turn({**subjects, **{name: walk.in_two for name, walk in halves.items()}}, turns)
+    unit = float(np.median(times[UNIT]))
+    if scenario.name == CASE_STUDY and not looking_ahead:
+        part.keep("unit", Times(times[UNIT], unit))
+    lines = []
+    for law, walk in walks.items():
+        total = Times(times[law], unit)
+        rows, command = (Times(column, unit) for column in times[f"{law}, in two"].T)
+        part.keep(f"{scenario.name}, {law}", total)
+        lines.append(
+            [
+                scenario.name,
+                law,
+                walk.form,
+                str(len(setup.constraints.labels)),
+                median_p99_max(rows),
+                median_p99_max(command),
+                median_p99_max(total),
+                ratios(total),
+                digits(total.spread),
+                microseconds(walk.first),
+            ]
+        )
+    return lines
 
 
 def shortened(scenario: Scenario, duration: float) -> Scenario:
