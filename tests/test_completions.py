@@ -24,6 +24,8 @@ from vsconstraints.scenarios import shipped_scenarios
         ("preview case", {"case-study-6r"}),
         ("run case", {"case-study-6r"}),
         ("run ur5-fov --controller pre", {"predictive"}),
+        ("run ur5-fov --robot ur", {"ur-rtde://"}),
+        ("run ur5-fov --images ", {"model", "simulated"}),
         ("frames ur5-images --controller pre", {"predictive"}),
         ("frames ur5-i", {"ur5-image", "ur5-images"}),
         ("replay ur5-f", {f"ur5-fov:{law}" for law in CONTROLLERS}),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 import sys
 import tracemalloc
 from pathlib import Path
@@ -228,8 +229,9 @@ def test_unknown_names_are_refused_with_the_candidates(key: str, value: object, 
     ],
 )
 def test_wrong_values_are_refused_with_their_place(key: str, value: object, words: str) -> None:
-    with pytest.raises(REFUSED, match=words):
+    with pytest.raises(REFUSED, match=words) as refused:
         scenario().with_override(key, value).setup()
+    assert re.search(r"\bown\b", str(refused.value)), "the scenario is not named"
 
 
 @pytest.mark.parametrize("key", ["robot", "q0", "sampling_time", "duration", "camera", "target", "task"])

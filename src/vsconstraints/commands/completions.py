@@ -96,6 +96,18 @@ def _ways_to_keep() -> Iterable[object]:
     return get_args(Keep)
 
 
+def _robots() -> Iterable[object]:
+    from ..deployment import DRIVERS
+
+    return (f"{scheme}://" for scheme in DRIVERS)
+
+
+def _images() -> Iterable[object]:
+    from ..deployment.images import MODEL, SIMULATED
+
+    return MODEL, SIMULATED
+
+
 scenarios = offered(_scenarios, ".toml")
 controllers = offered(_controllers)
 families = offered(_families, ".toml")
@@ -104,3 +116,5 @@ figures = offered(_figures)
 claims = offered(_claims)
 formats = offered(_formats)
 ways_to_keep = offered(_ways_to_keep)
+robots = offered(_robots)
+images = offered(_images)

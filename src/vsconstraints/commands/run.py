@@ -34,11 +34,15 @@ def run(
         typer.Option(
             metavar="ADDRESS",
             help="ur-rtde://192.168.0.2, loopback://; a simulated arm, as fast as it goes, if not given.",
+            autocompletion=completions.robots,
         ),
     ] = DRY,
     images: Annotated[
         str | None,
-        typer.Option(help="What sees the markers: simulated, model (nothing does), or one's own module:function."),
+        typer.Option(
+            help="What sees the markers: simulated, model (nothing does), or one's own module:function.",
+            autocompletion=completions.images,
+        ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Yes, move a real arm.")] = False,
     from_arm: Annotated[bool, typer.Option("--from-arm", help="Start where the arm stands.")] = False,

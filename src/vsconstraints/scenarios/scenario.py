@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -12,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ConfigurationError, described, shown
+from ..errors import ConfigurationError, VsconstraintsError, described, shown
 from ..meshes import mesh_files, mesh_folders
 from ..plugins import IN_SESSION, beside, module_files
 from ..simulation import Setup
@@ -149,6 +150,10 @@ class Scenario:
         try:
             with beside(self.folder), np.errstate(over="raise", divide="raise", invalid="raise"):
                 return build(self.tables, self.name, self.folder, deviation, (seed, trial))
+        except VsconstraintsError as error:
+            if re.search(rf"\b{re.escape(self.name)}\b", str(error)):
+                raise
+            raise type(error)(f"{self.name}: {error}") from error
         except ArithmeticError as error:
             raise ConfigurationError(f"{self.name}: its numbers cannot be computed with: {described(error)}") from error
 
