@@ -718,7 +718,7 @@ def test_the_package_of_universal_robots_takes_what_is_sent() -> None:
         (dashboard, "connect stop disconnect"),
     ):
         assert all(hasattr(kind, name) for name in names.split())
-    with pytest.raises(ArmError, match="connect: "):
+    with pytest.raises(ArmError, match="connect to 127"):
         on("ur-rtde://127.0.0.1")
 
 

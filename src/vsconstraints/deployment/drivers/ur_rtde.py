@@ -96,9 +96,10 @@ class UrRtde(Driver):
         import rtde_receive
 
         host, rate = self.address.host, 1.0 / self.period
-        self._dashboard = self._tried("connect", dashboard_client.DashboardClient, host)
-        self._tried("connect", self._dashboard.connect)
-        self._receive = self._tried("connect", rtde_receive.RTDEReceiveInterface, host, rate)
+        connecting = f"connect to {host}"
+        self._dashboard = self._tried(connecting, dashboard_client.DashboardClient, host)
+        self._tried(connecting, self._dashboard.connect)
+        self._receive = self._tried(connecting, rtde_receive.RTDEReceiveInterface, host, rate)
         self._demand_safe()
         slider = float(self._tried("getTargetSpeedFraction", self._receive.getTargetSpeedFraction))
         if slider < FULL:
@@ -106,7 +107,7 @@ class UrRtde(Driver):
                 f"the arm's speed slider is at {100.0 * slider:.0f} %, with which it does not follow in time: set it "
                 "to 100 %, and slow down by the scenario's limits"
             )
-        self._control = self._tried("connect", rtde_control.RTDEControlInterface, host, rate)
+        self._control = self._tried(connecting, rtde_control.RTDEControlInterface, host, rate)
 
     def begin(self) -> None:
         """Start the arm's watchdog: from now on it waits for setpoints.
