@@ -763,7 +763,12 @@ def test_the_package_of_universal_robots_brings_setpoints_to_the_arm(
     assert carried_out[0][1][0] == 0.5
     reached = [told for command, told in carried_out if command == 11]
     assert len(reached) > 5
-    np.testing.assert_array_equal(reached[-1][:6], log.column("sent_q")[-1])
+    sent = log.column("sent_q").tolist()
+    # what is overwritten before the arm looks is lost, the last ones by servoStop
+    places = [sent.index(told[:6]) for told in reached if told[:6] in sent]
+    assert len(places) >= len(reached) - 1, "one, to stay, was sent before the first period"
+    assert places == sorted(places)
+    assert places[-1] >= len(sent) - 10
     assert reached[-1][6:] == [0.0, 0.0, Ts, 0.03, 1000.0]
     # a gate was opened: the arm stands, and what is told to be safe is not
     ask("setattr(arm, 'safety', 0b10000010001)")
