@@ -42,10 +42,10 @@ def _steps(part: Part) -> plt.Figure:
         if match:
             found.setdefault(match[2], {})[match[1]] = value
     scenarios = list(dict.fromkeys(name for values in found.values() for name in values))
-    figure, axes = plt.subplots(figsize=(10.0, 1.6 + 0.45 * len(scenarios)), layout="constrained")
+    figure, axes = plt.subplots(figsize=(10.0, 1.6 + (0.1 + 0.05 * len(found)) * len(scenarios)), layout="constrained")
     for i, (law, look) in enumerate(looks(list(found)).items()):
         # one below the other, since times of several laws are the same
-        at = [scenarios.index(name) + 0.15 * (i - 0.5 * (len(found) - 1)) for name in found[law]]
+        at = [scenarios.index(name) + 0.8 * ((i + 0.5) / len(found) - 0.5) for name in found[law]]
         axes.plot(list(found[law].values()), at, look.marker, color=look.colour, ms=5.5, mec="w", mew=0.5, label=law)
     for row in range(1, len(scenarios)):
         axes.axhline(row - 0.5, color="0.85", linewidth=0.6, zorder=0)

@@ -1,23 +1,27 @@
 """Constrained visual servoing: controllers on the same rows, compared."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .camera import Camera
-from .kinematics import RobotPoint
-from .robot import Robot
-
 if TYPE_CHECKING:
+    from .camera import Camera
+    from .kinematics import RobotPoint
     from .notebooks import compare, run
+    from .robot import Robot
 
 __version__ = "0.1.0"
 
 __all__ = ["Camera", "Robot", "RobotPoint", "__version__", "compare", "run"]
 
+_PLACES = {"Camera": "camera", "Robot": "robot", "RobotPoint": "kinematics", "compare": "notebooks", "run": "notebooks"}
+
 
 def __getattr__(name: str) -> Any:
-    """What needs much more than a controller does is imported when it is asked for."""
-    if name in ("compare", "run"):
-        from . import notebooks
-
-        return getattr(notebooks, name)
+    """What is exported is imported when it is asked for: Pinocchio alone takes longer than all of ``--help``."""
+    if name in _PLACES:
+        return getattr(import_module(f".{_PLACES[name]}", __name__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *_PLACES]
