@@ -146,7 +146,7 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
     """Also of the files that kernels take constants from, which are compiled in and leave no trace."""
     compiler = kernels.load("compiler")
     package = Path(kernels.__file__).parents[1]
-    files = {file.relative_to(package).with_suffix("").as_posix() for file in compiler._sources()}
+    files = {file.relative_to(package).with_suffix("").as_posix() for file in compiler.sources()}
     types = {"rows"}
     for kernel in (package / "kernels").glob("*.py"):
         assert f"kernels/{kernel.stem}" in files
@@ -157,7 +157,7 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
                 module = (node.module or "").replace(".", "/")
                 names = [f"{module}/{name.name}" for name in node.names] if (package / module).is_dir() else [module]
                 assert set(names) <= files | types, f"{kernel.name} imports from {names}"
-    assert all(file.is_file() for file in compiler._sources())
+    assert all(file.is_file() for file in compiler.sources())
     folder = compiler.cache_folder(kernels.load("task_priority").priority)
     assert any(folder.rglob("*priority*.nbi"))
 
@@ -189,7 +189,7 @@ def test_code_that_was_not_used_for_long_is_removed(tmp_path, monkeypatch):
         os.utime(old, (1e9 + i, 1e9 + i))
     (tmp_path / "task_priority_of_others").mkdir()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    folder = compiler._cache(law, ())
+    folder = compiler.cache_of(law, ())
     kept = {path.name for path in tmp_path.iterdir()}
     last = {f"task_priority-{i:016}" for i in range(12 - compiler.KEPT + 1, 12)}
     assert kept == {folder.name, "task_priority_of_others", *last}
@@ -201,11 +201,11 @@ def test_of_several_that_need_a_function_one_compiles_it(tmp_path):
     order = []
 
     def other():
-        with compiler._alone(tmp_path):
+        with compiler.alone(tmp_path):
             order.append("second")
 
     waiting = threading.Thread(target=other)
-    with compiler._alone(tmp_path):
+    with compiler.alone(tmp_path):
         waiting.start()
         waiting.join(0.2)
         order.append("first")

@@ -53,8 +53,8 @@ def free(there: DynamicPlant) -> DynamicPlant:
     drive = there.arm.drive._replace(effort=np.full(there.robot.n, 1e-300))
     there.arm = there.arm._replace(drive=drive)
     there.arm.memory.torque[:], there.arm.memory.under_way[:] = 0.0, 0.0
-    there._frozen = frozen(there.arm)
-    there.mover = there.mover[0], int(there._frozen.ctypes.data)
+    there.frozen_arm = frozen(there.arm)
+    there.mover = there.mover[0], int(there.frozen_arm.ctypes.data)
     return there
 
 

@@ -72,7 +72,7 @@ def test_responses_alike_in_both_forms(name: str, monkeypatch: pytest.MonkeyPatc
     model, scale = model_of(setup, 0.1), setup.constraints.scale
     reference = 0.7 * model.at(*model.present).error
     compiled = response(model, reference, SHORT, scale)
-    monkeypatch.setattr(model, "_bound", None)
+    monkeypatch.setattr(model, "step", None)
     defined = response(model, reference, SHORT, scale)
     assert compiled is not None
     assert defined is not None

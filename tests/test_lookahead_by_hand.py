@@ -131,7 +131,7 @@ def test_the_damping_is_relative_to_the_mean_of_the_gains() -> None:
 
 def governor(least: float, sigma: Array, Lg: Array, J: Array) -> GoalGovernor:
     law = GoalGovernor(speed=2.0, margin=0.1, influence=0.3)
-    law._seen = Response(np.array([least]), sigma, Lg, J)
+    law.seen = Response(np.array([least]), sigma, Lg, J)
     return law
 
 
@@ -142,17 +142,19 @@ def test_rows_repel_the_reference_as_strongly_as_the_goal_attracts_it_where_the_
     model: Any = SimpleNamespace(K=np.array([0.2, 0.2, 0.0]))
     for inside, strength in ((0.1, 1.0), (0.2, 0.5), (0.4, 0.0)):
         law = governor(0.2, np.array([-inside, -0.4, -0.1]), Lg, J)
-        np.testing.assert_allclose(law._direction(r, model, np.ones(3)), np.array([-1.0, 0.0]) - strength * unit)
+        np.testing.assert_allclose(
+            law.direction_of_reference(r, model, np.ones(3)), np.array([-1.0, 0.0]) - strength * unit
+        )
     # near the goal the attraction falls: 0.05 away of the 0.2 from which on it does
-    np.testing.assert_allclose(law._direction(np.array([0.0, 0.05]), model, np.ones(3)), [0.0, -0.25])
+    np.testing.assert_allclose(law.direction_of_reference(np.array([0.0, 0.05]), model, np.ones(3)), [0.0, -0.25])
 
 
 def test_the_reference_is_the_slower_the_nearer_its_motion_comes_to_a_row() -> None:
     for least, speed in ((0.5, 2.0), (0.3, 2.0), (0.2, 1.0), (0.1, 0.0), (-1.0, 0.0)):
         law = governor(least, np.empty(0), np.empty((0, 2)), np.eye(2))
-        assert law._speed() == pytest.approx(speed)
-    law._seen = None
-    assert law._speed() == 0.0
+        assert law.speed_of_reference() == pytest.approx(speed)
+    law.seen = None
+    assert law.speed_of_reference() == 0.0
 
 
 def test_what_the_feature_does_not_determine_is_damped() -> None:

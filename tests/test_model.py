@@ -54,9 +54,9 @@ def setup(name: str, **changes: Any) -> Setup:
 
 @contextmanager
 def in_numpy(model: Model) -> Iterator[None]:
-    kept, model._bound = model._bound, None
+    kept, model.step = model.step, None
     yield
-    model._bound = kept
+    model.step = kept
 
 
 @pytest.mark.parametrize("name", ["case-study-6r", "ur5-image", "moving-target", "panda-fov", "moving-sphere"])

@@ -795,7 +795,7 @@ def test_what_is_not_permitted_is_said_and_nothing_stays(monkeypatch: pytest.Mon
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(realtime.os, "sched_setscheduler", refused, raising=False)
-    monkeypatch.setattr(realtime, "_lock", lambda: "Cannot allocate memory")
+    monkeypatch.setattr(realtime, "lock_memory", lambda: "Cannot allocate memory")
     with real_time() as permitted:
         assert not gc.isenabled()
         said = permitted.said()
@@ -807,9 +807,9 @@ def test_what_is_not_permitted_is_said_and_nothing_stays(monkeypatch: pytest.Mon
 def test_memory_is_locked_where_that_cannot_fail_later(monkeypatch: pytest.MonkeyPatch) -> None:
     resource = pytest.importorskip("resource")
     monkeypatch.setattr(resource, "getrlimit", lambda what: (8 << 20, 8 << 20))
-    monkeypatch.setattr(realtime, "_may_lock", lambda: False)
+    monkeypatch.setattr(realtime, "may_lock", lambda: False)
     monkeypatch.setattr(realtime.sys, "platform", "linux")
-    assert realtime._lock() == "a limit of 8 MB"
+    assert realtime.lock_memory() == "a limit of 8 MB"
     warned = realtime.Permitted("Operation not permitted", "a limit of 8 MB").warnings()
     assert "`ulimit -r 80`" in warned[0]
     assert "`ulimit -l unlimited`" in warned[1]
@@ -819,7 +819,7 @@ def test_memory_is_locked_where_that_cannot_fail_later(monkeypatch: pytest.Monke
 
 
 def test_memory_is_made_ready_before_the_loop() -> None:
-    if not realtime._reserve():
+    if not realtime.reserve_memory():
         pytest.skip("another C library")
     try:
         before = realtime.usage().faults
@@ -829,7 +829,7 @@ def test_memory_is_made_ready_before_the_loop() -> None:
         said = realtime.used(realtime.Usage(1, 0, 2), realtime.Usage(4, 1, 9))
         assert said == "meanwhile 3 page faults, 1 of them from disk, and preempted 7 times"
     finally:
-        realtime._set_malloc(*realtime.AS_BEFORE)
+        realtime.set_malloc(*realtime.AS_BEFORE)
 
 
 class Late:

@@ -421,12 +421,12 @@ def test_a_warm_start_changes_the_answer_by_less_than_the_tolerance_and_is_repea
     problems = [quadratic_program(seed) for seed in range(12)]
     warm = OsqpSolver()
     answers = [warm.solve(*problem) for problem in problems]
-    assert warm._workspace is not None
+    assert warm.workspace is not None
     for problem, answer in zip(problems, answers, strict=True):
         cold = OsqpSolver().solve(*problem)
         np.testing.assert_allclose(answer.x, cold.x, atol=100.0 * OsqpSolver.tolerance)
     warm.reset()
-    assert warm._workspace is None
+    assert warm.workspace is None
     for problem, answer in zip(problems, answers, strict=True):
         again = warm.solve(*problem)
         np.testing.assert_array_equal(again.x, answer.x)
@@ -447,7 +447,7 @@ def test_a_failed_problem_leaves_no_warm_start(monkeypatch):
     G = np.array([[1.0, 0.0], [-1.0, 0.0]])
     with pytest.raises(SolverError):
         solver.solve(np.eye(2), np.zeros(2), G, np.array([-1.0, -1.0]))
-    assert solver._workspace is None
+    assert solver.workspace is None
 
 
 @pytest.mark.parametrize("back_end", [DaqpSolver, QuadprogSolver])

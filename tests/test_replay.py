@@ -326,7 +326,7 @@ def test_the_picture_for_browsers_without_webgl_is_whole(two: list[ReplayRun]) -
     setup = Scenario.load("ur5-fov").setup()
     q = np.stack((setup.q0, setup.q0))
     still = replace(two[0].trajectory, t=np.array([0.0, 0.1]), q=q, qd=np.zeros_like(q))
-    with Image.open(BytesIO(page._picture([ReplayRun("any", setup, still)]))) as picture:
+    with Image.open(BytesIO(page.picture_of([ReplayRun("any", setup, still)]))) as picture:
         drawn = (np.asarray(picture.convert("L")) < 250).any(axis=0)
     first, last = np.flatnonzero(drawn)[[0, -1]]
     width, height = picture.size

@@ -13,7 +13,7 @@ from vsconstraints.errors import ConfigurationError
 from vsconstraints.figures import Sheet
 from vsconstraints.reproduction import chosen_claims, chosen_figures, redraw
 from vsconstraints.reproduction.figures import FIGURES
-from vsconstraints.reproduction.figures.arm import _details, _tip_path
+from vsconstraints.reproduction.figures.arm import details, tip_path
 from vsconstraints.reproduction.parts import check
 from vsconstraints.reproduction.verdicts import Claim
 from vsconstraints.runs.spec import ControllerSpec, RunSpec
@@ -99,4 +99,4 @@ def test_fig_12_shows_a_law_that_keeps_away_from_the_sphere() -> None:
     barrier = ControllerSpec("hierarchical-qp", options={"rows": "barrier"})
     run = perform(RunSpec("case-study-6r", barrier, {"constraints.3.radius": 0.001, "duration": 5.0}))
     assert not (run.phi("sphere[tip]") >= 0.0).any(), "the sphere is out of the way"
-    _details(Sheet(), run, _tip_path(run), 0.0)
+    details(Sheet(), run, tip_path(run), 0.0)

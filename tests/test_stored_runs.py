@@ -152,7 +152,7 @@ def test_a_changed_file_of_an_own_law_is_noticed(
 
 
 def _forget_imports() -> None:
-    provenance._imported.clear()
+    provenance.read_by_imports.clear()
     for name in [name for name in sys.modules if "own file" in name or name.startswith(("lawful", "helpers"))]:
         del sys.modules[name]
 
@@ -243,7 +243,7 @@ def test_versions_and_the_form_that_runs_are_in_the_fingerprint(
     (tmp_path / "law.py").write_text(law())
     (job,) = jobs(tmp_path)
     before = job.fingerprint
-    monkeypatch.setattr("vsconstraints.kernels._loaded", {"step": None})
+    monkeypatch.setattr("vsconstraints.kernels.loaded", {"step": None})
     monkeypatch.setenv("VSCONSTRAINTS_COMPILE", "0")
     assert job.fingerprint != before
 

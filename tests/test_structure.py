@@ -1,5 +1,6 @@
 """The code's structure: nothing imports in circles, and what counts is counted."""
 
+import ast
 import re
 import sys
 from pathlib import Path
@@ -69,3 +70,35 @@ def test_what_stands_twice_says_so_beside_it():
         for file in re.findall(r"`([a-z_/]+\.py)`", "".join(files)):
             text = (root / "src" / "vsconstraints" / file).read_text(encoding="utf-8")
             assert test.strip(" `") in text, f"{file} does not name {test}"
+
+
+PUBLIC = {"_replace", "_fields", "_exit"}
+"""Of named tuples and of ``os``."""
+
+
+def private(name: str) -> bool:
+    """Whether a name is private; names that Python and notebooks ask for are not."""
+    return name.startswith("_") and not name.startswith(("__", "_repr_")) and name not in PUBLIC
+
+
+def test_no_test_needs_private_names():
+    """Of modules and of what they make: what a test sets on itself or defines is its own."""
+    found = []
+    for file in Path(__file__).parent.rglob("*.py"):
+        nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+        own = {
+            node.attr
+            for node in nodes
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "self"
+        }
+        words = [node.attr for node in nodes if isinstance(node, ast.Attribute)]
+        words += [alias.name for node in nodes if isinstance(node, ast.ImportFrom) for alias in node.names]
+        words += [
+            argument.value.rpartition(".")[2]
+            for node in nodes
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "setattr"
+            for argument in node.args[:2]
+            if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
+        ]
+        found += [f"{file.name}: {word}" for word in words if private(word) and word not in own]
+    assert found == []

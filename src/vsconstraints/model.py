@@ -103,6 +103,8 @@ class Model:
         (m,) of the rows [s], 0 of rows on φ itself.
     acceleration
         (n,) limit of |q̈| that the control knows of [rad/s² or m/s²], infinite where there is none.
+    step
+        The compiled step that predicts; None where anything runs in NumPy.
     """
 
     def __init__(self, of: ControlStep, believe: Believe | None = None, spoil: Spoil | None = None) -> None:
@@ -114,10 +116,10 @@ class Model:
         self._kernels = load("predictions")
         wrong: list[object] = [part for part in (believe, spoil) if part is not None]
         write = [part.write for part in wrong if isinstance(part, Compiled)]
-        self._bound = self._own.bound() if self._kernels is not None and len(write) == len(wrong) else None
-        if self._bound is not None:
+        self.step = self._own.bound() if self._kernels is not None and len(write) == len(wrong) else None
+        if self.step is not None:
             for each in write:
-                each(self._bound.packed.step)
+                each(self.step.packed.step)
 
     def __getstate__(self) -> dict[str, Any]:
         """What it is made of; the compiled form is made again where it is needed."""
@@ -152,7 +154,7 @@ class Model:
     def compiled(self) -> Bound | None:
         """The step that predicts, as it goes on from the sample in the loop; None where anything runs in NumPy."""
         self._own.remember(self._of)
-        return self._bound
+        return self.step
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -182,7 +184,7 @@ class Model:
             with a number that is not finite, ends the prediction, which then is shorter.
         """
         self._own.remember(self._of)
-        step = self._bound
+        step = self.step
         if step is None:
             return self._one_by_one(t, q, qd)
         packed = step.packed
@@ -207,7 +209,7 @@ class Model:
         own = self._own
         if self._of.believes:
             t = self.present.t
-        if self._bound is not None:
+        if self.step is not None:
             return own.evaluate(t, q, qd)
         if self._believe is not None:
             found: Evaluation = own.define(self._believe(own.scene.evaluate(t, q, qd)))

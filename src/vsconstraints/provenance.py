@@ -38,7 +38,7 @@ COMPILED = (".nbi", ".nbc")
 """Endings of numba's caches, which are made of code that is looked at itself."""
 
 _own_packages: set[str] = set()
-_imported: Files = {}
+read_by_imports: Files = {}
 """Packages of own parts, and files that they read while they were imported, which happens once in a process."""
 
 _notes: list[tuple[Files, set[str]]] = []
@@ -97,19 +97,19 @@ def noted_import(module: str) -> Iterator[None]:
     finally:
         sys.dont_write_bytecode = before
         for path, found in files.items():
-            _imported.setdefault(path, found)
+            read_by_imports.setdefault(path, found)
     # what was there before, for example because the program that asked for the comparison imports it
     for name, loaded in list(sys.modules.items()):
         file = getattr(loaded, "__dict__", {}).get("__file__")
         if isinstance(file, str) and name not in ("__main__", "__mp_main__"):
             path = os.path.realpath(file)
-            if path not in _imported and _own(path):
-                _imported[path] = digest(path)
+            if path not in read_by_imports and _own(path):
+                read_by_imports[path] = digest(path)
 
 
 def imported() -> Files:
     """What own modules have read while they were imported in this process; each file as it was then."""
-    return dict(_imported)
+    return dict(read_by_imports)
 
 
 def _note(event: str, arguments: tuple[Any, ...]) -> None:

@@ -173,7 +173,7 @@ class Suite:
         self.remarks()
         if self.trials > 1:
             for scenario in self.scenarios:
-                _demand_variety(scenario, self.trials, self.seed)
+                demand_variety(scenario, self.trials, self.seed)
         return self
 
     def remarks(self) -> list[str]:
@@ -239,7 +239,7 @@ class _File:
     seed: int = 0
 
 
-def _demand_variety(scenario: Scenario, trials: int, seed: int) -> None:
+def demand_variety(scenario: Scenario, trials: int, seed: int) -> None:
     """Raise ConfigurationError if all trials would be the same run."""
     with chdir("."):  # own parts may change the working directory
         first, second = scenario.setup(0, seed), scenario.setup(1, seed)

@@ -116,7 +116,7 @@ class GoalGovernor(Controller):
         self.reference = None
         self._goal, self._last = -1, np.nan
         self._periods: Array = np.empty(0)
-        self._seen: Response | None = None
+        self.seen: Response | None = None
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -153,9 +153,9 @@ class GoalGovernor(Controller):
     def remark(self, labels: tuple[str, ...]) -> str:
         """Where the reference stopped, and at which row."""
         said = self.law.remark(labels)
-        if self.reference is None or self._seen is None or not len(labels) or np.linalg.norm(self.reference) < NEAR:
+        if self.reference is None or self.seen is None or not len(labels) or np.linalg.norm(self.reference) < NEAR:
             return said
-        row = labels[int(np.argmin(self._seen.least))]
+        row = labels[int(np.argmin(self.seen.least))]
         left = f"the governor's goal is {np.linalg.norm(self.reference):.3g} from the task's, held by {row}"
         return "; ".join(filter(None, (said, left)))
 
@@ -188,30 +188,30 @@ class GoalGovernor(Controller):
 
     def _see(self, model: Model, reference: Array, scale: Array) -> None:
         """Let the reference be there, whatever comes of it."""
-        self.reference, self._seen = reference, response(model, reference, self._periods, scale)
+        self.reference, self.seen = reference, response(model, reference, self._periods, scale)
 
     def _move(self, model: Model, period: float, scale: Array) -> None:
         """Move the reference by what one period allows, if what comes of it is acceptable."""
         r = self.reference
         assert r is not None
-        step = period * self._speed() * self._direction(r, model, scale)
+        step = period * self.speed_of_reference() * self.direction_of_reference(r, model, scale)
         there = response(model, r + step, self._periods, scale) if step.any() else None
         if there is not None and there.least.min(initial=np.inf) >= 0.5 * self.margin:
-            self.reference, self._seen = r + step, there
+            self.reference, self.seen = r + step, there
         else:
             self._see(model, r, scale)
 
-    def _speed(self) -> float:
+    def speed_of_reference(self) -> float:
         """V Δ."""
-        least = -np.inf if self._seen is None else float(self._seen.least.min(initial=np.inf))
+        least = -np.inf if self.seen is None else float(self.seen.least.min(initial=np.inf))
         return self.speed * float(np.clip((least - self.margin) / (self.influence - self.margin), 0.0, 1.0))
 
-    def _direction(self, r: Array, model: Model, scale: Array) -> Array:
+    def direction_of_reference(self, r: Array, model: Model, scale: Array) -> Array:
         """(k,) ρ."""
         direction: Array = -r / max(float(np.linalg.norm(r)), SETTLING * self.speed)
-        if self._seen is None:
+        if self.seen is None:
             return direction
-        _, sigma, Lg, J = self._seen
+        _, sigma, Lg, J = self.seen
         strength = float(np.linalg.norm(direction)) / (self.influence - self.margin)
         for i in np.flatnonzero((-sigma < self.influence) & (model.K > 0.0)):
             # ∇sσ: of the joints' motions that move the feature so, the least counts

@@ -115,8 +115,8 @@ def real_time(wanted: bool = True) -> Iterator[Permitted]:
     gc.freeze()
     gc.disable()
     before = _schedule() if wanted else NOT_ASKED
-    reserved = wanted and _reserve()
-    locked = _lock() if wanted else NOT_ASKED
+    reserved = wanted and reserve_memory()
+    locked = lock_memory() if wanted else NOT_ASKED
     try:
         yield Permitted(before if isinstance(before, str) else "", locked)
     finally:
@@ -125,7 +125,7 @@ def real_time(wanted: bool = True) -> Iterator[Permitted]:
         if not locked:
             ctypes.CDLL(None).munlockall()
         if reserved:
-            _set_malloc(*AS_BEFORE)
+            set_malloc(*AS_BEFORE)
         gc.unfreeze()
         if collected:
             gc.enable()
@@ -143,21 +143,21 @@ def _schedule() -> tuple[int, int] | str:
     return before
 
 
-def _lock() -> str:
+def lock_memory() -> str:
     """Why memory is not locked; empty if it is."""
     if sys.platform != "linux":
         return f"{sys.platform}: not tried"
     import resource
 
     most = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
-    if most != resource.RLIM_INFINITY and not _may_lock():
+    if most != resource.RLIM_INFINITY and not may_lock():
         # within a limit, what the program asks for later would be refused
         return f"a limit of {most / 2**20:g} MB"
     library = ctypes.CDLL(None, use_errno=True)
     return "" if library.mlockall(CURRENT_AND_FUTURE) == 0 else os.strerror(ctypes.get_errno())
 
 
-def _may_lock() -> bool:
+def may_lock() -> bool:
     """Whether this process may lock memory without limit."""
     with suppress(OSError, ValueError, IndexError):
         status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
@@ -165,11 +165,11 @@ def _may_lock() -> bool:
     return False
 
 
-def _reserve() -> bool:
+def reserve_memory() -> bool:
     """Have memory ready that the C library gives out without asking the system; False where it is another library."""
     try:
         library = ctypes.CDLL(None)
-        _set_malloc(*NEVER)
+        set_malloc(*NEVER)
         library.malloc.restype = ctypes.c_void_p
         library.malloc.argtypes, library.free.argtypes = [ctypes.c_size_t], [ctypes.c_void_p]
         block = library.malloc(RESERVED)
@@ -181,7 +181,8 @@ def _reserve() -> bool:
     return True
 
 
-def _set_malloc(trim: int, mapped: int) -> None:
+def set_malloc(trim: int, mapped: int) -> None:
+    """Tell malloc from how many free bytes on it gives memory back, and how many arrays it may map by themselves."""
     library = ctypes.CDLL(None)
     library.mallopt(TRIM_THRESHOLD, trim)
     library.mallopt(MMAP_MAX, mapped)

@@ -41,7 +41,7 @@ COMPLAINT = "vsconstraints runs in its NumPy form"
 _told = False
 """Whether this process has said that it has no compiler: once is enough, whoever asks."""
 
-_loaded: dict[str, Any] = {}
+loaded: dict[str, Any] = {}
 """Modules by their names, None for those that cannot be had: like ``sys.modules``, for as long as the process lives."""
 
 
@@ -53,9 +53,9 @@ def load(name: str) -> Any:
     there is nothing to tell.
     """
     try:
-        return _loaded[name]
+        return loaded[name]
     except KeyError:
-        return _loaded.setdefault(name, _load(name))
+        return loaded.setdefault(name, _load(name))
 
 
 def entry(function: Any) -> Any:

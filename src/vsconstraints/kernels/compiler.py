@@ -104,13 +104,13 @@ def compiled(
     def decorate(function: F) -> F:
         know(*formulas)
         before = numba.config.CACHE_DIR
-        with _writable(_cache(function, formulas)) as folder:
+        with _writable(cache_of(function, formulas)) as folder:
             numba.config.CACHE_DIR = str(folder)
             try:
                 jit = numba.njit(
                     signature, cache=True, no_cfunc_wrapper=True, no_cpython_wrapper=not from_python, **options
                 )
-                with _alone(folder):
+                with alone(folder):
                     try:
                         result: F = _compile_or_read(jit, function)
                     except Exception:  # a file that was cut short, for example on a full disk, can raise anything
@@ -148,7 +148,7 @@ _compile_or_read.__code__ = _compile_or_read.__code__.replace(co_stacksize=FRAME
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[None]:
+def alone(folder: Path) -> Iterator[None]:
     """One process at a time: of workers that need the same function, one compiles it and the others read it."""
     with ExitStack() as stack:
         # where files cannot be locked each compiles for itself
@@ -170,7 +170,7 @@ def cache_folder(function: Callable[..., Any], formulas: Sequence[Callable[..., 
         if none of these can be written.
     """
     state = hashlib.sha256()
-    for file in _sources():
+    for file in sources():
         state.update(file.read_bytes())
     for formula in formulas:
         # the module of an own one may hold whatever it calls
@@ -209,7 +209,7 @@ def _writable(folder: Path) -> Iterator[Path]:
         yield Path(copy)
 
 
-def _sources() -> list[Path]:
+def sources() -> list[Path]:
     """Every file that compiled code may be made of; constants are compiled in, and leave no trace of their origin."""
     package = Path(__file__).parent.parent
     others = (
@@ -235,7 +235,7 @@ _helpers: list[subprocess.Popen[bytes]] = []
 """Kept, since the end of a process that nobody holds is complained about."""
 
 
-def _cache(function: Callable[..., Any], formulas: Sequence[Callable[..., Any]]) -> Path:
+def cache_of(function: Callable[..., Any], formulas: Sequence[Callable[..., Any]]) -> Path:
     """The cache folder; says so, once, if it is empty, since filling it takes a while, and removes old ones."""
     global _announced
     folder = cache_folder(function, formulas)

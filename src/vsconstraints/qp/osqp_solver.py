@@ -42,22 +42,22 @@ class OsqpSolver(QPSolver):
     def __init__(self) -> None:
         self._osqp = require("osqp", "osqp", "pip install osqp")
         self._sparse = require("scipy.sparse", "osqp", "pip install scipy")
-        self._workspace: Any = None
+        self.workspace: Any = None
 
     def attempt(self, P: Array, q: Array, G: Array, h: Array) -> Answer:
         """Ask OSQP."""
         scaled = equilibrate(P, q, G, h)
         workspace = self._loaded(scaled)
-        self._workspace = None  # until it has proved a good start for the next call
+        self.workspace = None  # until it has proved a good start for the next call
         result = workspace.solve(raise_error=False)
         if result.info.status_val != _SOLVED:
             raise SolverError(f"osqp gave up: {result.info.status}")
-        self._workspace = workspace
+        self.workspace = workspace
         return scaled.answer(result.x, result.y, int(result.info.iter))
 
     def reset(self) -> None:
         """Drop the workspace and with it the warm start."""
-        self._workspace = None
+        self.workspace = None
 
     def _loaded(self, problem: Equilibrated) -> Any:
         """Return a workspace with this problem, the kept one if the shapes agree."""
@@ -66,7 +66,7 @@ class OsqpSolver(QPSolver):
         # sparsity pattern depends on the shapes alone.
         cost_values = problem.P.T[np.tri(n, dtype=np.bool_)]
         row_values = problem.G.T.ravel()
-        workspace = self._workspace
+        workspace = self.workspace
         if workspace is not None and (workspace.n, workspace.m) == (n, m):
             workspace.update(Px=cost_values, q=problem.q, Ax=row_values, u=problem.h)
             return workspace

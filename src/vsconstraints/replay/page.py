@@ -84,7 +84,7 @@ def _page(runs: Sequence[ReplayRun], frames: Frames, title: str) -> tuple[str, l
         style=(HERE / "page.css").read_text(encoding="utf-8"),
         script=(HERE / "page.js").read_text(encoding="utf-8"),
         remarks=escape(" ".join(remarks)),
-        picture=base64.b64encode(_picture(runs)).decode(),
+        picture=base64.b64encode(picture_of(runs)).decode(),
         data=_in_html(image_data(runs, frames)),
         space=_in_html(space.html),
     )
@@ -96,7 +96,7 @@ def _in_html(data: Any) -> str:
     return json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
 
 
-def _picture(runs: Sequence[ReplayRun]) -> bytes:
+def picture_of(runs: Sequence[ReplayRun]) -> bytes:
     """A PNG of the first arm in the middle of its run."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

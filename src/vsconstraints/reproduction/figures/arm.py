@@ -61,7 +61,7 @@ def _space(sheet: Sheet, left: float, top: float, side: float) -> Any:
 def draw_frames(case: Run) -> Sheet:
     """Fig. 12: the arm at four instants, and the end-effector's path around the sphere."""
     sheet = Sheet()
-    trail = _tip_path(case)
+    trail = tip_path(case)
     for number, time in enumerate(frame_times(case), start=1):
         row, column = divmod(number - 1, 2)
         left, top = column * (WIDTH / 2) + 0.02, 0.05 + row * 3.4
@@ -74,18 +74,18 @@ def draw_frames(case: Run) -> Sheet:
         active = [SHORT[event] for event, own in spans.items() if any(a <= time <= b for a, b in own)]
         text = "\n".join([f"t = {time:.2f} s, active:", *active])
         sheet.text(left + 0.12, top + 0.29, text, fontsize=8.5, va="top")
-    _details(sheet, case, trail, 6.95)
+    details(sheet, case, trail, 6.95)
     return sheet
 
 
-def _tip_path(run: Run) -> Array:
+def tip_path(run: Run) -> Array:
     """(N, 3) positions of the end-effector."""
     (index,) = [i for i, point in enumerate(run.setup.scene.points) if point.label == "tip"]
     path: Array = run.trajectory.points[:, index]
     return path
 
 
-def _details(sheet: Sheet, case: Run, trail: Array, top: float) -> None:
+def details(sheet: Sheet, case: Run, trail: Array, top: float) -> None:
     """The sphere from nearby, and the distance of the end-effector from it over time."""
     sphere: Any = case.constraint(SPHERE)
     mesh, thickness = Mesh(), 0.0014

@@ -41,6 +41,8 @@ class DynamicPlant(Plant):
         (4, n) q, q̇, q̈_c, and zeros: what disturbs the command follows from the motion here.
     arm
         All that the motion within a period is made of.
+    frozen_arm, mover
+        Where compiled code finds it, and the number and address by which loops are told.
     model, believed
         Pinocchio's model of the arm as it is, and as its controller believes it to be.
 
@@ -99,8 +101,8 @@ class DynamicPlant(Plant):
             self._kernels = load("dynamics")
         self.engine = engine
         if self._kernels is not None:
-            self._frozen = frozen(self.arm)
-            self.mover = self._kernels.MOVE, int(self._frozen.ctypes.data)
+            self.frozen_arm = frozen(self.arm)
+            self.mover = self._kernels.MOVE, int(self.frozen_arm.ctypes.data)
         begin(engine, self.arm, self.x[0], self.x[1])
 
     def follow(self) -> None:
