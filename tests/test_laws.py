@@ -283,8 +283,11 @@ def test_a_law_says_what_it_lacks_before_anything_moves() -> None:
     law = Law(ImplicitSwitch(), Priority())
     with pytest.raises(InvalidInput, match="'implicit-switch' uses the sampling period: tell it by reset"):
         law.command(rows, task)
-    with pytest.raises(InvalidInput, match=r"positive number of seconds, not 0\.0"):
-        law.reset(period=0.0)
+    refused: list[Any] = [0.0, float("nan"), float("inf"), "0.002", True, [0.01]]
+    for period in refused:
+        with pytest.raises(InvalidInput, match="positive number of seconds, not "):
+            law.reset(period=period)
+    assert law.period is None
     restart(law, 0.01)
     assert law.command(rows, task).status in ("ok", "rank-loss")
     bare = Rows(rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.labels)

@@ -17,6 +17,7 @@ from ..rows import OPTIONAL, UNKNOWN, Array, BoolArray, Command, Rows, Task, in_
 from .base import Controller
 from .compiled import NOT_FOR_COMPILED, BoundLaw, CompiledLaw, compiled_law, in_usual_layout
 from .demands import USES, Demand
+from .options import positive
 from .resolvers import Resolver
 from .resolvers.base import USES as OF_TASK
 from .resolvers.hierarchy import COMPILED
@@ -114,9 +115,10 @@ class Law(Controller):
             The sampling period T_s [s], if the law is to know it; without one, that of the last reset.
         """
         if period is not None:
-            if not 0.0 < period < math.inf:
+            number = positive(period)
+            if number is None:
                 raise InvalidInput(f"the sampling period must be a positive number of seconds, not {shown(period)}")
-            self.period = float(period)
+            self.period = number
         self._forget()
         if self.solvers is not None:
             self.solvers.reset()
