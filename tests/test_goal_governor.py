@@ -208,6 +208,12 @@ def test_in_a_loop_of_ones_own() -> None:
 def test_options_that_are_none(options: dict[str, Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         make_controller("goal-governor", options)
+    for name, value in options.items() if "speeed" not in options and "demand" not in options else ():
+        governor = GoalGovernor()
+        kept = getattr(governor, name)
+        with pytest.raises(error, match=message):
+            setattr(governor, name, value)
+        assert getattr(governor, name) == kept
 
 
 def test_what_it_needs_is_asked_for() -> None:

@@ -65,7 +65,8 @@ class GoalGovernor(Controller):
     influence
         ζ > δ, from where on rows slow the reference and repel it, by the row's scale.
     horizon
-        How long a response is predicted before it comes to rest [s]; None for four time constants of the tracking law.
+        How long a response is predicted before it comes to rest [s], from the next reset on; None for four time
+        constants of the tracking law.
     demand, resolver, options
         Of the law underneath, as of :class:`vsconstraints.controllers.named.Pair`; tracking if not given.
 
@@ -99,15 +100,22 @@ class GoalGovernor(Controller):
         resolver: str = "priority",
         **options: Any,
     ) -> None:
-        for key, value in (("speed", speed), ("margin", margin), ("influence", influence), ("horizon", horizon)):
-            if not (key == "horizon" and value is None) and positive(value) is None:
-                raise InvalidInput(f"{key} of {self.name} must be positive, not {shown(value)}")
-        if influence <= margin:
-            raise ConfigurationError(f"influence of {self.name} must be above its margin {margin:g}, not {influence:g}")
         self.speed, self.margin, self.influence, self.horizon = speed, margin, influence, horizon
         self.law = Pair(demand=demand, resolver=resolver, **options)
         self.model = None
         self._forget()
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in type(self).ranges:
+            if not (name == "horizon" and value is None) and positive(value) is None:
+                raise InvalidInput(f"{name} of {self.name} must be positive, not {shown(value)}")
+            both = {**vars(self), name: value}
+            margin, influence = both.get("margin", 0.0), both.get("influence", np.inf)
+            if influence <= margin:
+                raise ConfigurationError(
+                    f"influence of {self.name} must be above its margin {margin:g}, not {influence:g}"
+                )
+        super().__setattr__(name, value)
 
     def __repr__(self) -> str:
         return f"{super().__repr__()[:-1]}, law={self.law!r})"
