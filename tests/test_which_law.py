@@ -1,11 +1,13 @@
 """The page of laws, against the laws."""
 
+import csv
+import re
 from pathlib import Path
 
 import pytest
 
 from vsconstraints.comparisons import Suite
-from vsconstraints.controllers import DEMANDS, RESOLVERS, law_ranges
+from vsconstraints.controllers import DEMANDS, RESOLVERS, Hierarchy, law_ranges
 
 ROOT = Path(__file__).parents[1]
 
@@ -29,6 +31,27 @@ def test_every_law_of_the_suites_is_in_the_table_with_what_it_uses(suite: str) -
         ranges = law_ranges(entry.law, entry.options, entry.folder)
         stated = ", ".join(f"{name} {one}" for name, one in ranges.items())
         assert parameters == stated or (not stated and parameters in ("–", "u⁺ of the rows")), entry.name
+
+
+def test_the_page_names_every_resolver_that_keeps_the_box() -> None:
+    text = (ROOT / "docs" / "laws.md").read_text(encoding="utf-8")
+    sentence = text.partition("A box for the accelerations is kept exactly by ")[2].partition(";")[0]
+    named = re.findall(r"`(.+?)`", sentence)
+    assert {*named} == {kind.name for kind in RESOLVERS if issubclass(kind, Hierarchy)} | {"predictive"}
+
+
+def test_what_the_page_says_of_what_is_not_convex_is_what_the_report_says() -> None:
+    with (ROOT / "reports" / "default" / "results.csv").open(encoding="utf-8", newline="") as file:
+        lines = [line for line in csv.DictReader(file) if line["controller"] != "tracking"]
+    arrived = {
+        scenario: {
+            line["controller"] for line in lines if line["scenario"] == scenario and line["status"] == "converged"
+        }
+        for scenario in ("example-2d-heart-concave", "example-2d-bowl")
+    }
+    assert arrived == {"example-2d-heart-concave": {"predictive"}, "example-2d-bowl": set()}
+    text = (ROOT / "docs" / "which-law.md").read_text(encoding="utf-8")
+    assert all(scenario in text for scenario in arrived)
 
 
 def test_both_suites_have_the_same_laws_with_the_same_settings() -> None:
