@@ -16,9 +16,10 @@ from scenes import Straight
 from vsconstraints.controllers import GoalGovernor, PredictiveControl
 from vsconstraints.controllers.condensed import Lookahead, limits, look_ahead
 from vsconstraints.controllers.goal_governor import at_rest_elsewhere
-from vsconstraints.controllers.horizon import Horizon
-from vsconstraints.controllers.response import Response
-from vsconstraints.model import Model, Prediction
+from vsconstraints.controllers.horizon import Horizon, stopping_time
+from vsconstraints.controllers.response import Response, response
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.model import Model, Prediction, Present
 from vsconstraints.rows import UNKNOWN, Array, Rows, Task
 
 K = np.array([0.5, 0.0])
@@ -76,6 +77,31 @@ def test_limits_of_a_plan() -> None:
     np.testing.assert_allclose(G[:, 0], [0.25, 1.0, 1.5 - 0.25 * f, 3.0 - f, 4.0, 1.0, -1.0])
 
 
+def test_a_row_with_no_entry_beyond_the_least_is_not_stated() -> None:
+    """Of the plan above the first two have the largest entries 0.25 and 1; a scene may have one row alone."""
+    horizon, plan = Horizon.of(1, 2, 0.5), np.array([[1.0]])
+    at = horizon.instants(np.zeros(1), np.ones(1), plan, np.array([2.0]))
+    gradient, box = np.array([[[1.0], [1.0]], [[2.0], [2.0]], [[3.0], [3.0]], [[4.0], [4.0]]]), np.array([[2.0]])
+    ahead = Lookahead(plan, at, np.ones((4, 2)), gradient, K, np.ones((4, 1, 1)), np.zeros((4, 1)), np.zeros((4, 1)))
+    which, G = limits(ahead, 2.0, (-box, box), np.array([0.25, 1.0])).stated(np.array([0, 1, 2, 3, 4, 6, 7]))
+    np.testing.assert_array_equal(which, [2, 3, 4, 6, 7])
+    assert len(G) == 5
+    one = ahead._replace(value=np.ones((4, 1)), gradient=gradient[:, :1], K=K[:1])
+    np.testing.assert_array_equal(
+        limits(one, 2.0, (-box, box), np.array([0.25])).stated(np.array([0, 1, 2]))[0], [1, 2]
+    )
+
+
+def test_what_no_acceleration_influences_is_told_by_the_scale_of_the_row() -> None:
+    """1e-9 for each rad/s is nothing to a row whose scale is a million: it is unmet, and tracking goes on."""
+    rows = Rows(np.ones(1), np.array([[1e-9]]), np.zeros(1), np.ones(1), ("a",), np.array([1e6]))
+    law, task = PredictiveControl(horizon=1, block=1), Task(np.ones((1, 1)), np.array([3.0]))
+    law.reset(period=0.1, model=cast(Model, Straight(rows, task)))
+    command = law.command(rows, task)
+    assert command.status == "relaxed"
+    assert command.qdd[0] == pytest.approx(3.0, rel=1e-5)
+
+
 @pytest.mark.parametrize(("scale", "weights", "kept"), [(4.0, {}, 0), (0.25, {}, 1), (4.0, {"b": 8.0}, 1)])
 def test_of_rows_that_contradict_each_other_the_heavier_by_its_scale_is_kept(
     scale: float, weights: dict[str, float], kept: int
@@ -109,6 +135,12 @@ def test_rows_fall_with_the_time_constant_of_so_many_blocks() -> None:
     law = planned(10.0, rows, qd=-1.0, approach=2.0)
     assert law.plan is not None
     assert law.plan.qdd[0, 0] == pytest.approx(10.0 * (1.0 - exp(-0.5)), rel=1e-5)
+    law = PredictiveControl(horizon=1, block=1, approach=2.0)
+    task = Task(np.ones((1, 1)), np.array([10.0]))
+    model = Straight(rows, task)
+    model.present = model.present._replace(qd=np.array([-1.0]))
+    law.reset(period=0.1, model=cast(Model, model))
+    assert law.command(rows, task).qdd[0] == pytest.approx(10.0 * (1.0 - exp(-0.5)), rel=1e-5)
 
 
 def test_a_plan_goes_on_with_a_brake() -> None:
@@ -117,6 +149,32 @@ def test_a_plan_goes_on_with_a_brake() -> None:
         law = planned(0.0, qd=1.0, max_acceleration=most)
         assert law.plan is not None
         np.testing.assert_allclose(law.plan.then, [then], atol=1e-12)
+
+
+@pytest.mark.parametrize(("t", "then"), [(0.0, 0.0), (0.05, -1.0), (0.1, 5.0), (0.15, 5.0), (-0.1, 5.0)])
+def test_a_plan_that_has_ended_is_forgotten(t: float, then: float) -> None:
+    """Half a block on it is the mean of 0 and −2; after its one block, and before it, −0.5 rad/s is braked anew."""
+    law = planned(0.0, qd=1.0, max_acceleration=2.0)
+    box = np.array([[9.0]])
+    now = Present(t, np.zeros(1), np.array([-0.5]))
+    assert law._last(Horizon.of(1, 1, 0.1), now, -box, box)[0, 0] == pytest.approx(then, abs=1e-12)
+
+
+def test_joints_that_move_without_a_bound_have_no_time_to_stop() -> None:
+    assert stopping_time(np.array([1.0, 0.0, 2.0]), np.array([inf, inf, 1.0])) == 0.0
+    assert stopping_time(np.array([0.0, 0.0, -2.0]), np.array([inf, 1.0, 4.0])) == 0.5
+
+
+def test_options_are_those_that_are_documented() -> None:
+    law, moving = PredictiveControl(), GoalGovernor()
+    assert (law.horizon, law.block, law.approach, law.damping) == (10, 10, 5.0, 1e-6)
+    assert (moving.speed, moving.margin, moving.influence, moving.horizon) == (2.0, 0.01, 0.3, None)
+    assert {name: str(one) for name, one in law.ranges.items()} == {
+        "horizon": "3–30", "block": "5–25", "approach": "1.5–10", "damping": "1e-08–0.0001",
+    }  # fmt: skip
+    assert {name: str(one) for name, one in moving.ranges.items()} == {
+        "speed": "0.5–5", "margin": "0.005–0.05", "influence": "0.1–0.5", "horizon": "none or 2.0 or 4.0 or 6.0",
+    }  # fmt: skip
 
 
 def test_the_damping_is_relative_to_the_mean_of_the_gains() -> None:
@@ -155,6 +213,85 @@ def test_the_reference_is_the_slower_the_nearer_its_motion_comes_to_a_row() -> N
         assert law.speed_of_reference() == pytest.approx(speed)
     law.seen = None
     assert law.speed_of_reference() == 0.0
+
+
+@pytest.mark.parametrize(("gains", "T"), [((0.16, 1.0), 20.0), ((1.0, 1.0), 8.0)])
+def test_what_is_predicted_lasts_four_time_constants_of_the_slowest_motion(
+    gains: tuple[float, float], T: float
+) -> None:
+    """The roots are 0.2 and 0.8, or have the real part 0.5. Of 40 steps each is e^(3.5/40) times the one before."""
+    task = SimpleNamespace(goals=[], gains=SimpleNamespace(at=lambda error: gains))
+    law = GoalGovernor()
+    law.reset(model=cast(Model, SimpleNamespace(task=task)))
+    assert len(law._periods) == 40
+    assert law._periods.sum() == pytest.approx(T)
+    np.testing.assert_allclose(law._periods[1:] / law._periods[:-1], exp(3.5 / 40.0))
+    law.horizon = 3.0
+    law.reset()
+    assert law._periods.sum() == pytest.approx(3.0)
+
+
+def test_one_goal_with_a_reference_of_its_own_is_one_too_many() -> None:
+    goals = [SimpleNamespace(reference=None), SimpleNamespace(reference=1.0)]
+    with pytest.raises(ConfigurationError, match="leave reach_in out"):
+        GoalGovernor().reset(model=cast(Model, SimpleNamespace(task=SimpleNamespace(goals=goals))))
+
+
+def test_a_response_of_two_joints_of_which_the_feature_is_the_first() -> None:
+    """K_p = 4 and K_v = 5 where the reference is 0.5 away, held for 1 s: 4/4.5 and 7/4.5 by the implicit midpoint rule.
+
+    q̈₁ = −(0.5 × 4 + 0.3 × 7)/4.5 = −4.1/4.5; the other joint, which nothing asks of, is damped by 5/3.5. At rest q₁ is
+    0.5. Of the goal there is no more to be known after 0.6 s.
+    """
+    times: list[float] = []
+
+    def at(t: float, q: Array, qd: Array) -> Any:
+        times.append(t)
+        J, error, Kp = np.array([[1.0, 0.0]]), q[:1], 8.0 * abs(q[0])
+        task = Task(J, np.array([-Kp * q[0] - 1.25 * Kp * qd[0]]), error, qd[:1])
+        sigma = np.array([q[0], -q[0], q[1]])
+        return SimpleNamespace(task=task, error=error, sigma=sigma, rows=SimpleNamespace(Lg=np.full((3, 2), 7.0)))
+
+    gains = SimpleNamespace(at=lambda error: (8.0 * abs(error[0]), 10.0 * abs(error[0])))
+    present = Present(0.0, np.array([1.0, 0.0]), np.array([0.3, 0.3]))
+    model = SimpleNamespace(present=present, task=SimpleNamespace(gains=gains), until=0.6, at=at, compiled=lambda: None)
+    found = response(cast(Model, model), np.array([0.5]), np.ones(1), np.full(3, 2.0))
+    assert found is not None
+    first, other = 1.3 - 0.5 * 4.1 / 4.5, 0.3 - 0.5 * 0.3 * 5.0 / 3.5
+    np.testing.assert_allclose(found.least, [-0.5 * first, 0.25, -0.5 * other])
+    np.testing.assert_allclose(found.sigma, [0.25, -0.25, 0.5 * other])
+    np.testing.assert_allclose(found.Lg, 7.0)
+    np.testing.assert_allclose(found.J, [[1.0, 0.0]])
+    assert times == [0.0, 0.6, 0.6, 0.6]
+
+
+def test_in_each_sample_the_reference_moves_on() -> None:
+    """From 1 off, by 2 a second where no row is near; beyond what is acceptable it stays."""
+    rows, least = Rows(-np.ones(1), np.ones((1, 1)), np.zeros(1), np.ones(1), ("a",)), [1.0]
+
+    def at(t: float, q: Array, qd: Array) -> Any:
+        return SimpleNamespace(
+            task=Task(np.ones((1, 1)), np.zeros(1), q, qd),
+            error=q, sigma=np.full(1, -least[0]), rows=SimpleNamespace(Lg=np.ones((1, 1))),
+        )  # fmt: skip
+
+    gains = SimpleNamespace(at=lambda error: (4.0, 5.0))
+    model: Any = SimpleNamespace(
+        present=Present(0.0, np.ones(1), np.zeros(1)), task=SimpleNamespace(gains=gains, goals=[]), goal=0,
+        until=inf, at=at, compiled=lambda: None, labels=("a",), K=np.zeros(1),
+    )  # fmt: skip
+    law, task = (
+        GoalGovernor(speed=2.0, margin=0.1, influence=0.3),
+        Task(np.eye(1), np.zeros(1), np.ones(1), np.zeros(1)),
+    )
+    law.reset(model=model)
+    seen = []
+    for t, inside in ((1.0, 1.0), (1.1, 1.0), (1.2, 0.2), (1.3, 0.049), (1.4, 0.2)):
+        model.present, least[0] = model.present._replace(t=t), inside
+        law.command(rows, task)
+        assert law.reference is not None
+        seen.append(law.reference[0])
+    np.testing.assert_allclose(seen, [1.0, 0.8, 0.6, 0.6, 0.6])
 
 
 def test_what_the_feature_does_not_determine_is_damped() -> None:
