@@ -15,7 +15,7 @@ from vsconstraints.distortion import Distortion
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.geometry import Pose, distance
 from vsconstraints.images.board import Board
-from vsconstraints.images.detectors import DETECTORS, Pixels, roomy
+from vsconstraints.images.detectors import DETECTORS, Detector, Pixels, Tags, roomy
 from vsconstraints.images.rendering import Renderer
 from vsconstraints.images.settings import ImageSettings
 from vsconstraints.images.sighting import Sighting, board_pose, sight
@@ -255,6 +255,19 @@ def test_tags_that_are_not_seen_are_where_the_others_have_them() -> None:
     image[:] = 120
     assert look(PINHOLE, image).camera is None
     assert np.isnan(look(PINHOLE, image).pixels).all()
+
+
+def test_a_tag_beyond_the_lens_leaves_the_others() -> None:
+    bent = Camera((600.0, 600.0), (640.0, 480.0), distortion=Distortion("brown-conrady", (-0.9, 0.0, 0.0, 0.0)))
+    pose, flat = looking_down(), BOARD.corners.reshape(-1, 2)
+    P = (np.pad(flat, ((0, 0), (0, 1))) @ BOARD.pose.R.T + BOARD.pose.t - pose.t) @ pose.R
+    corners = bent.to_corner(bent.distort(bent.pixels(P[:, :2] / P[:, 2:]))).reshape(4, 4, 2)
+    corners[3, 0] = bent.to_corner(np.array([-bent.reach_px - 5.0, 0.0]))
+    found = Detector(lambda image: Tags(BOARD.ids, corners), "edges")
+    seen = sight(np.zeros((480, 640), dtype=np.uint8), found, BOARD, bent)
+    assert seen.seen.tolist() == [True, True, True, False]
+    assert seen.camera is not None
+    assert distance(seen.camera, pose)[0] < 1e-6
 
 
 def test_tags_of_something_else_are_left_out_and_named() -> None:

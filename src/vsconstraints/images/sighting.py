@@ -80,11 +80,8 @@ def sight(image: Pixels, detector: Detector, board: Board, camera: Camera, near:
     pixels, seen = np.full((M, 2), np.nan), np.zeros(M, dtype=np.bool_)
     corners: Array = np.empty((0, 4, 2))
     if own:
-        on_sensor = camera.from_corner(tags.corners[own], detector.counts)
-        try:
-            corners = camera.undistort(on_sensor)
-        except InvalidInput:  # so far out that the lens cannot be inverted
-            own = []
+        corners, certain = _undistorted(camera, camera.from_corner(tags.corners[own], detector.counts))
+        own, corners = [k for k, sure in zip(own, certain, strict=True) if sure], corners[certain]
     if not own:
         return Sighting(None, pixels, seen, foreign=foreign)
     at = [known[numbers[k]] for k in own]
@@ -98,6 +95,14 @@ def sight(image: Pixels, detector: Detector, board: Board, camera: Camera, near:
     pixels = camera.pixels(P[:, :2] / P[:, 2:])
     pixels[at], seen[at] = corners[:, 0], True
     return Sighting(board.camera_in_target(pose), pixels, seen, residual_px, foreign)
+
+
+def _undistorted(camera: Camera, corners: Array) -> tuple[Array, BoolArray]:
+    """Ideal pixels of tags' corners (n, 4, 2), and (n,) whether the lens can be inverted where all four are."""
+    if camera.distortion is None:
+        return corners, np.ones(len(corners), dtype=np.bool_)
+    ideal, certain = camera.distortion.remove(camera.normalised(corners))
+    return camera.pixels(ideal), np.asarray(certain.all(axis=1))
 
 
 def board_pose(flat: Array, normalised: Array, near: Pose | None = None) -> tuple[Pose | None, float]:
