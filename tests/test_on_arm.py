@@ -50,6 +50,7 @@ from vsconstraints.deployment import (
 from vsconstraints.deployment.brake import Brake, deceleration
 from vsconstraints.deployment.clock import RealClock
 from vsconstraints.deployment.drivers import ur_rtde
+from vsconstraints.deployment.images import SimulatedEye
 from vsconstraints.deployment.server import Behaviour, Fault, Server, in_thread
 from vsconstraints.deployment.stand_in import PATIENCE, StandIn, StandInLimits
 from vsconstraints.errors import ConfigurationError
@@ -244,6 +245,17 @@ def test_a_dry_run_sees_rendered_images() -> None:
     theirs = simulate(setup, HierarchicalQP())
     np.testing.assert_allclose(trajectory_of(started, log, "simulated://").q, theirs.q, atol=1e-6)
     assert np.abs(log.column("pixels")[~log.braking] - theirs.features_px).max() > 1e-3
+    assert log.remarks == ()
+    other = Scenario.load("ur5-images").with_override("sensor", {"type": "images", "printed": [0, 1, 2, 17]})
+    setup = other.with_override("duration", 0.01).setup()
+    log = run_on_arm(replace(job, setup=setup, driver=driver_for("simulated://", setup), eye=SimulatedEye(setup)))[1]
+    assert log.remarks == ("tags were seen that are not the board's: 17",)
+
+
+def test_a_camera_that_leaves_is_told(tmp_path: Path) -> None:
+    (tmp_path / "leaving_camera.py").write_text("import sys\n\n\ndef eye(setup):\n    sys.exit('no camera')\n")
+    with pytest.raises(ConfigurationError, match="images by leaving_camera:eye: SystemExit: no camera"):
+        eye_of("leaving_camera:eye", SETUP, tmp_path)
 
 
 class Own(Controller):
@@ -268,7 +280,14 @@ def wrong(command: Command) -> Command:
     raise KeyError("a law's own mistake")
 
 
-@pytest.mark.parametrize(("happens", "told"), [(nan, "not finite"), (wrong, "a law's own mistake")])
+def leave(command: Command) -> Command:
+    sys.exit("no camera")
+
+
+@pytest.mark.parametrize(
+    ("happens", "told"),
+    [(nan, "not finite"), (wrong, "a law's own mistake"), (leave, "SystemExit: no camera")],
+)
 def test_a_law_that_fails_ends_in_a_braked_stop(happens: Any, told: str) -> None:
     log = on("loopback://?time=simulated&patience=5", Own(happens))
     assert log.ended == "failed"
@@ -431,6 +450,55 @@ def test_a_stop_after_silence_begins_where_the_arm_is() -> None:
         assert line.stop[1]
 
 
+def test_a_stop_that_is_held_up_makes_up_for_nothing() -> None:
+    moving = Setpoint(np.zeros(6), np.full(6, 0.5), np.zeros(6))
+    for held, beside in ((0.007, 0.0), (0.05, 0.003)):
+        driver = driver_for("simulated://", SETUP)
+        line, sent = stream.Stream(driver, limits(6), moving.q, 4), []
+        line.clock = clock = Late(*(0.0,) * 10, held, *(0.0,) * 200)  # type: ignore[assignment]
+
+        def send(q: Array, qd: Array, sent: list[Any] = sent, clock: Late = clock) -> None:
+            sent.append((clock.t, q, qd))
+
+        # it follows, and is held for as long as nothing is sent
+        driver.read = lambda sent=sent: Joints(0.0, sent[-1][1] + 0.003, sent[-1][2])  # type: ignore[misc,method-assign]
+        driver.send = send  # type: ignore[method-assign]
+        line.begin()
+        line.send(moving)
+        line.bring_to_rest(False, lambda: None)
+        assert line.stop[1]
+        times = np.array([t for t, _, _ in sent])
+        assert np.diff(times[1:]).min() > 0.99 * Ts
+        # by as much as the arm was measured beside where it was sent
+        np.testing.assert_allclose(sent[-1][1], 0.5**2 / 10.0 + beside, atol=1e-9)
+
+
+def test_a_stop_that_is_held_up_again_and_again_is_the_arms_own() -> None:
+    driver, told = driver_for("simulated://", SETUP), []
+    line = stream.Stream(driver, limits(6, jerk=50.0), SETUP.q0, 4)
+    line.clock = Late(*(0.02,) * 9)  # type: ignore[assignment]
+    driver.read = lambda: Joints(0.0, SETUP.q0, np.full(6, 0.5))  # type: ignore[method-assign]
+    driver.send, driver.halt = lambda q, qd: None, told.append  # type: ignore[method-assign]
+    line.begin()
+    line.bring_to_rest(False, lambda: None)
+    assert line.stop[0] == "while braking, setpoints came too late 4 times; told to stop by its own means"
+    assert told
+
+
+def test_a_stop_does_not_begin_at_a_state_that_is_not_finite() -> None:
+    driver, sent, told = driver_for("simulated://", SETUP), [], []
+    line = stream.Stream(driver, limits(6), SETUP.q0, 4)
+    line.clock = clock = Late(*(0.0,) * 100)  # type: ignore[assignment]
+    line.begin()
+    clock.t += 0.05
+    driver.read = lambda: Joints(0.0, SETUP.q0, np.full(6, np.nan))  # type: ignore[method-assign]
+    driver.send, driver.halt = lambda q, qd: sent.append(qd), told.append  # type: ignore[method-assign]
+    line.bring_to_rest(False, lambda: None)
+    assert line.stop[0] == "while braking, the arm's state is not finite; told to stop by its own means"
+    assert told
+    assert not sent
+
+
 def test_an_arm_that_goes_on_after_its_stop_is_told_to_stop_by_itself() -> None:
     driver = driver_for("simulated://", SETUP)
     told = []
@@ -547,6 +615,9 @@ def test_a_law_without_a_command_at_the_start_moves_nothing() -> None:
         ("loopback://host/path", "SCHEME://HOST:PORT"),
         ("ur-rtde://", "needs the arm's address"),
         ("ur-rtde://host?gain=5", "a gain of 100 to 2000"),
+        ("ur-rtde://host:30004", "ports of its own: ur-rtde://host, without :30004"),
+        ("simulated://192.168.0.2", "is in this process, and at no address like '192.168.0.2'"),
+        ("loopback://?patience=0", "patience of loopback must be positive"),
     ],
 )
 def test_addresses_that_cannot_be_used(address: str, told: str) -> None:

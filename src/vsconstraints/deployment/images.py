@@ -66,6 +66,10 @@ class SimulatedEye:
         taken = t - (self._sample - 1 - max(image - self._delay, 0)) * Ts
         return Measurement(scene.camera.distort(pixels), None, min(taken, t))
 
+    def remarks(self) -> list[str]:
+        """What a reader of the results should know of rendered images."""
+        return self._sensor.remarks() if isinstance(self._sensor, ImageSensor) else []
+
     def _found(self, sensor: ImageSensor, t: float, q: Array) -> Measurement | None:
         """What is found in rendered images; nothing where the last one is too old."""
         seen = sensor.measured(self._sample, q, np.zeros_like(q))
@@ -103,7 +107,7 @@ def eye_of(name: str, setup: Setup, folder: Path | None = None) -> Eye | None:
     try:
         with chdir("."), beside(folder, Path()):
             made: Any = getattr(importlib.import_module(module), function)(setup)
-    except Exception as error:  # own code can fail in any way
+    except (Exception, SystemExit) as error:  # own code can fail in any way
         raise ConfigurationError(f"images by {name}: {described(error)}") from error
     if not callable(made):
         raise ConfigurationError(f"images by {name}: it must return what can be called, not {shown(made)}")

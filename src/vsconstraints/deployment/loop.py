@@ -20,7 +20,7 @@ from ..simulation import Setup
 from ..simulation.loop import loses_rank
 from .driver import ArmError, Driver, Joints
 from .envelope import Envelope
-from .images import Eye
+from .images import Eye, SimulatedEye
 from .log import ArmLog, Ended
 from .realtime import usage, used
 from .start import demand_start
@@ -133,7 +133,7 @@ class _Run:
 
     def carry_out(self) -> ArmLog:
         """All periods, and the stop."""
-        stream, before = self.stream, usage()
+        stream, before, eye = self.stream, usage(), self.job.eye
         with requests_noted() as requests, self._watched(requests):
             ended, cause = self._periods(requests)
             with stream.turn:
@@ -149,7 +149,10 @@ class _Run:
             missed=stream.missed,
             Ts=self.Ts,
             compiled=self._compiled(),
-            remarks=stream.remarks(used(before, usage())),
+            remarks=(
+                *stream.remarks(used(before, usage())),
+                *(eye.remarks() if isinstance(eye, SimulatedEye) else ()),
+            ),
         )
 
     def _compiled(self) -> bool:
@@ -223,7 +226,7 @@ class _Run:
         except ArmError as error:
             self.silent = True
             return "failed", f"t = {k * self.Ts:.4g} s: {error}"
-        except Exception as error:  # own laws, constraints and cameras may raise anything: the arm is braked
+        except BaseException as error:  # own laws, constraints and cameras may raise anything, even SystemExit
             said = str(error) if isinstance(error, SceneError) else described(error)
             return "failed", f"t = {k * self.Ts:.4g} s: {said}"
         return "done", ""

@@ -23,6 +23,9 @@ LONGEST_STOP = 30.0
 SILENT = 0.01
 """After so long without a setpoint an arm may have gone on, held or braked: a stop begins where it is measured [s]."""
 
+MOST_SILENCES = 3
+"""In a stop: each begins it anew, so that with more of them it might not end."""
+
 SETTLING = 0.5
 """How long after the last setpoint of a stop an arm may still move [s]."""
 
@@ -147,16 +150,18 @@ class Stream:
         """Send setpoints until the arm is seen to be at rest; how that went. Raises ArmError."""
         before = len(self.periods)
         begun = max(self.clock.now(), self.begun + before * self.Ts + self.shift)
-        if self.clock.now() - self._sent_at > self.Ts + SILENT:
-            here = self.driver.read()
-            self.sent = Setpoint(here.q, here.qd, np.zeros_like(here.q))
-        from_q = self.sent.q
-        self._filter.q, self._filter.qd = self.sent.q, self.sent.qd
-        brake, rested = Brake(self.sent.qdd, self.envelope), 0
+        brake, from_q, rested, silences = self._brake(), self.sent.q, 0, 0
         while True:
             k = len(self.periods) - before
             self.clock.wait(begun + k * self.Ts)
+            late = self.clock.now() - begun - k * self.Ts
+            # as in :meth:`wait`: setpoints that were missed are not made up for
+            begun += late if late >= self.Ts else 0.0
             alive()
+            if self._silent():
+                brake, rested, silences = self._brake(), 0, silences + 1
+                if silences > MOST_SILENCES:
+                    raise ArmError(f"setpoints came too late {silences} times")
             due, state = self.clock.now() - self.begun, self.driver.read()
             if brake.at_rest(self._filter.qd):
                 if (np.abs(state.qd) <= STILL).all():
@@ -179,6 +184,20 @@ class Stream:
         taken, moved = (len(self.periods) - before) * self.Ts, np.abs(self.sent.q - from_q).max()
         line = "" if brake.straight in (None, True) else ", each joint for itself, to stay within its range"
         return f"braked to rest in {taken:.3g} s over at most {moved:.3g} rad{line}"
+
+    def _silent(self) -> bool:
+        """Whether the arm was sent nothing for so long that it may be elsewhere than it was sent."""
+        return self.clock.now() - self._sent_at > self.Ts + SILENT
+
+    def _brake(self) -> Brake:
+        """From what was sent last or, after silence, from where the arm is measured; raises ArmError."""
+        if self._silent():
+            here = self.driver.read()
+            if not (np.isfinite(here.q).all() and np.isfinite(here.qd).all()):
+                raise ArmError("the arm's state is not finite")
+            self.sent = Setpoint(here.q, here.qd, np.zeros_like(here.q))
+        self._filter.q, self._filter.qd = self.sent.q, self.sent.qd
+        return Brake(self.sent.qdd, self.envelope)
 
     def remarks(self, meanwhile: str) -> tuple[str, ...]:
         """What a reader of the results should know, with what went on where periods were missed."""

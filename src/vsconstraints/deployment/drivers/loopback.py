@@ -8,6 +8,7 @@ from typing import cast
 
 import numpy as np
 
+from ...errors import ConfigurationError
 from ...rows import Array
 from ...simulation import Setup
 from ..driver import Address, ArmError, Driver, Joints
@@ -54,6 +55,8 @@ class LoopbackArm(Driver):
         super().__init__(address, setup)
         self.simulated_time = address.choice("time", ("real", "simulated")) == "simulated"
         self._patience = address.number("patience", 0.1)
+        if self._patience == 0.0:
+            raise ConfigurationError("option patience of loopback must be positive: an answer takes some time")
         fault = cast(Fault, address.choice("fault", FAULTS))
         behaviour = Behaviour(fault, address.number("at", 0.5), self.simulated_time)
         own = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)

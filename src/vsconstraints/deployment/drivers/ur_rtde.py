@@ -69,6 +69,10 @@ class UrRtde(Driver):
         demand("ur-rtde")
         if not address.host:
             raise ConfigurationError("ur-rtde:// needs the arm's address, as in ur-rtde://192.168.0.2")
+        if address.port is not None:
+            raise ConfigurationError(
+                f"an arm of Universal Robots has ports of its own: ur-rtde://{address.host}, without :{address.port}"
+            )
         if self.n != 6:
             raise ConfigurationError(f"an arm of Universal Robots has 6 joints, the scenario's robot {self.n}")
         if self.period < LEAST_PERIOD - 1e-9:
