@@ -157,7 +157,7 @@ def test_a_plan_that_has_ended_is_forgotten(t: float, then: float) -> None:
     law = planned(0.0, qd=1.0, max_acceleration=2.0)
     box = np.array([[9.0]])
     now = Present(t, np.zeros(1), np.array([-0.5]))
-    assert law._last(Horizon.of(1, 1, 0.1), now, -box, box)[0, 0] == pytest.approx(then, abs=1e-12)
+    assert law.continued(Horizon.of(1, 1, 0.1), now, -box, box)[0, 0] == pytest.approx(then, abs=1e-12)
 
 
 def test_joints_that_move_without_a_bound_have_no_time_to_stop() -> None:
@@ -223,12 +223,12 @@ def test_what_is_predicted_lasts_four_time_constants_of_the_slowest_motion(
     task = SimpleNamespace(goals=[], gains=SimpleNamespace(at=lambda error: gains))
     law = GoalGovernor()
     law.reset(model=cast(Model, SimpleNamespace(task=task)))
-    assert len(law._periods) == 40
-    assert law._periods.sum() == pytest.approx(T)
-    np.testing.assert_allclose(law._periods[1:] / law._periods[:-1], exp(3.5 / 40.0))
+    assert len(law.periods) == 40
+    assert law.periods.sum() == pytest.approx(T)
+    np.testing.assert_allclose(law.periods[1:] / law.periods[:-1], exp(3.5 / 40.0))
     law.horizon = 3.0
     law.reset()
-    assert law._periods.sum() == pytest.approx(3.0)
+    assert law.periods.sum() == pytest.approx(3.0)
 
 
 def test_one_goal_with_a_reference_of_its_own_is_one_too_many() -> None:

@@ -76,6 +76,8 @@ class GoalGovernor(Controller):
         What :meth:`reset` was given last.
     reference
         (k,) s_ref less the feature's value at the goal; None before the first command.
+    periods
+        (N,) how long each of the predicted accelerations is held [s]; empty before a model is given.
     """
 
     name = "goal-governor"
@@ -123,7 +125,7 @@ class GoalGovernor(Controller):
     def _forget(self) -> None:
         self.reference = None
         self._goal, self._last = -1, np.nan
-        self._periods: Array = np.empty(0)
+        self.periods: Array = np.empty(0)
         self.seen: Response | None = None
 
     @property
@@ -147,7 +149,7 @@ class GoalGovernor(Controller):
         restart(self.law, period) if period is not None else self.law.reset()
         if self.model is not None:
             shares = np.expm1(np.linspace(0.0, GROWTH, STEPS + 1)) / np.expm1(GROWTH)
-            self._periods = self._predicted_time(self.model) * np.diff(shares)
+            self.periods = self._predicted_time(self.model) * np.diff(shares)
 
     def _predicted_time(self, model: Model) -> float:
         if self.horizon is not None:
@@ -196,14 +198,14 @@ class GoalGovernor(Controller):
 
     def _see(self, model: Model, reference: Array, scale: Array) -> None:
         """Let the reference be there, whatever comes of it."""
-        self.reference, self.seen = reference, response(model, reference, self._periods, scale)
+        self.reference, self.seen = reference, response(model, reference, self.periods, scale)
 
     def _move(self, model: Model, period: float, scale: Array) -> None:
         """Move the reference by what one period allows, if what comes of it is acceptable."""
         r = self.reference
         assert r is not None
         step = period * self.speed_of_reference() * self.direction_of_reference(r, model, scale)
-        there = response(model, r + step, self._periods, scale) if step.any() else None
+        there = response(model, r + step, self.periods, scale) if step.any() else None
         if there is not None and there.least.min(initial=np.inf) >= 0.5 * self.margin:
             self.reference, self.seen = r + step, there
         else:

@@ -185,7 +185,7 @@ class PredictiveControl(Controller):
             at = horizon.instants(now.q, now.qd, plan, most)
             return at, model.along(now.t + at.times, at.q, at.qd)
 
-        plan = self._last(horizon, now, low, high)
+        plan = self.continued(horizon, now, low, high)
         at, seen = seen_along(plan)
         if len(seen) < 2:
             plan = horizon.brake(now.qd, low, high)
@@ -240,7 +240,7 @@ class PredictiveControl(Controller):
         low[0], high[0] = in_box(rows, low[0]), in_box(rows, high[0])
         return low, high
 
-    def _last(self, horizon: Horizon, now: Present, low: Array, high: Array) -> Array:
+    def continued(self, horizon: Horizon, now: Present, low: Array, high: Array) -> Array:
         """The last sample's plan, as it goes on from now; braking if there is none."""
         plan = self.plan
         if plan is None or not 0.0 <= now.t - plan.made < horizon.blocks * horizon.length:
