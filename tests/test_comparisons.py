@@ -278,7 +278,7 @@ def test_a_record_survives_storing(tmp_path: Path) -> None:
         ('scenarios = ["example-2d-fov"]\n[controllers.sliding-mode]\nrank = 1', ("rank", "rank_tolerance")),
         ('scenarios = ["example-2d-fov"]\ntrails = 3\n[controllers.tracking]', ("trails", "trials")),
         ('scenarios = ["example-2d-fov"]\ntrials = 0\n[controllers.tracking]', ("trials", "0")),
-        ("scenarios = []\n[controllers.tracking]", ("nothing to compare",)),
+        ("scenarios = []\n[controllers.tracking]", ("nothing to compare: it has no scenario",)),
         ('scenarios = ["example-2d-fov"]', ("controllers", "missing")),
         ("scenarios = [3]\n[controllers.tracking]", ("a name, a path, or a table",)),
         ('scenarios = ["gone.toml"]\n[controllers.tracking]', ("gone.toml",)),

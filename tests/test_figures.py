@@ -169,6 +169,8 @@ def test_a_moving_boundary_is_drawn_while_it_is_in_the_image() -> None:
     for _, lines in moving:
         assert any((np.abs(line) < 0.5 * size).all(axis=1).any() for line in lines)
     assert Plane.of(Scenario.load("example-2d-fov").setup()).moving == ()
+    told = [[entry["label"] for entry in plane.entries()][-1] for plane in (Plane.of(setup), Plane.at(setup, 0.0))]
+    assert told == ["moving boundary, at the times given", "moving boundary, where it is then"]
 
 
 @pytest.mark.parametrize("name", ["panda-fov", "case-study-6r"])

@@ -119,6 +119,18 @@ def test_a_comparison_is_tables_runs_and_figures(comparison: Comparison) -> None
         comparison.plot("ur5-fov")
 
 
+def test_which_scenario_is_asked_where_there_are_several() -> None:
+    both = [Scenario.load(name).with_override("duration", 0.05) for name in ("example-2d-fov", "example-2d-fast")]
+    of_two = compare(SlidingMode(), both, workers=0, progress=False)
+    assert of_two.run("sliding-mode", "example-2d-fast").scenario == "example-2d-fast"
+    asked = "several scenarios were compared: name one of example-2d-fov, example-2d-fast"
+    for ask in (of_two.plot, of_two.replay, lambda: of_two.run("sliding-mode")):
+        with pytest.raises(ConfigurationError, match=asked):
+            ask()
+    with pytest.raises(ConfigurationError, match=r"unknown law 'sliding'.*Did you mean 'sliding-mode'"):
+        of_two.run("sliding")
+
+
 def test_a_run_of_a_comparison_is_the_run_by_itself(comparison: Comparison, sliding: NotebookRun) -> None:
     again = comparison.run("sliding-mode")
     assert np.array_equal(again.trajectory.q, sliding.trajectory.q)
@@ -288,6 +300,8 @@ def test_bad_input_is_named() -> None:
         compare(SlidingMode(), SHORT, trials=2)
     with pytest.raises(ConfigurationError, match="scenario 'example-2d-fov' appears more than once"):
         compare(SlidingMode(), [SHORT, SHORT])
+    with pytest.raises(ConfigurationError, match="there is nothing to compare: it has no controller"):
+        compare([], SHORT)
     nameless = type("Nameless", (Half,), {"name": None})
     with pytest.raises(ConfigurationError, match="Nameless has no name: write name"):
         specs_of([nameless()])

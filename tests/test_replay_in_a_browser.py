@@ -134,5 +134,10 @@ def test_a_replay_opens_plays_and_shows_what_the_run_says(tmp_path: Path) -> Non
             one(page, " ")
             k = int(page.wait("!playing && document.documentElement.dataset.frame"))
         demand_whole(page)
+        # a long name goes on in the next line before its bracket
+        names = "[...document.querySelectorAll('code')].map(e => [...e.childNodes].map(n => n.data || n.nodeName))"
+        assert page.value(names) == 2 * [["fov", "WBR", "[marker 2]"]]
+        rests = page.value("[...document.querySelectorAll('li.rest')].map(e => e.innerText)")
+        assert rests == 2 * ["and 1 row that never acts"]
         assert page.value(f"{caption} <= at('bar').getBoundingClientRect().top")
         assert page.complaints == []

@@ -155,7 +155,8 @@ class Suite:
     def checked(self) -> Suite:
         """The suite itself, if everything in it can be built and started; raises what is wrong otherwise."""
         if not self.scenarios or not self.controllers:
-            raise ConfigurationError(f"suite {self.name}: there is nothing to compare")
+            missing = "scenario" if self.controllers else "controller"
+            raise ConfigurationError(f"suite {self.name}: there is nothing to compare: it has no {missing}")
         if self.trials < 1 or self.seed < 0 or self.trials % 1 or self.seed % 1:
             raise ConfigurationError(
                 f"trials must be a whole number from 1, and seed one from 0 on: {self.trials}, {self.seed}"

@@ -151,7 +151,8 @@ class Plane:
         if self.constraints:
             entries.append(patch(forbidden, **FORBIDDEN))
         if self.moving:
-            entries.append(line("moving boundary, at the times given", **_moving(2, MOMENTS)))
+            where = "at the times given" if len(self.moving) > 1 else "where it is then"
+            entries.append(line(f"moving boundary, {where}", **_moving(2, MOMENTS)))
         return entries
 
 

@@ -85,9 +85,9 @@ class Comparison:
         ConfigurationError
             if there is none, with candidates.
         """
-        name = self._scenario(scenario)
         if law not in self.laws:
             raise unknown_name("law", law, self.laws)
+        name = self._scenario(scenario)
         if not 0 <= trial < self._lines.trials:
             raise ConfigurationError(f"there is no trial {trial}: there are {self._lines.trials}, counted from 0")
         record, baseline = (self._record(name, one, trial) for one in (law, BASELINE))
@@ -121,9 +121,11 @@ class Comparison:
     def _scenario(self, name: str | None) -> str:
         if name is None and len(self.scenarios) == 1:
             return self.scenarios[0]
+        if name is None:
+            raise ConfigurationError(f"several scenarios were compared: name one of {', '.join(self.scenarios)}")
         if name not in self.scenarios:
             raise unknown_name("scenario", name, self.scenarios)
-        return str(name)
+        return name
 
     @in_one_line
     def __repr__(self) -> str:

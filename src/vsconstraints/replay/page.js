@@ -31,7 +31,9 @@ class Panel {
     for (const row of run.rows) {
       const item = element("li", list);
       const lamp = element("span", item);
-      const label = element("code", item, row.label);
+      const label = element("code", item, row.label.split("[")[0]);
+      // a long one goes on in the next line here, not within a word
+      label.append(document.createElement("wbr"), row.label.slice(label.textContent.length));
       label.title = row.label;
       const lane = element("canvas", item);
       lane.addEventListener("click", (event) => {
@@ -41,7 +43,7 @@ class Panel {
     }
     const rest = [];
     if (run.more) rest.push(`${run.more} more that act`);
-    if (run.quiet) rest.push(`${run.quiet} rows that never act`);
+    if (run.quiet) rest.push(run.quiet === 1 ? "1 row that never acts" : `${run.quiet} rows that never act`);
     if (rest.length) element("li", list, `and ${rest.join(", ")}`).className = "rest";
   }
 
