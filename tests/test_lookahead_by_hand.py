@@ -5,6 +5,7 @@ Two rows of one joint: ``a`` on σ with K = 0.5, and ``b`` on φ itself.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import exp, inf, sqrt
 from types import SimpleNamespace
 from typing import Any, cast
@@ -151,6 +152,54 @@ def test_a_plan_goes_on_with_a_brake() -> None:
         np.testing.assert_allclose(law.plan.then, [then], atol=1e-12)
 
 
+def test_of_two_rows_in_the_way_the_nearer_one_holds() -> None:
+    """Both would be exceeded by q̈ = 10; ``b`` allows 5 (1 − e^(−0.5)), half of what ``a`` does."""
+    rows = Rows(np.array([-1.0, -0.5]), np.ones((2, 1)), np.zeros(2), np.ones(2), ("a", "b"))
+    law, task = PredictiveControl(horizon=1, block=1, approach=2.0), Task(np.ones((1, 1)), np.array([10.0]))
+    law.reset(period=0.1, model=cast(Model, Straight(rows, task)))
+    command = law.command(rows, task)
+    assert command.qdd[0] == pytest.approx(5.0 * (1.0 - exp(-0.5)), rel=1e-5)
+    np.testing.assert_array_equal(command.acted, [False, True])
+    assert law.plan is not None
+    np.testing.assert_array_equal(law.plan.held, [1])
+
+
+def test_what_rows_say_of_accelerations_now_holds_for_the_first_block() -> None:
+    rows = replace(Rows.none(1), qdd_min=np.array([-2.0]), qdd_max=np.array([1.0]))
+    for b, first in ((3.0, 1.0), (-3.0, -2.0)):
+        law, task = PredictiveControl(horizon=2, block=1), Task(np.ones((1, 1)), np.array([b]))
+        law.reset(period=0.1, model=cast(Model, Straight(rows, task)))
+        law.command(rows, task)
+        assert law.plan is not None
+        np.testing.assert_allclose(law.plan.qdd[:, 0], [first, b], rtol=1e-5)
+
+
+class Short(Straight):
+    """A model that gives no more than so many states."""
+
+    states = 2
+
+    def along(self, t: Array, q: Array, qd: Array) -> Prediction:
+        return super().along(t[: self.states], q, qd[: self.states])
+
+
+def test_two_states_are_enough_to_plan() -> None:
+    """Of now and 0.1 s ahead; with that of now alone the joint, which moves with 0.05 rad/s, brakes in one block."""
+    task = Task(np.ones((1, 1)), np.array([3.0]))
+    model = Short(Rows.none(1), task)
+    model.present = model.present._replace(qd=np.array([0.05]))
+    law = PredictiveControl(horizon=2, block=1)
+    law.reset(period=0.1, model=cast(Model, model))
+    command = law.command(model.rows, task)
+    assert (command.status, command.qdd[0]) == ("ok", pytest.approx(3.0))
+    assert "no more than 0.2 s are predicted" in command.remark
+    model.states = 1
+    command = law.command(model.rows, task)
+    assert (command.status, command.qdd[0]) == ("suboptimal", pytest.approx(-0.5))
+    assert command.reason.startswith("braking: no more than 0.1 s")
+    assert law.plan is None
+
+
 @pytest.mark.parametrize(("t", "then"), [(0.0, 0.0), (0.05, -1.0), (0.1, 5.0), (0.15, 5.0), (-0.1, 5.0)])
 def test_a_plan_that_has_ended_is_forgotten(t: float, then: float) -> None:
     """Half a block on it is the mean of 0 and −2; after its one block, and before it, −0.5 rad/s is braked anew."""
@@ -213,6 +262,14 @@ def test_the_reference_is_the_slower_the_nearer_its_motion_comes_to_a_row() -> N
         assert law.speed_of_reference() == pytest.approx(speed)
     law.seen = None
     assert law.speed_of_reference() == 0.0
+
+
+def test_from_a_hundredth_on_it_says_what_holds_the_reference() -> None:
+    law = GoalGovernor()
+    law.seen = Response(np.array([0.4, 0.1]), np.empty(2), np.empty((2, 2)), np.eye(2))
+    for away, said in ((0.007, ""), (0.02, "the governor's goal is 0.02 from the task's, held by b")):
+        law.reference = np.array([0.0, away])
+        assert law.remark(("a", "b")) == said
 
 
 @pytest.mark.parametrize(("gains", "T"), [((0.16, 1.0), 20.0), ((1.0, 1.0), 8.0)])

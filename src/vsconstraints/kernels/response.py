@@ -1,7 +1,7 @@
-"""How tracking answers to a reference that stands still: see :meth:`vsconstraints.model.Model.response`.
+"""How tracking answers to a reference that stands still.
 
-One loop, of a pair with :mod:`vsconstraints.controllers.response`: ``test_responses_alike_in_both_forms`` in
-``tests/test_goal_governor.py`` holds them together.
+One loop, of a pair with :mod:`vsconstraints.controllers.response`, which says what is predicted:
+``test_responses_alike_in_both_forms`` in ``tests/test_goal_governor.py`` holds them together.
 """
 
 from __future__ import annotations
