@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from vsconstraints.comparisons import Suite
-from vsconstraints.controllers import DEMANDS, RESOLVERS, Hierarchy, law_ranges
+from vsconstraints.controllers import CONTROLLERS, DEMANDS, RESOLVERS, Hierarchy, law_ranges
+from vsconstraints.errors import ConfigurationError
 
 ROOT = Path(__file__).parents[1]
 
@@ -52,6 +53,17 @@ def test_what_the_page_says_of_what_is_not_convex_is_what_the_report_says() -> N
     assert arrived == {"example-2d-heart-concave": {"predictive"}, "example-2d-bowl": set()}
     text = (ROOT / "docs" / "which-law.md").read_text(encoding="utf-8")
     assert all(scenario in text for scenario in arrived)
+
+
+def test_the_page_names_laws_that_can_be_run_and_says_how() -> None:
+    text = (ROOT / "docs" / "which-law.md").read_text(encoding="utf-8")
+    suite = Suite.load(ROOT / "comparisons" / "laws.toml")
+    named = {name for name in table() if f"`{name}`" in text}
+    for name in named:
+        assert name in {entry.name for entry in suite.select(controllers=[name]).controllers}
+    assert named - {*CONTROLLERS} and "comparisons/laws.toml --controller" in text
+    with pytest.raises(ConfigurationError, match=r"tracking; a suite can name others, as comparisons/laws.toml does$"):
+        Suite.load().select(controllers=["saturation"])
 
 
 def test_both_suites_have_the_same_laws_with_the_same_settings() -> None:

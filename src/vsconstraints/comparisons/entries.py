@@ -39,7 +39,8 @@ def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
     by_name = {entry.name: entry for entry in entries}
     for name in names:
         if name not in by_name and name not in CONTROLLERS:
-            raise unknown_name("controller", name, {*by_name, *CONTROLLERS, "or name own ones in a suite"})
+            known = unknown_name("controller", name, {*by_name, *CONTROLLERS})
+            raise ConfigurationError(f"{known}; a suite can name others, as comparisons/laws.toml does")
     return tuple(by_name.get(name) or ControllerSpec(name) for name in unique(names)) if names else entries
 
 
