@@ -85,11 +85,11 @@ def test_the_answer_ranks_by_runs_that_converged_inside() -> None:
         *(result("all", name) for name in ("one", "two", "three")),
         *(result("none", name, status="trapped") for name in ("one", "two", "three")),
         *(result("like", name, **changes) for name, changes in (("one", OUT), ("two", {}), ("three", {}))),
-        *(result("few", name, compiled=False, step_time_median_us=500.0) for name in ("one", "two")),
+        *(result("few", name, compiled=False, step_time_median_us=us) for name, us in (("one", 500.0), ("two", 400.0))),
     ]
     assert answer(results_of(lines)) == (
         "Tracking alone leaves a row in 2 of 3 runs. Without leaving a row, **all** converged in 3 of 3 runs; few in 2 "
-        "of 2 runs; some and like in 2; none in 0. The median call of a run took 1.00 to 1.00 µs compiled and 500 to "
+        "of 2 runs; some and like in 2; none in 0. The median call of a run took 1.00 µs compiled and 400 to "
         "500 µs in NumPy."
     )
 

@@ -304,6 +304,13 @@ def test_a_page_is_one_small_file_with_all_that_was_said(two: list[ReplayRun], t
     assert not re.search(r"""(src|href)=(?!"data:)|url\(|@import|https?://""", own)
 
 
+def test_why_a_run_ended_early_is_said(tmp_path: Path) -> None:
+    ended = replace(short().trajectory, status="failed", reason="t = 0.1 s: on <purpose>")
+    remarks = write_replay([replace(short(), trajectory=ended)], tmp_path / "page.html")
+    assert remarks[0] == "sliding-mode: failed, t = 0.1 s: on <purpose>."
+    assert "sliding-mode: failed, t = 0.1 s: on &lt;purpose&gt;." in (tmp_path / "page.html").read_text()
+
+
 def demand_in_view(runs: list[ReplayRun]) -> None:
     """An eye of 0.7 rad that stands where the page says sees arm and target at every sample, in a window 0.72 wide."""
     view = common_viewpoint(runs)

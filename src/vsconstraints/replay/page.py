@@ -75,7 +75,8 @@ def replay_html(runs: Sequence[ReplayRun], title: str = "") -> str:
 
 def _page(runs: Sequence[ReplayRun], frames: Frames, title: str) -> tuple[str, list[str]]:
     space = space_of(runs, frames)
-    remarks = [text for text in (*space.remarks, frames.remark(runs)) if text]
+    ends = [f"{run.law}: {run.trajectory.status}, {run.trajectory.reason}." for run in runs if run.trajectory.reason]
+    remarks = [text for text in (*ends, *space.remarks, frames.remark(runs)) if text]
     template = Template((HERE / "page.html").read_text(encoding="utf-8"))
     text = template.substitute(
         title=escape(title or runs[0].title or "Replay"),

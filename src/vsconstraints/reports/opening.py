@@ -104,7 +104,7 @@ def _times(results: Results) -> str:
     for name in results.competitors:
         found[results.form(name)] += [x for run in results.all_runs(name) if (x := run["step_time_median_us"]) == x]
     parts = [
-        f"{number(min(times))} to {number(max(times))} µs {form.replace('NumPy', 'in NumPy')}"
+        f"{' to '.join(dict.fromkeys((number(min(times)), number(max(times)))))} µs {form.replace('NumPy', 'in NumPy')}"
         for form, times in found.items()
         if times and form
     ]
