@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Annotated, Any
 import msgspec
 
 from ..camera import Camera
-from ..errors import ConfigurationError, InvalidInput
+from ..errors import ConfigurationError, InvalidInput, shown
 from ..geometry import Pose, Vector3
 from .reading import Table, demand_known, demand_table, made, parameters
 
@@ -55,6 +56,10 @@ def measured(
         return Pose.from_matrix(matrix)
     if quaternion_wxyz is not None or quaternion_xyzw is not None:
         return Pose.from_quaternion(xyz, wxyz=quaternion_wxyz, xyzw=quaternion_xyzw)
+    if rpy is not None and max(map(abs, rpy)) > 2.0 * math.pi:
+        raise InvalidInput(
+            f"rpy are angles in radians, up to a turn (6.283), not {shown(list(rpy))}: are these degrees?"
+        )
     return Pose.from_xyz_rpy(xyz, rpy or (0.0, 0.0, 0.0))
 
 
