@@ -250,6 +250,8 @@ def test_a_dry_run_sees_rendered_images() -> None:
     setup = other.with_override("duration", 0.01).setup()
     log = run_on_arm(replace(job, setup=setup, driver=driver_for("simulated://", setup), eye=SimulatedEye(setup)))[1]
     assert log.remarks == ("tags were seen that are not the board's: 17",)
+    with pytest.raises(ConfigurationError, match="rendered only where time is simulated"):
+        run_on_arm(replace(job, driver=driver_for("loopback://", job.setup)))
 
 
 def test_a_camera_that_leaves_is_told(tmp_path: Path) -> None:

@@ -66,6 +66,11 @@ class SimulatedEye:
         taken = t - (self._sample - 1 - max(image - self._delay, 0)) * Ts
         return Measurement(scene.camera.distort(pixels), None, min(taken, t))
 
+    @property
+    def renders(self) -> bool:
+        """Whether images are rendered, which takes longer than a period."""
+        return isinstance(self._sensor, ImageSensor)
+
     def remarks(self) -> list[str]:
         """What a reader of the results should know of rendered images."""
         return self._sensor.remarks() if isinstance(self._sensor, ImageSensor) else []

@@ -83,12 +83,17 @@ def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
     ------
     ConfigurationError
         before anything moves: if the arm stands elsewhere or moves, cannot start there, or its accelerations are not
-        limited.
+        limited; if images would be rendered where time is real.
     ArmError
         if the arm cannot be reached.
     """
     driver, setup = job.driver, job.setup
     envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
+    if isinstance(job.eye, SimulatedEye) and job.eye.renders and not driver.simulated_time:
+        raise ConfigurationError(
+            "images are rendered only where time is simulated, since that takes longer than a period: let images be "
+            "predicted (--images model) or one's own, or give simulated:// or loopback://?time=simulated as the arm"
+        )
     try:
         driver.connect()
         setup = demand_start(setup, driver.read(), job.supervision, job.from_arm)
