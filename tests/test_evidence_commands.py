@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,16 @@ def test_a_campaign_in_parts_and_whole(tmp_path: Path) -> None:
     alone = say("evidence", "small.toml", "--scenes", "2", "--out", "alone")
     assert "Report: alone/report.md" in alone.output
     assert_same(tables(tmp_path / "alone"), tables(tmp_path / "whole"))
+
+
+def test_a_report_whose_runs_are_gone_is_left_as_it_is(tmp_path: Path) -> None:
+    kept = ROOT / "reports" / "evidence"
+    shutil.copytree(kept, tmp_path / "kept")
+    refused = say("report", "kept")
+    assert isinstance(refused.exception, ConfigurationError)
+    assert "kept has none of the 110000 runs that its report was made from" in str(refused.exception)
+    for name in ("report.md", "claims.json"):
+        assert (tmp_path / "kept" / name).read_bytes() == (kept / name).read_bytes()
 
 
 def test_a_law_that_fails_everywhere(tmp_path: Path) -> None:

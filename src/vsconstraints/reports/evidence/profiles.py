@@ -26,8 +26,7 @@ def profiles(material: Material) -> str:
     if len(material.laws) < 2:
         return ""
     parts = ["## How good laws are where they succeed"]
-    panels, columns = _panels(material)
-    parts.append(shown(material, PROFILES, panels, material.laws, columns))
+    parts.append(shown(material, PROFILES, [_panels(material, *metric) for metric in METRICS], material.laws))
     parts.append(shown(material, CRITICAL_DIFFERENCE, _diagrams(material), material.laws))
     tables = [text for condition in material.conditions if (text := _against(material, condition))]
     if tables:
@@ -44,15 +43,14 @@ def _costs(material: Material, condition: str, metric: str) -> Any:
     return table_of[[law for law in material.laws if law in table_of.columns]]
 
 
-def _panels(material: Material) -> tuple[list[Panel], int]:
-    conditions = [name for name in material.conditions if len(_costs(material, name, METRICS[0][0]))]
-    panels = []
-    for metric, words in METRICS:
-        for condition in conditions:
-            found = _costs(material, condition, metric)
-            title = f"{words}, {condition}"
-            panels.append(Panel(title, tuple(found.columns), profile(found.to_numpy(float))))
-    return panels, min(max(len(conditions), 1), 3)
+def _panels(material: Material, metric: str, words: str) -> list[Panel]:
+    """One for each condition in which there is something to compare."""
+    tables = {condition: _costs(material, condition, metric) for condition in material.conditions}
+    return [
+        Panel(f"{words}, {condition}", tuple(found.columns), profile(found.to_numpy(float)))
+        for condition, found in tables.items()
+        if len(found)
+    ]
 
 
 def _diagrams(material: Material) -> list[Diagram]:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-from ...errors import StorageError
+from ...errors import ConfigurationError, StorageError
 from ...evidence import Evidence
 from ...figures import PNG, Formats
 from ...runs.files import replaced
@@ -76,11 +76,17 @@ def write_evidence_report(
     Raises
     ------
     ConfigurationError
-        if there is no evidence in the folder.
+        if there is no evidence in the folder, or the runs are gone that its report was made from.
     StorageError
         if the report cannot be written.
     """
-    material = Material(Evidence.load(folder), tuning_folder(folder, tuning), figures, formats)
+    evidence = Evidence.load(folder)
+    if not len(evidence.runs) and (made := evidence.manifest.get("runs")):
+        raise ConfigurationError(
+            f"{folder} has none of the {made} runs that its report was made from: runs, rows and scenes are missing. "
+            "What stands there is left as it is"
+        )
+    material = Material(evidence, tuning_folder(folder, tuning), figures, formats)
     return write_report_of(material, on_written)
 
 
