@@ -10,6 +10,7 @@ import pytest
 
 from scenes import camera, robot
 from vsconstraints.constraints import ConstraintSet, PerformanceFunnel, Trace
+from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking, make_controller
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.features import Goal
@@ -48,6 +49,21 @@ def test_a_turn_about_the_optical_axis_by_hand() -> None:
     np.testing.assert_allclose(rows.phi[[2, 5]], sigma[[2, 5]] + 0.2 * sigma_dot, atol=1e-12)
     np.testing.assert_allclose(rows.Lf[[2, 5]], sigma_dot - 0.2 * 0.25 * 0.9 * exp(-1.0), atol=1e-12)
     assert abs(rows.Lg[2, 2]) == pytest.approx(0.2 / 2.0)
+
+
+def test_before_its_goal_a_funnel_stands_open() -> None:
+    """It narrows from when its goal begins: until then at no rate, in both forms."""
+    setup = Scenario.load("example-2d-funnel").with_override("task.goals.0.from_time", 1.0).setup()
+    step = ControlStep(setup.scene, setup.constraints, setup.task)
+    at = np.flatnonzero([label.startswith("funnel") for label in setup.constraints.labels])
+    still = np.zeros_like(setup.qd0)
+    for t, narrows in ((0.5, False), (1.0, True)):
+        for rows in (
+            step.evaluate(t, setup.q0, still).rows,
+            step.define(setup.scene.evaluate(t, setup.q0, still)).rows,
+        ):
+            assert (rows.sigma_dot[at] != 0.0).all() == narrows
+            assert (rows.Lf[at] != 0.0).all() == narrows
 
 
 def test_clearance_is_what_is_left_of_the_funnel() -> None:
