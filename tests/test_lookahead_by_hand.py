@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from scenes import Straight
-from vsconstraints.controllers import GoalGovernor, PredictiveControl
+from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range
 from vsconstraints.controllers.condensed import Lookahead, limits, look_ahead
 from vsconstraints.controllers.goal_governor import at_rest_elsewhere
 from vsconstraints.controllers.horizon import Horizon, stopping_time
@@ -145,9 +145,9 @@ def test_rows_fall_with_the_time_constant_of_so_many_blocks() -> None:
 
 
 def test_a_plan_goes_on_with_a_brake() -> None:
-    """1 rad/s is left at its end, and 2 rad/s² there are; without a bound nothing is known."""
-    for most, then in ((2.0, -2.0), (None, 0.0)):
-        law = planned(0.0, qd=1.0, max_acceleration=most)
+    """1 rad/s is left at its end, or 0.1 after −0.1, and 2 rad/s² there are; without a bound nothing is known."""
+    for b, qd, most, then in ((0.0, 1.0, 2.0, -2.0), (5.0, -0.1, 2.0, -2.0), (0.0, 1.0, None, 0.0)):
+        law = planned(b, qd=qd, max_acceleration=most)
         assert law.plan is not None
         np.testing.assert_allclose(law.plan.then, [then], atol=1e-12)
 
@@ -169,7 +169,7 @@ def test_what_rows_say_of_accelerations_now_holds_for_the_first_block() -> None:
     for b, first in ((3.0, 1.0), (-3.0, -2.0)):
         law, task = PredictiveControl(horizon=2, block=1), Task(np.ones((1, 1)), np.array([b]))
         law.reset(period=0.1, model=cast(Model, Straight(rows, task)))
-        law.command(rows, task)
+        assert law.command(rows, task).qdd[0] == pytest.approx(first)
         assert law.plan is not None
         np.testing.assert_allclose(law.plan.qdd[:, 0], [first, b], rtol=1e-5)
 
@@ -221,6 +221,8 @@ def test_options_are_those_that_are_documented() -> None:
     assert {name: str(one) for name, one in law.ranges.items()} == {
         "horizon": "3–30", "block": "5–25", "approach": "1.5–10", "damping": "1e-08–0.0001",
     }  # fmt: skip
+    whole = {name for name, one in law.ranges.items() if isinstance(one, Range) and one.integer}
+    assert whole == {"horizon", "block"}
     assert {name: str(one) for name, one in moving.ranges.items()} == {
         "speed": "0.5–5", "margin": "0.005–0.05", "influence": "0.1–0.5", "horizon": "none or 2.0 or 4.0 or 6.0",
     }  # fmt: skip
@@ -231,6 +233,9 @@ def test_the_damping_is_relative_to_the_mean_of_the_gains() -> None:
     law = planned(10.0, J=2.0, damping=0.25)
     assert law.plan is not None
     assert law.plan.qdd[0, 0] == pytest.approx(4.0)
+    law = planned(0.0, J=0.0)
+    assert law.plan is not None
+    np.testing.assert_array_equal(law.plan.qdd, [[0.0]])
 
 
 # --- the goal governor ---
@@ -323,7 +328,7 @@ def test_a_response_of_two_joints_of_which_the_feature_is_the_first() -> None:
 
 
 def test_in_each_sample_the_reference_moves_on() -> None:
-    """From 1 off, by 2 a second where no row is near; beyond what is acceptable it stays."""
+    """From 1 off, by 2 a second where no row is near; beyond what is acceptable it stays, and where time goes back."""
     rows, least = Rows(-np.ones(1), np.ones((1, 1)), np.zeros(1), np.ones(1), ("a",)), [1.0]
 
     def at(t: float, q: Array, qd: Array) -> Any:
@@ -343,12 +348,12 @@ def test_in_each_sample_the_reference_moves_on() -> None:
     )
     law.reset(model=model)
     seen = []
-    for t, inside in ((1.0, 1.0), (1.1, 1.0), (1.2, 0.2), (1.3, 0.049), (1.4, 0.2)):
+    for t, inside in ((1.0, 1.0), (1.1, 1.0), (1.2, 0.2), (1.3, 0.049), (1.4, 0.2), (1.3, 1.0)):
         model.present, least[0] = model.present._replace(t=t), inside
         law.command(rows, task)
         assert law.reference is not None
         seen.append(law.reference[0])
-    np.testing.assert_allclose(seen, [1.0, 0.8, 0.6, 0.6, 0.6])
+    np.testing.assert_allclose(seen, [1.0, 0.8, 0.6, 0.6, 0.6, 0.6])
 
 
 def test_what_the_feature_does_not_determine_is_damped() -> None:
