@@ -54,6 +54,7 @@ from vsconstraints.deployment.images import SimulatedEye
 from vsconstraints.deployment.server import Behaviour, Fault, Server, in_thread
 from vsconstraints.deployment.stand_in import PATIENCE, StandIn, StandInLimits
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.geometry import Pose
 from vsconstraints.limits import ActuatorLimits
 from vsconstraints.measurement import Measurement
 from vsconstraints.order_filter import OrderFilter
@@ -330,6 +331,22 @@ def test_lost_images_end_in_a_braked_stop() -> None:
         assert "which is not yet: by another clock?" in ahead.cause
     never = on("loopback://?time=simulated&patience=5", eye=lambda t, q: None, supervision=Supervision(image_s=0.04))
     assert "no image shows a marker" in never.cause
+    nothing: Any = np.zeros(3)
+    odd = on("simulated://", eye=lambda t, q: nothing)
+    assert "what sees the markers gave no Measurement, but " in odd.cause
+    assert odd.at_rest
+
+
+def test_a_camera_can_tell_its_pose_alone() -> None:
+    """A pose that is said to be elsewhere bends the way there, as pixels would."""
+    straight, camera_pose = on("simulated://", eye=None), SETUP.scene.camera_pose
+    as_is, elsewhere = (
+        on("simulated://", eye=lambda t, q, by=by: Measurement(camera=by @ camera_pose(q, t)))
+        for by in (Pose(np.eye(3), np.zeros(3)), Pose(np.eye(3), np.array([0.0, 0.02, 0.0])))
+    )
+    assert straight.ended == as_is.ended == elsewhere.ended == "done"
+    np.testing.assert_allclose(as_is.column("sent_q"), straight.column("sent_q"), atol=1e-9)
+    assert np.abs(elsewhere.column("sent_q") - straight.column("sent_q")).max() > 1e-3
 
 
 @pytest.mark.parametrize(

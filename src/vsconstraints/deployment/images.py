@@ -22,7 +22,7 @@ Eye = Callable[[float, Array], Measurement | None]
 
 It must return at once: a camera is read, and its image looked at, in a thread or process of its own. ``taken`` of the
 measurement is by the same clock as the time that it is asked with; pixels are those on the sensor, from the image's
-centre, NaN for markers that were not found.
+centre, NaN for markers that were not found. The camera's pose will do without pixels.
 """
 
 SIMULATED, MODEL = "simulated", "model"

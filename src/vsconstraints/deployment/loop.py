@@ -14,7 +14,8 @@ import numpy as np
 
 from ..controllers import Controller
 from ..controllers.base import restart
-from ..errors import ConfigurationError, SceneError, described
+from ..errors import ConfigurationError, SceneError, described, shown
+from ..measurement import Measurement
 from ..rows import Array, Command
 from ..simulation import Setup
 from ..simulation.loop import loses_rank
@@ -276,15 +277,16 @@ class _Run:
             return {}
         seen = eye(t, q)
         given: dict[str, Any] = {}
-        if seen is not None and seen.pixels is not None:
+        if seen is not None:
+            if not isinstance(seen, Measurement):
+                raise Halt("failed", f"what sees the markers gave no Measurement, but {shown(seen)}")
             taken = t if seen.taken is None else seen.taken
             if not taken <= t + 1e-6:  # but for rounding; also what is no number
                 raise Halt("failed", f"an image was taken at {taken:.6g} s, which is not yet: by another clock?")
-            if np.isfinite(seen.pixels).all(axis=1).any():
+            pixels = None if seen.pixels is None else np.array(seen.pixels, dtype=np.float64)
+            if seen.camera is not None or (pixels is not None and np.isfinite(pixels).all(axis=1).any()):
                 self.image_at = max(self.image_at, taken)
-                given = {"pixels": np.array(seen.pixels, dtype=np.float64), "taken": taken}
-                given |= {} if seen.depth is None else {"depth": seen.depth}
-                given |= {} if seen.camera is None else {"camera": seen.camera}
+                given = {"pixels": pixels, "taken": taken, "depth": seen.depth, "camera": seen.camera}
         if t - self.image_at > self.bounds.image_s:
             raise Halt("failed", f"no image shows a marker since t = {self.image_at:.4g} s")
         return given
