@@ -50,6 +50,7 @@ from vsconstraints.deployment import (
 from vsconstraints.deployment.brake import Brake, deceleration
 from vsconstraints.deployment.clock import RealClock
 from vsconstraints.deployment.drivers import ur_rtde
+from vsconstraints.deployment.drivers.loopback import LoopbackArm
 from vsconstraints.deployment.images import SimulatedEye
 from vsconstraints.deployment.server import Behaviour, Fault, Server, in_thread
 from vsconstraints.deployment.stand_in import PATIENCE, StandIn, StandInLimits
@@ -557,6 +558,18 @@ def test_a_call_to_the_arm_that_hangs_is_answered_by_the_arms_own_stop() -> None
     end()
     assert log.ended == "failed"
     assert log.stop.endswith("told to stop by its own means")
+
+
+@pytest.mark.parametrize(("allowed", "told"), [(2.0, ""), (0.2, "the loop has not gone on for 300 ms")])
+def test_an_arm_may_take_its_time_to_be_ready(allowed: float, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Longer than the loop may later say nothing, while it stands."""
+    monkeypatch.setattr(LoopbackArm, "begin", lambda arm: time.sleep(0.5))
+    address, end = stand_in_server()
+    bounds = Supervision(late_s=10.0, begin_s=allowed, hang_s=0.1)
+    log = on(f"{address}?patience=5", supervision=bounds, setup=replace(SETUP, duration=0.1))
+    end()
+    assert (log.ended == "done") == (not told), log.cause
+    assert told in log.cause
 
 
 def stand_in_server(fault: Fault = "none") -> tuple[str, Any]:

@@ -185,6 +185,7 @@ class _Run:
                 signal.pthread_kill(ours.ident, signal.SIGINT)
 
         self.watchdog = Watchdog(self._patience, take_over)
+        self.watchdog.heard(self.bounds.begin_s)
         self.watchdog.start()
         try:
             yield
@@ -193,7 +194,8 @@ class _Run:
 
     def _take_over(self) -> None:
         """The loop hangs: brake in its place, or, where it hangs in a call to the arm, have the arm stop itself."""
-        self.taken = f"the loop has not gone on for {1e3 * self._patience:g} ms"
+        waited = self._patience if self.stream.begun else self.bounds.begin_s + self._patience
+        self.taken = f"the loop has not gone on for {1e3 * waited:g} ms"
         free = self.stream.turn.acquire(timeout=self._patience)
         try:
             self.stream.bring_to_rest(not free, lambda: None)
@@ -220,6 +222,7 @@ class _Run:
         try:
             self.driver.begin()
             self.stream.begin()
+            self._alive()
             for k in range(self.setup.samples):
                 if requests.signal:
                     raise Halt("stopped", f"{signal.Signals(requests.signal).name} asked for it")

@@ -30,6 +30,8 @@ class Supervision:
         How far a joint may be from where it was sent [rad or m].
     late_s
         How late a period may begin [s]; what is later than a whole period counts as missed.
+    begin_s
+        How long the arm may take to be ready for setpoints, while it stands [s].
     hang_s
         How long the loop may say nothing before another thread brakes the arm [s]; five periods if that is longer. An
         arm's own watchdog should wait longer, or it comes first.
@@ -41,6 +43,7 @@ class Supervision:
     rest_rad_s: float = 0.01
     following_rad: float = 0.1
     late_s: float = 0.02
+    begin_s: float = 2.0
     hang_s: float = 0.05
     image_s: float = 0.5
 
@@ -121,9 +124,9 @@ class Watchdog(threading.Thread):
         self._patience, self._act, self._over = patience, act, threading.Event()
         self._heard = time.monotonic()
 
-    def heard(self) -> None:
-        """All is well."""
-        self._heard = time.monotonic()
+    def heard(self, more: float = 0.0) -> None:
+        """All is well, and it may take so much more time than usual [s] until this is said again."""
+        self._heard = time.monotonic() + more
 
     def run(self) -> None:
         """Look four times in the time that it has patience."""
