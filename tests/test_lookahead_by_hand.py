@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 
 from scenes import Straight
-from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range
+from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range, predictive
 from vsconstraints.controllers.condensed import Lookahead, limits, look_ahead
 from vsconstraints.controllers.goal_governor import at_rest_elsewhere
 from vsconstraints.controllers.horizon import Horizon, stopping_time
+from vsconstraints.controllers.predictive import Plan
 from vsconstraints.controllers.response import Response, response
-from vsconstraints.errors import ConfigurationError
+from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
 from vsconstraints.model import Model, Prediction, Present
 from vsconstraints.rows import UNKNOWN, Array, Rows, Task
 
@@ -207,6 +208,90 @@ def test_a_plan_that_has_ended_is_forgotten(t: float, then: float) -> None:
     box = np.array([[9.0]])
     now = Present(t, np.zeros(1), np.array([-0.5]))
     assert law.continued(Horizon.of(1, 1, 0.1), now, -box, box)[0, 0] == pytest.approx(then, abs=1e-12)
+
+
+def test_a_plan_is_as_old_as_it_was_made() -> None:
+    """Made at 0.3, it goes on at 0.35, and not at 0.45."""
+    law, box, horizon = planned(0.0, qd=1.0, max_acceleration=2.0), np.array([[9.0]]), Horizon.of(1, 1, 0.1)
+    assert law.plan is not None
+    law.plan = law.plan._replace(made=0.3)
+    for t, then in ((0.35, -1.0), (0.45, 5.0)):
+        now = Present(t, np.zeros(1), np.array([-0.5]))
+        assert law.continued(horizon, now, -box, box)[0, 0] == pytest.approx(then)
+
+
+def test_what_is_commanded_is_the_first_block() -> None:
+    """q̇ of ``a`` falls from −1 to −e^(−0.5) in the first block of 0.1 s, and to −e^(−1) in the second one."""
+    rows = Rows(np.array([-1.0]), np.ones((1, 1)), np.zeros(1), np.ones(1), ("a",))
+    law, task = PredictiveControl(horizon=2, block=1, approach=2.0), Task(np.ones((1, 1)), np.array([10.0]))
+    law.reset(period=0.1, model=cast(Model, Straight(rows, task)))
+    command = law.command(rows, task)
+    assert law.plan is not None
+    np.testing.assert_allclose(
+        law.plan.qdd[:, 0], [10.0 * (1.0 - exp(-0.5)), 10.0 * (exp(-0.5) - exp(-1.0))], rtol=1e-5
+    )
+    assert command.qdd[0] == law.plan.qdd[0, 0]
+
+
+def test_where_no_solver_answers_the_plan_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """0.1 s after (3, 1) was planned: 1, and 0 after the plan."""
+
+    def fails(*arguments: Any) -> Any:
+        raise SolverError("none")
+
+    law, task = PredictiveControl(horizon=2, block=1), Task(np.ones((1, 1)), np.array([3.0]))
+    model = Straight(Rows.none(1), task)
+    law.reset(period=0.1, model=cast(Model, model))
+    law.plan = Plan(np.array([[3.0], [1.0]]), np.zeros(1), 0.0, np.array([4]))
+    model.present = model.present._replace(t=0.1)
+    monkeypatch.setattr(predictive, "penalised", fails)
+    command = law.command(model.rows, task)
+    assert (command.status, command.reason) == ("suboptimal", "the plan goes on as it was: none")
+    assert command.qdd[0] == pytest.approx(1.0)
+    assert law.plan is not None
+    assert (law.plan.made, len(law.plan.held)) == (0.1, 0)
+    np.testing.assert_allclose(law.plan.qdd, [[1.0], [0.0]], atol=1e-12)
+
+
+def test_what_is_looked_at_comes_after_now_and_once_where_a_plan_leads_to_it() -> None:
+    asked: list[Array] = []
+
+    class Seen(Short):
+        def along(self, t: Array, q: Array, qd: Array) -> Prediction:
+            asked.append(t)
+            return super().along(t, q, qd)
+
+    task = Task(np.ones((1, 1)), np.array([3.0]))
+    model = Seen(Rows.none(1), task)
+    model.present = model.present._replace(t=5.0)
+    law = PredictiveControl(horizon=2, block=1)
+    law.reset(period=0.1, model=cast(Model, model))
+    law.command(model.rows, task)
+    assert len(asked) == 1
+    np.testing.assert_allclose(asked[0], [5.0, 5.1, 5.2])
+
+
+def test_an_option_that_changes_and_a_reset_forget_the_plan() -> None:
+    law = planned(3.0)
+    assert law.plan is not None
+    law.damping = 0.5
+    assert law.plan is None
+    forgotten: list[bool] = []
+    law.solvers = cast(Any, SimpleNamespace(reset=lambda: forgotten.append(True)))
+    law.reset()
+    assert forgotten == [True]
+
+
+def test_horizons_have_up_to_a_hundred_blocks_of_ten_thousand_periods() -> None:
+    law = PredictiveControl(horizon=100, block=10_000)
+    for name, most in (("horizon", 100), ("block", 10_000)):
+        with pytest.raises(InvalidInput, match=f"{name} must be a whole number from 1 to {most}, not {most + 1}"):
+            setattr(law, name, most + 1)
+
+
+def test_weights_of_no_row_are_told() -> None:
+    assert PredictiveControl(weights={"b": 2.0}).remark(("a",)) == "weights that begin no row's label: 'b'"
+    assert PredictiveControl().remark(("a",)) == ""
 
 
 def test_joints_that_move_without_a_bound_have_no_time_to_stop() -> None:
