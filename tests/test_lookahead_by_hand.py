@@ -153,6 +153,18 @@ def test_a_plan_goes_on_with_a_brake() -> None:
         np.testing.assert_allclose(law.plan.then, [then], atol=1e-12)
 
 
+def test_joints_brake_together_from_what_is_left_at_the_plans_end() -> None:
+    """(1, 0.2) rad/s after two blocks of 0.1 s with (0, 1) rad/s²: half a second for the first joint."""
+    task = Task(np.eye(2), np.array([0.0, 1.0]))
+    model = Straight(Rows.none(2), task)
+    model.present = model.present._replace(qd=np.array([1.0, 0.0]))
+    law = PredictiveControl(horizon=2, block=1, max_acceleration=2.0)
+    law.reset(period=0.1, model=cast(Model, model))
+    law.command(model.rows, task)
+    assert law.plan is not None
+    np.testing.assert_allclose(law.plan.then, [-2.0, -0.4], rtol=1e-5)
+
+
 def test_of_two_rows_in_the_way_the_nearer_one_holds() -> None:
     """Both would be exceeded by q̈ = 10; ``b`` allows 5 (1 − e^(−0.5)), half of what ``a`` does."""
     rows = Rows(np.array([-1.0, -0.5]), np.ones((2, 1)), np.zeros(2), np.ones(2), ("a", "b"))
