@@ -22,6 +22,8 @@ from vsconstraints.controllers.predictive import Plan
 from vsconstraints.controllers.response import Response, response
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
 from vsconstraints.model import Model, Prediction, Present
+from vsconstraints.qp.lexicographic import PULLING
+from vsconstraints.qp.penalised import Penalised
 from vsconstraints.rows import UNKNOWN, Array, Rows, Task
 
 K = np.array([0.5, 0.0])
@@ -259,10 +261,24 @@ def test_where_no_solver_answers_the_plan_goes_on(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(predictive, "penalised", fails)
     command = law.command(model.rows, task)
     assert (command.status, command.reason) == ("suboptimal", "the plan goes on as it was: none")
+    assert not command.acted.any()
     assert command.qdd[0] == pytest.approx(1.0)
     assert law.plan is not None
     assert (law.plan.made, len(law.plan.held)) == (0.1, 0)
     np.testing.assert_allclose(law.plan.qdd, [[1.0], [0.0]], atol=1e-12)
+
+
+@pytest.mark.parametrize(("first", "second", "held"), [(4.0, 3.0, [1, 0]), (0.5, 0.6, [1, 1]), (0.0, 0.0, [0, 0])])
+def test_rows_hold_whose_multipliers_are_no_rounding_of_the_greatest(
+    first: float, second: float, held: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That of the second row is given in units of ``PULLING``."""
+    answer = Penalised(np.zeros(1), np.array([0, 1]), np.array([first, second * PULLING]), np.zeros(2), None)
+    monkeypatch.setattr(predictive, "penalised", lambda *arguments: answer)
+    rows = Rows(-np.ones(2), np.ones((2, 1)), np.zeros(2), np.ones(2), ("a", "b"))
+    law, task = PredictiveControl(horizon=1, block=1), Task(np.ones((1, 1)), np.zeros(1))
+    law.reset(period=0.1, model=cast(Model, Straight(rows, task)))
+    np.testing.assert_array_equal(law.command(rows, task).acted, np.array(held, dtype=bool))
 
 
 def test_what_is_looked_at_comes_after_now_and_once_where_a_plan_leads_to_it() -> None:
