@@ -15,7 +15,7 @@ import pytest
 
 from scenes import Straight
 from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range, predictive
-from vsconstraints.controllers.condensed import Lookahead, limits, look_ahead
+from vsconstraints.controllers.condensed import Lookahead, cost, limits, look_ahead
 from vsconstraints.controllers.goal_governor import at_rest_elsewhere
 from vsconstraints.controllers.horizon import Horizon, stopping_time
 from vsconstraints.controllers.predictive import Plan
@@ -29,9 +29,12 @@ from vsconstraints.rows import UNKNOWN, Array, Rows, Task
 K = np.array([0.5, 0.0])
 
 
-@pytest.mark.parametrize("sigma", [[0.08, 0.1], None])
+@pytest.mark.parametrize("sigma", [[0.08, 0.9], None])
 def test_what_the_model_says_otherwise_of_now_stays_so(sigma: list[float] | None) -> None:
-    """σ of ``a`` is 0.03 more than predicted where it is given, else by as much as φ is, 0.05; b of the task by 1."""
+    """σ of ``a`` is 0.03 more than predicted where it is given, else by as much as φ is, 0.05; b of the task by 1.
+
+    Of ``b`` φ is what counts, whatever σ is.
+    """
     seen = Prediction(
         phi=np.array([[0.1, 0.2], [0.3, 0.5]]),
         Lg=np.array([[[1.0], [2.0]], [[3.0], [4.0]]]),
@@ -76,6 +79,7 @@ def test_limits_of_a_plan() -> None:
         1.1 - 2.0, -2.0 - 1.1,
     ]  # fmt: skip
     np.testing.assert_allclose(given.excess(np.array([1.1])), excess)
+    np.testing.assert_array_equal(given.of(np.arange(8)), [0, 1, 0, 1, 0, 1, -1, -1])
     which, G = given.stated(np.array([0, 1, 2, 3, 4, 6, 7]))
     np.testing.assert_array_equal(which, [0, 1, 2, 3, 4, 6, 7])
     np.testing.assert_allclose(G[:, 0], [0.25, 1.0, 1.5 - 0.25 * f, 3.0 - f, 4.0, 1.0, -1.0])
@@ -94,6 +98,35 @@ def test_a_row_with_no_entry_beyond_the_least_is_not_stated() -> None:
     np.testing.assert_array_equal(
         limits(one, 2.0, (-box, box), np.array([0.25])).stated(np.array([0, 1, 2]))[0], [1, 2]
     )
+
+
+def test_without_rows_a_plan_has_its_box() -> None:
+    horizon, plan, box = Horizon.of(1, 1, 0.1), np.zeros((1, 1)), np.array([[2.0]])
+    at = horizon.instants(np.zeros(1), np.zeros(1), plan, np.array([inf]))
+    none = np.empty((2, 0))
+    ahead = Lookahead(plan, at, none, none[..., None], K[:0], np.ones((2, 1, 1)), np.zeros((2, 1)), np.zeros((2, 1)))
+    with np.errstate(all="raise"):
+        given = limits(ahead, 1.0, (-box, box), K[:0])
+        np.testing.assert_array_equal(given.of(np.array([0, 1])), [-1, -1])
+        np.testing.assert_array_equal(given.stated(np.array([0, 1]))[1], [[1.0], [-1.0]])
+
+
+def test_a_cost_of_no_gain_is_its_damping() -> None:
+    horizon, plan = Horizon.of(1, 1, 0.1), np.zeros((1, 1))
+    at = horizon.instants(np.zeros(1), np.zeros(1), plan, np.array([inf]))
+    none = np.empty((2, 0))
+    ahead = Lookahead(plan, at, none, none[..., None], K[:0], np.zeros((2, 1, 1)), np.zeros((2, 1)), np.zeros((2, 1)))
+    np.testing.assert_allclose(cost(ahead, horizon, np.zeros((1, 2)), 0.25).L, [[0.5]])
+
+
+def test_a_plan_without_one_optimum_fails() -> None:
+    """q̈₁ + q̈₂ is asked for, and the damping is less than rounding."""
+    task = Task(np.ones((1, 2)), np.ones(1))
+    law = PredictiveControl(horizon=1, block=1, damping=1e-300)
+    law.reset(period=0.1, model=cast(Model, Straight(Rows.none(2), task)))
+    command = law.command(Rows.none(2), task)
+    assert (command.status, list(command.qdd)) == ("failed", [0.0, 0.0])
+    assert "rounding exceeds the damping 1e-300" in command.reason
 
 
 def test_what_no_acceleration_influences_is_told_by_the_scale_of_the_row() -> None:
@@ -344,6 +377,10 @@ def test_options_are_those_that_are_documented() -> None:
 def test_the_damping_is_relative_to_the_mean_of_the_gains() -> None:
     """The least of (2u − 10)² + ¼ × 4u² is at 20 = 5u."""
     law = planned(10.0, J=2.0, damping=0.25)
+    assert law.plan is not None
+    assert law.plan.qdd[0, 0] == pytest.approx(4.0)
+    # of (u/2 − 10)² + 4 × ¼u² at 5 = 1¼ u
+    law = planned(10.0, J=0.5, damping=4.0)
     assert law.plan is not None
     assert law.plan.qdd[0, 0] == pytest.approx(4.0)
     law = planned(0.0, J=0.0)

@@ -83,7 +83,7 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float) -> Co
     P.ravel()[:: H * n + 1] += damping * (size if size > 0.0 else 1.0)
     L, center, refused = lapack.dposv(P.T, q, lower=1, overwrite_a=1)
     if refused:
-        raise np.linalg.LinAlgError("the cost of the plan is beyond the range of floating point")
+        raise np.linalg.LinAlgError(f"the plan has no one optimum: rounding exceeds the damping {damping:g}")
     return Cost(center, L)
 
 
