@@ -355,6 +355,12 @@ def test_weights_of_no_row_are_told() -> None:
     assert PredictiveControl().remark(("a",)) == ""
 
 
+def test_a_joint_that_cannot_stop_in_a_block_goes_on_in_the_next() -> None:
+    """1 rad/s by 4 rad/s² at most in blocks of 0.1 s: 0.6 and 0.2 are left, and the last block is not needed."""
+    most = np.full((4, 1), 4.0)
+    np.testing.assert_allclose(Horizon.of(4, 1, 0.1).brake(np.ones(1), -most, most)[:, 0], [-4.0, -4.0, -2.0, 0.0])
+
+
 def test_joints_that_move_without_a_bound_have_no_time_to_stop() -> None:
     assert stopping_time(np.array([1.0, 0.0, 2.0]), np.array([inf, inf, 1.0])) == 0.0
     assert stopping_time(np.array([0.0, 0.0, -2.0]), np.array([inf, 1.0, 4.0])) == 0.5

@@ -10,14 +10,11 @@ import numpy as np
 
 from ..rows import Array
 
-BRAKING = (1.0,)
-"""Shares of the time of braking after the last block at which rows on σ must hold too."""
-
 
 class Instants(NamedTuple):
     """States along a plan: times (N,) from now [s], q and q̇ (N, n), and how they change with the plan, Q and V (N, H).
 
-    The instants from ``braking`` on are those of the brake that follows the plan.
+    The instant from ``braking`` on, if there is one, is that of rest after the brake that follows the plan.
     """
 
     times: Array
@@ -85,22 +82,20 @@ class Horizon:
             object.__setattr__(self, name, value)
 
     def instants(self, q: Array, qd: Array, plan: Array, most: Array) -> Instants:
-        """States along a plan (H, n) from q and q̇ (n,) on, with the brake after it where accelerations are bounded.
+        """States along a plan (H, n) from q and q̇ (n,) on, and at rest after it where accelerations are bounded.
 
         ``most`` (n,) is the greatest acceleration [rad/s²], infinite where there is no bound.
         """
         times, Q, V = self.times, self.Q, self.V
         N, stops = len(times), stopping_time(qd + V[-1] @ plan, most)
         if stops > 0.0:
-            share = np.array(BRAKING)
             # q̇ falls linearly with time
-            gone, slower = (stops * share * (1.0 - 0.5 * share))[:, None], (1.0 - share)[:, None]
-            times = np.concatenate((times, times[-1] + stops * share))
-            Q, V = np.concatenate((Q, Q[-1] + gone * V[-1])), np.concatenate((V, slower * V[-1]))
+            times = np.append(times, times[-1] + stops)
+            Q, V = np.vstack((Q, Q[-1] + 0.5 * stops * V[-1])), np.vstack((V, np.zeros(self.blocks)))
         there, speed = q + times[:, None] * qd + Q @ plan, qd + V @ plan
         if stops > 0.0:
             # the speed of now is braked too
-            there[N:], speed[N:] = there[N - 1] + gone * speed[N - 1], slower * speed[N - 1]
+            there[N], speed[N] = there[N - 1] + 0.5 * stops * speed[N - 1], 0.0
         return Instants(times, there, speed, Q, V, N)
 
     def later(self, plan: Array, then: Array, after: float) -> Array:
@@ -114,7 +109,7 @@ class Horizon:
 
     def brake(self, qd: Array, low: Array, high: Array) -> Array:
         """The plan that stops each joint as soon as possible within boxes (H, n)."""
-        plan = np.zeros((self.blocks, len(qd)))
+        plan = np.empty((self.blocks, len(qd)))
         for k in range(self.blocks):
             plan[k] = np.clip(-qd / self.length, low[k], high[k])
             qd = qd + self.length * plan[k]
@@ -126,4 +121,4 @@ def stopping_time(qd: Array, most: Array) -> float:
     unbounded = most == np.inf
     if unbounded.any() and qd[unbounded].any():
         return 0.0
-    return float((np.abs(qd) / most).max(initial=0.0))
+    return float((np.abs(qd) / most).max())
