@@ -224,6 +224,8 @@ def test_what_it_needs_is_asked_for() -> None:
     governor.reset(model=model_of(scene()))
     with pytest.raises(InvalidInput, match=r"uses task\.error and task\.error_rate"):
         governor.command(rows, Task(np.eye(2), np.ones(2)))
+    with pytest.raises(InvalidInput, match=r"uses task\.error and task\.error_rate"):
+        governor.command(rows, Task(np.eye(2), np.ones(2), np.ones(2)))
     with pytest.raises(InvalidInput, match="predicts the rows of its model, which are others"):
         governor.command(rows, task)
 

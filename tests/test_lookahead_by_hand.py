@@ -24,7 +24,7 @@ from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
 from vsconstraints.model import Model, Prediction, Present
 from vsconstraints.qp.lexicographic import PULLING
 from vsconstraints.qp.penalised import Penalised
-from vsconstraints.rows import UNKNOWN, Array, Rows, Task
+from vsconstraints.rows import UNKNOWN, Array, Command, Rows, Task
 
 K = np.array([0.5, 0.0])
 
@@ -428,9 +428,67 @@ def test_the_reference_is_the_slower_the_nearer_its_motion_comes_to_a_row() -> N
 def test_from_a_hundredth_on_it_says_what_holds_the_reference() -> None:
     law = GoalGovernor()
     law.seen = Response(np.array([0.4, 0.1]), np.empty(2), np.empty((2, 2)), np.eye(2))
-    for away, said in ((0.007, ""), (0.02, "the governor's goal is 0.02 from the task's, held by b")):
+    for away, said in ((0.007, ""), (0.01, "0.01 from the task's"), (0.02, "0.02 from the task's")):
         law.reference = np.array([0.0, away])
-        assert law.remark(("a", "b")) == said
+        assert law.remark(("a", "b")) == (said and f"the governor's goal is {said}, held by b")
+    law.seen, seen = None, law.seen
+    assert law.remark(("a", "b")) == ""
+    law.seen, law.reference = seen, None
+    assert law.remark(("a", "b")) == ""
+    assert law.remark(()) == ""
+
+
+def test_a_governor_begins_without_a_reference_and_uses_what_its_law_does() -> None:
+    law = GoalGovernor(demand="implicit-switch")
+    assert (law.reference, law.seen, len(law.periods)) == (None, None, 0)
+    assert law.uses == ("T_s", "memory", "model")
+    law.reset(period=0.1)
+    assert law.law.period == 0.1
+    law.reset()
+    assert law.law.period == 0.1
+
+
+def test_influence_must_exceed_the_margin() -> None:
+    with pytest.raises(ConfigurationError, match=r"influence of goal-governor must be above its margin 0\.2, not 0\.2"):
+        GoalGovernor(margin=0.2, influence=0.2)
+
+
+def test_the_law_underneath_is_given_the_task_of_the_reference() -> None:
+    """K_p = 4|e| and K_v = 5|e|: with e = 1, ė = 0.1 and r = 0.8, b = 4.5 − 4 × 0.2² − 5 × 0.2 × 0.1 less 4.5.
+
+    Where the goal changes, the reference is carried there.
+    """
+    given: list[Task] = []
+
+    def at(t: float, q: Array, qd: Array) -> Any:
+        rows = SimpleNamespace(Lg=np.ones((1, 1)))
+        return SimpleNamespace(task=Task(np.eye(1), np.zeros(1), q, qd), error=q, sigma=-np.ones(1), rows=rows)
+
+    goals = [SimpleNamespace(reference=None, place=place) for place in (0.0, 0.5)]
+    feature = SimpleNamespace(carried=lambda r, before, after, error: r + before.place - after.place + 0.0 * error)
+    gains = SimpleNamespace(at=lambda error: (4.0 * np.abs(error).max(), 5.0 * np.abs(error).max()))
+    model: Any = SimpleNamespace(
+        present=Present(0.0, np.ones(1), np.zeros(1)), task=SimpleNamespace(gains=gains, goals=goals, feature=feature),
+        goal=0, until=inf, at=at, compiled=lambda: None, labels=("a",), K=np.zeros(1),
+    )  # fmt: skip
+    rows = Rows(-np.ones(1), np.ones((1, 1)), np.zeros(1), np.ones(1), ("a",))
+    law = GoalGovernor(speed=2.0, margin=0.1, influence=0.3, horizon=3.0)
+    law.reset(model=model)
+
+    def command(rows: Rows, task: Task) -> Command:
+        given.append(task)
+        return Command(np.zeros(1), "ok", np.zeros(1, dtype=bool), rows.labels)
+
+    law.law.command = command  # type: ignore[method-assign]
+    task = Task(np.eye(1), np.array([-4.5]), np.ones(1), np.array([0.1]))
+    for t in (0.0, 0.1):
+        model.present = model.present._replace(t=t)
+        law.command(rows, task)
+    np.testing.assert_allclose([law.reference, given[-1].error], [[0.8], [0.2]])
+    np.testing.assert_allclose(given[-1].b, [-4.0 * 0.2**2 - 5.0 * 0.2 * 0.1])
+    model.goal = 1
+    law.command(rows, task)
+    np.testing.assert_allclose(law.reference, [0.3])
 
 
 @pytest.mark.parametrize(("gains", "T"), [((0.16, 1.0), 20.0), ((1.0, 1.0), 8.0)])

@@ -111,11 +111,10 @@ class GoalGovernor(Controller):
         if name in type(self).ranges:
             if not (name == "horizon" and value is None) and positive(value) is None:
                 raise InvalidInput(f"{name} of {self.name} must be positive, not {shown(value)}")
-            both = {**vars(self), name: value}
-            margin, influence = both.get("margin", 0.0), both.get("influence", np.inf)
-            if influence <= margin:
+            own = {**vars(self), name: value}
+            if {"margin", "influence"} <= own.keys() and own["influence"] <= own["margin"]:
                 raise ConfigurationError(
-                    f"influence of {self.name} must be above its margin {margin:g}, not {influence:g}"
+                    f"influence of {self.name} must be above its margin {own['margin']:g}, not {own['influence']:g}"
                 )
         super().__setattr__(name, value)
 
