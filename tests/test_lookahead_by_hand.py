@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from scenes import Straight
-from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range, predictive
+from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range, goal_governor, predictive
 from vsconstraints.controllers.condensed import Lookahead, cost, limits, look_ahead
 from vsconstraints.controllers.goal_governor import at_rest_elsewhere
 from vsconstraints.controllers.horizon import Horizon, stopping_time
@@ -415,6 +415,41 @@ def test_rows_repel_the_reference_as_strongly_as_the_goal_attracts_it_where_the_
         )
     # near the goal the attraction falls: 0.05 away of the 0.2 from which on it does
     np.testing.assert_allclose(law.direction_of_reference(np.array([0.0, 0.05]), model, np.ones(3)), [0.0, -0.25])
+
+
+@pytest.mark.parametrize("size", [1.0, 0.1])
+def test_how_steep_a_row_is_does_not_count_and_one_that_is_flat_repels_nothing(size: float) -> None:
+    law = governor(0.2, np.array([-0.1, -0.1]), np.array([[size], [0.0]]), np.eye(1))
+    model: Any = SimpleNamespace(K=np.array([0.2, 0.2]))
+    np.testing.assert_allclose(law.direction_of_reference(np.array([2.0]), model, np.ones(2)), [-2.0])
+
+
+@pytest.mark.parametrize(("least", "there"), [(0.05, 0.0), (0.049, 0.05)])
+def test_the_reference_moves_where_its_motion_keeps_half_the_margin(
+    least: float, there: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Near the goal the attraction of (0.05, 0) is a quarter: 0.1 s by 2 a second lead to the goal."""
+    asked: list[Array] = []
+
+    def responds(model: Model, reference: Array, periods: Array, scale: Array) -> Response:
+        asked.append(reference)
+        return Response(np.array([0.5 if len(asked) == 1 else least]), np.empty(0), np.empty((0, 2)), np.eye(2))
+
+    monkeypatch.setattr(goal_governor, "response", responds)
+    gains = SimpleNamespace(at=lambda error: (4.0, 5.0))
+    present, task = Present(0.0, np.zeros(2), np.zeros(2)), SimpleNamespace(gains=gains, goals=[])
+    model: Any = SimpleNamespace(present=present, task=task, goal=0, labels=(), K=np.empty(0))
+    law, given = (
+        GoalGovernor(speed=2.0, margin=0.1, influence=0.3),
+        Task(np.eye(2), np.zeros(2), np.array([0.05, 0.0]), np.zeros(2)),
+    )
+    law.reset(model=model)
+    for t in (0.0, 0.1):
+        model.present = present._replace(t=t)
+        law.command(Rows.none(2), given)
+    assert law.reference is not None
+    np.testing.assert_allclose(law.reference, [there, 0.0], atol=1e-15)
+    np.testing.assert_allclose(asked[1], [0.0, 0.0], atol=1e-15)
 
 
 def test_the_reference_is_the_slower_the_nearer_its_motion_comes_to_a_row() -> None:
