@@ -287,14 +287,14 @@ def test_where_no_solver_answers_the_plan_goes_on(monkeypatch: pytest.MonkeyPatc
         raise SolverError("none")
 
     law, task = PredictiveControl(horizon=2, block=1), Task(np.ones((1, 1)), np.array([3.0]))
-    model = Straight(Rows.none(1), task)
+    model = Straight(Rows(-np.ones(1), np.ones((1, 1)), np.zeros(1), np.ones(1), ("a",)), task)
     law.reset(period=0.1, model=cast(Model, model))
     law.plan = Plan(np.array([[3.0], [1.0]]), np.zeros(1), 0.0, np.array([4]))
     model.present = model.present._replace(t=0.1)
     monkeypatch.setattr(predictive, "penalised", fails)
     command = law.command(model.rows, task)
     assert (command.status, command.reason) == ("suboptimal", "the plan goes on as it was: none")
-    assert not command.acted.any()
+    np.testing.assert_array_equal(command.acted, [False])
     assert command.qdd[0] == pytest.approx(1.0)
     assert law.plan is not None
     assert (law.plan.made, len(law.plan.held)) == (0.1, 0)
