@@ -57,6 +57,7 @@ def test_after_the_plan_all_joints_brake_together() -> None:
     np.testing.assert_allclose(at.q[-1], qd * (0.06 + 0.25))
     np.testing.assert_array_equal(at.qd[-1], 0.0)
     np.testing.assert_allclose(at.Q[-1], at.Q[-2] + 0.25 * at.V[-2])
+    np.testing.assert_array_equal(at.V[-1], 0.0)
     assert len(horizon.instants(q, qd, plan, np.array([1.0, np.inf])).times) == at.braking
 
 
