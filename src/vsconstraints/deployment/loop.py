@@ -222,7 +222,6 @@ class _Run:
         try:
             self.driver.begin()
             self.stream.begin()
-            self._alive()
             for k in range(self.setup.samples):
                 if requests.signal:
                     raise Halt("stopped", f"{signal.Signals(requests.signal).name} asked for it")
