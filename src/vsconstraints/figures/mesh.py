@@ -18,6 +18,9 @@ LIGHT = np.array([0.35, -0.55, 0.76])
 AXIS_COLOURS = ("#D42A2A", "#2E8B3D", "#1447C4")
 PLATE = "#F4F1E6"
 
+CELLS = 8
+"""Into how many parts each way a plate is cut: polygons are ordered by the mean distance of their corners."""
+
 
 class Mesh:
     """Polygons with a colour each, shaded by how they face the light."""
@@ -70,11 +73,18 @@ class Mesh:
         if len(markers) > 2:
             centre = markers.mean(axis=0)
             plate = centre + 1.25 * (markers - centre)
-            self.add(plate, PLATE, shaded=False)
-            for side in pairwise([*plate, plate[0]]):
-                self.tube(np.array(side), edge, INK, 6)
+            for a, b in pairwise([*plate, plate[0]]):
+                self._wedge(centre, a, b)
+                self.tube(np.array([a, b]), edge, INK, 6)
         for place in markers:
             self.ball(place, marker, INK, count=10)
+
+    def _wedge(self, apex: Array, a: Array, b: Array) -> None:
+        """A triangle of a plate (corners (3,) each) in small cells: whole, it would be drawn over bodies it carries."""
+        along, across = np.linspace(0.0, 1.0, CELLS + 1)[:, None], np.linspace(a, b, CELLS + 1) - apex
+        for near, far in pairwise(apex + along[:, None] * across):
+            for k in range(CELLS):
+                self.add(np.array([near[k], far[k], far[k + 1], near[k + 1]]), PLATE, shaded=False)
 
     def draw(
         self, ax: Any, centre: Sequence[float], half: float, elevation: float, azimuth: float, whole: bool = False
