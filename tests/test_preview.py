@@ -17,7 +17,7 @@ from vsconstraints.figures.arm import bars_of
 from vsconstraints.figures.image import Plane
 from vsconstraints.figures.mesh import Mesh
 from vsconstraints.geometry import distance
-from vsconstraints.preview import Preview, lines
+from vsconstraints.preview import FIGURE, Preview, lines
 from vsconstraints.preview.obstacles import add_obstacles
 from vsconstraints.preview.space import IN_VIEW, Places, viewpoint_of
 from vsconstraints.robots import ready_made
@@ -342,3 +342,41 @@ def test_what_cannot_be_previewed_is_refused(given: tuple[str, ...], words: str)
     done = say(*given)
     assert done.exit_code != 0
     assert words in str(done.exception)
+
+
+# --- units ---
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"camera__focal_px": [4.2, 4.2]}, "field of view is 178°: is the focal length 4.2 in mm, not px?"),
+        ({"sampling_time": 2.0}, "sampled tracking is unstable: is the sampling time 2 in ms, not s?"),
+        (
+            {"camera__size_px": [480, 640], "camera__principal_point_px": [322, 243]},
+            "is the centre of 640 × 480 px, not of 480 × 640 px: are width and height swapped?",
+        ),
+        ({"camera__mount__xyz": [0.0, 0.0, 60.0]}, "the camera is mounted 60 m from the arm's tip: "),
+        ({"target__square__side": 120.0}, "the target's markers are 120 m apart: are its coordinates in mm, not m?"),
+    ],
+)
+def test_numbers_in_other_units_are_doubted(changes: dict[str, Any], said: str) -> None:
+    preview = seen("examples/my-arm.toml", **changes)
+    assert [doubt for doubt in preview.warnings if said in doubt] == list(preview.doubts)
+    assert len(preview.doubts) == 1
+
+
+def test_a_run_that_can_start_in_doubtful_units_says_so() -> None:
+    setup = Scenario.load("examples/my-arm.toml").with_override("sampling_time", 0.25).setup()
+    assert "is the sampling time 0.25 in ms" in " ".join(setup.check_start())
+
+
+@pytest.mark.parametrize("height", [3.0, 60.0])
+def test_what_is_behind_the_camera_at_start_and_goal_is_drawn_all_the_same(height: float, tmp_path: Path) -> None:
+    scenario = Scenario.load("examples/my-arm.toml").with_override("target.square.xyz", [0.62, 0.03, height])
+    preview = Preview.of_scenario(scenario)
+    assert "marker 1 is behind the camera" in " ".join(preview.warnings)
+    assert "no run would start" in preview.warnings[-1]
+    FIGURE.write(tmp_path / "preview.png", preview)
+    with Image.open(tmp_path / "preview.png") as picture:
+        assert picture.size[0] > 500

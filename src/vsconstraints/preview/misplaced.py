@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -17,18 +18,28 @@ OF_GOALS = "performance-funnel"
 
 
 def without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
-    """The setup with the start as the only goal, without what is about goals; None if that cannot be built either."""
+    """The setup with a goal that any scene can have, without what is about goals; None if it cannot be built either.
+
+    That is the start or, where markers are behind the camera there, the image's centre.
+    """
     tables = scenario.tables
-    task, constraints = tables.get("task"), tables.get("constraints", [])
-    if not isinstance(task, dict) or not isinstance(constraints, list):
+    task, constraints, target = (tables.get(key, {}) for key in ("task", "constraints", "target"))
+    if not isinstance(task, dict) or not isinstance(target, dict):
         return None
-    kept = [one for one in constraints if not (isinstance(one, dict) and one.get("type") == OF_GOALS)]
-    goals = [{"camera_at_q": tables.get("q0")}]
-    changed = {**tables, "task": {**task, "goals": goals}, "constraints": kept}
-    try:
-        return Scenario(scenario.name, changed, scenario.folder).setup(trial, seed)
-    except VsconstraintsError:
-        return None
+    kept = [
+        one
+        for one in (constraints if isinstance(constraints, list) else [])
+        if not (isinstance(one, dict) and one.get("type") == OF_GOALS)
+    ]
+    centre = [[0.0, 0.0]] * (4 if "square" in target else len(target.get("markers", [])))
+    for replaced in (
+        {**task, "goals": [{"camera_at_q": tables.get("q0")}]},
+        {"feature": "image-points", "Kp0": 1.0, "goals": [{"markers_px": centre}]},
+    ):
+        with suppress(VsconstraintsError):
+            changed = {**tables, "task": replaced, "constraints": kept}
+            return Scenario(scenario.name, changed, scenario.folder).setup(trial, seed)
+    return None
 
 
 def moments_without(setup: Setup, scenario: Scenario) -> list[Moment]:

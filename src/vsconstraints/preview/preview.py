@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import SceneError, VsconstraintsError
 from ..scenarios import Scenario
 from ..simulation import Setup
+from ..simulation.start import implausible
 from .goals import goal_configuration
 from .misplaced import moments_without, without_goals
 from .moments import Moment, moment_at, nowhere
@@ -32,6 +33,8 @@ class Preview:
         All rows and the joints' own limits that no row is about, those nearest to their boundary first.
     refusal
         Why a run would not start; empty if it would.
+    doubts
+        Numbers of the setup that suggest another unit.
     """
 
     name: str
@@ -39,6 +42,7 @@ class Preview:
     moments: tuple[Moment, ...]
     rows: tuple[Row, ...]
     refusal: str
+    doubts: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, name: str, setup: Setup) -> Self:
@@ -50,7 +54,7 @@ class Preview:
         except VsconstraintsError as error:
             refusal = str(error)
         rows = sorted(rows_of(setup, moments), key=lambda row: -row.greatest)
-        return cls(name, setup, moments, tuple(rows), refusal)
+        return cls(name, setup, moments, tuple(rows), refusal, tuple(implausible(setup)))
 
     @classmethod
     def of_scenario(cls, scenario: Scenario, trial: int = 0, seed: int = 0) -> Self:
@@ -69,7 +73,8 @@ class Preview:
                 raise
             start, *goals = moments_without(without, scenario)
             rows = sorted(rows_of(without, (start, *goals)), key=lambda row: -row.greatest)
-            return cls(scenario.name, without, (start, *goals), tuple(rows), str(error))
+            moments, doubts = (start, *goals), tuple(implausible(without))
+            return cls(scenario.name, without, moments, tuple(rows), str(error), doubts)
         return cls.of(scenario.name, setup)
 
     @property
@@ -80,7 +85,8 @@ class Preview:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Everything that is wrong, with the moment it is wrong in."""
-        found = [f"{moment.name}: {problem}" for moment in self.moments for problem in moment.problems]
+        found = [*self.doubts]
+        found += [f"{moment.name}: {problem}" for moment in self.moments for problem in moment.problems]
         return (*found, f"no run would start: {self.refusal}") if self.refusal else tuple(found)
 
 
