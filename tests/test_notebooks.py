@@ -31,6 +31,7 @@ from vsconstraints.errors import ConfigurationError
 from vsconstraints.notebooks import Comparison, NotebookRun, laws, progress
 from vsconstraints.notebooks.laws import InstanceSpec, spec_of, specs_of
 from vsconstraints.rows import Command, Rows, Task
+from vsconstraints.runs.spec import ControllerSpec
 from vsconstraints.scenarios import Scenario
 
 SHORT = Scenario.load("example-2d-fov").with_override("duration", 3.5)
@@ -284,17 +285,17 @@ def test_without_cloudpickle_a_law_of_the_session_runs_here(monkeypatch: pytest.
 def test_bad_input_is_named() -> None:
     with pytest.raises(ConfigurationError, match="two laws have the name 'half'; give each its own"):
         compare([Half(), Half(share=0.3)], SHORT)
-    with pytest.raises(ConfigurationError, match=r"Half is a class: a law is one of its instances, Half\(\)"):
-        compare([Half], SHORT)
-    with pytest.raises(ConfigurationError, match=r"Half is a class"):
-        compare(Half, SHORT)
-    with pytest.raises(ConfigurationError, match="a law is a name or an instance of a Controller, not 3"):
+    with pytest.raises(ConfigurationError, match=r"a law is a name, module:Class, or a class or an instance .* not 3"):
         compare([3], SHORT)
+    with pytest.raises(ConfigurationError, match=r"a class or an instance of a Controller, not <class .int.>"):
+        compare(int, SHORT)
+    with pytest.raises(ConfigurationError, match=r"Needy\(\) cannot be made: .*strength"):
+        compare(Needy, SHORT)
     with pytest.raises(ConfigurationError, match=r"unknown controller 'sliding'.*Did you mean 'sliding-mode'"):
         compare("sliding", SHORT)
     with pytest.raises(ConfigurationError, match=r"unknown scenario 'ur5'.*Did you mean 'ur5-fov'"):
         compare(SlidingMode(), "ur5")
-    with pytest.raises(ConfigurationError, match="a scenario is a name, a path or a Scenario, not 5"):
+    with pytest.raises(ConfigurationError, match="a scenario is a name, a path, a Scenario or a Setup, not 5"):
         compare(SlidingMode(), [5])
     with pytest.raises(ConfigurationError, match="2 trials of example-2d-fov would be the same run"):
         compare(SlidingMode(), SHORT, trials=2)
@@ -413,3 +414,70 @@ def test_the_notebooks_run() -> None:
     told_at_end = [(int(found[1]), int(found[2])) for found in counts if found]
     assert told_at_end
     assert all(done == total > 1 for done, total in told_at_end)
+
+
+class Needy(Half):
+    name = "needy"
+
+    def __init__(self, strength: float) -> None:
+        super().__init__(share=strength)
+
+
+def test_a_law_is_the_same_by_name_by_class_and_as_an_instance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mylaw.py").write_text(
+        "from vsconstraints.controllers import SlidingMode\n\n\n"
+        'class Law(SlidingMode):\n    """One of one\'s own."""\n\n    name = "own"\n'
+    )
+    for law in ("sliding-mode", SlidingMode, SlidingMode()):
+        assert spec_of(law)[0] == ControllerSpec("sliding-mode")
+    assert spec_of("mylaw:Law")[0].name == "own"
+    found = compare(["mylaw:Law", SlidingMode], SHORT, workers=0, progress=False)
+    assert found.laws == ("tracking", "own", "sliding-mode")
+    first, second = (found.run(law).trajectory for law in ("own", "sliding-mode"))
+    np.testing.assert_array_equal(first.q, second.q)
+    np.testing.assert_array_equal(run(SHORT, "mylaw:Law").trajectory.q, first.q)
+    np.testing.assert_array_equal(run(SHORT, SlidingMode).trajectory.q, first.q)
+
+
+def test_setups_made_in_python_are_compared() -> None:
+    setup = SHORT.setup()
+    with pytest.warns(UserWarning, match="runs in this process"):
+        found = compare([SlidingMode()], setup, progress=False)
+    (name,) = found.scenarios
+    by_file = compare([SlidingMode()], SHORT, progress=False)
+    np.testing.assert_array_equal(found.run("sliding-mode").trajectory.q, by_file.run("sliding-mode").trajectory.q)
+    assert found.plot(name).rows() is not None
+    with pytest.raises(ConfigurationError, match="is a Setup, which has one trial"):
+        compare([SlidingMode()], setup, trials=2)  # before any warning
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_law_of_ones_own_is_named_on_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ownlaw.py").write_text(
+        "from vsconstraints.controllers import SlidingMode\n\n\n"
+        'class Law(SlidingMode):\n    """One of one\'s own."""\n\n    name = "own law"\n'
+    )
+    chosen = ["--scenario", "example-2d-fov", "--set", "scenario.duration=1.0", "--no-figures", "--out", "out"]
+    said = CliRunner().invoke(app, ["compare", "--controller", "ownlaw:Law", *chosen])
+    assert said.exit_code == 0, said.output
+    lines = read_table(tmp_path / "out" / "results.csv", RESULT_COLUMNS)
+    assert {line["controller"] for line in lines} == {"tracking", "own law"}
+    said = CliRunner().invoke(
+        app,
+        [
+            "run",
+            "ur5-fov",
+            "--controller",
+            "ownlaw:Law",
+            "--set",
+            "scenario.duration=0.1",
+            "--no-figures",
+            "--out",
+            "arm",
+        ],
+    )
+    assert said.exit_code == 0, said.output
+    said = CliRunner().invoke(app, ["compare", "--controller", "ownlaw:Lav", *chosen])
+    assert "ownlaw holds no Controller of the name 'Lav'" in str(said.exception)

@@ -26,8 +26,8 @@ def frames(
     seed: Annotated[int, typer.Option(min=0, help="Of trials and noise.")] = 0,
 ) -> None:
     """Run a scenario whose control sees rendered images, and write these, with the tags that are found in them."""
-    from ..controllers import make_controller
     from ..frames import kind_of, write_frames
+    from ..runs.spec import ControllerSpec
     from ..scenarios import Scenario
     from ..simulation import simulate
 
@@ -36,7 +36,7 @@ def frames(
     if "sensor" not in loaded.tables:
         loaded = loaded.with_override("sensor", "images")
     setup = loaded.setup(trial, seed)
-    law = make_controller(controller, {}, None)
+    law = ControllerSpec.called(controller, folder=Path()).make()
     with progress_bar() as progress:
         bar = progress.add_task("simulating", total=None)
         run = simulate(setup, law)

@@ -35,13 +35,17 @@ def _entry(name: str, table: object, where: str, folder: Path) -> ControllerSpec
 
 
 def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
-    """Those of these names, of the file's or registered ones; all of the file's if no name is given."""
+    """Those of these names, of the file's, registered ones or ``module:Class``; all of the file's if none is given."""
     by_name = {entry.name: entry for entry in entries}
     for name in names:
-        if name not in by_name and name not in CONTROLLERS:
+        if name not in by_name and name not in CONTROLLERS and ":" not in name:
             known = unknown_name("controller", name, {*by_name, *CONTROLLERS})
-            raise ConfigurationError(f"{known}; a suite can name others, as comparisons/laws.toml does")
-    return tuple(by_name.get(name) or ControllerSpec(name) for name in unique(names)) if names else entries
+            raise ConfigurationError(
+                f"{known}; a suite can name others, as comparisons/laws.toml does, and module:Class is one of your own"
+            )
+    chosen = tuple(by_name.get(name) or ControllerSpec.called(name, folder=Path()) for name in unique(names))
+    demand_names("controller", [entry.name for entry in chosen])
+    return chosen or entries
 
 
 def with_option(entries: Entries, name: str, option: str, value: object) -> Entries:

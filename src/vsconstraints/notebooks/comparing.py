@@ -40,9 +40,10 @@ def compare(
     Parameters
     ----------
     laws
-        Instances or registered names; a mapping gives them names of one's own, as two of one class need.
+        Instances, classes, registered names, or ``module:Class``; a mapping gives them names of one's own, as two of
+        one class need.
     scenarios
-        Names of shipped ones, paths, or scenarios.
+        Names of shipped ones, paths, scenarios, or setups made in Python.
     trials, seed
         How often each is run from starts or with noise that differ, and what those are drawn from.
     workers
@@ -65,8 +66,8 @@ def compare(
     """
     specs, notes = specs_of(laws)
     suite = Suite(NAME, "Comparison from a session", scenarios_of(scenarios), specs, trials, seed).checked()
-    own = sorted({scenario.name for scenario in suite.scenarios if scenario.in_session})
-    notes += tuple(f"{name} runs in this process: a constraint of it is defined in this session" for name in own)
+    own = {scenario.name: scenario for scenario in suite.scenarios if scenario.in_session}
+    notes += tuple(f"{name} runs in this process: {one.why_here}" for name, one in own.items())
     for note in notes:
         warnings.warn(note, stacklevel=2)
     folder = Path(tempfile.mkdtemp(prefix="vsconstraints-")) if out is None else Path(out)
@@ -77,7 +78,10 @@ def compare(
             )
         if finished.interrupted:
             raise KeyboardInterrupt
-        comparison = Comparison(StoredComparison.load(folder), (*notes, *suite.remarks()))
+        stored = StoredComparison.load(folder)
+        # a setup cannot be read back
+        stored.scenarios.update(own)
+        comparison = Comparison(stored, (*notes, *suite.remarks()))
     except BaseException:
         if out is None:
             shutil.rmtree(folder, ignore_errors=True)

@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from ..controllers import CONTROLLERS, Controller, Demand, Resolver, make_controller
-from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
+from ..errors import ConfigurationError, VsconstraintsError, described, shown
 from ..plugins import IN_SESSION
 from ..provenance import noted_import
 from ..runs.spec import ControllerSpec
 
-AnyLaw = Controller | str
-"""An instance, or the name of a registered one."""
+AnyLaw = Controller | type[Controller] | str
+"""An instance, a class that needs no options, the name of a registered one, or ``module:Class``."""
 
 Laws = AnyLaw | Iterable[AnyLaw] | Mapping[str, AnyLaw]
 """One, several, or several by names of one's own."""
@@ -72,9 +72,9 @@ def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
     ConfigurationError
         if one is no law, has no name, or two have the same.
     """
-    if isinstance(laws, Controller | str):
+    if isinstance(laws, Controller | str | type):
         laws = [laws]
-    if isinstance(laws, type) or not isinstance(laws, Iterable):
+    if not isinstance(laws, Iterable):
         raise _no_law(laws)
     given = list(laws.items()) if isinstance(laws, Mapping) else [(_name(law), law) for law in laws]
     names = [name for name, _ in given]
@@ -93,11 +93,9 @@ def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
 
     Laws of this package are told by their names and options, as in a file; all others as they are.
     """
-    name = name or _name(law)
     if isinstance(law, str):
-        if law not in CONTROLLERS:
-            raise unknown_name("controller", law, [*CONTROLLERS, "an instance"])
-        return ControllerSpec(name, law), ""
+        return ControllerSpec.called(law, name, Path()), ""
+    law, name = instance_of(law), name or _name(law)
     if not isinstance(law, Controller):
         raise _no_law(law)
     options = _options(law)
@@ -106,6 +104,16 @@ def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
     packed, why = _packed(law)
     note = f"{name} runs in this process, which it can stop or keep waiting: {why}" if why else ""
     return own_spec(law, name, packed), note
+
+
+def instance_of(law: Controller | type[Controller]) -> Controller:
+    """An instance as it is, or one of a class, made without options."""
+    if isinstance(law, type) and issubclass(law, Controller):
+        try:
+            return law()
+        except (Exception, SystemExit) as error:  # an own law may fail in any way
+            raise ConfigurationError(f"{law.__name__}() cannot be made: {described(error)}") from error
+    return law
 
 
 def own_spec(law: Controller, name: str, packed: bytes = b"") -> InstanceSpec:
@@ -126,19 +134,20 @@ def own_spec(law: Controller, name: str, packed: bytes = b"") -> InstanceSpec:
 
 def _name(law: object) -> str:
     if isinstance(law, str):
-        return law
-    if not isinstance(law, Controller):
+        return ControllerSpec.called(law, folder=Path()).name
+    kind = law if isinstance(law, type) else type(law)
+    if not issubclass(kind, Controller):
         raise _no_law(law)
     name = getattr(law, "name", None)
     if not isinstance(name, str):
-        raise ConfigurationError(f'{type(law).__name__} has no name: write name = "…" in the class')
+        raise ConfigurationError(f'{kind.__name__} has no name: write name = "…" in the class')
     return name
 
 
 def _no_law(given: object) -> ConfigurationError:
-    if isinstance(given, type) and issubclass(given, Controller):
-        return ConfigurationError(f"{given.__name__} is a class: a law is one of its instances, {given.__name__}()")
-    return ConfigurationError(f"a law is a name or an instance of a Controller, not {shown(given)}")
+    return ConfigurationError(
+        f"a law is a name, module:Class, or a class or an instance of a Controller, not {shown(given)}"
+    )
 
 
 def _options(law: Controller) -> dict[str, Any] | None:

@@ -21,10 +21,10 @@ from ..reports.best import shown
 from ..reports.figures import View
 from ..reports.numbers import DASH, FORMATS
 from ..runs.spec import BASELINE
-from ..simulation import Setup, simulate
+from ..simulation import simulate
 from .frames import frame_of, table_of
 from .html import page_within, paragraph, picture, table
-from .laws import own_spec, spec_of
+from .laws import AnyLaw, instance_of, own_spec, spec_of
 from .plots import Plots, rows_of
 from .scenes import AnyScenario, scenario_of
 
@@ -165,7 +165,7 @@ class ReplayPage:
         return Path(path)
 
 
-def run(scenario: AnyScenario | Setup, law: Controller | str, *, trial: int = 0, seed: int = 0) -> NotebookRun:
+def run(scenario: AnyScenario, law: AnyLaw, *, trial: int = 0, seed: int = 0) -> NotebookRun:
     """Simulate a law on a scenario, in this process.
 
     Parameters
@@ -173,7 +173,7 @@ def run(scenario: AnyScenario | Setup, law: Controller | str, *, trial: int = 0,
     scenario
         The name of a shipped one, a path, a :class:`.Scenario`, or a :class:`.Setup` made in Python.
     law
-        An instance, or a registered name.
+        An instance, a class, a registered name, or ``module:Class``.
     trial, seed
         Where it starts, see :meth:`.Scenario.setup`; a setup says that itself.
 
@@ -183,12 +183,11 @@ def run(scenario: AnyScenario | Setup, law: Controller | str, *, trial: int = 0,
         if there is no such scenario or law, or the robot cannot start. A law that fails ends the run, whose status is
         then ``failed``.
     """
+    if not isinstance(law, str):
+        law = instance_of(law)
     spec, _ = spec_of(law)
     if isinstance(law, Controller):
         spec = own_spec(law, spec.name)
-    if isinstance(scenario, Setup):
-        record = RunRecord.of(scenario, simulate(scenario, spec.make(), by_public_call=True), "")
-        return NotebookRun(scenario, record, spec.name, scenario.scene.robot.name)
     loaded = scenario_of(scenario)
     made = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True)
     return NotebookRun(made.setup, made.record, spec.name, loaded.name, loaded.title, loaded.folder)

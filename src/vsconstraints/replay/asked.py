@@ -70,7 +70,7 @@ def simulated(run: str, seed: int = 0) -> ReplayRun:
     if behind and shipped in CONTROLLERS:
         raise ConfigurationError(f"{run!r} names no run: a trial is a number from 0 on, not {last!r}")
     loaded = Scenario.load(scenario)
-    made = perform(RunSpec(loaded, ControllerSpec(law, folder=Path()), trial=trial, seed=seed))
+    made = perform(RunSpec(loaded, ControllerSpec.called(law, folder=Path()), trial=trial, seed=seed))
     return ReplayRun(_named(law, trial), made.setup, made.trajectory, loaded.title)
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..controllers import make_controller
+from ..controllers import controller_class, make_controller
 from ..controllers.base import Controller
-from ..errors import VsconstraintsError
+from ..errors import ConfigurationError, VsconstraintsError
 from ..kernels import available
 from ..plugins import module_files
 from ..scenarios import Scenario
@@ -43,6 +43,17 @@ class ControllerSpec:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "law", self.law or self.name)
+
+    @classmethod
+    def called(cls, law: str, name: str = "", folder: Path | None = None) -> ControllerSpec:
+        """A controller as command lines and sessions call it: a registered name or ``module:Class``.
+
+        Results call it ``name``; if none is given, as its class does. Raises ConfigurationError if there is none.
+        """
+        own = controller_class(law, folder).name if ":" in law else law
+        if not isinstance(own, str):
+            raise ConfigurationError(f'{law} has no name: write name = "…" in the class')
+        return cls(name or own, law, folder=folder if ":" in law else None)
 
     @property
     def here(self) -> bool:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -110,6 +110,9 @@ class Scenario:
         constraints = self.tables.get("constraints", [])
         kinds = (str(table.get("type", "")) for table in constraints if isinstance(table, dict))
         return tuple(kind for kind in kinds if ":" in kind)
+
+    why_here: ClassVar[str] = "a constraint of it is defined in this session"
+    """Why it runs in this process alone, where it does."""
 
     @property
     def in_session(self) -> bool:
