@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields, replace
 from functools import cache, partial
 from pathlib import Path
@@ -16,7 +17,7 @@ from vsconstraints.errors import ConfigurationError, InvalidInput, SceneError
 from vsconstraints.features import FeatureMotion
 from vsconstraints.geometry import distance
 from vsconstraints.rows import Array, Command, Rows, Task
-from vsconstraints.scenarios import Scenario
+from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import Setup, Tolerances, Trajectory, intervals, simulate
 from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.plant import Plant
@@ -605,3 +606,42 @@ def test_a_goal_that_no_controller_can_reach_is_remarked() -> None:
     assert any(remark.startswith("fov[marker 2] is violated at the start") for remark in remarks)
     reason = simulate(replace(narrow.setup(), duration=0.1), SlidingMode()).reason
     assert "goal 1 is forbidden by fov[marker 2]" in reason
+
+
+# --- goals that constraints close off ---
+
+
+def walled_in(gap: int | None) -> Setup:
+    """The first example, its first marker walled in by twelve discs that overlap; one is missing if there is a gap."""
+    scenario = Scenario.load("example-2d-fov")
+    bare = scenario.setup()
+    u, v = bare.scene.evaluate(0.0, bare.q0, bare.qd0).pixels.position[0]
+    common = {"type": "occlusion", "K": 0.2, "switching_gain": 10.0, "markers": [1]}
+    discs = [
+        {
+            **common,
+            "name": f"disc {i}",
+            "curve": {"shape": "circle", "centre_px": [u + 60.0 * np.cos(a), v + 60.0 * np.sin(a)], "radius": 20.0},
+        }
+        for i, a in enumerate(np.arange(12) * np.pi / 6.0)
+        if i != gap
+    ]
+    return scenario.with_override("constraints", [*scenario.tables["constraints"], *discs]).setup()
+
+
+def test_a_marker_that_constraints_close_off_from_its_goal_is_named() -> None:
+    (said,) = walled_in(gap=None).check_start()
+    assert said.startswith("marker 1 starts in a part of the image of ")
+    # between the circle inside the discs' near sides and that through their crossings
+    area = float(re.findall(r"([0-9]+) px²", said)[0])
+    crossing = 60.0 * np.cos(np.pi / 12.0) - np.sqrt(20.0**2 - (60.0 * np.sin(np.pi / 12.0)) ** 2)
+    assert np.pi * 40.0**2 < area < np.pi * crossing**2
+    assert said.endswith("close off from goal 1: no law can bring it there without violating one")
+    # in which direction the gap is does not matter
+    assert not [gap for gap in range(12) if walled_in(gap).check_start()]
+
+
+def test_the_papers_trap_cannot_be_left() -> None:
+    named = {name: Scenario.load(name).setup().separated for name in shipped_scenarios()}
+    assert {name for name, said in named.items() if said} == {"example-2d-bowl"}
+    assert "marker 1 starts in a part of the image of 31" in named["example-2d-bowl"][0]

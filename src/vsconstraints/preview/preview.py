@@ -34,7 +34,7 @@ class Preview:
     refusal
         Why a run would not start; empty if it would.
     doubts
-        Numbers of the setup that suggest another unit.
+        Numbers of the setup that suggest another unit, and markers that no law can bring to their goals.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Preview:
         except VsconstraintsError as error:
             refusal = str(error)
         rows = sorted(rows_of(setup, moments), key=lambda row: -row.greatest)
-        return cls(name, setup, moments, tuple(rows), refusal, tuple(implausible(setup)))
+        return cls(name, setup, moments, tuple(rows), refusal, (*implausible(setup), *setup.separated))
 
     @classmethod
     def of_scenario(cls, scenario: Scenario, trial: int = 0, seed: int = 0) -> Self:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -27,6 +28,7 @@ from .photographer import Photographer
 from .plant import Actuation, Plant
 from .seeing import ImageSensor
 from .sensing import Sensor
+from .separation import separated_markers
 from .start import remarks_at_start
 
 MOST_MEMORY = 2e9
@@ -189,6 +191,11 @@ class Setup:
     def gradient_error(self) -> GradientError:
         """What spoils the rows' gradients."""
         return GradientError(self.constraints, self.disturbances, self.scene.robot.n)
+
+    @cached_property
+    def separated(self) -> list[str]:
+        """See :func:`vsconstraints.simulation.separation.separated_markers`."""
+        return separated_markers(self)
 
     @property
     def samples(self) -> int:

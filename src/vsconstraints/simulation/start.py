@@ -46,7 +46,7 @@ def remarks_at_start(setup: Setup) -> list[str]:
         if refusal:
             raise ConfigurationError(refusal)
     violated = [f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in np.flatnonzero(sigma > 0.0)]
-    return remarks + violated + _forbidden_goals(setup)
+    return remarks + violated + _forbidden_goals(setup) + setup.separated
 
 
 def implausible(setup: Setup) -> list[str]:
