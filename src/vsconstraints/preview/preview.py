@@ -48,13 +48,14 @@ class Preview:
     def of(cls, name: str, setup: Setup) -> Self:
         """The preview of a setup; nothing is simulated."""
         moments = (moment_at(setup, "start", 0.0, setup.q0, setup.qd0), *_at_goals(setup))
+        doubts, refusal = implausible(setup), ""
         try:
             setup.check_start()
-            refusal = ""
+            doubts += setup.separated
         except VsconstraintsError as error:
             refusal = str(error)
         rows = sorted(rows_of(setup, moments), key=lambda row: -row.greatest)
-        return cls(name, setup, moments, tuple(rows), refusal, (*implausible(setup), *setup.separated))
+        return cls(name, setup, moments, tuple(rows), refusal, tuple(doubts))
 
     @classmethod
     def of_scenario(cls, scenario: Scenario, trial: int = 0, seed: int = 0) -> Self:
