@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from ..errors import unknown_name
-from .demands import BoundaryLayer, Demand, Repulsion
+from .demands import BoundaryLayer, Demand, RampRepulsion
 from .law import Law
 from .least_norm import RANK_TOLERANCE
 from .resolvers import Additive, Priority, Resolver
 
-BLENDS: dict[str, tuple[type[BoundaryLayer | Repulsion], type[Priority]]] = {
-    "additive": (Repulsion, Additive),
+BLENDS: dict[str, tuple[type[BoundaryLayer | RampRepulsion], type[Priority]]] = {
+    "additive": (RampRepulsion, Additive),
     "priority": (BoundaryLayer, Priority),
 }
 """Demand and resolver by the name of the blend."""
