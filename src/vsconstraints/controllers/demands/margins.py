@@ -117,9 +117,9 @@ class SampledBarrier(Barrier):
     Breeden, Garg and Panagou (2022): a command that is held for T_s keeps φ(t) ≤ 0 over the period if its bound is
     lower by ν, and if α T_s ≤ 1; a faster α would demand that φ passes its bound. That is a promise only if φ̈ is no
     more than ``curvature`` × scale in every period that begins near the boundary. No formula here bounds φ̈, which
-    depends on scene and arm: measured within 0.1 of the scale, it is up to 15 times the scale in the paper's scenes with
-    convex rows, 18 in ``ur5-fov`` and 88 in ``panda-fov``, and thousands around what is not convex. Bad at: that; and long
-    periods, at which φ rests ν/α inside.
+    depends on scene and arm: measured within 0.1 of the scale, it is up to 15 times the scale in the paper's scenes
+    with convex rows, 18 in ``ur5-fov`` and 88 in ``panda-fov``, and thousands around what is not convex. Bad at: that;
+    and long periods, at which φ rests ν/α inside.
 
     Parameters
     ----------
