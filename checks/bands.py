@@ -25,7 +25,7 @@ LAWS: dict[str, tuple[Mapping[str, float], float]] = {
     "implicit-switch": ({"periods": 1.0}, 1.0),
     "implicit-switch-with-drift": ({"periods": 1.0}, 2.0),
     "super-twisting": ({}, 2.0),
-    "implicit-super-twisting": ({}, 1.0),
+    "implicit-super-twisting": ({}, 2.0),
 }
 """Laws with their options, and the power of T_s."""
 

@@ -13,11 +13,11 @@ from vsconstraints.controllers import (
     Barrier,
     Controller,
     Filter,
-    Governor,
     Hierarchy,
     Law,
     Priority,
     Saturation,
+    Scaling,
     Tracking,
 )
 from vsconstraints.errors import InvalidInput
@@ -89,7 +89,8 @@ def test_a_box_that_holds_nothing_back_changes_no_bit(demand, resolver):
         Filter(),
         Filter(metric="task"),
         Saturation(),
-        Governor(),
+        Saturation(scales=False),
+        Scaling(),
         Hierarchy(solver="daqp"),
         Hierarchy(max_acceleration=0.3),
     ],

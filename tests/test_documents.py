@@ -11,6 +11,7 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
+import nbformat
 import pytest
 
 import vsconstraints
@@ -18,7 +19,9 @@ from documents import DOCS, PAGES, REFERENCE, ROOT, RUN, Block, blocks, examples
 from vsconstraints.comparisons import Suite, compare
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import RunRecord
+from vsconstraints.controllers import Tracking
 from vsconstraints.evidence import Campaign
+from vsconstraints.families import Family
 from vsconstraints.scenarios import Scenario
 from vsconstraints.scenarios.toml import read_toml
 from vsconstraints.simulation import Trajectory, simulate
@@ -147,6 +150,26 @@ def test_the_readme_shows_the_examples_as_they_are() -> None:
     (toml,) = re.findall(r"```toml\n(.*?)```", readme, flags=re.S)
     assert toml in arm
     assert len(arm.splitlines()) <= 12
+
+
+def test_the_example_law_is_the_same_wherever_it_is_shown() -> None:
+    example = (ROOT / "examples" / "cautious.py").read_text(encoding="utf-8")
+    (law,) = re.findall(r"^class Cautious.*?(?=^\S)", example, flags=re.S | re.M)
+    notebook = nbformat.read(ROOT / "notebooks" / "own-law.ipynb", as_version=4)
+    shown = [(ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/first-five-minutes.md")]
+    for text in (*shown, "\n".join(cell.source for cell in notebook.cells)):
+        assert law.strip() in text
+
+
+def test_the_example_law_keeps_scenes_that_it_was_not_made_for() -> None:
+    """Twelve held-out scenes of the six-axis arm with all kinds of rows, all of which tracking violates."""
+    law = runpy.run_path(str(ROOT / "examples" / "cautious.py"))["Cautious"]()
+    family = Family.load("six-axis")
+    for number in range(12):
+        setup = family.scene(number, half="held-out").setup("nominal")
+        alone, kept = (float(simulate(setup, each).sigma.max()) for each in (Tracking(), law))
+        assert alone > 0.0, number
+        assert kept <= 0.0, number
 
 
 def test_own_loop_reaches_its_goal(capsys: pytest.CaptureFixture[str]) -> None:

@@ -38,7 +38,7 @@ def test_every_command_does_what_the_page_says(
                 assert (tmp_path / file).stat().st_size > 500, f"{block.where}: {file}"
                 written += 1
     assert written >= 4
-    assert "careful: converged" in capsys.readouterr().out
+    assert "cautious: converged" in capsys.readouterr().out
     # what the page says of the changed line
     band = {
         folder: next(

@@ -98,9 +98,11 @@ def test_what_is_searched_of_each_law() -> None:
         "predictive": {"horizon", "block", "approach", "damping"},
         "goal-governor": {"speed", "margin", "influence", "horizon"},
     }
-    assert law_ranges("law", {"demand": "barrier", "resolver": "saturation"}) == {
+    assert law_ranges("law", {"demand": "barrier", "resolver": "saturation"}) == {"alpha": Range(1.0, 200.0)}
+    assert law_ranges("law", {"demand": "barrier", "resolver": "filter"}) == {
         "alpha": Range(1.0, 200.0),
-        "scales": Choices((False, True)),
+        "metric": Choices(("joint", "task")),
+        "damping": Range(1e-8, 1.0),
     }
     assert law_ranges("hierarchical-qp", {"rows": "active"}) == {}
 

@@ -26,7 +26,7 @@ from vsconstraints.controllers import (
     Pair,
     PotentialField,
     Priority,
-    Repulsion,
+    RampRepulsion,
     Saturation,
     SlidingMode,
     Switch,
@@ -77,10 +77,10 @@ class HighOrder(Demand):
     uses: ClassVar[tuple[str, ...]] = ("sigma", "sigma_dot", "K", "Lf")
 
 
-ASKING = (*(demand() for demand in DEMANDS), Repulsion(exponent=2.0), NotFaster(), HighOrder())
+ASKING = (*(demand() for demand in DEMANDS), RampRepulsion(exponent=2.0), NotFaster(), HighOrder())
 """Every registered demand, and own ones."""
 
-SHARING = (*(resolver() for resolver in RESOLVERS), Filter(metric="task"), Saturation(scales=True))
+SHARING = (*(resolver() for resolver in RESOLVERS), Filter(metric="task"), Saturation(scales=False))
 """Every registered resolver, and with other options."""
 
 PAIRS = [pytest.param(d, r, id=f"{d.name}-{r.name}") for d in ASKING for r in SHARING]
@@ -163,7 +163,7 @@ def same(one: Controller, other: Controller, seeds: int = 20) -> None:
 
 def test_named_laws_are_pairs() -> None:
     same(SlidingMode(), Law(Switch(), Priority()))
-    same(PotentialField(region=0.3), Law(Repulsion(0.3), Additive()))
+    same(PotentialField(region=0.3), Law(RampRepulsion(0.3), Additive()))
     same(PotentialField(blend="priority", region=0.3), Law(BoundaryLayer(0.3), Priority()))
     same(HierarchicalQP(), Law(Barrier(), Hierarchy()))
     same(HierarchicalQP(rows="active"), Law(Switch(), Hierarchy()))

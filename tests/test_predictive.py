@@ -11,7 +11,7 @@ import pytest
 
 from scenes import Straight
 from vsconstraints.control_step import ControlStep
-from vsconstraints.controllers import HierarchicalQP, PredictiveControl, condensed, predictive
+from vsconstraints.controllers import HierarchicalQP, PredictiveControl, Tracking, condensed, predictive
 from vsconstraints.controllers.horizon import Horizon
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.model import Model
@@ -199,6 +199,18 @@ def test_it_holds_the_case_study() -> None:
     assert excess(run) <= 0.0
     # it uses the space: what is challenged comes close to its bounds
     assert run.clearance.min() < 1e-3
+
+
+def test_a_safety_filter_lets_a_motion_pass_that_is_safe() -> None:
+    """Wabersich and Zeilinger (2021): nothing is changed, to the last bit, until the horizon meets a row."""
+    scene = setup("example-2d-fov", duration=3.2)
+    filtered, tracking = simulate(scene, PredictiveControl()), simulate(scene, Tracking())
+    horizon = PredictiveControl().horizon * PredictiveControl().block
+    contact = int(np.argmax(tracking.sigma.max(axis=1) > 0.0))
+    first = int(np.argmax((filtered.qdd_command != tracking.qdd_command).any(axis=1)))
+    assert contact - 2 * horizon < first < contact
+    np.testing.assert_array_equal(filtered.qdd_command[:first], tracking.qdd_command[:first])
+    assert "predictive safety filter" in cast(str, PredictiveControl.__doc__)
 
 
 def test_it_brakes_in_time_where_the_barrier_acts_too_late() -> None:

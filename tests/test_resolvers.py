@@ -1,4 +1,4 @@
-"""The resolvers filter, governor and projection against closed forms, oracles and differences; which are the same."""
+"""The resolvers filter, scaling and projection against closed forms, oracles and differences; which are the same."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from vsconstraints.controllers import (
     BoundaryLayer,
     Demand,
     Filter,
-    Governor,
     Hierarchy,
     Law,
     Priority,
     Projection,
-    Repulsion,
+    RampRepulsion,
     Resolver,
     Saturation,
+    Scaling,
     Switch,
     Tracking,
 )
@@ -41,11 +41,11 @@ FORMS = pytest.mark.parametrize("form", ["command", "define"])
 SHARED = (
     Filter(),
     Filter(metric="task"),
-    Governor(),
-    Saturation(),
+    Scaling(),
+    Saturation(scales=False),
     Projection(),
-    Saturation(scales=True),
-    Governor(max_acceleration=4.0),
+    Saturation(),
+    Scaling(max_acceleration=4.0),
     Saturation(max_acceleration=4.0),
 )
 
@@ -67,7 +67,9 @@ def tracked(task: Task) -> Array:
 
 @compiled
 @pytest.mark.parametrize("resolver", SHARED, ids=lambda resolver: resolver.name)
-@pytest.mark.parametrize("demand", [Barrier(), Switch(), BoundaryLayer(), Repulsion()], ids=lambda demand: demand.name)
+@pytest.mark.parametrize(
+    "demand", [Barrier(), Switch(), BoundaryLayer(), RampRepulsion()], ids=lambda demand: demand.name
+)
 def test_both_forms_agree_to_nine_digits(demand: Demand, resolver: Resolver) -> None:
     answered = 0
     for seed in range(60):
@@ -136,13 +138,13 @@ def test_a_metric_that_there_is_not_is_refused() -> None:
         Filter(metric=nonsense)
 
 
-# --- governor ---
+# --- scaling ---
 
 
 @FORMS
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10**6), redundant=st.booleans())
-def test_the_governor_scales_as_little_as_the_rows_allow(form: str, seed: int, redundant: bool) -> None:
+def test_scaling_scales_as_little_as_the_rows_allow(form: str, seed: int, redundant: bool) -> None:
     rng = np.random.default_rng(seed)
     n = 4
     task = Task(rng.normal(size=(3 if redundant else 4, n)), rng.normal(size=3 if redundant else 4))
@@ -154,7 +156,7 @@ def test_the_governor_scales_as_little_as_the_rows_allow(form: str, seed: int, r
             middle = 0.5 * (lowest + highest)
             lowest, highest = (middle, highest) if (A @ free * middle <= c).all() else (lowest, middle)
         highest = lowest
-    found = answer(Governor(), rows_that_ask(A, c), task, form)
+    found = answer(Scaling(), rows_that_ask(A, c), task, form)
     assert found.status == "ok"
     np.testing.assert_allclose(found.qdd, highest * free, atol=1e-8 * (1.0 + np.abs(free).max()))
     if highest < 1.0:
@@ -167,7 +169,7 @@ def test_a_row_that_must_brake_gets_the_least_correction(form: str) -> None:
     task = Task(np.eye(2), np.array([3.0, 4.0]))
 
     def found(A: Any, c: Any, **box: float) -> list[float]:
-        command = answer(Governor(**box), rows_that_ask(A, c), task, form)
+        command = answer(Scaling(**box), rows_that_ask(A, c), task, form)
         assert command.status == "ok"
         return [round(value, 9) + 0.0 for value in command.qdd]
 
@@ -187,13 +189,13 @@ def test_a_row_that_must_brake_gets_the_least_correction(form: str) -> None:
 
 
 @FORMS
-def test_a_governor_names_what_it_cannot_meet(form: str) -> None:
+def test_scaling_names_what_it_cannot_meet(form: str) -> None:
     rows, task = rows_that_ask([[1.0, 0.0], [-1.0, 0.0]], [-1.0, -1.0]), Task(np.eye(2), np.ones(2))
-    found = answer(Governor(), rows, task, form)
+    found = answer(Scaling(), rows, task, form)
     assert found.status == "relaxed"
     assert found.slacks == pytest.approx({"row[0]": 1.0, "row[1]": 1.0})
     rows = rows_that_ask([[1.0, 0.0], [0.0, 0.0]], [5.0, -1.0])
-    found = answer(Governor(), rows, task, form)
+    found = answer(Scaling(), rows, task, form)
     # a row that no acceleration influences slows nothing down
     np.testing.assert_allclose(found.qdd, [1.0, 1.0])
     assert (found.status, found.slacks) == ("relaxed", {"row[1]": 1.0})
@@ -264,7 +266,7 @@ def test_the_second_derivative_of_the_norm_of_the_error_is_that_of_tracking(form
 def test_where_no_joint_is_left_a_small_error_leaves_nothing_to_project(form: str) -> None:
     rows, task = problem(3)
     task = replace(task, error=0.01 * task.error / np.linalg.norm(task.error))
-    found = answer(Projection(), rows, task, form, Repulsion(region=5.0))
+    found = answer(Projection(), rows, task, form, RampRepulsion(region=5.0))
     assert found.acted.any()
     np.testing.assert_allclose(found.qdd, tracked(task), atol=1e-8)
 
@@ -310,7 +312,7 @@ def test_with_one_joint_there_is_nothing_to_share(form: str) -> None:
 
 @FORMS
 def test_one_row_and_a_task_that_weighs_all_joints_alike(form: str) -> None:
-    """Then the way to the row is along L_gφ for all of them, but for the governor, whose way is that of tracking."""
+    """Then the way to the row is along L_gφ for all of them, but for scaling, whose way is that of tracking."""
     rng = np.random.default_rng(1)
     J = 3.0 * np.linalg.qr(rng.normal(size=(4, 4)))[0]
     a, b = rng.normal(size=(1, 4)), rng.normal(size=4)
@@ -318,15 +320,15 @@ def test_one_row_and_a_task_that_weighs_all_joints_alike(form: str) -> None:
     c = a @ free - 0.5
     expected = free - 0.5 * a[0] / (a[0] @ a[0])
     rows, task = rows_that_ask(a, c), Task(J, b)
-    for resolver in (Priority(), Additive(), Hierarchy(), Filter(), Filter(metric="task"), Saturation()):
+    for resolver in (Priority(), Additive(), Hierarchy(), Filter(), Filter(metric="task"), Saturation(scales=False)):
         np.testing.assert_allclose(answer(resolver, rows, task, form).qdd, expected, atol=1e-7, err_msg=resolver.name)
 
 
 @FORMS
-def test_a_governor_of_a_task_at_rest_is_the_filter(form: str) -> None:
+def test_scaling_of_a_task_at_rest_is_the_filter(form: str) -> None:
     for seed in range(10):
         rows, task = problem(seed, m=3)
         task = replace(task, b=np.zeros(6))
-        one, other = (answer(resolver, rows, task, form, Barrier()) for resolver in (Governor(), Filter()))
+        one, other = (answer(resolver, rows, task, form, Barrier()) for resolver in (Scaling(), Filter()))
         assert one.status == other.status
         np.testing.assert_allclose(one.qdd, other.qdd, atol=1e-9 * (1.0 + np.abs(other.qdd).max()))

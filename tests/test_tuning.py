@@ -172,10 +172,10 @@ def test_more_evaluations_go_on_from_fewer(tmp_path: Path, run: Any) -> None:
 
 
 def test_settings_that_are_asked_for_twice_are_run_once(tmp_path: Path, run: Any) -> None:
-    controllers = '[controllers.s]\ntype = "law"\ndemand = "barrier"\nresolver = "saturation"\nalpha = 5.0\n'
+    controllers = '[controllers.s]\ntype = "cbf-filter"\nalpha = 5.0\ndamping = 1e-8\n'
     worth = Judged((0.1, 1.0, 1.0), 0.0, 1, 1)
     _, evaluator = run(Problem(campaign(tmp_path, controllers), Budget(10, 2)), tmp_path / "o", MadeUp(lambda _: worth))
-    assert sorted(setting.options["scales"] for setting in evaluator.asked) == [False, True]
+    assert sorted(setting.options["metric"] for setting in evaluator.asked) == ["joint", "task"]
     assert all(setting.options["alpha"] == 5.0 for setting in evaluator.asked)
     assert len(table(tmp_path / "o")) == 20
 

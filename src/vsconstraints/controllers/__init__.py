@@ -11,7 +11,7 @@ from typing import Any
 from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
 from ..plugins import beside, imported_class
 from .base import Controller
-from .demands import DEMANDS, Barrier, BoundaryLayer, Demand, ImplicitSwitch, Repulsion, Switch
+from .demands import DEMANDS, Barrier, BoundaryLayer, Demand, Firas, ImplicitSwitch, RampRepulsion, Switch
 from .goal_governor import GoalGovernor
 from .hierarchical_qp import HierarchicalQP
 from .law import Law
@@ -23,12 +23,12 @@ from .resolvers import (
     RESOLVERS,
     Additive,
     Filter,
-    Governor,
     Hierarchy,
     Priority,
     Projection,
     Resolver,
     Saturation,
+    Scaling,
 )
 from .sliding_mode import SlidingMode
 from .tracking import Tracking
@@ -45,8 +45,8 @@ __all__ = [
     "Controller",
     "Demand",
     "Filter",
+    "Firas",
     "GoalGovernor",
-    "Governor",
     "HierarchicalQP",
     "Hierarchy",
     "ImplicitSwitch",
@@ -56,10 +56,11 @@ __all__ = [
     "PredictiveControl",
     "Priority",
     "Projection",
+    "RampRepulsion",
     "Range",
-    "Repulsion",
     "Resolver",
     "Saturation",
+    "Scaling",
     "SlidingMode",
     "Switch",
     "Tracking",

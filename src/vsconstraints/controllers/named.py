@@ -146,7 +146,7 @@ NAMED: tuple[type[Named], ...] = (
         "implicit-super-twisting",
         ImplicitSuperTwisting,
         Hierarchy,
-        "Sliding mode of second order, solved for the end of the period, with strict priorities.",
+        "Sliding mode of second order by the proper implicit Euler method, with strict priorities.",
     ),
     named(
         "cbf-filter",

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from ..errors import unknown_name
-from .demands import BoundaryLayer, Demand, Repulsion
+from .demands import BoundaryLayer, Demand, RampRepulsion
 from .law import Law
 from .least_norm import RANK_TOLERANCE
 from .resolvers import Additive, Priority, Resolver
 
-BLENDS: dict[str, tuple[type[BoundaryLayer | Repulsion], type[Priority]]] = {
-    "additive": (Repulsion, Additive),
+BLENDS: dict[str, tuple[type[BoundaryLayer | RampRepulsion], type[Priority]]] = {
+    "additive": (RampRepulsion, Additive),
     "priority": (BoundaryLayer, Priority),
 }
 """Demand and resolver by the name of the blend."""
@@ -21,8 +21,9 @@ class PotentialField(Law):
     """Repulsion that grows continuously towards the boundary, inside an influence region.
 
     The repulsion is ψ(φ) u⁺ inside the region −δ < φ, with δ = ``region`` × the row's scale.
-    ψ = (1 + φ/δ)^exponent is 0 where the region begins and 1 on the boundary. Since φ = σ + K σ̇, the repulsion is a
-    spring in σ together with a damper in σ̇.
+    ψ = (1 + φ/δ)^exponent is 0 where the region begins and 1 on the boundary: a ramp, where Khatib's FIRAS, the demand
+    :class:`~vsconstraints.controllers.Firas`, is infinite. Since φ = σ + K σ̇, the repulsion is a spring in σ together
+    with a damper in σ̇.
 
     ``additive`` is the classical sum of tracking and repulsion: q̈ = J†b − Σ ψᵢ u⁺ᵢ L_gφᵢ†, where ψ goes on growing
     beyond the boundary. Either part may win, so that rows can be violated.

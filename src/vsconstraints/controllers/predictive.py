@@ -1,4 +1,4 @@
-"""Predictive control: the plan that tracks best within the rows of all states that it leads to."""
+"""A predictive safety filter: of all plans that keep the rows, the one nearest to what the tracking law would do."""
 
 from __future__ import annotations
 
@@ -53,7 +53,15 @@ class Plan(NamedTuple):
 
 
 class PredictiveControl(Controller):
-    """Minimise the tracking law's residual along a plan, with rows held in every state that it leads to.
+    """A predictive safety filter: minimise the tracking law's residual along a plan whose states keep all rows.
+
+    What is filtered is the command of the tracking law (Wabersich and Zeilinger 2021): where its motion keeps all rows
+    over the horizon, it is commanded unchanged, and otherwise the least is taken from it. Differences to that paper:
+    nearness is measured in the task, ‖J u − b‖, and over all blocks instead of the first alone (multi-step safety
+    filters: Pizarro Bejarano, Brunke and Schoellig 2023); rows are soft where no plan meets them; and the plan ends
+    with a brake in place of an invariant set, so that nothing proves that there will always be a plan. It is not the
+    model predictive control of Allibert, Courtial and Chaumette (2010), which minimises the error of the image features
+    themselves over the horizon: here the tracking law alone says how the error falls.
 
     The plan u has H blocks of constant q̈; the first one's is the command, and in the next sample all is computed anew.
     Along the plan of the sample before, moved on in time, the model gives rows and task, which are linearised there in
@@ -76,7 +84,10 @@ class PredictiveControl(Controller):
     that of :class:`~vsconstraints.controllers.Tracking`. Plans are not searched globally: around what is not convex,
     such as a bowl, a plan may come to lie beyond it.
 
-    References: Allibert, Courtial, Chaumette, "Predictive control for constrained image-based visual servoing", IEEE
+    References: Wabersich, Zeilinger, "A predictive safety filter for learning-based control of constrained nonlinear
+    dynamical systems", Automatica 129, 2021. Pizarro Bejarano, Brunke, Schoellig, "Multi-step model predictive safety
+    filters: reducing chattering by increasing the prediction horizon", IEEE Conference on Decision and Control, 2023.
+    Allibert, Courtial, Chaumette, "Predictive control for constrained image-based visual servoing", IEEE
     Transactions on Robotics, 2010. Hajiloo, Keshmiri, Xie, Wang, "Robust online model predictive control for a
     constrained image-based visual servoing", IEEE Transactions on Industrial Electronics, 2016. Diehl, Bock, Schlöder,
     "A real-time iteration scheme for nonlinear optimization in optimal feedback control", SIAM Journal on Control and

@@ -1,4 +1,4 @@
-"""The resolvers ``hierarchy``, ``filter`` and ``governor``, compiled: their demands, given to the descent."""
+"""The resolvers ``hierarchy``, ``filter`` and ``scaling``, compiled: their demands, given to the descent."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .structures import ASK, FAILED, NEAREST, SCALED, STRICT, Answer, LawArrays,
 
 @in_place
 def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float:
-    """Scale the command that tracks by κ of ``governor``, which is returned; what rows allow is put in ``tracked``."""
+    """Scale the command that tracks by κ of ``scaling``, which is returned; what rows allow is put in ``tracked``."""
     kappa = 1.0
     for j in range(qdd.size):
         kappa = min(kappa, share(box[GREATEST, j], qdd[j]), share(-box[LEAST, j], -qdd[j]))
@@ -37,10 +37,10 @@ def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float
 
 @compiled(RESOLVER, from_python=False)
 def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
-    """See :class:`vsconstraints.controllers.resolvers.Hierarchy`, ``Filter`` and ``Governor``.
+    """See :class:`vsconstraints.controllers.resolvers.Hierarchy`, ``Filter`` and ``Scaling``.
 
     Their options are the rank tolerance, half the width of their own box or infinity, the damping, and ``STRICT`` for
-    the hierarchy, ``NEAREST`` or ``WEIGHED`` for the filter in joint and task space, or ``SCALED`` for the governor.
+    the hierarchy, ``NEAREST`` or ``WEIGHED`` for the filter in joint and task space, or ``SCALED`` for scaling.
 
     Returns
     -------

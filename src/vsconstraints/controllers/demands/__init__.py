@@ -13,7 +13,7 @@ from .margins import GradientRobustBarrier, InputToStateSafeBarrier, RobustBarri
 from .nonlinear_barriers import FiniteTimeBarrier, ReciprocalBarrier
 from .nothing import Nothing
 from .outer_layer import OuterLayer
-from .repulsion import Repulsion
+from .repulsion import Firas, RampRepulsion
 from .super_twisting import ImplicitSuperTwisting, SuperTwisting
 from .switch import Switch
 
@@ -24,6 +24,7 @@ __all__ = [
     "BoundaryLayer",
     "Demand",
     "FiniteTimeBarrier",
+    "Firas",
     "GradientRobustBarrier",
     "HighOrderBarrier",
     "ImplicitSuperTwisting",
@@ -32,8 +33,8 @@ __all__ = [
     "InputToStateSafeBarrier",
     "Nothing",
     "OuterLayer",
+    "RampRepulsion",
     "ReciprocalBarrier",
-    "Repulsion",
     "RobustBarrier",
     "SampledBarrier",
     "SuperTwisting",
@@ -48,7 +49,8 @@ DEMANDS: tuple[type[Demand], ...] = (
     OuterLayer,
     SuperTwisting,
     ImplicitSuperTwisting,
-    Repulsion,
+    Firas,
+    RampRepulsion,
     Barrier,
     ReciprocalBarrier,
     FiniteTimeBarrier,

@@ -1,4 +1,4 @@
-"""The super-twisting algorithm, by the explicit and by the implicit Euler method."""
+"""The super-twisting algorithm, by the explicit and by the proper implicit Euler method."""
 
 from __future__ import annotations
 
@@ -39,19 +39,18 @@ def super_twisting(row: Row, rate: float) -> Any:
 
 @formula
 def implicit_super_twisting(row: Row, rate: float) -> Any:
-    """max(−u⁺, (x − φ)/T_s), x + T_s k₁ √|x| sign x + T_s² k₂ sign x ∋ φ + T_s w; w less T_s k₂ sign x.
+    """max(−u⁺, w₊ + (x − φ)/T_s), x + T_s k₁ √|x| sign x + T_s² k₂ sign x ∋ φ; w₊ = w − T_s k₂ sign x.
 
-    Of the inclusion x is 0 where |φ + T_s w| ≤ T_s² k₂, and sign x then the number in between that solves it; else the
-    square of y = √|x|, which solves y² + T_s k₁ y = |φ + T_s w| − T_s² k₂.
+    Of the inclusion x is 0 where |φ| ≤ T_s² k₂, and sign x then the number in between that solves it; else the square
+    of y = √|x|, which solves y² + T_s k₁ y = |φ| − T_s² k₂.
     """
     k1, k2 = gains(row, rate)
-    w = row.memory[0]
-    z, step, half = row.phi + row.period * w, row.period * row.period * k2, 0.5 * row.period * k1
-    over = np.maximum(np.abs(z) - step, 0.0)
+    step, half = row.period * row.period * k2, 0.5 * row.period * k1
+    over = np.maximum(np.abs(row.phi) - step, 0.0)
     # y without the difference of two numbers that are nearly equal
     y = over / (half + np.sqrt(half * half + over))
-    c = (np.sign(z) * y * y - row.phi) / row.period
-    return held(row, c, w - np.minimum(np.maximum(z, -step), step) / row.period)
+    after = row.memory[0] - np.minimum(np.maximum(row.phi, -step), step) / row.period
+    return held(row, after + (np.sign(row.phi) * y * y - row.phi) / row.period, after)
 
 
 @dataclass(frozen=True)
@@ -80,12 +79,17 @@ class SuperTwisting(Demand):
 
 @dataclass(frozen=True)
 class ImplicitSuperTwisting(SuperTwisting):
-    """Rows demand what :class:`SuperTwisting` does, solved for the end of the period.
+    """Rows demand what :class:`SuperTwisting` does, by the proper implicit Euler method, and never more than −u⁺.
 
-    The implicit Euler method (Brogliato, Polyakov and Efimov 2020). Good at: far less switching, and a rate that is too
-    large costs nothing. Bad at: contacts, as the explicit one; accuracy, since what it takes to zero is φ + T_s v, in
-    which the drift of the period is not: at rest it is :class:`ImplicitSwitch`, and φ is T_s L_fφ; and rows far inside,
-    which resolvers with inequalities keep to v ≤ k₁ √|φ| as well, though a steep φ could come faster.
+    Seeber and Andritsch (2025): x = φ − T_s k₁ √|x| sign x − T_s² k₂ sign x is where φ would be after the period if w
+    were what the drift takes, w₊ = w − T_s k₂ sign x, and v = w₊ + (x − φ)/T_s = −k₁ √|x| sign x + 2w₊ − w. A drift
+    that changes by no more than L < k₂ a second is held within |φ| ≤ L T_s², the least that any law can promise that
+    does not know the drift of the period to come; a constant one is rejected exactly, without chattering, however
+    large the rate is. Implicit forms before it (Brogliato, Polyakov and Efimov 2020) take φ + T_s v to zero, without
+    the drift, and leave φ = T_s L_fφ. Once φ rests this is :class:`ImplicitSwitchWithDrift` with p = 1. Good at:
+    unknown drifts, with far less switching than the explicit form. Bad at: contacts, as that one; commands that are
+    not followed at once, and noise of φ, which it divides by T_s; and rows far inside, which resolvers with
+    inequalities keep to v ≤ k₁ √|φ| as well, though a steep φ could come faster.
 
     Parameters
     ----------

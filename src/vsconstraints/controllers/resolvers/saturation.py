@@ -7,7 +7,6 @@ together.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -19,7 +18,6 @@ from ...qp import SolverChain
 from ...qp.lexicographic import MET, STRICT, ZERO_GRADIENT
 from ...rows import Array, Command, IntArray, Rows, Task
 from ..least_norm import track
-from ..ranges import Choices, Declared
 from ..task_priority import resolve
 from .base import Asked
 from .hierarchy import Hierarchy
@@ -53,10 +51,14 @@ class Saturation(Hierarchy):
     on the way, the one that allows the largest s in [0, 1] is taken. Where demands ask for braking, it can be that none
     allows any s: then the command is that of :class:`Hierarchy`, with its statuses.
 
-    What becomes of a task that the null space is too small for? In the paper it is scaled. An arm without redundancy
-    is then slowed down as a whole, and where no demand asks for braking it is :class:`Governor`: ``scales=True``.
-    Otherwise it is met in the least-squares sense. No task is then ever scaled as long as q̈ = 0 meets all demands: each
-    row is saturated at the s up to which it allowed the task, and what is within all bounds there still is.
+    So the task keeps its direction, J q̈ = s b, wherever q̈ = 0 meets all demands: scaling is part of the algorithm. An
+    arm without redundancy, n = k, has no null space and is slowed down as a whole: where no demand asks for braking,
+    this is then :class:`Scaling`.
+
+    With ``scales=False``, which is not SNS but a variant of it, a task that the null space is too small for is met in
+    the least-squares sense instead, and loses its direction. It is then never scaled as long as q̈ = 0 meets all
+    demands: each row is saturated at the s up to which it allowed the task, and what is within all bounds there still
+    is.
 
     Nothing that is saturated is let go again. Where that would be better, the task is met less well than by
     :class:`Hierarchy`; where it pulls against all that is saturated, as against one row, they are the same.
@@ -67,19 +69,18 @@ class Saturation(Hierarchy):
     Parameters
     ----------
     scales
-        Whether a task that cannot be met whole any more is scaled.
+        Whether a task that cannot be met whole any more is scaled, as published.
     rank_tolerance
         Singular values below this fraction of the largest one count as zero, of J and of the saturated rows.
     solver, weights, max_acceleration, damping
         See :class:`vsconstraints.controllers.HierarchicalQP`; all but the box concern the hierarchy alone.
     """
 
-    scales: bool = False
+    scales: bool = True
 
     name = "saturation"
     kernel: ClassVar[tuple[str, str]] = ("saturation", "saturation")
     otherwise: ClassVar[tuple[str, str] | None] = Hierarchy.kernel
-    ranges: ClassVar[Mapping[str, Declared]] = {"scales": Choices((False, True))}
 
     def __post_init__(self) -> None:
         super().__post_init__()

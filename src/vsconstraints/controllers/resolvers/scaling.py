@@ -1,4 +1,4 @@
-"""The scalar governor: the tracking command, scaled."""
+"""Scalar task scaling: the tracking command, as much of it as all rows allow."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from .hierarchy import Hierarchy
 
 
 @dataclass(frozen=True, kw_only=True)
-class Governor(Hierarchy):
+class Scaling(Hierarchy):
     """q̈ = κ q̈_track with the largest κ in [0, 1] at which every row keeps its demand, κ L_gφ q̈_track ≤ c.
 
     Whichever row is the first to resist slows everything down, other parts of the task too: what any law should do
-    better than. The direction of q̈ is that of tracking, as in scalar reference governors (Bemporad, Casavola
-    and Mosca 1997; Gilbert and Kolmanovsky 2002), which scale the reference.
+    better than. The direction of q̈ is that of tracking. This is the scaling of :class:`Saturation` without its null
+    space. It scales the command of the present sample and predicts nothing: a reference governor, which moves the goal,
+    is :class:`~vsconstraints.controllers.GoalGovernor`.
 
     Where c < 0 of a row that tracking leads outwards, even κ = 0 is too much, and no κ is right; nor where c < 0 of a
     row that tracking leads inwards, but not fast enough. Then κ is the largest that no row would by itself have
@@ -36,7 +37,7 @@ class Governor(Hierarchy):
         See :class:`vsconstraints.controllers.HierarchicalQP`.
     """
 
-    name = "governor"
+    name = "scaling"
 
     @property
     def aim(self) -> int:
