@@ -121,7 +121,7 @@ def test_mcnemar_in_a_textbook() -> None:
     assert (found.only_a, found.only_b, found.n) == (150, 86, 1600)
     assert found.p == pytest.approx(known.pvalue, rel=1e-9)
     assert found.difference == pytest.approx(0.04)
-    assert (found.low, found.high) == pytest.approx((0.020, 0.060), abs=5e-4)  # ± 1.96 standard errors and 1/1600
+    assert (found.low, found.high) == pytest.approx((0.0206, 0.0594), abs=3e-4)  # ± 1.96 standard errors and 1/1600
 
 
 @given(st.integers(0, 30), st.integers(0, 30), st.integers(0, 30), st.sampled_from([0.9, 0.95, 0.998]))
@@ -166,7 +166,8 @@ def test_what_is_detectable_is_found_in_four_of_five_simulations(n: int, differi
 def test_nothing_is_detectable_on_too_few_scenes() -> None:
     """Eight scenes to one side: (8 − 1)/√8 = 2.47, which 15 comparisons (2.94) do not allow."""
     assert detectable(8, 0.5, simultaneous(0.95, 15)) == math.inf
-    assert 0.9 < detectable(8, 0.5) < 1.0
+    # alone, six to none are enough: (6 − 1)/√6 = 2.04
+    assert scipy.stats.binom.sf(5, 8, detectable(8, 0.5)) == pytest.approx(0.8, abs=1e-4)
     assert detectable(0, 0.0) == math.inf
 
 

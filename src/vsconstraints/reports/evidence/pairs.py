@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import Any, NamedTuple
 
+from ...readable import counted
 from ...statistics import compare_laws
 from ..numbers import number
 from .words import percentage
@@ -41,7 +42,7 @@ class Measure(NamedTuple):
     @property
     def margin_text(self) -> str:
         """The margin, for a table's cell."""
-        return f"× {number(self.margin)}" if self.ratio else f"{percentage(self.margin, 0)} points"
+        return f"× {number(self.margin)}" if self.ratio else counted(round(100.0 * self.margin), "point")
 
 
 MEASURES = (
