@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from made_evidence import drawn_runs, frame, made, run
+from vsconstraints.evidence import Evidence
 from vsconstraints.reports.evidence.holding import conclusions, held, holding, powers
 from vsconstraints.reports.evidence.material import Material
 from vsconstraints.reports.evidence.pairs import MEASURES, PairVerdict
@@ -182,6 +183,23 @@ def test_the_power_is_that_of_the_scenes_the_pairs_and_how_often_they_differ() -
     assert pairs == {("a", "b"), ("a", "c"), ("b", "c")}
     assert found[1:] == ("other", 3, 20, detectable(20, 8 / 20, simultaneous(0.95, 3)))
     assert found.as_data()["detectable"] == found.detectable
+
+
+def test_the_pages_say_of_the_kept_runs_what_the_report_says() -> None:
+    root = Path(__file__).parents[1]
+    each = [one.numbers for one in held(Material(Evidence.load(root / "reports" / "real-world"), figures=False))]
+    holds, unsure, excluded = ([int(one[k]) for one in each] for k in ("holds", "inconclusive", "reversal_excluded"))
+    points = [round(100.0 * one["detectable"]) for one in each]
+    (conclusions,) = {int(one["conclusions"]) for one in each}
+    assert {one["reversed"] for one in each} == {0}
+    readme, page = (" ".join((root / name).read_text("utf-8").split()) for name in ("README.md", "docs/real-world.md"))
+    assert f"of {conclusions} conclusions {min(holds)} to {max(holds)} hold and none is reversed" in readme
+    assert f"from {points[0]} points on where 80 scenes were run, and from {points[2]} points on by images" in readme
+    a, b, c, d = holds
+    assert f"{a} hold with a calibrated camera, {b} on arms with mass, {c} by images and {d} by images on arms" in page
+    for numbers in (unsure, excluded, points):
+        a, b, c, d = numbers
+        assert f"{a}, {b}, {c} and {d}" in page
 
 
 def test_all_of_it_found_again_by_other_libraries(tmp_path: Path) -> None:
