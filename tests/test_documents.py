@@ -42,7 +42,7 @@ NOT_RUN: dict[tuple[str, str], str] = {
         "checks.md",
         "python -m checks.drawing vsconstraints-results         # what `vsconstraints report` draws",
     ): "needs a comparison with its trajectories",
-    ("checks.md", "python -m checks.statistics                      # a quarter of an hour"): "takes that long",
+    ("checks.md", "python -m checks.statistics                      # half an hour"): "takes that long",
 }
 """Blocks of the language ``text``, which cannot be run, by page and first line, and why they cannot."""
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import sys
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 import scipy.stats
+from statsmodels.stats.multitest import multipletests
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -22,8 +24,6 @@ from vsconstraints.statistics import (
     OUTCOMES,
     compare_laws,
     costs,
-    difference_interval,
-    holm,
     judged_metrics,
     medians,
     profile,
@@ -59,7 +59,7 @@ def test_only_scenes_in_which_both_count(runs: pd.DataFrame) -> None:
     line = compare_laws(runs, "jerk_rms").iloc[0]
     assert (line.a, line.b, line.family, line.condition, line.metric) == ("a", "b", "planar", "nominal", "jerk_rms")
     assert (line.scenes, line.paired, line.only_a, line.only_b) == (11, 8, 1, 1)
-    assert (line.difference, line.low, line.high, line.effect) == (-1.0, -1.0, -1.0, 1.0)
+    assert (line.difference, line.low, line.high, line.effect, line.differ) == (-1.0, -1.0, -1.0, 1.0, 8)
     assert line.ratio == pytest.approx(math.sqrt(7 / 8 * 8 / 9))  # in the middle of 1/2, 2/3, 6/7, … 11/12
     assert (line.p, line.verdict) == (2 / 2**8, "better")
 
@@ -72,7 +72,7 @@ def test_outcomes_count_every_scene(runs: pd.DataFrame) -> None:
     assert (violation.only_a, violation.only_b) == (1, 0)
     assert violation.difference == pytest.approx(1 / 11)
     assert violation.effect == pytest.approx(0.5 - 0.5 / 11)
-    assert violation.effect_low < violation.effect < violation.effect_high
+    assert violation.differ == 1
     table = rates(runs, "convergence").set_index("controller")
     assert (table.loc["a", "count"], table.loc["b", "count"], table.loc["a", "of"]) == (10, 9, 11)
     known = rate_of(9, 11)
@@ -85,13 +85,11 @@ def test_chances_of_outcomes_are_those_of_wins_and_losses() -> None:
     """Of 10 scenes a wins 3 and loses none, by success; by violation it is the other way round."""
     a, b = made("a", [1.0] * 10), made("b", [1.0] * 10, violated=["q[1]"] * 3 + [""] * 7)
     runs = pd.concat([a, b])
-    low, high = difference_interval(3, 0, 10)
     for outcome, difference in (("success", 0.3), ("violation", -0.3)):
         line = compare_laws(runs, outcome).iloc[0]
         assert (line.difference, line.effect) == pytest.approx((difference, 0.65))
-        assert (line.effect_low, line.effect_high) == pytest.approx(((1 + low) / 2, (1 + high) / 2))
     never = compare_laws(pd.concat([a[:5], b[5:]]), "success").iloc[0]
-    assert (never.scenes, never.effect, never.effect_low, never.effect_high) == (0, 0.5, 0.0, 1.0)
+    assert (never.scenes, never.effect, never.low, never.high) == (0, 0.5, -1.0, 1.0)
     assert never.verdict == "too few"
 
 
@@ -104,12 +102,13 @@ def test_ratios_of_nothing_negative(first: str) -> None:
         runs = pd.concat([made(law, (usual if law == first else odd).tolist()) for law in "ab"])
         line = compare_laws(runs, "jerk_rms").iloc[0]
         a, b = (usual, odd) if first == "a" else (odd, usual)
+        differ = [(x, y) for x, y in zip(a, b, strict=True) if x != y]
+        assert line.differ == len(differ)
+        assert line.p == scipy.stats.binomtest(sum(x < y for x, y in differ), len(differ)).pvalue
         if value < 0.0:
             assert math.isnan(line.ratio)
-            assert line.p == pytest.approx(scipy.stats.wilcoxon(a, b).pvalue)
         else:
-            assert line.ratio == pytest.approx(sorted(x / y if y else math.inf for x, y in zip(a, b, strict=True))[4])
-            assert line.p != pytest.approx(scipy.stats.wilcoxon(a, b).pvalue)
+            assert line.ratio == pytest.approx(np.median([x / y if y else math.inf for x, y in differ]))
 
 
 def test_medians_are_of_runs_that_count(runs: pd.DataFrame) -> None:
@@ -117,15 +116,6 @@ def test_medians_are_of_runs_that_count(runs: pd.DataFrame) -> None:
     assert (line.counted, line.of, line["median"]) == (9, 11, 7.0)
     # of 9 values, the second and the last but one: 2 (1 + 9)/2⁹ = 0.04
     assert (line.low, line.high) == (2.0, 10.0)
-
-
-def test_the_seed_is_0_unless_told() -> None:
-    rng = np.random.default_rng(1)
-    runs = pd.concat([made(law, rng.lognormal(size=60).tolist()) for law in "ab"])
-    told = [compare_laws(runs, "jerk_rms", seed=seed).iloc[0] for seed in (0, 1)]
-    assert (told[0].low, told[0].high) != (told[1].low, told[1].high)
-    known = compare_laws(runs, "jerk_rms").iloc[0]
-    assert (known.low, known.high) == (told[0].low, told[0].high)
 
 
 def test_costs_put_failures_at_infinity(runs: pd.DataFrame) -> None:
@@ -163,16 +153,22 @@ def test_depth_counts_where_rows_were_violated_and_bands_where_sliding_was_not_l
 def test_every_pair_is_corrected_within_its_group() -> None:
     rng = np.random.default_rng(0)
     base = rng.lognormal(size=40)
-    laws = [made(law, base * np.exp(rng.normal(0.02 * i, 0.1, 40))) for i, law in enumerate("abcd")]
+    laws = [made(law, base * np.exp(rng.normal(0.05 * i, 0.1, 40))) for i, law in enumerate("abcd")]
     other = [law.assign(condition="disturbed", jerk_rms=law.jerk_rms.to_numpy()[::-1]) for law in laws[:2]]
     table = compare_laws(pd.concat([*laws, *other]), "jerk_rms")
     nominal, disturbed = table[table.condition == "nominal"], table[table.condition == "disturbed"]
     assert (len(nominal), len(disturbed)) == (6, 1)
-    assert nominal.p_corrected.to_numpy() == pytest.approx(holm(nominal.p))
+    assert nominal.p_corrected.to_numpy() == pytest.approx(multipletests(nominal.p, method="bonferroni")[1])
+    # the interval is that of one pair at 1 − .05/6, and says the same as the test
+    known = scipy.stats.quantile_test(laws[0].jerk_rms - laws[1].jerk_rms, q=0.0, p=0.5)
+    assert tuple(nominal.iloc[0][["low", "high"]]) == pytest.approx(tuple(known.confidence_interval(1.0 - 0.05 / 6)))
+    assert ((nominal.low > 0.0) | (nominal.high < 0.0)).tolist() == (nominal.p_corrected <= 0.05).tolist()
+    assert (nominal.verdict != "not distinguishable").tolist() == (nominal.p_corrected <= 0.05).tolist()
+    assert {"not distinguishable"} < set(nominal.verdict)
     assert disturbed.p_corrected.tolist() == disturbed.p.tolist()
     line = nominal[(nominal.a == "a") & (nominal.b == "c")].iloc[0]
-    known = scipy.stats.wilcoxon(np.log(laws[0].jerk_rms), np.log(laws[2].jerk_rms))
-    assert line.p == pytest.approx(known.pvalue)
+    wins = int((laws[0].jerk_rms < laws[2].jerk_rms).sum())
+    assert line.p == pytest.approx(scipy.stats.binomtest(wins, 40).pvalue)
     against = compare_laws(pd.concat(laws), "jerk_rms", "b")
     assert against[["a", "b"]].to_numpy().tolist() == [["a", "b"], ["c", "b"], ["d", "b"]]
     pooled = compare_laws(pd.concat([*laws, *other]), "jerk_rms", by=())
@@ -227,7 +223,7 @@ def test_a_remaining_error_that_reports_do_not_show_does_not_distinguish() -> No
     line = compare_laws(runs, "final_translation_error_m").iloc[0]
     assert resolution(judged_metrics()["final_translation_error_m"]) == 1e-6  # a thousandth of the millimetre shown
     assert resolution(judged_metrics()["jerk_rms"]) == 0.0
-    assert (line.ratio, line.p < 1e-4, line.verdict) == (pytest.approx(0.02), True, "not distinguishable")
+    assert (line.differ, line.p, line.verdict) == (0, 1.0, "not distinguishable")
     assert compare_laws(runs, "final_translation_error_m", least=0.0).verdict.tolist() == ["better"]
 
 
@@ -278,3 +274,20 @@ def test_intervals_cover(case: Any) -> None:
 @pytest.mark.parametrize("question", simulated.QUESTIONS, ids=lambda question: question.what)
 def test_laws_are_told_apart_when_they_differ_and_only_then(question: Any) -> None:
     assert simulated.answered(question, 100, seed=0).count >= 95
+
+
+@pytest.mark.parametrize("laws", [3, 8])
+@pytest.mark.parametrize("world", simulated.WORLDS, ids=lambda world: world.what)
+def test_of_all_verdicts_on_several_laws_none_is_false_in_95_of_100(world: Any, laws: int) -> None:
+    """And all intervals hold at once. An interval for each pair alone with a corrected Wilcoxon p errs in 22."""
+    false, held = simulated.families(world, laws, 60, seed=0)
+    assert false.share <= simulated.promised(60)
+    assert held.share >= 1.0 - simulated.promised(60)
+
+
+def test_few_scenes_with_ties_are_compared_in_no_time() -> None:
+    """SciPy's Wilcoxon test permutes them: a quarter of a minute for three laws on 13 scenes."""
+    ties = simulated.table(simulated.WORLDS[2], 3, 0, np.random.default_rng(1), 13)
+    started = perf_counter()
+    compare_laws(ties, "jerk_rms")
+    assert perf_counter() - started < 2.0

@@ -16,8 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from made_evidence import drawn_runs, frame, made, run
-from vsconstraints.reports.evidence.holding import MEASURES, became, conclusions, held, holding
+from vsconstraints.evidence import Evidence
+from vsconstraints.reports.evidence.holding import conclusions, held, holding, powers
 from vsconstraints.reports.evidence.material import Material
+from vsconstraints.reports.evidence.pairs import MEASURES, PairVerdict
+from vsconstraints.statistics import detectable, simultaneous
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -50,7 +53,7 @@ def outcomes(made_up: Material, measure: str = "success") -> dict[tuple[str, str
     return {(one.better, one.worse, one.condition): one.outcome for one in every}
 
 
-def test_a_conclusion_holds_is_reversed_or_cannot_be_told() -> None:
+def test_a_conclusion_holds_is_reversed_or_is_inconclusive() -> None:
     made_up = material(
         {
             "nominal": {"a": AHEAD, "b": BEHIND},
@@ -63,25 +66,30 @@ def test_a_conclusion_holds_is_reversed_or_cannot_be_told() -> None:
     assert outcomes(made_up) == {
         ("a", "b", "same"): "holds",
         ("a", "b", "over"): "reversed",
-        ("a", "b", "alike"): "not told",
-        ("a", "b", "short"): "too few",
+        ("a", "b", "alike"): "inconclusive",
+        ("a", "b", "short"): "inconclusive",
     }
     (over,) = (one for one in conclusions(made_up) if one.condition == "over" and one.measure is SUCCESS)
     assert (over.first.difference, over.other.difference, over.other.scenes) == (12 / 20, -12 / 20, 20)
     assert over.other.low == pytest.approx(-over.first.high)
     said = {one.condition: one.text for one in held(made_up)}
-    assert said["over"] == (
-        "Of 1 conclusion on pairs of laws that hold without disturbances, 0 hold in the condition over, 1 is reversed, "
-        "and of 0 it cannot be told (20 scenes of 1 family). Reversed: a before b by success."
+    assert said["over"].startswith(
+        "Of 1 conclusion on pairs of laws without disturbances, in the condition over none hold, 1 is reversed and "
+        "none are inconclusive (20 scenes of 1 family). Reversed: a before b by success. A reversal of success is "
+        "found with 80 % power from "
     )
+    # not one scene in which they differ, of 20: by 10 points they still may
+    assert "1 is inconclusive, of which none exclude a reversal by the equivalence margin (20 scenes" in said["alike"]
+    # five scenes are too few for a verdict, and no reversal on them would have been found
     assert said["short"].endswith(
-        "and of 1 it cannot be told, 1 of these since there are too few scenes (5 scenes of 1 family)."
+        "1 is inconclusive, of which 1 excludes a reversal by the equivalence margin (5 scenes of 1 family). No "
+        "reversal of success, however great, is found with 80 % power."
     )
     text = holding(made_up)
     assert [line.split(" | ")[3:] for line in text.splitlines() if line.startswith("| a ")] == [
-        ["holds, 60.0 %", "**reversed**, −60.0 %", "not told", "too few |"]
+        ["holds, 60.0 %", "**reversed**, −60.0 %", "inconclusive", "inconclusive |"]
     ]
-    assert "### Violation: a row is left\n\nWithout disturbances, no law is told from another one." in text
+    assert "### Violation: a row is left\n\nWithout disturbances, no two laws differ significantly." in text
 
 
 def test_what_is_not_told_without_disturbances_is_no_conclusion() -> None:
@@ -145,23 +153,70 @@ def test_the_same_runs_hold_and_swapped_ones_are_reversed(seed: int, swap: bool)
     assert {one.outcome for one in every} == {"reversed" if swap else "holds"}
 
 
-def test_what_becomes_of_a_conclusion() -> None:
-    verdicts = ("better", "worse", "not distinguishable", "too few")
-    assert [became(verdict, "better") for verdict in verdicts] == ["holds", "reversed", "not told", "not told"]
-    assert [became(verdict, "too few") for verdict in verdicts] == ["holds", "reversed", "too few", "too few"]
+@pytest.mark.parametrize(("scenes", "excluded"), [(20, False), (120, True)])
+def test_a_reversal_by_the_margin_is_excluded_where_the_interval_says_so(scenes: int, excluded: bool) -> None:
+    """Two scenes to either side: of 20, more than 10 points are possible; of 120 they are not."""
+    other = {"a": "tt" + "+" * (scenes - 2), "b": "+" * (scenes - 2) + "tt"}
+    made_up = material({"nominal": {"a": AHEAD, "b": BEHIND}, "other": other})
+    (one,) = (one for one in conclusions(made_up) if one.measure is SUCCESS)
+    assert (one.outcome, one.other.difference, one.other.differ) == ("inconclusive", 0.0, 4)
+    assert one.excluded == excluded == (one.other.low > -0.1) == one.as_data()["reversal_excluded"]
+
+
+def test_the_margin_is_that_of_the_worse_side() -> None:
+    success, violation, space, chattering = MEASURES
+    narrow = {"p": 1.0, "scenes": 9, "differ": 9, "verdict": "not distinguishable", "difference": 0.0}
+    better, worse = PairVerdict(low=-0.05, high=0.5, **narrow), PairVerdict(low=-0.5, high=0.05, **narrow)
+    assert (success.excludes(better), success.excludes(worse)) == (True, False)
+    assert (violation.excludes(better), violation.excludes(worse)) == (False, True)
+    assert not space.excludes(better)
+    assert chattering.excludes(PairVerdict(low=0.5, high=1.2, **narrow))
+    assert not chattering.excludes(PairVerdict(low=1.1, high=1.3, **narrow))
+
+
+def test_the_power_is_that_of_the_scenes_the_pairs_and_how_often_they_differ() -> None:
+    """Three laws are three pairs; of 20 scenes a and b differ in 12, a and c in 4, b and c in 8."""
+    other = {"a": AHEAD, "b": BEHIND, "c": "+" * 16 + "t" * 4}
+    made_up = material({"nominal": {"a": AHEAD, "b": BEHIND, "c": "t" * 20}, "other": other})
+    found = {one.measure: one for one in powers(made_up)}["success"]
+    pairs = {(one.better, one.worse) for one in conclusions(made_up) if one.measure is SUCCESS}
+    assert pairs == {("a", "b"), ("a", "c"), ("b", "c")}
+    assert found[1:] == ("other", 3, 20, detectable(20, 8 / 20, simultaneous(0.95, 3)))
+    assert found.as_data()["detectable"] == found.detectable
+
+
+def test_the_pages_say_of_the_kept_runs_what_the_report_says() -> None:
+    root = Path(__file__).parents[1]
+    each = [one.numbers for one in held(Material(Evidence.load(root / "reports" / "real-world"), figures=False))]
+    holds, unsure, excluded = ([int(one[k]) for one in each] for k in ("holds", "inconclusive", "reversal_excluded"))
+    points = [round(100.0 * one["detectable"]) for one in each]
+    (conclusions,) = {int(one["conclusions"]) for one in each}
+    assert {one["reversed"] for one in each} == {0}
+    readme, page = (" ".join((root / name).read_text("utf-8").split()) for name in ("README.md", "docs/real-world.md"))
+    assert f"of {conclusions} conclusions {min(holds)} to {max(holds)} hold and none is reversed" in readme
+    assert f"from {points[0]} points on where 80 scenes were run, and from {points[2]} points on by images" in readme
+    a, b, c, d = holds
+    assert f"{a} hold with a calibrated camera, {b} on arms with mass, {c} by images and {d} by images on arms" in page
+    for numbers in (unsure, excluded, points):
+        a, b, c, d = numbers
+        assert f"{a}, {b}, {c} and {d}" in page
 
 
 def test_all_of_it_found_again_by_other_libraries(tmp_path: Path) -> None:
-    """McNemar's test and Wilcoxon's by SciPy, Holm's correction by statsmodels, from the runs and the report's data."""
+    """McNemar's test and the sign test by statsmodels and SciPy, from the runs and the report's data."""
     rates = {"nominal": {"a": 0.9, "b": 0.6, "c": 0.3}, "worse": {"a": 0.4, "b": 0.6, "c": 0.35}}
     made_up = Material(made(drawn_runs(rates, ["x", "y"], 60, seed=3), tmp_path), figures=False)
-    claims = json.loads(json.dumps({"conclusions": [one.as_data() for one in conclusions(made_up)]}, allow_nan=False))
-    assert differing(made_up.runs, claims["conclusions"]) == []
+    said = {"conclusions": conclusions(made_up), "power": powers(made_up)}
+    data = {name: [one.as_data() for one in every] for name, every in said.items()}
+    claims = json.loads(json.dumps(data, allow_nan=False))
+    assert differing(made_up.runs, claims) == []
     assert len({one["outcome"] for one in claims["conclusions"]}) > 1
     # and what is said falsely is found
     swapped = made_up.runs.assign(controller=made_up.runs["controller"].replace({"a": "b", "b": "a"}))
-    assert differing(swapped, claims["conclusions"])
-    assert differing(made_up.runs, claims["conclusions"][1:])
+    assert differing(swapped, claims)
+    assert differing(made_up.runs, {**claims, "conclusions": claims["conclusions"][1:]})
+    stronger = [{**one, "detectable": 0.5 * one["detectable"]} for one in claims["power"]]
+    assert differing(made_up.runs, {**claims, "power": stronger})
     (sentence,) = held(made_up)
     counted = Counter(one["outcome"] for one in claims["conclusions"])
-    assert all(sentence.numbers[name] == counted[name] for name in ("holds", "reversed", "not told", "too few"))
+    assert all(sentence.numbers[name] == counted[name] for name in ("holds", "reversed", "inconclusive"))

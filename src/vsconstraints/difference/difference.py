@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError
-from ..statistics import holm
+from ..statistics import simultaneous
 from .changes import Change, changes
 from .groups import Group, groups
 from .outcomes import Outcome, outcomes
@@ -36,8 +36,8 @@ class Difference:
     pairs, groups
         Runs of the same scene, and how they are judged.
     found
-        Outcomes and metrics in which pairs differ, each with its p-value after Holm's correction, None where it was
-        not tested.
+        Outcomes and metrics in which pairs differ, each with its p-value after correction for all of them (Bonferroni),
+        None where it was not tested.
     strict
         Whether each run counts that B lost.
     """
@@ -49,6 +49,11 @@ class Difference:
     groups: Sequence[Group]
     found: Sequence[tuple[Outcome | Shift, float | None]]
     strict: bool
+
+    @property
+    def confidence(self) -> float:
+        """Of each interval, so that those of all tests hold at once and agree with the tests."""
+        return simultaneous(1.0 - SIGNIFICANT, sum(p is not None for _, p in self.found))
 
     @property
     def worse(self) -> list[Outcome | Shift]:
@@ -63,7 +68,7 @@ class Difference:
 
 def significant(p: float | None) -> bool:
     """Whether a corrected p-value is."""
-    return p is not None and p < SIGNIFICANT
+    return p is not None and p <= SIGNIFICANT
 
 
 @dataclass(frozen=True)
@@ -116,7 +121,5 @@ def difference(a: Path, b: Path, question: Question = Question()) -> Difference:
 
 
 def _corrected(found: Sequence[Outcome | Shift]) -> list[float | None]:
-    """Holm's correction of all tests together."""
-    tests = [one.p for one in found if one.p is not None]
-    corrected = iter(holm(tests))
-    return [None if one.p is None else float(next(corrected)) for one in found]
+    tests = sum(one.p is not None for one in found)
+    return [None if one.p is None else min(tests * one.p, 1.0) for one in found]

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from ..statistics import mcnemar
 from ..statistics.judged import converged, violated
+from ..statistics.rates import sign_test
 from .groups import Group, tested
 
 OUTCOMES: dict[str, Callable[[Any], Any]] = {
@@ -33,7 +33,8 @@ class Outcome:
     lost, gained
         Positions of the pairs in which only A does so, only B.
     p
-        McNemar's, exact, before correction; None where so few pairs differ that none could be significant.
+        McNemar's, exact, which is the sign test; before correction. None where so few pairs differ that none could be
+        significant.
     """
 
     group: Group
@@ -57,5 +58,5 @@ def outcomes(groups: list[Group]) -> Iterator[Outcome]:
             a, b = does(group.a).to_numpy(), does(group.b).to_numpy()
             lost, gained = group.positions[a & ~b], group.positions[b & ~a]
             if len(lost) + len(gained):
-                p = mcnemar(a, b).p if tested(len(lost) + len(gained)) else None
+                p = sign_test(len(gained), len(lost)) if tested(len(lost) + len(gained)) else None
                 yield Outcome(group, what, int(a.sum()), int(b.sum()), lost, gained, p)

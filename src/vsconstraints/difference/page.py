@@ -7,7 +7,7 @@ from typing import Any
 
 from ..reports.markdown import bold, bullets, code, enumeration, plain, table
 from ..reports.numbers import DASH, number
-from ..statistics import with_interval
+from ..statistics import median, with_interval
 from .changes import Change
 from .difference import SIGNIFICANT, Difference, significant
 from .groups import LEAST_PAIRS
@@ -54,22 +54,22 @@ def verdict(found: Difference) -> str:
     same = not found.pairs.differ.any()
     if same:
         return f"All {len(found.pairs.differ)} runs that both have are the same, but for their times."
-    worse = [f"Worse: {_sentence(one)}" for one in found.worse]
+    worse = [f"Worse: {_sentence(one, found.confidence)}" for one in found.worse]
     better = [
-        f"Better: {_sentence(one)}"
+        f"Better: {_sentence(one, found.confidence)}"
         for one, p in found.found
         if significant(p) and not one.for_worse and one not in found.worse
     ]
     return bullets([*_first(worse, "more got worse"), *_first(better, "more got better")] or ["Nothing got worse."])
 
 
-def _sentence(one: Outcome | Shift) -> str:
+def _sentence(one: Outcome | Shift, confidence: float) -> str:
     group = f"{bold(plain(one.group.law))}{''.join(f', {plain(place)}' for place in one.group.place)}"
     if isinstance(one, Outcome):
         return f"{group}: {one.what} in {one.after} of {len(one.group.positions)} runs, before in {one.before}"
     return (
-        f"{group}: {one.metric.header} by {_moved(one)} in the median of {one.of} runs; "
-        f"worse in {one.worse}, better in {one.better}"
+        f"{group}: {one.metric.header} by {_moved(one, confidence)} in the median where runs differ; "
+        f"worse in {one.worse}, better in {one.better} of {one.of}"
     )
 
 
@@ -145,12 +145,12 @@ def _shifts(found: Difference) -> str:
             one.metric.header,
             _mark(found, one, p),
             *map(str, (one.of, one.better, one.worse)),
-            _moved(one),
+            _moved(one, found.confidence),
             _p(p),
         ]
         for one, p in sorted(own, key=lambda own: (own[1] is None, own[1] or 0.0))
     ]
-    header = ["law", *places, "metric", "", "runs", "better", "worse", "median of B − A", "p"]
+    header = ["law", *places, "metric", "", "runs", "better", "worse", "median of B − A where they differ", "p"]
     shown = table(header, lines[:MOST_LINES], text_columns=3 + len(places))
     return f"{shown}\n\n{len(lines) - MOST_LINES} more, less surely." if len(lines) > MOST_LINES else shown
 
@@ -175,11 +175,13 @@ def _judged(found: Difference) -> str:
     )
     lines = [
         strict,
-        f"Metrics count where they are significantly worse, p < {SIGNIFICANT:g} after Holm's correction over all tests "
-        "of this page: Wilcoxon's for metrics, McNemar's (exact) for how runs end, both two-sided and of pairs.",
+        f"Metrics count where they are significantly worse, p ≤ {SIGNIFICANT:g} after correction for all tests of "
+        "this page (Bonferroni): the sign test for metrics, McNemar's (exact) for how runs end, both two-sided and of "
+        "pairs.",
         f"Where fewer than {LEAST_PAIRS} pairs differ, nothing is tested: no test could find anything.",
         "A metric is compared over pairs in which both runs converged, violated nothing and lost no sliding mode, as "
-        "far as the metric asks for that. Medians are of all these pairs, with 95 % intervals.",
+        "far as the metric asks for that. Medians are of those of them that differ, with simultaneous 95 % "
+        "intervals: one excludes zero where the test does.",
         f"{code('worse')} marks what decides, {code('better')} what is significant the other way, and "
         f"{code('≈')} what cannot be told from no difference.",
     ]
@@ -192,10 +194,10 @@ def _mark(found: Difference, one: Outcome | Shift, p: float | None) -> str:
     return ("worse" if one.for_worse else "better") if significant(p) else "" if p is None else "≈"
 
 
-def _moved(one: Shift) -> str:
-    """The median in the unit in which reports show the metric."""
+def _moved(one: Shift, confidence: float) -> str:
+    """The median of the differences in the unit in which reports show the metric."""
     shown_as = one.metric.factor * (100.0 if one.metric.style == "percent" else 1.0)
-    return with_interval(one.median, one.low, one.high, shown_as)
+    return with_interval(*median(one.differences, confidence)[:3], shown_as)
 
 
 def _p(p: float | None) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..comparisons.metrics import Metric
+from ..rows import Array
 from ..statistics import paired
 from ..statistics.judged import judged_metric, judged_metrics, resolution, values
 from .groups import Group, tested
@@ -25,10 +26,10 @@ class Shift:
         Pairs in which both runs converged and may be judged by it.
     better, worse
         In how many of them it is better in B than in A, or worse, by more than the tolerance.
-    median, low, high
-        Of the differences B − A, as stored, with its interval.
+    differences
+        (n,) B − A, as stored, of the pairs that differ.
     p
-        Wilcoxon's, before correction; None where so few pairs differ that none could be significant.
+        Of the sign test, before correction; None where so few pairs differ that none could be significant.
     """
 
     group: Group
@@ -36,9 +37,7 @@ class Shift:
     of: int
     better: int
     worse: int
-    median: float
-    low: float
-    high: float
+    differences: Array
     p: float | None
 
     @property
@@ -68,11 +67,7 @@ def shifts(groups: Iterable[Group], metrics: Iterable[Metric], tolerance: float)
         exist = np.isfinite(a) & np.isfinite(b)
         a, b = a[exist], b[exist]
         moved = np.abs(b - a) > np.maximum(tolerance * np.maximum(np.abs(a), np.abs(b)), resolution(metric))
-        b = np.where(moved, b, a)
-        rises, falls = int((b > a).sum()), int((b < a).sum())
-        if rises + falls:
-            better, worse = (falls, rises) if metric.better == "less" else (rises, falls)
-            found = paired(b, a)
-            # of the pairs that differ alone: where they are few, the test is exact without the others
-            p = paired(b[moved], a[moved]).p if tested(rises + falls) else None
-            yield Shift(group, metric, len(a), better, worse, found.median, found.low, found.high, p)
+        found = paired(b[moved], a[moved], better=metric.better or "less")
+        if found.n:
+            p = found.p if tested(found.n) else None
+            yield Shift(group, metric, len(a), found.wins, found.losses, b[moved] - a[moved], p)

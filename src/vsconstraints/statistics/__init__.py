@@ -1,16 +1,16 @@
-"""How sure is it? Rates, paired differences, corrections, profiles and ranks over many scenes.
+"""How sure is it? Rates, paired differences, profiles and ranks over many scenes.
 
 Pure functions of arrays, one entry per scene, and of tables of runs. What they rest on is in the guide.
 """
 
 from .comparing import compare_laws
-from .correction import holm
+from .inputs import simultaneous
 from .judged import LAW, OUTCOMES, SCENE, judged_metrics
 from .median import Median, median
 from .paired import Paired, paired
 from .profiles import Profile, profile
 from .ranking import Ranks, ranks
-from .rates import PairedRates, Rate, difference_interval, mcnemar, rate, rate_of
+from .rates import PairedRates, Rate, detectable, difference_interval, mcnemar, rate, rate_of
 from .tables import costs, medians, rates
 from .text import p_text, rate_text, rounded, with_interval
 from .verdicts import Verdict, distinguishable, verdict
@@ -28,9 +28,9 @@ __all__ = [
     "Verdict",
     "compare_laws",
     "costs",
+    "detectable",
     "difference_interval",
     "distinguishable",
-    "holm",
     "judged_metrics",
     "mcnemar",
     "median",
@@ -44,6 +44,7 @@ __all__ = [
     "rate_text",
     "rates",
     "rounded",
+    "simultaneous",
     "verdict",
     "with_interval",
 ]

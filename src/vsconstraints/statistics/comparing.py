@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -11,8 +12,7 @@ import numpy as np
 
 from ..errors import unknown_name
 from ..rows import Array
-from .correction import holm
-from .inputs import FEWEST, checked_confidence
+from .inputs import FEWEST, Better, checked_confidence, simultaneous
 from .judged import LAW, OUTCOMES, SCENE, checked, judged_metric, resolution, values
 from .paired import paired
 from .rates import mcnemar
@@ -27,6 +27,7 @@ class Comparison(NamedTuple):
     paired: int
     only_a: int
     only_b: int
+    differ: int
     difference: float
     low: float
     high: float
@@ -34,66 +35,40 @@ class Comparison(NamedTuple):
     ratio_low: float
     ratio_high: float
     effect: float
-    effect_low: float
-    effect_high: float
     p: float
 
 
-class _Outcome:
-    """Pairs compared by a flag."""
+Compare = Callable[[Array, Array, float], Comparison]
+"""Two columns, NaN where a run does not count, compared with so much confidence."""
 
-    def __init__(self, name: str, confidence: float) -> None:
-        self.outcome, self.confidence = OUTCOMES[name], checked_confidence(confidence)
-        self.metric = None
 
-    def values(self, runs: Any) -> Any:
-        return self.outcome.flag(runs).astype(float)
-
-    def pair(self, a: Array, b: Array) -> Comparison:
-        found = mcnemar(a, b, self.confidence)
-        sign = 1.0 if self.outcome.better == "more" else -1.0
-        gain = sign * np.array([found.difference if found.n else 0.0, found.low, found.high])
-        effect, low, high = (1.0 + np.array([gain[0], *np.sort(gain[1:])])) / 2.0
+def _by_outcome(better: Better) -> Compare:
+    def compare(a: Array, b: Array, confidence: float) -> Comparison:
+        found = mcnemar(a, b, confidence)
+        gain = (found.difference if found.n else 0.0) * (1.0 if better == "more" else -1.0)
         return Comparison(
-            found.n, found.n, found.only_a, found.only_b, found.difference, found.low, found.high,
-            math.nan, math.nan, math.nan, float(effect), float(low), float(high), found.p,
+            found.n, found.n, found.only_a, found.only_b, found.only_a + found.only_b,
+            found.difference, found.low, found.high, math.nan, math.nan, math.nan, (1.0 + gain) / 2.0, found.p,
         )  # fmt: skip
 
-    def verdict(self, found: Comparison, p: float) -> str:
-        rule: dict[str, Any] = {"n": found.paired, "better": self.outcome.better, "confidence": self.confidence}
-        return verdict(found.low, found.high, p, **rule)
+    return compare
 
 
-class _Metric:
-    """Pairs compared by a number."""
-
-    def __init__(self, name: str, confidence: float, seed: int, least: float | None) -> None:
-        self.metric = judged_metric(name)
-        self.confidence, self.seed = checked_confidence(confidence), seed
-        self.least = resolution(self.metric) if least is None else least
-        self.better: Any = self.metric.better
-
-    def values(self, runs: Any) -> Any:
-        return values(runs, self.metric)
-
-    def pair(self, a: Array, b: Array) -> Comparison:
+def _by_metric(better: Better, least: float) -> Compare:
+    def compare(a: Array, b: Array, confidence: float) -> Comparison:
         one, other = ~np.isnan(a), ~np.isnan(b)
         both = one & other
-        rule: dict[str, Any] = {"better": self.better, "confidence": self.confidence, "seed": self.seed}
-        found = paired(a, b, **rule)
-        p, ratios = found.p, (math.nan, math.nan, math.nan)
+        rule: dict[str, Any] = {"better": better, "least": least, "confidence": confidence}
+        found, ratios = paired(a, b, **rule), (math.nan, math.nan, math.nan)
         if both.any() and min(a[both].min(), b[both].min()) >= 0.0:
-            ratio = paired(a, b, "log-ratio", **rule)
             with np.errstate(over="ignore"):  # a ratio beyond 1e308 is infinite
-                p, ratios = ratio.p, tuple(np.exp(ratio[:3]).tolist())
+                ratios = tuple(np.exp(paired(a, b, "log-ratio", **rule)[:3]).tolist())
         return Comparison(
-            len(a), found.n, int((one & ~other).sum()), int((other & ~one).sum()),
-            found.median, found.low, found.high, *ratios, found.effect, found.effect_low, found.effect_high, p,
+            len(a), found.n, int((one & ~other).sum()), int((other & ~one).sum()), found.wins + found.losses,
+            found.median, found.low, found.high, *ratios, found.effect, found.p,
         )  # fmt: skip
 
-    def verdict(self, found: Comparison, p: float) -> str:
-        rule: dict[str, Any] = {"n": found.paired, "better": self.better, "confidence": self.confidence}
-        return verdict(found.low, found.high, p, least=self.least, **rule)
+    return compare
 
 
 def compare_laws(
@@ -104,15 +79,15 @@ def compare_laws(
     by: Sequence[str] = BY,
     least: float | None = None,
     confidence: float = 0.95,
-    seed: int = 0,
 ) -> Any:
     """Every pair of laws on the same scenes, by a metric or an outcome; or each law against one reference.
 
     In an outcome, all scenes are compared that both laws ran. In a metric, those of them in which both runs count
     (:func:`.judged.counts`): ``only_a`` and ``only_b`` say how many more there are in which one does.
 
-    p-values are corrected by Holm's method for all pairs of a group that are tested, those of
-    :data:`.inputs.FEWEST` scenes or more. To correct for more, give :func:`.correction.holm` the column ``p`` of all.
+    Intervals are simultaneous, and p-values corrected, for all pairs of a group that are tested (Bonferroni), those of
+    :data:`.inputs.FEWEST` scenes or more. A reference has to be chosen before looking at the runs; the best of them is
+    one of all pairs.
 
     Parameters
     ----------
@@ -125,31 +100,47 @@ def compare_laws(
     by
         Columns that tell the groups apart.
     least
-        Smallest difference that matters; :func:`.judged.resolution` if not given.
+        Values that are no more than this apart are equal; :func:`.judged.resolution` if not given.
+    confidence
+        That all intervals of a group hold at once.
 
     Returns
     -------
     pandas.DataFrame
-        ``by``, metric, a, b; scenes (that both ran), paired (that are compared), only_a, only_b; difference, low, high:
-        of the rates, or the median over scenes of a − b, as stored; ratio, ratio_low, ratio_high: the median of a/b, by
-        logarithms (empty of outcomes and where values are negative); effect, effect_low, effect_high: chance that a is
-        better on a scene; p (of McNemar's test; of Wilcoxon's, of logarithms of ratios where there are any, else of
-        differences), p_corrected; verdict: what is said of a against b, :func:`.verdicts.verdict`.
+        ``by``, metric, a, b; scenes (that both ran), paired (that are compared), only_a, only_b, differ (of the scenes
+        that are compared, those in which the two are not equal); difference, low, high: of the rates, or the median of
+        a − b, as stored, over the scenes in which they differ; ratio, ratio_low, ratio_high: the same of a/b (empty of
+        outcomes and where values are negative); effect: chance that a is better on a scene, equal values counting half;
+        p (of McNemar's test, or of the sign test), p_corrected; verdict: what is said of a against b,
+        :func:`.verdicts.verdict`, which is that p_corrected is at most 1 − confidence.
     """
-    compare = _Outcome(metric, confidence) if metric in OUTCOMES else _Metric(metric, confidence, seed, least)
-    known = [str(name) for name in dict.fromkeys(checked(runs, by, compare.metric)[LAW])]
+    checked_confidence(confidence)
+    if metric in OUTCOMES:
+        judged, better = None, OUTCOMES[metric].better
+        compare, column = _by_outcome(better), OUTCOMES[metric].flag
+    else:
+        judged = judged_metric(metric)
+        better = judged.better  # type: ignore[assignment]  # of judged metrics it is said
+        compare = _by_metric(better, resolution(judged) if least is None else least)
+        column = partial(values, metric=judged)
+    known = [str(name) for name in dict.fromkeys(checked(runs, by, judged)[LAW])]
     if reference is not None and reference not in known:
         raise unknown_name("controller", reference, known)
     lines: list[tuple[Any, ...]] = []
-    each, ran = (by_law(runs, (*by, *SCENE), column) for column in (compare.values(runs), 1.0))
+    each, ran = (by_law(runs, (*by, *SCENE), value) for value in (column(runs).astype(float), 1.0))
     for group, own in groups(each, by):
         there = ran.loc[own.index].notna()
-        found = []
+        pairs = []
         for a, b in _pairs([law for law in own.columns if there[law].any()], reference):
             both = (there[a] & there[b]).to_numpy()
-            found.append((a, b, compare.pair(own[a].to_numpy()[both], own[b].to_numpy()[both])))
-        for (a, b, comparison), p in zip(found, _corrected([comparison for *_, comparison in found]), strict=True):
-            lines.append((*group, metric, a, b, *comparison, p, compare.verdict(comparison, p)))
+            pairs.append((a, b, own[a].to_numpy()[both], own[b].to_numpy()[both]))
+        tests = sum(int((~np.isnan(one + other)).sum()) >= FEWEST for *_, one, other in pairs)
+        level = simultaneous(confidence, tests)
+        for a, b, one, other in pairs:
+            found = compare(one, other, level)
+            said = verdict(found.low, found.high, n=found.paired, better=better)
+            corrected = min(found.p * tests, 1.0) if found.paired >= FEWEST else 1.0
+            lines.append((*group, metric, a, b, *found, corrected, said))
     return frame((*by, "metric", "a", "b", *Comparison._fields, "p_corrected", "verdict"), lines)
 
 
@@ -157,11 +148,3 @@ def _pairs(laws: Sequence[str], reference: str | None) -> Iterator[tuple[str, st
     if reference is None:
         return combinations(laws, 2)
     return ((law, reference) for law in laws if law != reference and reference in laws)
-
-
-def _corrected(comparisons: Sequence[Comparison]) -> list[float]:
-    """Their p, corrected for each other; what is of too few scenes to be tested is no test, and has 1."""
-    tested = np.array([comparison.paired >= FEWEST for comparison in comparisons], dtype=bool)
-    corrected = np.ones(len(comparisons))
-    corrected[tested] = holm([comparison.p for comparison, ok in zip(comparisons, tested, strict=True) if ok])
-    return [float(p) for p in corrected]

@@ -25,6 +25,11 @@ def checked_confidence(confidence: float) -> float:
     return float(confidence)
 
 
+def simultaneous(confidence: float, comparisons: int) -> float:
+    """Confidence of each of several intervals, so that all hold at once with ``confidence`` (Bonferroni)."""
+    return 1.0 - (1.0 - checked_confidence(confidence)) / max(comparisons, 1)
+
+
 def checked_name(what: str, name: object, candidates: Any) -> None:
     """A name out of a ``Literal``."""
     if name not in get_args(candidates):

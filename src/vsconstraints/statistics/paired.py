@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Literal, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import wilcoxon
 
 from ..errors import InvalidInput, shown
 from ..rows import Array
-from .inputs import FEWEST, Better, checked_name, numbers, pair
+from .inputs import Better, checked_name, numbers, pair
 from .median import median
-from .rates import difference_interval
+from .rates import sign_test
 
 Kind = Literal["difference", "log-ratio"]
 """a − b, or ln(a/b)."""
@@ -25,16 +23,15 @@ class Paired(NamedTuple):
     Attributes
     ----------
     median, low, high
-        Median over the scenes of a − b, or of ln(a/b), and its interval, :func:`.median.median`; NaN of no scene, and
-        an interval from −∞ to ∞ where there are too few.
+        Median of a − b, or of ln(a/b), over the scenes in which they differ, and its exact interval,
+        :func:`.median.median`. Where they differ in none the median is zero and the interval from −∞ to ∞.
     n
-        Scenes in which both have a value: the only ones that are compared.
+        Scenes in which both have a value: the only ones that are compared. Of none, the median is NaN.
+    wins, losses
+        Scenes in which a is better than b, and in which it is worse.
     p
-        Two-sided, of Wilcoxon's signed-rank test, with Pratt's treatment of scenes without a difference. 1 where
-        nothing differs.
-    effect, effect_low, effect_high
-        Chance that a is better than b on a scene, equal values counting half, and its interval
-        (:func:`.rates.difference_interval` of wins and losses). 0.5 of no scene.
+        Two-sided, of the exact sign test of wins and losses: at most 1 − confidence if and only if the interval
+        excludes zero.
     of
         Scenes given.
     """
@@ -43,16 +40,15 @@ class Paired(NamedTuple):
     low: float
     high: float
     n: int
+    wins: int
+    losses: int
     p: float
-    effect: float
-    effect_low: float
-    effect_high: float
     of: int
 
     @property
-    def too_few(self) -> bool:
-        """Whether there are too few scenes to tell anything."""
-        return self.n < FEWEST
+    def effect(self) -> float:
+        """Chance that a is better than b on a scene, equal values counting half; 0.5 of no scene."""
+        return (1.0 + (self.wins - self.losses) / self.n) / 2.0 if self.n else 0.5
 
 
 def paired(
@@ -61,12 +57,13 @@ def paired(
     kind: Kind = "difference",
     *,
     better: Better = "less",
+    least: float = 0.0,
     confidence: float = 0.95,
-    seed: int = 0,
 ) -> Paired:
     """Compare two columns of numbers, (n,) each, entry i of both being scene i.
 
-    NaN stands for a run that does not count (one that diverged, or violated): its scene is left out for both.
+    NaN stands for a run that does not count (one that diverged, or violated): its scene is left out for both. Values
+    that are no more than ``least`` apart are equal.
 
     Raises
     ------
@@ -82,16 +79,11 @@ def paired(
     both = ~(np.isnan(one) | np.isnan(other))
     one, other = one[both], other[both]
     differences = one - other if kind == "difference" else log_ratios(one, other)
-    middle = median(differences, confidence, seed)
-    less, more = int((one < other).sum()), int((one > other).sum())
+    middle = median(differences[np.abs(one - other) > least], confidence)
+    less, more = int((other - one > least).sum()), int((one - other > least).sum())
     wins, losses = (less, more) if better == "less" else (more, less)
-    n = middle.n
-    low, high = difference_interval(wins, losses, n, confidence)
-    effect = (1.0 + (wins - losses) / n) / 2.0 if n else 0.5
-    return Paired(
-        middle.median, middle.low, middle.high, n, signed_rank(differences),
-        effect, (1.0 + low) / 2.0, (1.0 + high) / 2.0, len(both),
-    )  # fmt: skip
+    value = middle.median if middle.n or not len(one) else 0.0
+    return Paired(value, middle.low, middle.high, len(one), wins, losses, sign_test(wins, losses), len(both))
 
 
 def log_ratios(a: Array, b: Array) -> Array:
@@ -101,12 +93,3 @@ def log_ratios(a: Array, b: Array) -> Array:
         raise InvalidInput(f"no ratio of negative values: {shown(negative[0])}")
     with np.errstate(divide="ignore", invalid="ignore"):  # logarithms of zero, as said
         return cast(Array, np.where(a == b, 0.0, np.log(a) - np.log(b)))
-
-
-def signed_rank(differences: Array) -> float:
-    """Two-sided p of Wilcoxon's signed-rank test of (n,) differences, which may be infinite; 1 where all are zero."""
-    if not differences.any():
-        return 1.0
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of samples that are small: their size is told
-        return float(wilcoxon(differences, zero_method="pratt").pvalue)

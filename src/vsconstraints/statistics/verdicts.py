@@ -4,37 +4,22 @@ from __future__ import annotations
 
 from typing import Literal
 
-from .inputs import FEWEST, Better, checked_confidence
+from .inputs import FEWEST, Better
 
 Verdict = Literal["better", "worse", "not distinguishable", "too few"]
 """What is said of a against b."""
 
 
-def distinguishable(
-    low: float, high: float, p: float, *, n: int = FEWEST, least: float = 0.0, confidence: float = 0.95
-) -> bool:
-    """Whether a difference is told from none, by the rule of :func:`verdict`."""
-    significant = 1.0 - p > checked_confidence(confidence)
-    return n >= FEWEST and significant and (low > least or high < -least)
+def distinguishable(low: float, high: float, n: int = FEWEST) -> bool:
+    """Whether an interval of a difference on n scenes excludes zero, and there are scenes enough to say so."""
+    return n >= FEWEST and not low <= 0.0 <= high
 
 
-def verdict(
-    low: float,
-    high: float,
-    p: float,
-    *,
-    n: int = FEWEST,
-    better: Better = "less",
-    least: float = 0.0,
-    confidence: float = 0.95,
-) -> Verdict:
-    """What is said of a against b, from the interval of a − b and p, which is corrected for all that was compared.
+def verdict(low: float, high: float, *, n: int = FEWEST, better: Better = "less") -> Verdict:
+    """What is said of a against b, from the interval of a − b, which is simultaneous for all that is compared.
 
-    They differ if both say so: the interval lies beyond ``least``, the smallest difference that matters, to one side,
-    and p is below 1 − confidence. Fewer than :data:`.inputs.FEWEST` scenes are too few to tell.
+    They differ if it excludes zero. Fewer than :data:`.inputs.FEWEST` scenes are too few to tell.
     """
-    if n < FEWEST:
-        return "too few"
-    if not distinguishable(low, high, p, n=n, least=least, confidence=confidence):
-        return "not distinguishable"
+    if not distinguishable(low, high, n):
+        return "too few" if n < FEWEST else "not distinguishable"
     return "better" if (high < 0.0) == (better == "less") else "worse"

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from ...controllers.demands import USES
 from ...readable import counted
 from ...runs.spec import BASELINE
-from ...statistics import paired, rate
+from ...statistics import rate
 from ..markdown import bold, enumeration
 from ..numbers import number
+from .decisions import best_by
 from .material import Material
 from .sentence import Sentence
 from .standing import Standing, standing
@@ -113,23 +113,18 @@ def calmest(material: Material, one: Standing) -> Sentence | None:
     front = list(one.front)
     if len(front) < 2 or one.shares[one.leader].value == 0.0:
         return None
-    clean = material.paired(one.condition, "success").astype(bool)[front].all(axis=1)
-    values = material.paired(one.condition, "acceleration_variation")[clean][front].astype(float)
-    calm = str(values.median().idxmin()) if len(values) else front[0]
-    against = {
-        law: paired(values[calm].to_numpy(), values[law].to_numpy(), "log-ratio") for law in front if law != calm
-    }
-    if any(pair.too_few or not pair.high < 0.0 for pair in against.values()):
+    best = best_by(material, one.condition, front, "acceleration_variation", ratio=True)
+    if best is None or len(best.laws) > 1:
         return None
-    second = max(against, key=lambda law: against[law].median)
-    pair = against[second]
-    middle, low, high = (math.exp(value) for value in (pair.median, pair.low, pair.high))
+    (calm,) = best.laws
+    second = max((law for law in front if law != calm), key=lambda law: best.pairs[calm, law].difference)
+    pair = best.pairs[calm, second]
     text = (
-        f"Of these, {bold(calm)} has the calmest command: its acceleration varies {number(middle)} times "
-        f"({number(low)}–{number(high)}) as much as that of {second}, the next (median of "
-        f"{counted(pair.n, 'scene')} in which all of them succeed)."
+        f"Of these, {bold(calm)} has the calmest command: its acceleration varies {number(pair.difference)} times "
+        f"({number(pair.low)}–{number(pair.high)}) as much as that of {second}, the next (median of "
+        f"{counted(pair.scenes, 'scene')} in which all of them succeed)."
     )
-    numbers = {"ratio": middle, "ratio_low": low, "ratio_high": high, "ratio_scenes": pair.n}
+    numbers = {"ratio": pair.difference, "ratio_low": pair.low, "ratio_high": pair.high, "ratio_scenes": pair.scenes}
     others = tuple(law for law in front if law not in (calm, second))
     return Sentence(text, "calmest", one.condition, (calm, second, *others), numbers)
 

@@ -11,11 +11,13 @@ from .material import Material
 WORDS = {
     "Success": "The run converged and violated no row.",
     "Intervals": "95 %: of rates exact (Clopper and Pearson), of differences of rates on the same scenes Tango's score "
-    "interval, of medians bootstrap over scenes (BCa) or, of few scenes, the exact one. Intervals are those of each "
-    "number by itself.",
-    "Distinguishable": "Two laws on the same scenes: of rates by McNemar's exact test, of numbers by Wilcoxon's, with "
-    "Holm's correction for all pairs of laws in a condition; and the interval must not hold zero. Success and "
-    "violation are tested each by itself. Not distinguishable does not mean equal: more scenes may tell.",
+    "interval with continuity correction, of medians of differences the exact one. Intervals of differences between "
+    "laws are simultaneous for all pairs of laws in a condition; those of a law's own rate are of each number by "
+    "itself.",
+    "Distinguishable": "Two laws on the same scenes whose interval does not hold zero, which is the same as a test "
+    "corrected for all pairs of laws in a condition (Bonferroni): of rates McNemar's, of numbers the sign test, which "
+    "is of the median of the differences where laws differ. Success and violation are tested each by itself. Not "
+    "distinguishable does not mean equal: the interval says how much they may differ.",
     "All families": "Scenes of all families together, each of the same weight; only scenes that every law has run.",
     "Failures": "Where costs are compared scene by scene (profiles, ranks), a run without success costs infinitely "
     "much. Medians are over runs with success, those of times over all; nothing is a mean.",

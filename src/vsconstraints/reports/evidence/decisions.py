@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...statistics import compare_laws
 from ...statistics.judged import judged_metric
 from ..markdown import bold, enumeration, table
 from ..numbers import DASH
 from .material import Material
+from .pairs import PairVerdicts, pairwise_verdicts
 from .standing import Standing, standing
 from .words import first_of, where
 
@@ -29,11 +29,14 @@ class Best:
     ----------
     laws
         The best, and those that are not distinguishable from it.
+    pairs
+        Every law against every other one.
     scenes
         How many scenes there are.
     """
 
     laws: tuple[str, ...]
+    pairs: PairVerdicts
     scenes: int
 
 
@@ -78,7 +81,7 @@ def _names(laws: Sequence[str]) -> str:
     return enumeration([*named, *more])
 
 
-def best_by(material: Material, condition: str, laws: Sequence[str], metric: str) -> Best | None:
+def best_by(material: Material, condition: str, laws: Sequence[str], metric: str, ratio: bool = False) -> Best | None:
     """The best of some laws by the median of a metric over scenes in which all succeed; None where there are none."""
     runs = material.among(condition)
     runs = runs[runs["controller"].isin(list(laws))]
@@ -91,6 +94,6 @@ def best_by(material: Material, condition: str, laws: Sequence[str], metric: str
     chosen = runs[[key in scenes for key in zip(runs["family"], runs["scene"], strict=True)]]
     medians = values.median()
     first = str(medians.idxmin() if judged_metric(metric).better == "less" else medians.idxmax())
-    pairs = compare_laws(chosen, metric, first, by=())
-    alike = [str(a) for a, verdict in zip(pairs["a"], pairs["verdict"], strict=True) if verdict != "worse"]
-    return Best((first, *(law for law in laws if law in alike)), len(values))
+    pairs = pairwise_verdicts(chosen, metric, ratio=ratio)  # of all: the same scenes say which is first
+    alike = (law for law in laws if law != first and pairs[first, law].verdict != "better")
+    return Best((first, *alike), pairs, len(values))

@@ -2,88 +2,32 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
-from math import inf, isfinite
+from math import isfinite
+from statistics import median
 from typing import Any, NamedTuple
 
 from ...readable import counted
-from ...statistics import compare_laws
+from ...statistics import detectable, simultaneous
 from ..markdown import bold, bullets, enumeration, table
-from ..numbers import DASH, number
+from ..numbers import DASH
 from .material import SCENE, Material
+from .pairs import MEASURES, Measure, PairVerdict, PairVerdicts, pairwise_verdicts
 from .sentence import Sentence
 from .words import of_scenes, percentage, where, within
 
+HOLDS, REVERSED, INCONCLUSIVE = "holds", "reversed", "inconclusive"
+"""What becomes of a conclusion in another condition: the same law is better, the other one is, or neither is."""
 
-class Measure(NamedTuple):
-    """What two laws are held against each other by.
-
-    Attributes
-    ----------
-    name
-        Of an outcome or a metric of :mod:`vsconstraints.statistics`.
-    words, title
-        What sentences and headings call it.
-    ratio
-        Whether values are held together by their ratio, and not by their difference, in per cent.
-    """
-
-    name: str
-    words: str
-    title: str
-    ratio: bool = False
-
-
-MEASURES = (
-    Measure("success", "success", "Success: all rows kept and the goal reached"),
-    Measure("violation", "violation", "Violation: a row is left"),
-    Measure("utilization", "space", "Space: utilization, where both laws succeed"),
-    Measure("acceleration_variation", "chattering", "Chattering: acceleration variation, where both succeed", True),
-)
-"""What conclusions are about."""
-
-HOLDS, REVERSED, LOST, TOO_FEW = "holds", "reversed", "not told", "too few"
-"""What becomes of a conclusion: the same is told, the contrary is, nothing is; or nothing is, and neither is it in the
-first condition on the same scenes."""
+POWER = 0.8
+"""Chance with which a reversal of the size that is reported would have been found."""
 
 MOST_NAMED = 4
 """So many reversed conclusions a sentence names."""
 
 
-class Held(NamedTuple):
-    """One law against another by a measure, as one condition tells it.
-
-    Attributes
-    ----------
-    difference, low, high
-        Of the rates, or median over scenes of the difference or ratio of values: the better law's against the other's.
-    p
-        Corrected for all pairs of laws.
-    scenes
-        How many are compared.
-    verdict
-        ``better``, ``worse``, ``not distinguishable`` or ``too few``.
-    """
-
-    difference: float
-    low: float
-    high: float
-    p: float
-    scenes: int
-    verdict: str
-
-    def as_data(self) -> dict[str, Any]:
-        """For files: what is not finite is None."""
-        return {name: None if isinstance(v, float) and not isfinite(v) else v for name, v in self._asdict().items()}
-
-    def text(self, measure: Measure) -> str:
-        """The difference, for a table's cell."""
-        return f"× {number(self.difference)}" if measure.ratio else f"{percentage(self.difference, 1)} %"
-
-
 class Conclusion(NamedTuple):
-    """That one law is better than another, which the first condition tells, and what becomes of it in another one.
+    """That one law is better than another in the first condition, and what becomes of it in another one.
 
     Attributes
     ----------
@@ -94,9 +38,9 @@ class Conclusion(NamedTuple):
     condition
         The other one.
     outcome
-        One of :data:`HOLDS`, :data:`REVERSED`, :data:`LOST`, :data:`TOO_FEW`.
+        One of :data:`HOLDS`, :data:`REVERSED`, :data:`INCONCLUSIVE`.
     first, other
-        How the two conditions tell it.
+        The laws compared in the two conditions.
     """
 
     measure: Measure
@@ -104,23 +48,59 @@ class Conclusion(NamedTuple):
     worse: str
     condition: str
     outcome: str
-    first: Held
-    other: Held
+    first: PairVerdict
+    other: PairVerdict
+
+    @property
+    def excluded(self) -> bool:
+        """Whether a reversal by the margin or more is excluded."""
+        return self.measure.excludes(self.other)
 
     def as_data(self) -> dict[str, Any]:
         """For files."""
-        told = {"measure": self.measure.name, "better": self.better, "worse": self.worse}
         return {
-            **told,
+            "measure": self.measure.name,
+            "better": self.better,
+            "worse": self.worse,
             "condition": self.condition,
             "outcome": self.outcome,
+            "reversal_excluded": self.excluded,
             "first": self.first.as_data(),
             "other": self.other.as_data(),
         }
 
 
-Told = dict[tuple[str, str], Held]
-"""Every law against every other one."""
+class Power(NamedTuple):
+    """Which reversals would have been found, by a measure in a condition.
+
+    Attributes
+    ----------
+    measure, condition
+        By what, and where.
+    conclusions
+        How many there are.
+    scenes
+        On which a pair is compared: median over the conclusions.
+    detectable
+        Share of scenes by which the law that was ahead must fall behind the other one, to be found with a chance of
+        :data:`POWER` (:func:`vsconstraints.statistics.detectable`); of success and violation the difference of rates.
+        Infinite where nothing would be.
+    """
+
+    measure: str
+    condition: str
+    conclusions: int
+    scenes: float
+    detectable: float
+
+    def as_data(self) -> dict[str, Any]:
+        """For files: what is not finite is None."""
+        return {**self._asdict(), "detectable": self.detectable if isfinite(self.detectable) else None}
+
+    @property
+    def text(self) -> str:
+        """From which reversal on, for a sentence or a cell."""
+        return f"{percentage(self.detectable, 0)} points" if isfinite(self.detectable) else "none"
 
 
 def conclusions(material: Material) -> tuple[Conclusion, ...]:
@@ -134,59 +114,46 @@ def conclusions(material: Material) -> tuple[Conclusion, ...]:
 
 
 def _of(material: Material, measure: Measure, condition: str) -> list[Conclusion]:
-    first, other = (_runs(material, name, condition) for name in (material.conditions[0], condition))
-    before, after = _told(material, first, measure), _told(material, other, measure)
-    on_same_scenes = _told(material, first.merge(other[SCENE].drop_duplicates(), on=SCENE), measure)
+    first = material.conditions[0]
+    before = _verdicts(material, _runs(material, first, condition), measure)
+    after = _verdicts(material, _runs(material, condition, first), measure)
+    became = {"better": HOLDS, "worse": REVERSED}
+    return [
+        Conclusion(measure, *pair, condition, became.get(after[pair].verdict, INCONCLUSIVE), one, after[pair])
+        for pair, one in before.items()
+        if one.verdict == "better" and pair in after
+    ]
+
+
+def powers(material: Material) -> tuple[Power, ...]:
+    """What each condition could have found, measure by measure."""
     found = []
-    for pair, held in before.items():
-        if held.verdict == "better" and pair in after:
-            same = on_same_scenes[pair].verdict if pair in on_same_scenes else "too few"
-            found.append(Conclusion(measure, *pair, condition, became(after[pair].verdict, same), held, after[pair]))
-    return found
+    for condition in material.conditions[1:]:
+        for measure in MEASURES:
+            own = [one.other for one in conclusions(material) if (one.condition, one.measure) == (condition, measure)]
+            if own:
+                after = _verdicts(material, _runs(material, condition, material.conditions[0]), measure)
+                tests = sum(one.verdict != "too few" for one in after.values()) // 2
+                scenes = median(one.scenes for one in own)
+                differing = median(one.differ / one.scenes for one in own if one.scenes) if scenes else 0.0
+                least = detectable(int(scenes), differing, simultaneous(0.95, tests), POWER)
+                found.append(Power(measure.name, condition, len(own), scenes, least))
+    return tuple(found)
 
 
 def _runs(material: Material, condition: str, other: str) -> Any:
     """Runs in a condition of the families that are in the other one too, of laws that come to anything in both."""
-    common = [name for name in material.families_of(other) if name in material.families_of(material.conditions[0])]
-    going = set(material.going(material.conditions[0])) & set(material.going(other))
+    common = [name for name in material.families_of(condition) if name in material.families_of(other)]
+    going = set(material.going(condition)) & set(material.going(other))
     runs = material.among(condition, common)
     return runs[runs["controller"].isin(going)]
 
 
-def _told(material: Material, runs: Any, measure: Measure) -> Told:
-    """As :func:`told`, once for the same runs."""
+def _verdicts(material: Material, runs: Any, measure: Measure) -> PairVerdicts:
+    """As :func:`pairwise_verdicts`, once for the same runs."""
     columns = ["condition", *SCENE, "controller"]
-    key = "told", measure.name, frozenset(runs[columns].itertuples(index=False, name=None))
-    return material.once(key, lambda: told(runs, measure))
-
-
-def told(runs: Any, measure: Measure) -> Told:
-    """Every law against every other one on the same scenes."""
-    found: Told = {}
-    for line in compare_laws(runs, measure.name, by=()).itertuples():
-        ends = (
-            (line.ratio, line.ratio_low, line.ratio_high) if measure.ratio else (line.difference, line.low, line.high)
-        )
-        swapped = [1.0 / end if end else inf for end in ends] if measure.ratio else [-end for end in ends]
-        against = {"better": "worse", "worse": "better"}.get(line.verdict, line.verdict)
-        found[line.a, line.b] = Held(*ends, line.p_corrected, line.paired, line.verdict)
-        found[line.b, line.a] = Held(swapped[0], swapped[2], swapped[1], line.p_corrected, line.paired, against)
-    return found
-
-
-def became(verdict: str, on_same_scenes: str) -> str:
-    """What becomes of "better" where another condition gives a verdict.
-
-    Parameters
-    ----------
-    verdict
-        Of the other condition.
-    on_same_scenes
-        Of the first condition on the scenes of the other one, which may be fewer.
-    """
-    if verdict in ("better", "worse"):
-        return HOLDS if verdict == "better" else REVERSED
-    return LOST if on_same_scenes == "better" else TOO_FEW
+    key = "pairs", measure.name, frozenset(runs[columns].itertuples(index=False, name=None))
+    return material.once(key, lambda: pairwise_verdicts(runs, measure.name, ratio=measure.ratio))
 
 
 def held(material: Material) -> list[Sentence]:
@@ -199,28 +166,37 @@ def held(material: Material) -> list[Sentence]:
 
 
 def _sentence(material: Material, condition: str, own: Sequence[Conclusion]) -> Sentence:
-    endings = Counter(one.outcome for one in own)
-    runs = _runs(material, condition, condition)
+    endings = {name: [one for one in own if one.outcome == name] for name in (HOLDS, REVERSED, INCONCLUSIVE)}
+    numbers: dict[str, float] = {"conclusions": len(own), **{name: len(each) for name, each in endings.items()}}
+    excluded = sum(one.excluded for one in endings[INCONCLUSIVE])
+    runs = _runs(material, condition, material.conditions[0])
     scenes, families = len(runs[SCENE].drop_duplicates()), len(set(runs["family"]))
-    unknown = endings[LOST] + endings[TOO_FEW]
-    few = f", {endings[TOO_FEW]} of these since there are too few scenes" if endings[TOO_FEW] else ""
+    numbers |= {"reversal_excluded": excluded, "scenes": scenes, "families": families}
+    turned = endings[REVERSED]
     text = (
-        f"Of {counted(len(own), 'conclusion')} on pairs of laws that hold {within(material.conditions[0])}, "
-        f"{endings[HOLDS]} {_verb('hold', endings[HOLDS])} {within(condition)}, {endings[REVERSED]} "
-        f"{_verb('are', endings[REVERSED])} reversed, and of {unknown} it cannot be told{few} "
-        f"({of_scenes(scenes, families)})."
+        f"Of {counted(len(own), 'conclusion')} on pairs of laws {within(material.conditions[0])}, {within(condition)} "
+        f"{_verb('hold', len(endings[HOLDS]))}, {_verb('are', len(turned))} reversed and "
+        f"{_verb('are', len(endings[INCONCLUSIVE]))} inconclusive"
     )
-    turned = [one for one in own if one.outcome == REVERSED]
+    if endings[INCONCLUSIVE]:
+        text += f", of which {_verb('exclude', excluded)} a reversal by the equivalence margin"
+    text += f" ({of_scenes(scenes, families)})."
     if turned:
         more = [f"{len(turned) - MOST_NAMED} more"] if len(turned) > MOST_NAMED else []
         named = [f"{one.better} before {one.worse} by {one.measure.words}" for one in turned[:MOST_NAMED]]
-        text = f"{text} Reversed: {enumeration([*named, *more])}."
-    numbers = {"conclusions": len(own), **{name: endings[name] for name in (HOLDS, REVERSED, LOST, TOO_FEW)}}
-    return Sentence(text, "holds", condition, (), {**numbers, "scenes": scenes, "families": families})
+        text += f" Reversed: {enumeration([*named, *more])}."
+    power = next((one for one in powers(material) if (one.condition, one.measure) == (condition, "success")), None)
+    if power is not None and isfinite(power.detectable):
+        text += f" A reversal of success is found with {percentage(POWER, 0)} % power from {power.text} on."
+        numbers["detectable"] = power.detectable
+    elif power is not None:
+        text += " No reversal of success, however great, is found with 80 % power."
+    return Sentence(text, "holds", condition, (), numbers)
 
 
 def _verb(plural: str, number_of: int) -> str:
-    return {"hold": "holds", "are": "is"}[plural] if number_of == 1 else plural
+    singular = {"hold": "holds", "are": "is", "exclude": "excludes"}[plural]
+    return f"{number_of or 'none'} {singular if number_of == 1 else plural}"
 
 
 def holding(material: Material) -> str:
@@ -231,20 +207,43 @@ def holding(material: Material) -> str:
     first, *others = material.conditions
     parts = [
         "## Which conclusions hold",
-        f"A conclusion: {within(first)}, the evidence tells one law (*before*) from another one. In another condition "
-        f"it **holds** where the same is told there, is **reversed** where the contrary is, and is *{LOST}* where "
-        f"nothing is; *{TOO_FEW}*: nor is anything told {within(first)} on the scenes that the condition has. The "
-        "number is the difference of rates or of medians, of chattering the ratio; of the law before against the "
-        "other one, on the scenes of that condition.",
+        f"A conclusion: {within(first)}, one law is significantly better than another. In another condition it "
+        "**holds** where the same law is, is **reversed** where the other one is, and is *inconclusive* where neither "
+        "is. Inconclusive is not equal: the last columns say which reversals would have been found. The number in the "
+        "tables is the difference of rates or the median of differences where laws differ, of chattering of ratios; of "
+        "the law against the one after it, on the scenes of that condition.",
         bullets([one.text for one in held(material)]),
+        _powers(material),
     ]
     for measure in MEASURES:
         own = [one for one in every if one.measure == measure]
         if own:
             parts += [f"### {measure.title}", _table(own, first, others)]
         else:
-            parts += [f"### {measure.title}", f"{where(first)}, no law is told from another one."]
+            parts += [f"### {measure.title}", f"{where(first)}, no two laws differ significantly."]
     return "\n\n".join(parts)
+
+
+def _powers(material: Material) -> str:
+    """One line per condition and measure: what becomes of its conclusions, and what could have been found."""
+    measures = {measure.name: measure for measure in MEASURES}
+    lines = []
+    for power in powers(material):
+        key, measure = (power.condition, power.measure), measures[power.measure]
+        own = [one for one in conclusions(material) if (one.condition, one.measure.name) == key]
+        counts = [sum(one.outcome == outcome for one in own) for outcome in (HOLDS, REVERSED, INCONCLUSIVE)]
+        excluded = sum(one.excluded for one in own if one.outcome == INCONCLUSIVE)
+        cells = [*map(str, (*counts, excluded)), measure.margin_text, f"{power.scenes:g}", power.text]
+        lines.append([f"{measure.words}, {power.condition}", *cells])
+    header = ["", "hold", "reversed", "inconclusive", "reversal excluded", "margin", "scenes", "found from"]
+    text = (
+        "*Reversal excluded*: of the inconclusive ones, those whose interval excludes that the order is reversed by "
+        "the equivalence *margin* or more. *Scenes*: on which two laws are compared, median. *Found from*: the "
+        "reversal that a comparison on so many scenes, corrected for all pairs, finds with 80 % power if laws differ "
+        "in as many scenes as here; in points of the rate, of space and chattering of the share of scenes in which "
+        "a law is better."
+    )
+    return f"{table(header, lines)}\n\n{text}"
 
 
 def _table(own: Sequence[Conclusion], first: str, others: Sequence[str]) -> str:
@@ -261,7 +260,7 @@ def _table(own: Sequence[Conclusion], first: str, others: Sequence[str]) -> str:
 def _cell(one: Conclusion | None) -> str:
     if one is None:
         return DASH
-    if one.outcome in (LOST, TOO_FEW):
+    if one.outcome == INCONCLUSIVE:
         return one.outcome
     word = bold(one.outcome) if one.outcome == REVERSED else one.outcome
     return f"{word}, {one.other.text(one.measure)}"

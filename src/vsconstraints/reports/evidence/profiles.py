@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...statistics import compare_laws, costs, profile, ranks
+from ...statistics import costs, profile, ranks
 from ..markdown import table
 from ..numbers import DASH, number
 from .drawing import shown
 from .figures.critical_difference import CRITICAL_DIFFERENCE, Diagram
 from .figures.profiles import PROFILES, Panel
 from .material import Material
+from .pairs import PairVerdict, pairwise_verdicts
 from .standing import standing
 from .words import where, within
 
@@ -32,8 +33,9 @@ def profiles(material: Material) -> str:
     if tables:
         parts.append(
             "Each law against the one that succeeds most often, on the scenes in which both succeed: median over "
-            "scenes of the ratio of acceleration variations, and of the differences of settling time and utilization, "
-            "with 95 % intervals; ≈ where Wilcoxon's test, corrected for all laws, finds no difference."
+            "those in which they differ of the ratio of acceleration variations, and of the differences of settling "
+            "time and utilization, with 95 % intervals that are simultaneous for all pairs of laws; ≈ where such an "
+            "interval includes no difference."
         )
     return "\n\n".join(part for part in (*parts, *tables) if part)
 
@@ -69,32 +71,24 @@ def _against(material: Material, condition: str) -> str:
         return ""
     runs = material.among(condition)
     found = {
-        metric: compare_laws(runs, metric, one.leader, by=()).set_index("a")
+        metric: pairwise_verdicts(runs, metric, ratio=metric == "acceleration_variation")
         for metric in ("acceleration_variation", "settling_time_s", "utilization")
     }
     lines = []
     for law in one.laws[1:]:
-        variation, settling, space = (found[metric].loc[law] for metric in found)
-        lines.append(
-            [
-                law,
-                str(int(variation["paired"])),
-                _cell(variation, "ratio", ("ratio_low", "ratio_high")),
-                _cell(settling, "difference", ("low", "high")),
-                _cell(space, "difference", ("low", "high"), 100.0),
-            ]
-        )
+        variation, settling, space = (pairs[law, one.leader] for pairs in found.values())
+        lines.append([law, str(variation.scenes), _cell(variation), _cell(settling), _cell(space, 100.0)])
     header = [f"{within(condition)}, against {one.leader}", "scenes", "variation, ×", "settling, + s", "space, + %"]
     header[0] = header[0][0].upper() + header[0][1:]
     return table(header, lines)
 
 
-def _cell(line: Any, value: str, ends: tuple[str, str], factor: float = 1.0) -> str:
+def _cell(pair: PairVerdict, factor: float = 1.0) -> str:
     """A median with its interval; ≈ in front where it is not distinguishable from none."""
-    if not line["paired"]:
+    if not pair.scenes:
         return DASH
-    middle, low, high = (factor * float(line[name]) for name in (value, *ends))
-    alike = "" if line["verdict"] in ("better", "worse") else "≈ "
+    middle, low, high = (factor * value for value in (pair.difference, pair.low, pair.high))
+    alike = "" if pair.verdict in ("better", "worse") else "≈ "
     if not (abs(low) < float("inf") and abs(high) < float("inf")) or low == high:
         return f"{alike}{number(middle)}"
     between = " to " if low < 0.0 else "–"

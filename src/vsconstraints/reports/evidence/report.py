@@ -14,7 +14,7 @@ from ..page import write_pages
 from .closing import closing
 from .decisions import decisions
 from .failing import failing
-from .holding import conclusions, holding
+from .holding import conclusions, holding, powers
 from .knowledge import knowledge
 from .material import Material
 from .opening import opening
@@ -100,7 +100,11 @@ def write_report_of(material: Material, on_written: OnWritten = lambda done, tot
         parts.append(section(material))
     on_written(len(parts), len(parts))
     report = material.folder / "report.md"
-    every = {**first.as_data(), "conclusions": [one.as_data() for one in conclusions(material)]}
+    every = {
+        **first.as_data(),
+        "conclusions": [one.as_data() for one in conclusions(material)],
+        "power": [one.as_data() for one in powers(material)],
+    }
     claims = json.dumps(every, indent=1, ensure_ascii=False)
     try:
         write_pages(report, "\n\n".join(part for part in parts if part) + "\n")

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from ...statistics import distinguishable, holm, mcnemar, rate
+from ...statistics import distinguishable, mcnemar, rate, simultaneous
 from ...statistics.inputs import FEWEST
 from .material import Material
 from .words import Share
@@ -19,26 +19,23 @@ class Pair:
     Attributes
     ----------
     difference
-        Share of the first less that of the second, and its 95 % interval.
-    p
-        Of McNemar's exact test, by Holm's correction for all pairs of the condition.
+        Share of the first less that of the second, and its interval: simultaneous for all pairs of the condition, 95 %.
     n
         Scenes.
     """
 
     difference: Share
-    p: float
     n: int
 
     @property
     def distinguishable(self) -> bool:
         """Whether the evidence tells them apart."""
-        return distinguishable(self.difference.low, self.difference.high, self.p, n=self.n)
+        return distinguishable(self.difference.low, self.difference.high, self.n)
 
     def reversed(self) -> Pair:
         """The second against the first."""
         found = self.difference
-        return Pair(Share(-found.value, -found.high, -found.low), self.p, self.n)
+        return Pair(Share(-found.value, -found.high, -found.low), self.n)
 
 
 @dataclass(frozen=True)
@@ -92,7 +89,7 @@ class Standing:
         return next((law for law in self.laws if law not in self.front), None)
 
     def among(self, laws: Iterable[str]) -> Standing:
-        """Some of the laws only; their p-values stay corrected for all pairs."""
+        """Some of the laws only; their intervals stay simultaneous for all pairs."""
         chosen = set(laws)
         kept = tuple(law for law in self.laws if law in chosen)
         pairs = {names: pair for names, pair in self.pairs.items() if chosen.issuperset(names)}
@@ -114,11 +111,9 @@ def _worked_out(material: Material, condition: str, column: str, families: Seque
     # sorting keeps the order of equal ones
     laws = tuple(sorted(arrays, key=lambda law: -int(arrays[law].sum()))) if len(flags) else ()
     names = list(combinations(laws, 2))
-    tests = [mcnemar(arrays[a], arrays[b]) for a, b in names]
-    pairs = {
-        two: Pair(Share(test.difference, test.low, test.high), float(p), test.n)
-        for two, test, p in zip(names, tests, holm([test.p for test in tests]), strict=True)
-    }
+    level = simultaneous(0.95, len(names))
+    tests = {(a, b): mcnemar(arrays[a], arrays[b], level) for a, b in names}
+    pairs = {two: Pair(Share(test.difference, test.low, test.high), test.n) for two, test in tests.items()}
     shares = {law: Share.of(rate(arrays[law])) for law in laws}
     families_there = len(set(flags.index.get_level_values("family")))
     return Standing(condition, laws, shares, pairs, len(flags), families_there)
