@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from ..comparisons import StoredComparison
+from ..comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ..comparisons.suite import BASELINE
 from .groups import grouped
 
@@ -79,8 +80,17 @@ class Results:
 
     @cached_property
     def clean(self) -> dict[str, int]:
-        """How many runs of each controller that is compared converged and violated no row."""
-        return {name: sum(map(clean, self.all_runs(name))) for name in self.competitors}
+        """How many runs of each controller that is compared converged and violated no row, by the strict standard."""
+        return self.successes(NEGLIGIBLE)
+
+    @cached_property
+    def clean_tolerant(self) -> dict[str, int]:
+        """The same by the tolerant standard."""
+        return self.successes(TOLERANT)
+
+    def successes(self, tolerance: float) -> dict[str, int]:
+        """The same with a depth tolerated, as a fraction of L."""
+        return {name: sum(success(line, tolerance) for line in self.all_runs(name)) for name in self.competitors}
 
     @property
     def challenged_scenarios(self) -> list[str]:
@@ -121,8 +131,13 @@ class Results:
 
 
 def clean(line: Line) -> bool:
-    """Whether a run converged and violated no row."""
+    """Whether a run converged and violated no row, by the strict standard."""
     return line["status"] == "converged" and not violated(line)
+
+
+def success(line: Line, tolerance: float) -> bool:
+    """Whether a run converged and no row was deeper outside than a fraction of L."""
+    return bool(line["status"] == "converged" and line["violation_fraction"] <= tolerance)
 
 
 def diverged(line: Line) -> bool:
@@ -130,11 +145,12 @@ def diverged(line: Line) -> bool:
     return bool(line["status"] != "converged" and line["violation_depth"] > DIVERGED)
 
 
-def violated(line: Line) -> list[str]:
-    """Labels of the rows that a run violated."""
-    return [label for label in str(line["violated"] or "").split("; ") if label]
+def violated(line: Line, column: str = "violated") -> list[str]:
+    """Labels of the rows that a run violated, by the strict standard or as another column has them."""
+    return [label for label in str(line[column] or "").split("; ") if label]
 
 
-def within_band(line: Line) -> list[str]:
-    """Labels of the rows that a run was outside of by no more than sampling makes."""
-    return [label for label in str(line["within_band"] or "").split("; ") if label]
+def tolerated(line: Line) -> list[str]:
+    """Labels of the rows that a run violated by the strict standard, and not by the tolerant one."""
+    beyond = violated(line, "violated_tolerant")
+    return [label for label in violated(line) if label not in beyond]
