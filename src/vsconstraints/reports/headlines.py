@@ -70,12 +70,12 @@ def _disagreement(results: Results) -> list[str]:
     """Which laws the two standards do not rank alike."""
     strict, tolerant = results.clean, results.clean_tolerant
     pairs = [
-        f"{a} is {_ranked(strict[a], strict[b])} {b}, then {_ranked(tolerant[a], tolerant[b])}"
+        f"{a} is {_ranked(strict[a], strict[b])} {b} at {of_length(NEGLIGIBLE)}, and "
+        f"{_ranked(tolerant[a], tolerant[b])} it at {of_length(TOLERANT)}"
         for a, b in combinations(results.competitors, 2)
         if _ranked(strict[a], strict[b]) != _ranked(tolerant[a], tolerant[b])
     ]
-    standards = f"Where {of_length(TOLERANT)} is tolerated, and not {of_length(NEGLIGIBLE)}, laws rank differently"
-    return [f"{standards}: {'; '.join(some(pairs))}."] if pairs else []
+    return [f"The two standards do not rank these laws alike: {'; '.join(some(pairs))}."] if pairs else []
 
 
 def _ranked(one: int, other: int) -> str:

@@ -56,10 +56,10 @@ def law_columns(results: Results) -> tuple[list[str], list[Column]]:
 
 FIRST_LEGEND = (
     "*Converged inside*: runs that converged and violated no row, by the strict standard: none was deeper outside than "
-    f"{of_length(NEGLIGIBLE)}; beside it, by the tolerant one, {of_length(TOLERANT)}. Medians are of the runs that converged, those of "
-    "times of all. **Bold** is the best of a column where no other value in it is better; in parentheses is what is "
-    "not compared, since the law did not converge in every run in which another one did, or violated a row (strictly). "
-    "Times are not compared: *form* says what they are times of."
+    f"{of_length(NEGLIGIBLE)}; beside it by the tolerant one, {of_length(TOLERANT)}. Medians are of the runs that "
+    "converged, those of times of all. **Bold** is the best of a column where no other value in it is better; in "
+    "parentheses is what is not compared, since the law did not converge in every run in which another one did, or "
+    "violated a row, strictly. Times are not compared: *form* says what they are times of."
 )
 
 
@@ -70,7 +70,7 @@ def summary(results: Results) -> str:
         "counted under their status, too.",
         "*Worst* is the greatest of all runs. Medians are of the runs that converged, and say of how many if not all "
         f"of these have a value; {DASH} stands where none has: the φ band needs a row at its boundary, utilization a "
-        "row that acts.",
+        "row that tracking alone violates.",
         "**Bold** is the best of a column, judged by the digits shown; ties are all bold. Nothing is bold where "
         "another value of the column is better, nor where all are alike. In parentheses is what is not compared: "
         "that of a controller that did not converge in every run in which another one did. Only controllers that "

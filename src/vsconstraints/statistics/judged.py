@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..comparisons.metrics import METRICS, Metric
+from ..comparisons.metrics import METRICS, TOLERANT, Metric
 from ..errors import ConfigurationError, unknown_name
 from .inputs import Better
 
@@ -31,16 +31,25 @@ def converged(runs: Any) -> Any:
 
 
 def violated(runs: Any) -> Any:
-    """Whether each run violated a row."""
+    """Whether each run violated a row, by the strict standard."""
     return runs["violated"].astype(object).fillna("") != ""
+
+
+def deeper(runs: Any, tolerance: float) -> Any:
+    """Whether a row was outside by more than a fraction of its length in each run."""
+    if "violation_fraction" not in runs.columns:
+        raise ConfigurationError("runs have no column 'violation_fraction', which says how deep each was outside")
+    return runs["violation_fraction"].astype(float) > tolerance
 
 
 OUTCOMES: Mapping[str, Outcome] = {
     "success": Outcome(lambda runs: converged(runs) & ~violated(runs), "more"),
     "convergence": Outcome(converged, "more"),
     "violation": Outcome(violated, "less"),
+    "tolerant success": Outcome(lambda runs: converged(runs) & ~deeper(runs, TOLERANT), "more"),
+    "tolerant violation": Outcome(lambda runs: deeper(runs, TOLERANT), "less"),
 }
-"""What a run comes to. A success converged and violated nothing."""
+"""What a run comes to. A success converged and violated nothing: by the strict standard, or by the tolerant one."""
 
 
 def judged_metrics() -> dict[str, Metric]:

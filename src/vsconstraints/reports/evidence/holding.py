@@ -114,6 +114,7 @@ class Conclusion(NamedTuple):
             **told,
             "condition": self.condition,
             "outcome": self.outcome,
+            "standard": "strict",
             "first": self.first.as_data(),
             "other": self.other.as_data(),
         }

@@ -86,5 +86,5 @@ def nowhere(material: Material) -> list[Sentence]:
             reasons = runs["reason"].fillna("").astype(str).value_counts()
             why = f", most often: {plain(str(reasons.index[0]))}" if reasons.index[0] else ""
             text = f"{bold(law)} gets nowhere: each of its {counted(len(runs), 'run')} failed or was aborted{why}."
-            found.append(Sentence(text, "nowhere", "", (law,), {"runs": len(runs)}))
+            found.append(Sentence(text, "nowhere", "", (law,), {"runs": len(runs)}, ""))
     return found
