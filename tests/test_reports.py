@@ -19,6 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from scenes import of_depth
 from vsconstraints.comparisons import RunRecord, StoredComparison, Suite, compare
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
@@ -59,7 +60,8 @@ def result(controller: str, scenario: str = "one", trial: int = 0, **changes: An
     line.update(suite="made", scenario=scenario, controller=controller, trial=trial, status="converged", reason="")
     line.update(compiled=True, violated="", within_band="", violation_depth=0.0, violation_time_s=0.0)
     line.update(utilization=0.9, sliding_lost_s=0.0)
-    return {**line, **changes}
+    line.update(changes)
+    return line | of_depth(line["violation_depth"], line["violated"]) | changes
 
 
 def row(controller: str, label: str = "fov[marker 1]", scenario: str = "one", **changes: Any) -> dict[str, Any]:

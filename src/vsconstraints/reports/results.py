@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 from ..comparisons import StoredComparison
-from ..comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ..comparisons.suite import BASELINE
 from .groups import grouped
 
@@ -81,16 +80,14 @@ class Results:
     @cached_property
     def clean(self) -> dict[str, int]:
         """How many runs of each controller that is compared converged and violated no row, by the strict standard."""
-        return self.successes(NEGLIGIBLE)
+        return {name: sum(map(clean, self.all_runs(name))) for name in self.competitors}
 
     @cached_property
     def clean_tolerant(self) -> dict[str, int]:
         """The same by the tolerant standard."""
-        return self.successes(TOLERANT)
-
-    def successes(self, tolerance: float) -> dict[str, int]:
-        """The same with a depth tolerated, as a fraction of L."""
-        return {name: sum(success(line, tolerance) for line in self.all_runs(name)) for name in self.competitors}
+        return {
+            name: sum(clean(line, "violated_tolerant") for line in self.all_runs(name)) for name in self.competitors
+        }
 
     @property
     def challenged_scenarios(self) -> list[str]:
@@ -130,14 +127,9 @@ class Results:
         return bool(self.challenged(scenario)) or not baseline or any(violated(line) for line in baseline)
 
 
-def clean(line: Line) -> bool:
-    """Whether a run converged and violated no row, by the strict standard."""
-    return line["status"] == "converged" and not violated(line)
-
-
-def success(line: Line, tolerance: float) -> bool:
-    """Whether a run converged and no row was deeper outside than a fraction of L."""
-    return bool(line["status"] == "converged" and line["violation_fraction"] <= tolerance)
+def clean(line: Line, column: str = "violated") -> bool:
+    """Whether a run converged and violated no row, by the strict standard or as another column has it."""
+    return line["status"] == "converged" and not violated(line, column)
 
 
 def diverged(line: Line) -> bool:

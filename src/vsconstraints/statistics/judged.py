@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..comparisons.metrics import METRICS, TOLERANT, Metric
+from ..comparisons.metrics import METRICS, Metric
 from ..errors import ConfigurationError, unknown_name
 from .inputs import Better
 
@@ -30,24 +30,17 @@ def converged(runs: Any) -> Any:
     return runs["status"] == "converged"
 
 
-def violated(runs: Any) -> Any:
-    """Whether each run violated a row, by the strict standard."""
-    return runs["violated"].astype(object).fillna("") != ""
-
-
-def deeper(runs: Any, tolerance: float) -> Any:
-    """Whether a row was outside by more than a fraction of its length in each run."""
-    if "violation_fraction" not in runs.columns:
-        raise ConfigurationError("runs have no column 'violation_fraction', which says how deep each was outside")
-    return runs["violation_fraction"].astype(float) > tolerance
+def violated(runs: Any, column: str = "violated") -> Any:
+    """Whether each run violated a row, by the strict standard or as another column has it."""
+    return runs[column].astype(object).fillna("") != ""
 
 
 OUTCOMES: Mapping[str, Outcome] = {
     "success": Outcome(lambda runs: converged(runs) & ~violated(runs), "more"),
     "convergence": Outcome(converged, "more"),
     "violation": Outcome(violated, "less"),
-    "tolerant success": Outcome(lambda runs: converged(runs) & ~deeper(runs, TOLERANT), "more"),
-    "tolerant violation": Outcome(lambda runs: deeper(runs, TOLERANT), "less"),
+    "tolerant success": Outcome(lambda runs: converged(runs) & ~violated(runs, "violated_tolerant"), "more"),
+    "tolerant violation": Outcome(lambda runs: violated(runs, "violated_tolerant"), "less"),
 }
 """What a run comes to. A success converged and violated nothing: by the strict standard, or by the tolerant one."""
 

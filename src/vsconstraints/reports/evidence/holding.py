@@ -36,8 +36,8 @@ class Measure(NamedTuple):
 
 
 MEASURES = (
-    Measure("success", "success", "Success: all rows kept and the goal reached"),
-    Measure("violation", "violation", "Violation: a row is left"),
+    Measure("success", "success", "Success: all rows kept, strictly, and the goal reached"),
+    Measure("violation", "violation", "Violation: a row is violated, strictly"),
     Measure("utilization", "space", "Space: utilization, where both laws succeed"),
     Measure("acceleration_variation", "chattering", "Chattering: acceleration variation, where both succeed", True),
 )
@@ -206,7 +206,8 @@ def _sentence(material: Material, condition: str, own: Sequence[Conclusion]) -> 
     unknown = endings[LOST] + endings[TOO_FEW]
     few = f", {endings[TOO_FEW]} of these since there are too few scenes" if endings[TOO_FEW] else ""
     text = (
-        f"Of {counted(len(own), 'conclusion')} on pairs of laws that hold {within(material.conditions[0])}, "
+        f"By the strict standard, of {counted(len(own), 'conclusion')} on pairs of laws that hold "
+        f"{within(material.conditions[0])}, "
         f"{endings[HOLDS]} {_verb('hold', endings[HOLDS])} {within(condition)}, {endings[REVERSED]} "
         f"{_verb('are', endings[REVERSED])} reversed, and of {unknown} it cannot be told{few} "
         f"({of_scenes(scenes, families)})."
