@@ -37,8 +37,8 @@ def rates(material: Material) -> str:
     parts = ["## How often laws succeed and violate"]
     parts.append(
         "*Success*: all rows kept and the goal reached. *Violated*: a row was deeper outside than "
-        f"{of_length(NEGLIGIBLE)}, whether the goal was reached or not; beside success, and in the next table, the same "
-        f"with {of_length(TOLERANT)} tolerated. The last columns say how runs ended that did not converge; those that "
+        f"{of_length(NEGLIGIBLE)}, whether the goal was reached or not. The same with {of_length(TOLERANT)} tolerated "
+        "stands beside it and in the next table. The last columns say how runs ended that did not converge; those that "
         "failed or were aborted count nowhere but here and as no success. **Bold** is the best of a column where it "
         "is distinguishable from all others; ≈ marks the best and what is not distinguishable from it. Laws that only "
         "failed are not compared by violations: who does nothing violates nothing."
