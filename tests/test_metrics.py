@@ -442,9 +442,10 @@ def test_a_law_that_bounces_off_the_boundary_uses_little() -> None:
     way = [20, 0, 90, 80, 70, 60, 50, 40, 30, 20, 10, 0]
     touches = [[0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1]]
     alone = made(clearance=[[20, *[-5] * 11]], length=[100])
-    bounced = score(made(clearance=[way], active=touches, length=[100]), alone)
+    bounced = score(made(clearance=[way], phi=[[-c for c in way]], active=touches, length=[100]), alone)
     stayed = score(made(clearance=[[20, *[3] * 11]], active=touches, length=[100]), alone)
     assert bounced.result["utilization"] == pytest.approx(1.0 - 450 / 1100)
+    assert bounced.constraints[0]["held_time_s"] == 1.0
     assert stayed.result["utilization"] == pytest.approx(0.97)
     assert bounced.constraints[0]["mean_unused_margin"] == pytest.approx(450 / 11)
 
