@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import norm
 
+from scenes import of_depth
 from vsconstraints.comparisons.metrics.table import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN
 from vsconstraints.evidence import Evidence
 
@@ -71,7 +72,8 @@ def run(condition: str = "nominal", controller: str = "a", scene: int = 0, **col
     numbers = {name: 1.0 for name in RESULT_COLUMNS if name not in RUN}
     text = {"status": "converged", "reason": "", "violated": "", "within_band": "", "compiled": True}
     key = {"family": "planar-arm", "condition": condition, "half": "held-out", "scene": scene, "controller": controller}
-    return {**key, **numbers, **text, "violation_depth": 0.0, **columns}
+    line = {**key, **numbers, **text, "violation_depth": 0.0, **columns}
+    return {**line, **of_depth(line["violation_depth"], line["violated"]), **columns}
 
 
 def frame(lines: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

@@ -351,3 +351,8 @@ def states(name: str, count: int) -> Iterator[np.random.Generator]:
     """Random generators for ``count`` states: the same on every run, others for every robot."""
     for i in range(count):
         yield np.random.default_rng([i, *name.encode()])
+
+
+def of_depth(depth: float, violated: str) -> dict[str, Any]:
+    """The columns of the tolerant standard, of a run that violates rows by a fraction of their length."""
+    return {"violation_fraction": depth, "violated_tolerant": violated if depth > 0.01 else ""}

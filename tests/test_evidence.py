@@ -120,9 +120,9 @@ def test_every_scene_has_every_run_once_in_order(whole: tuple[Campaign, Path]) -
 
 
 def test_rows_are_stored_for_each_reason_by_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Challenged, violated, left within the band, or acted: one is enough, and a row with none is left out."""
-    reasons = {"challenged": True, "violation_depth": 1e-9, "band_depth": 1e-9, "active_time_s": 1e-3, "nothing": 0.0}
-    quiet = {"challenged": False, "violation_depth": 0.0, "band_depth": 0.0, "active_time_s": 0.0}
+    """Challenged, violated, or acted: one is enough, and a row with none is left out."""
+    reasons = {"challenged": True, "violation_depth": 1e-9, "active_time_s": 1e-3, "nothing": 0.0}
+    quiet = {"challenged": False, "violation_depth": 0.0, "active_time_s": 0.0}
 
     def made(record: RunRecord, baseline: RunRecord | None) -> Score:
         scored = score(record, baseline)
@@ -133,7 +133,7 @@ def test_rows_are_stored_for_each_reason_by_itself(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(worker, "score", made)
     task = replace(next(iter(Work(campaign(tmp_path)).tasks().values())), conditions=("nominal",))
     stored = scored(task).rows.to_pandas()
-    kept = ["challenged", "violation_depth", "band_depth", "active_time_s"]
+    kept = ["challenged", "violation_depth", "active_time_s"]
     assert [list(own["constraint"]) for _, own in stored.groupby(["scene", "controller"])] == [kept] * 3
 
 

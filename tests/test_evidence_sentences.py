@@ -103,7 +103,8 @@ def test_a_law_that_is_ahead_is_said_to_be_by_how_much() -> None:
     assert sentence.numbers["difference_high"] == pytest.approx(tango(9, 0, 12, 1), abs=1e-4)
     assert sentence.numbers["scenes"] == 12
     assert sentence.text == (
-        f"Without disturbances, **a** keeps all rows and reaches the goal in 92 % ({100 * low:.0f}–{100 * high:.1f} %, "
+        f"Without disturbances, **a** keeps all rows to 0.01 % of L and reaches the goal in 92 % "
+        f"({100 * low:.0f}–{100 * high:.1f} %, "
         "12 scenes of 1 family); the next, b, in 17 % (2–48 %); the difference is 75 % (21–95 %)."
     )
 
@@ -141,7 +142,7 @@ def test_the_same_law_under_two_names_is_not_distinguishable_from_itself() -> No
     assert "600 scenes of 2 families tell no law from the best" in sentence.text
     assert not claims(made_up, "calmest")
     (violations,) = claims(made_up, "violations")
-    assert violations.text.startswith("How often a row is violated tells no law from the best")
+    assert violations.text.startswith("How often a row is violated by more than 0.01 % of L tells no law from the best")
 
 
 def test_laws_in_front_together_are_named_with_the_next_behind_them() -> None:
@@ -170,12 +171,13 @@ def test_where_nobody_gets_anywhere_it_is_said_what_that_still_allows() -> None:
     made_up = material({"nominal": {"a": "t" * 10, "b": "v" * 10}})
     (sentence,) = claims(made_up, "best")
     assert sentence.text == (
-        "Without disturbances, no law keeps all rows and reaches the goal in any of 10 scenes of 1 family: with 95 % "
+        "Without disturbances, no law keeps all rows to 0.01 % of L and reaches the goal in any of 10 scenes of 1 "
+        "family: with 95 % "
         "confidence each would in at most 31 %."
     )
     assert sentence.numbers["high[a]"] == pytest.approx(1.0 - 0.025**0.1)
     (alone,) = claims(material({"nominal": {"a": "t" * 10}}), "best")
-    assert "**a** keeps all rows and reaches the goal in none of 10 scenes of 1 family" in alone.text
+    assert "**a** keeps all rows to 0.01 % of L and reaches the goal in none of 10 scenes of 1 family" in alone.text
     assert "confidence it would in at most 31 %." in alone.text
 
 
@@ -183,11 +185,12 @@ def test_one_law_in_one_scene_is_told_as_it_is() -> None:
     made_up = material({"nominal": {"a": "+"}})
     (sentence,) = claims(made_up, "best")
     assert sentence.text == (
-        "Without disturbances, **a** keeps all rows and reaches the goal in 100 % (3–100 %, 1 scene of 1 family)."
+        "Without disturbances, **a** keeps all rows to 0.01 % of L and reaches the goal in 100 % (3–100 %, 1 scene "
+        "of 1 family)."
     )
     assert sentence.numbers["low[a]"] == pytest.approx(0.025)
     (violations,) = claims(made_up, "violations")
-    assert violations.text == "It violates a row in 0 % (0–98 %)."
+    assert violations.text == "It violates a row by more than 0.01 % of L in 0 % (0–98 %)."
 
 
 def test_scenes_that_one_law_has_not_run_are_left_out_for_all() -> None:
@@ -208,7 +211,9 @@ def test_a_violation_counts_whether_the_goal_is_reached_or_not() -> None:
     made_up = material({"nominal": {"a": "t" * 20, "b": "v" * 10 + "w" * 10}})
     (sentence,) = claims(made_up, "violations")
     high = 1.0 - 0.025 ** (1 / 20)
-    assert sentence.text == f"A row is violated least often by **a** (0 %, 0–{100 * high:.0f} %)."
+    assert (
+        sentence.text == f"A row is violated by more than 0.01 % of L least often by **a** (0 %, 0–{100 * high:.0f} %)."
+    )
     assert sentence.numbers["violation[a]"] == 0.0
     assert sentence.numbers["high[a]"] == pytest.approx(high)
 
@@ -304,7 +309,9 @@ def test_an_order_that_turns_over_is_said_and_one_that_does_not_is_not() -> None
     (sentence,) = turned(over)
     assert sentence.numbers["difference[nominal]"] == 12 / 20
     assert sentence.numbers["difference[disturbed]"] == 12 / 20
-    assert sentence.text.startswith("The order turns over: without disturbances, a succeeds more often than b by 60 %")
+    assert sentence.text.startswith(
+        "By the strict standard, the order turns over: without disturbances, a succeeds more often than b by 60 %"
+    )
     assert "with disturbances, b more often than a by 60 %" in sentence.text
     assert "more pair" not in sentence.text
     same = material({"nominal": {"a": ahead, "b": behind}, "disturbed": {"a": ahead, "b": behind}})
@@ -363,10 +370,10 @@ def test_a_law_that_fails_everywhere_is_named_with_its_reason() -> None:
 # --- all of it, against pandas alone ---
 
 
-def shares(runs: pd.DataFrame, condition: str, laws: Sequence[str]) -> pd.DataFrame:
-    """One line per scene, one column per law: whether it succeeded."""
+def shares(runs: pd.DataFrame, condition: str, laws: Sequence[str], tolerance: float = 1e-4) -> pd.DataFrame:
+    """One line per scene, one column per law: whether it succeeded, with a depth tolerated."""
     own = runs[(runs["condition"] == condition) & runs["controller"].isin(laws)]
-    good = (own["status"] == "converged") & (own["violated"] == "")
+    good = (own["status"] == "converged") & (own["violation_fraction"] <= tolerance)
     return own.assign(good=good).pivot(index=["family", "scene"], columns="controller", values="good")
 
 
@@ -380,8 +387,9 @@ def test_every_number_is_found_again_in_the_runs(seed: int) -> None:
     made_up = Material(made(runs, Path()))
     checked = 0
     for condition, sentences in answers(made_up).items():
-        good = shares(runs, condition, list(rates[condition]))
         for sentence in sentences:
+            tolerance = {"strict": 1e-4, "tolerant": 1e-2}[sentence.standard]
+            good = shares(runs, condition, list(rates[condition]), tolerance)
             for law in sentence.laws:
                 if f"success[{law}]" in sentence.numbers:
                     count, of = int(good[law].sum()), len(good)
@@ -391,7 +399,7 @@ def test_every_number_is_found_again_in_the_runs(seed: int) -> None:
                     checked += 1
             if "difference" in sentence.numbers:
                 first, second = sentence.laws[0], sentence.laws[-1]
-                if sentence.about != "best":
+                if sentence.about not in ("best", "tolerant"):
                     first, second = second, first
                 a, b = good[first], good[second]
                 assert sentence.numbers["difference"] == pytest.approx(a.mean() - b.mean())
@@ -430,7 +438,7 @@ def test_best_of_a_standing_is_as_of_its_laws() -> None:
 def test_who_only_fails_is_not_praised_for_violating_nothing() -> None:
     made_up = material({"nominal": {"a": "f" * 20, "b": "+" * 10 + "v" * 10, "c": "v" * 20}})
     (sentence,) = claims(made_up, "violations")
-    assert sentence.text == "A row is violated least often by **b** (50 %, 27–73 %)."
+    assert sentence.text == "A row is violated by more than 0.01 % of L least often by **b** (50 %, 27–73 %)."
     (alone,) = claims(material({"nominal": {"a": "f" * 20, "b": "f" * 20}}), "violations")
     assert alone.laws == ("a", "b")
 

@@ -11,7 +11,7 @@ import pytest
 from scenes import acting
 from vsconstraints.comparisons import RunRecord, score
 from vsconstraints.comparisons.metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS
-from vsconstraints.controllers import Controller, SlidingMode, Tracking, make_controller
+from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, Tracking, make_controller
 from vsconstraints.reports.best import shown
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
@@ -122,11 +122,11 @@ def test_every_score_of_a_small_run() -> None:
         "final_translation_error_m": 0.25,
         "final_rotation_error_rad": 0.125,
         "final_feature_error_px": 1.5,
-        # at 0.5, 1 and 1.5 s c + K ċ = 2 − 1.5, 1 − 0.5, 1 + 0.5 of 10; the speed is outside at 1 s
-        "utilization": pytest.approx((0.95 + 0.95 + 0.85 + 1.0) / 4),
-        "violated": "",
-        "violation_depth": 0.0,
-        "violation_time_s": 0.0,
+        # tracking alone is outside at 1 and 1.5 s, when this run is 1 away, of 10
+        "utilization": 0.9,
+        "violated": "row 1",
+        "violation_depth": pytest.approx(0.4 / 2),
+        "violation_time_s": 0.5,
         # φ ≥ 0 three times; from −0.3 to 0.5
         "phi_band": pytest.approx(0.8),
         "phi_band_bound": 1.0,
@@ -146,6 +146,8 @@ def test_every_score_of_a_small_run() -> None:
         # three samples of the first row, as φ stays above −2 between them, and one of the second
         "held_time_s": 2.0,
         "saturated_time_s": 0.5,
+        "violation_fraction": pytest.approx(0.4 / 2),
+        "violated_tolerant": "row 1",
     }
     first, second = found.constraints
     assert np.isnan(second["share_to_hold"])
@@ -167,13 +169,15 @@ def test_every_score_of_a_small_run() -> None:
         "sampling_band": 0.0,
         "band_depth": 0.0,
         "held_time_s": 1.5,
+        # at 0.5, 1 and 1.5 s c + K ċ = 2 − 1.5, 1 − 0.5, 1 + 0.5 of 10
         "usage_held": pytest.approx((0.95 + 0.95 + 0.85) / 3),
         "share_to_hold": 0.25,
+        "utilization": 0.9,
     }
     assert not second["challenged"]
-    assert np.isnan(second["mean_unused_margin"])
+    assert np.isnan([second["mean_unused_margin"], second["utilization"]]).all()
     assert (second["clearance_min"], second["usage_max"]) == (-0.4, pytest.approx(1.2))
-    assert (second["violation_depth"], second["band_depth"], second["sampling_band"]) == (0.0, 0.4, 0.5)
+    assert (second["violation_depth"], second["band_depth"], second["sampling_band"]) == (0.4, 0.4, 0.5)
     assert (second["active_time_s"], second["longest_positive_run_s"]) == (0.5, 0.5)
 
 
@@ -216,13 +220,58 @@ def test_depth_and_time_outside_see_between_samples_alike() -> None:
     assert score(alone, None).result["violation_time_s"] == 0.5
 
 
-def test_outside_within_the_sampling_band_is_no_violation() -> None:
+def test_the_sampling_band_is_told_and_excuses_nobody() -> None:
     run = made(clearance=[[1, -0.4, 1], [1, -0.6, 1], [1, -0.6, -0.4]], band=[0.5, 0.5, 0.7])
     result, rows = score(run, None).result, score(run, None).constraints
-    assert (result["violated"], result["within_band"]) == ("row 1", "row 0; row 2")
-    assert [row["violation_depth"] for row in rows] == [0.0, 0.6, 0.0]
+    assert (result["violated"], result["within_band"]) == ("row 0; row 1; row 2", "row 0; row 2")
+    assert [row["violation_depth"] for row in rows] == [0.4, 0.6, 0.6]
     assert [row["band_depth"] for row in rows] == [0.4, 0.0, 0.6]
-    assert (result["violation_depth"], result["violation_time_s"]) == (0.06, 0.5)
+    assert (result["violation_depth"], result["violation_time_s"]) == (0.06, 1.0)
+
+
+def test_two_standards_and_the_depth_from_which_success_at_any_tolerance_follows() -> None:
+    """L = 10, 100, 10 and 2: at samples and between them, 0.8, 1, 0.005 and, of a speed, 4 per cent of L."""
+    run = made(
+        clearance=[[1, -0.02, 1], [-1, 1, 1], [1, 1, 1], [1, 1, -0.08]],
+        between=[[INF, -0.08, INF], [INF] * 3, [INF, -0.0005, INF], [INF] * 3],
+        length=[10, 100, 10, 2],
+        band=[0, 0, 0, 0.5],
+    )
+    result = score(run, None).result
+    assert result["violated"] == "row 0; row 1; row 3"
+    # exactly 1 % of L is tolerated
+    assert result["violated_tolerant"] == "row 3"
+    assert result["violation_fraction"] == result["violation_depth"] == pytest.approx(0.04)
+    slight = score(made(clearance=[[1, -0.0005, 1], [1, 2, 3]]), None).result
+    assert (slight["violated"], slight["violated_tolerant"], slight["violation_depth"]) == ("", "", 0.0)
+    assert slight["violation_fraction"] == pytest.approx(5e-5)
+    assert score(made(clearance=[[1, 2, 3]]), None).result["violation_fraction"] == 0.0
+
+
+class Overspeeding(HierarchicalQP):
+    """Believes that joints may be faster by a share of their limits."""
+
+    def __init__(self, share: float) -> None:
+        super().__init__()
+        self.share = share
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """See the class."""
+        speeds = np.array([label.startswith("speed") for label in rows.labels])
+        return super().solve(replace(rows, phi=rows.phi - self.share * rows.scale * speeds), task)
+
+
+@pytest.mark.parametrize(("share", "tolerated"), [(0.005, True), (0.018, False), (0.17, False)])
+def test_a_law_that_overspeeds_violates(share: float, tolerated: bool) -> None:
+    """A UR5's band T_s u⁺ is 2 % of the limit: within it or beyond it, a speed above the limit is above the limit."""
+    record, result = scored("ur5-fov", Overspeeding(share))
+    assert "speed[joint 6].lower" in result["violated"]
+    assert ("speed" not in result["violated_tolerant"]) == tolerated
+    depth = {row["constraint"]: row for row in score(record, None).constraints}["speed[joint 6].lower"]
+    if share < 0.02:  # farther there is no need to go
+        assert depth["usage_max"] - 1.0 == pytest.approx(share, rel=0.05)
+    assert ("speed[joint 6].lower" in result["within_band"]) == (share < 0.02)
+    assert "speed" not in scored("ur5-fov", Overspeeding(0.0))[1]["violated"]
 
 
 def test_the_sampling_band_of_a_speed_is_a_switching_step() -> None:
@@ -358,35 +407,58 @@ def test_standing_still_uses_nothing(name: str) -> None:
     assert np.isnan(scored(name, Frozen())[1]["utilization"])
 
 
-def test_of_two_runs_on_the_same_way_the_nearer_one_uses_more() -> None:
-    """Also where the nearer one is held back for longer, its approach included; and one touch is not to stay near."""
-    way = 5.0 + 4.0 * np.cos(np.linspace(0.0, 2.0 * np.pi, 41))
-    acts = (way < 4.0).astype(float)
-    used = [
-        score(made(clearance=[way + away], phi=[-0.1 * (way + away)], active=[when], Ts=0.05), None).result
-        for away, when in ((-0.9, acts), (-0.9, (way < 6.0).astype(float)), (0.0, acts), (1.0, acts))
-    ]
-    near, longer, middle, far = (result["utilization"] for result in used)
-    assert near > middle > far
-    assert longer > far
-    level = np.full(41, 0.2)
-    touching = np.full(41, 1.0)
-    touching[20] = 0.0
-    stays, touches = (
-        score(made(clearance=[c], phi=[-c], active=[np.ones(41)], gain=[100.0]), None).result["utilization"]
-        for c in (level, touching)
+def used(clearance: Any, alone: Any, **more: Any) -> tuple[float, Any]:
+    """Utilization of a run and of each of its rows (None where there is none), with tracking alone beside it."""
+    found = score(made(clearance=clearance, **more), made(clearance=alone))
+    rows = [None if np.isnan(row["utilization"]) else row["utilization"] for row in found.constraints]
+    return found.result["utilization"], rows
+
+
+def test_utilization_is_over_the_time_in_which_tracking_alone_is_outside() -> None:
+    """Of L = 10: 2, 1 and, outside, all; of the second row 4 once; the third acts, and nothing challenges it."""
+    run, alone = [[0, 2, 1, -1, 9], [9, 9, 9, 4, 9], [1, 1, 1, 1, 1]], [[9, -1, -2, -1, 0], [9, 9, 9, -9, 9], [9] * 5]
+    active = [[0] * 5, [0] * 5, [1] * 5]
+    assert used(run, alone, active=active) == (
+        pytest.approx((0.8 + 0.9 + 1.0 + 0.6) / 4),
+        [pytest.approx((0.8 + 0.9 + 1.0) / 3), pytest.approx(0.6), None],
     )
-    assert stays > touches
+    # beyond L there is nothing left to be unused, nor where there is no boundary in sight
+    assert used([[0, 30, 0, np.inf]], [[1, -1, -1, -1]])[0] == pytest.approx(1 / 3)
+    # outside between two samples is outside
+    between = made(clearance=[[9, 9, 9]], between=[[INF, -1, INF]])
+    assert score(made(clearance=[[0, 5, 0]]), between).result["utilization"] == 0.5
+
+
+def test_runs_are_held_together_at_the_same_times_while_both_last() -> None:
+    """A law that comes to the boundary two samples later than tracking; runs that are shorter, and longer."""
+    assert used([[9, 9, 9, 0, 0, 0]], [[9, -1, -1, -1, 9, 9]])[0] == pytest.approx((0.1 + 0.1 + 1.0) / 3)
+    assert used([[9, 5, 2]], [[9, -1, -1, -1, -1]])[0] == pytest.approx((0.5 + 0.8) / 2)
+    assert used([[9, 5, 2, 0, 0, 0]], [[9, -1, -1]])[0] == pytest.approx((0.5 + 0.8) / 2)
+    assert np.isnan(used([[9]], [[9, -1]])[0])
+
+
+def test_a_law_that_bounces_off_the_boundary_uses_little() -> None:
+    """It touches the boundary, is thrown 90 of 100 away, and comes back as slowly as tracking brings it."""
+    way = [20, 0, 90, 80, 70, 60, 50, 40, 30, 20, 10, 0]
+    touches = [[0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1]]
+    alone = made(clearance=[[20, *[-5] * 11]], length=[100])
+    bounced = score(made(clearance=[way], phi=[[-c for c in way]], active=touches, length=[100]), alone)
+    stayed = score(made(clearance=[[20, *[3] * 11]], active=touches, length=[100]), alone)
+    assert bounced.result["utilization"] == pytest.approx(1.0 - 450 / 1100)
+    assert bounced.constraints[0]["held_time_s"] == 1.0
+    assert stayed.result["utilization"] == pytest.approx(0.97)
+    assert bounced.constraints[0]["mean_unused_margin"] == pytest.approx(450 / 11)
 
 
 def test_smaller_regions_use_more_and_the_sliding_mode_the_most() -> None:
     laws = [make_controller("potential-field", {"blend": "priority", "region": r}) for r in (0.5, 0.2, 0.05)]
-    used = [scored("example-2d-fast", law)[1]["utilization"] for law in (*laws, SlidingMode())]
-    assert used == sorted(used)
-    assert used[0] < 0.99 < 0.999 < used[-1]
+    baseline, _ = scored("example-2d-fast", Tracking())
+    share = [scored("example-2d-fast", law, baseline)[1]["utilization"] for law in (*laws, SlidingMode())]
+    assert share == sorted(share)
+    assert share[0] < 0.975 < share[-1]
 
 
-def test_rows_that_only_runaway_tracking_reaches_do_not_count() -> None:
+def test_of_rows_that_hold_both_back_the_nearer_law_uses_more() -> None:
     """On the Panda, sliding mode fills the two rows that hold it back; a field leaves 2.5 px and 0.416 rad."""
     baseline, _ = scored("panda-fov", Tracking())
     sliding, filled = scored("panda-fov", SlidingMode(), baseline)
@@ -399,7 +471,11 @@ def test_rows_that_only_runaway_tracking_reaches_do_not_count() -> None:
     least = dict(zip(other.trajectory.labels, other.trajectory.clearance.min(axis=0), strict=True))
     assert least["range[joint 7].lower"] > 0.4
     assert least["fov[marker 3]"] > 2.4
-    assert filled["utilization"] > 0.99 > 0.95 > left["utilization"]
+    theirs = {row["constraint"]: row for row in score(other, baseline).constraints}
+    for label, row in rows.items():
+        assert row["utilization"] > 0.97 > 0.95 > theirs[label]["utilization"]
+        assert row["usage_held"] > 0.997 > theirs[label]["usage_held"]
+    assert filled["utilization"] > left["utilization"]
 
 
 # --- rank loss ---
@@ -459,7 +535,15 @@ def test_every_law_is_timed_by_the_same_call(monkeypatch: pytest.MonkeyPatch) ->
 def test_columns_stand_in_the_order_in_which_they_were_added() -> None:
     added = [metric.added for metric in METRICS if metric.added]
     assert len(set(added)) == len(added), "two columns were added at once: which comes first is chance"
-    assert RESULT_COLUMNS[-5:] == ("compiled", "within_band", "sliding_lost_s", "held_time_s", "saturated_time_s")
+    assert RESULT_COLUMNS[-7:] == (
+        "compiled",
+        "within_band",
+        "sliding_lost_s",
+        "held_time_s",
+        "saturated_time_s",
+        "violation_fraction",
+        "violated_tolerant",
+    )
 
 
 def test_a_depth_is_stored_as_a_share_and_shown_in_per_cent() -> None:

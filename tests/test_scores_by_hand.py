@@ -39,7 +39,7 @@ def test_a_run_without_samples_has_no_scores() -> None:
     assert found.constraints == []
     assert (found.result["violated"], found.result["within_band"]) == ("", "")
     numbers = [value for value in found.result.values() if not isinstance(value, (str, bool))]
-    assert len(numbers) == 21
+    assert len(numbers) == 22
     assert np.isnan(numbers).all()
 
 
@@ -56,7 +56,7 @@ def test_a_run_of_one_sample_has_what_needs_no_second_one() -> None:
     assert of_run(run, "violation_depth", "violation_time_s", "held_time_s") == [0.5, 0.5, 0.5]
     assert np.isnan(of_run(run, *CHATTERING, *TIMES)).all()
     # nobody knows at what speed
-    assert of_run(run, "utilization") == of_rows(run, "usage_held") == [0.0]
+    assert of_rows(run, "usage_held") == [0.0]
 
 
 def test_a_run_of_two_samples_has_all_scores() -> None:
@@ -72,7 +72,7 @@ def test_a_run_of_two_samples_has_all_scores() -> None:
     assert of_run(run, *CHATTERING) == [3.0, 1.0, 0.0, 2.0, 10.0, 10.0]
     assert of_run(run, *TIMES) == pytest.approx([2.0, 2.0, 2.0, 3.0, 0.0])
     # at 2, and 4 nearer every second: 1 − (2 − 0.5 · 4)/10
-    assert of_run(run, "utilization") == [1.0]
+    assert of_rows(run, "usage_held") == [1.0]
 
 
 def test_a_run_without_rows_violates_nothing() -> None:
@@ -125,9 +125,16 @@ def test_phi_of_exactly_zero_counts_as_at_the_boundary() -> None:
 def test_exactly_at_a_threshold_is_not_beyond_it() -> None:
     """What is slight is 0.001; the second row's band is 0.5 and the third one's clearance is positive, but slight."""
     run = made(clearance=[[1, -1e-4 * 10.0, 1], [1, -0.5, 1], [1, 0.0005, 1]], band=[0.0, 0.5, 0.0])
-    assert of_run(run, "violated", "within_band", "violation_depth", "violation_time_s") == ["", "row 1", 0.0, 0.0]
-    assert of_rows(run, "band_depth") == [0.0, 0.5, 0.0]
-    assert of_rows(run, "violation_depth") == of_rows(run, "violation_time_s") == [0.0, 0.0, 0.0]
+    assert of_run(run, "violated", "within_band", "violation_depth", "violation_time_s") == [
+        "row 1",
+        "row 1",
+        0.05,
+        0.5,
+    ]
+    assert of_rows(run, "band_depth") == of_rows(run, "violation_depth") == [0.0, 0.5, 0.0]
+    assert of_rows(run, "violation_time_s") == [0.0, 0.5, 0.0]
+    beyond = made(clearance=[[1, -0.0010001, 1], [1, -0.5001, 1]], band=[0.0, 0.5])
+    assert of_run(beyond, "violated", "within_band") == ["row 0; row 1", ""]
 
 
 def test_depth_is_that_of_the_row_deepest_for_its_length_and_time_that_of_any() -> None:
@@ -215,9 +222,8 @@ def test_usage_at_speed_is_between_nothing_and_all() -> None:
     run = made(clearance=[[20.0] * 3, [5.0] * 3, [-4.0] * 3, [np.inf] * 3, [2.5] * 3], active=[[1] * 3] * 4 + [[0] * 3])
     assert of_rows(run, "usage_held")[:4] == [0.0, 0.5, 1.0, 0.0]
     assert np.isnan(of_rows(run, "usage_held")[4])
-    assert of_run(run, "utilization") == [0.375]
     once = made(clearance=[[6.0] * 3], active=[[0, 1, 0]])
-    assert of_rows(once, "usage_held") == of_run(once, "utilization") == [pytest.approx(0.4)]
+    assert of_rows(once, "usage_held") == [pytest.approx(0.4)]
 
 
 # --- which rows act ---

@@ -54,7 +54,7 @@ class Run:
 
     @cached_property
     def score(self) -> Score:
-        """Its scores without a baseline: no row counts as challenged."""
+        """Its scores without a baseline: no row counts as challenged, and there is no utilization."""
         return score(self.record, None)
 
     def index(self, label: str) -> int:

@@ -149,8 +149,7 @@ def _json(data: Any) -> str:
 
 
 def _worth_keeping(row: Mapping[str, Any]) -> bool:
-    left = row["violation_depth"] > 0.0 or row["band_depth"] > 0.0
-    return bool(row["challenged"] or left or row["active_time_s"] > 0.0)
+    return bool(row["challenged"] or row["violation_depth"] > 0.0 or row["active_time_s"] > 0.0)
 
 
 def _scores(task: Batch, bench: Bench, deadline: Deadline) -> Iterator[tuple[ControllerSpec, Score]]:

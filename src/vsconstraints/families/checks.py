@@ -36,10 +36,8 @@ def check_ends(setup: Setup, ends: Ends) -> None:
 
 def left_by_tracking(setup: Setup) -> tuple[str, ...]:
     """Labels of the rows that tracking alone leaves; raises Rejected if there is none, or it cannot start."""
-    scores, rows = _track(setup), setup.constraints
-    # sampling alone puts φ itself outside by up to one switching step (43): that is no violation
-    band = np.where(rows.approach_time > 0.0, 0.0, setup.Ts * rows.switching_gain)
-    left = scores.sigma_max > np.maximum(CLEAR * rows.scale, (1.0 + CLEAR) * band)
+    scores = _track(setup)
+    left = scores.sigma_max > CLEAR * setup.constraints.scale
     challenged = tuple(label for label, row in zip(scores.labels, left, strict=True) if row)
     if not challenged:
         raise Rejected(Reason.NOT_CHALLENGED)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..comparisons import RunRecord
-from ..comparisons.metrics import tolerated
+from ..comparisons.metrics import NEGLIGIBLE
 from ..rows import Array
 from .run import ReplayRun
 
@@ -77,5 +77,5 @@ class Frames:
 def lights(run: ReplayRun) -> Lights:
     """(N, m) what the lamp of each row says at each sample."""
     record = RunRecord.of(run.setup, run.trajectory, "")
-    outside = np.minimum(run.trajectory.clearance, run.trajectory.between_clearance) < -tolerated(record)
+    outside = np.minimum(run.trajectory.clearance, run.trajectory.between_clearance) < -NEGLIGIBLE * record.length
     return np.where(outside, OUTSIDE, np.where(run.trajectory.active, ACTS, OFF)).astype(np.uint8)

@@ -9,7 +9,7 @@ from itertools import chain, product
 from pathlib import Path, PurePath
 
 from ..comparisons import RunRecord
-from ..comparisons.metrics import tolerated
+from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
 from ..figures import FORMATS, PNG, Formats
 from ..runs.pool import Failure, carry_out
@@ -245,7 +245,7 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
             drawn.problems.append(f"The run of {name} left no trajectory; the figures leave it out.")
             continue
         runs[name] = record
-        outside = record.trajectory.clearance < -tolerated(record)
+        outside = record.trajectory.clearance < -NEGLIGIBLE * record.length
         for i, label in enumerate(record.trajectory.labels):
             if outside[:, i].any():
                 drawn.first_outside[name, label] = float(t[outside[:, i].argmax()])

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 from urllib.parse import quote
 
-from ..comparisons.metrics import METRICS, Metric
+from ..comparisons.metrics import METRICS, NEGLIGIBLE, TOLERANT, Metric
 from ..comparisons.suite import BASELINE
 from ..readable import counted
 from .best import shown
 from .markdown import bold, bullets, code, enumeration
-from .numbers import FORMATS, median, number
-from .results import CARRIED_THROUGH, Line, Results, clean, violated, within_band
+from .numbers import FORMATS, median, number, of_length
+from .results import CARRIED_THROUGH, Line, Results, clean, violated
 
 MOST_NAMES = 9
 """A sentence names no more scenarios than this."""
@@ -40,10 +41,11 @@ def _findings(results: Results) -> list[str]:
         return [f"Only {BASELINE} alone was run: there is nothing to compare."]
     ranked_names = sorted(results.clean, key=lambda name: -results.clean[name])
     found = [
-        "Runs that converged without violating a row: "
+        f"Runs that converged without violating a row by more than {of_length(NEGLIGIBLE)}: "
         + ", ".join(_clean_runs(results, name) for name in ranked_names)
         + "."
     ]
+    found += _disagreement(results)
     found += [_of_controller(results, name) for name in results.competitors]
     if len(results.competitors) > 1:
         found += [text for metric in METRICS if metric.finding[0] and (text := _winners(results, metric))]
@@ -59,9 +61,25 @@ def _findings(results: Results) -> list[str]:
 
 def _clean_runs(results: Results, name: str) -> str:
     lines = results.all_runs(name)
-    slight = sum(clean(line) and bool(within_band(line)) for line in lines)
-    text = f"{bold(name)} {results.clean[name]} of {len(lines)}"
-    return f"{text} ({slight} of them outside within the sampling band)" if slight else text
+    strict, tolerant = results.clean[name], results.clean_tolerant[name]
+    text = f"{bold(name)} {strict} of {len(lines)}"
+    return f"{text} ({tolerant} by no more than {of_length(TOLERANT)})" if tolerant > strict else text
+
+
+def _disagreement(results: Results) -> list[str]:
+    """Which laws the two standards do not rank alike."""
+    strict, tolerant = results.clean, results.clean_tolerant
+    pairs = [
+        f"{a} is {_ranked(strict[a], strict[b])} {b} at {of_length(NEGLIGIBLE)}, and "
+        f"{_ranked(tolerant[a], tolerant[b])} it at {of_length(TOLERANT)}"
+        for a, b in combinations(results.competitors, 2)
+        if _ranked(strict[a], strict[b]) != _ranked(tolerant[a], tolerant[b])
+    ]
+    return [f"The two standards do not rank these laws alike: {'; '.join(some(pairs))}."] if pairs else []
+
+
+def _ranked(one: int, other: int) -> str:
+    return "ahead of" if one > other else "behind" if one < other else "level with"
 
 
 def _of_controller(results: Results, name: str) -> str:
@@ -98,7 +116,7 @@ def _worst_row(results: Results, run: Line) -> str:
 
 
 def _winners(results: Results, metric: Metric) -> str:
-    """In which scenarios each controller is the best of those that converged without violating a row.
+    """In which scenarios each controller is the best of those that converged without violating a row, strictly.
 
     Nobody is where nothing is challenged, or where there is nobody else to be better than.
     """

@@ -46,6 +46,11 @@ FORMATS: dict[str, Format] = {"number": number, "error": error, "percent": perce
 """How the styles of metrics print."""
 
 
+def of_length(tolerance: float) -> str:
+    """A tolerated depth, a fraction of the characteristic length, as text."""
+    return f"{100.0 * tolerance:g} % of L"
+
+
 def median(values: Sequence[float]) -> float:
     """Median of the values that exist; NaN if none does."""
     exist = [value for value in values if math.isfinite(value)]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Mapping
 from pathlib import PurePath
 
+from ..comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ..comparisons.suite import BASELINE
 from ..readable import counted
 from ..scenarios import Scenario
 from .headlines import some
 from .markdown import bold, enumeration, plain
-from .numbers import number
+from .numbers import number, of_length
 from .results import Results, violated
 from .summary import FIRST_LEGEND, law_table
 
@@ -62,7 +64,13 @@ def _answer(results: Results) -> str:
     """What tracking alone leaves, who converged without doing so and how often, and how long calls take."""
     if not results.competitors:
         return f"Only {BASELINE} alone was run: there is nothing to compare."
-    sentences = [_challenge(results), _ranking(results), _times(results)]
+    strictly, tolerantly = (f"Without violating a row by more than {of_length(one)}" for one in (NEGLIGIBLE, TOLERANT))
+    sentences = [_challenge(results), _ranking(results, results.clean, strictly)]
+    if results.clean != results.clean_tolerant:
+        sentences.append(_ranking(results, results.clean_tolerant, tolerantly))
+    else:
+        sentences.append(f"So it is with {of_length(TOLERANT)} tolerated.")
+    sentences.append(_times(results))
     return " ".join(sentence for sentence in sentences if sentence)
 
 
@@ -71,18 +79,18 @@ def _challenge(results: Results) -> str:
     if not alone:
         return ""
     if not results.challenged_scenarios:
-        return f"Tracking alone leaves no row in its {counted(len(alone), 'run')}: nothing here tells laws apart."
+        return f"Tracking alone violates no row in its {counted(len(alone), 'run')}: nothing here tells laws apart."
     return (
-        f"Tracking alone leaves a row in {sum(bool(violated(run)) for run in alone)} of {counted(len(alone), 'run')}."
+        f"Tracking alone violates a row in {sum(bool(violated(run)) for run in alone)} of {counted(len(alone), 'run')}."
     )
 
 
-def _ranking(results: Results) -> str:
-    """Who converged without leaving a row, and how often; of several trials with exact intervals."""
+def _ranking(results: Results, clean: Mapping[str, int], standard: str) -> str:
+    """Who converged without violating a row, by a standard, and how often; of several trials with exact intervals."""
     from ..statistics import rate_of, rate_text
 
     by_count: dict[tuple[int, int], list[str]] = defaultdict(list)
-    for name, good in results.clean.items():
+    for name, good in clean.items():
         by_count[good, len(results.all_runs(name))].append(name)
     ranked = sorted(by_count.items(), key=lambda item: (-item[0][0], item[0][1]))
     contested = len(ranked) > 1 and bool(results.challenged_scenarios)
@@ -95,7 +103,7 @@ def _ranking(results: Results) -> str:
             often = str(good) if k and of == ranked[0][0][1] else f"{good} of {counted(of, 'run')}"
         texts.append(f"{enumeration(named)} {'in' if k else 'converged in'} {often}")
     of_trials = " Intervals are over the trials of these scenarios, not over others." if results.trials > 1 else ""
-    return f"Without leaving a row, {'; '.join(texts)}.{of_trials}"
+    return f"{standard}, {'; '.join(texts)}.{of_trials}"
 
 
 def _times(results: Results) -> str:

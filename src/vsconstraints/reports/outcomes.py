@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from ..comparisons.metrics import NEGLIGIBLE, TOLERANT
 from .headlines import anchor
 from .markdown import tables
-from .results import Line, Results, violated, within_band
+from .numbers import of_length
+from .results import Line, Results, violated
 
 OUTSIDE, WITHIN = "†", "‡"
 
@@ -19,7 +21,10 @@ def outcomes(results: Results) -> str:
     else:
         header = ["scenario", *laws]
         lines = [[link, *(outcome(results, name, law) for law in laws)] for name, link in linked.items()]
-    legend = f"{OUTSIDE} a row was violated. {WITHIN} none was, but one was outside within the sampling band."
+    legend = (
+        f"{OUTSIDE} a row was violated by more than {of_length(TOLERANT)}. {WITHIN} by more than "
+        f"{of_length(NEGLIGIBLE)}, and no more than that."
+    )
     if results.trials > 1:
         legend += " Counts are of trials."
     return "\n\n".join(("## Outcomes", tables(header, lines, len(header)), legend))
@@ -37,4 +42,4 @@ def outcome(results: Results, scenario: str, controller: str) -> str:
 
 
 def _mark(line: Line) -> str:
-    return OUTSIDE if violated(line) else WITHIN if within_band(line) else ""
+    return OUTSIDE if violated(line, "violated_tolerant") else WITHIN if violated(line) else ""

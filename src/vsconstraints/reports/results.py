@@ -79,8 +79,15 @@ class Results:
 
     @cached_property
     def clean(self) -> dict[str, int]:
-        """How many runs of each controller that is compared converged and violated no row."""
+        """How many runs of each controller that is compared converged and violated no row, by the strict standard."""
         return {name: sum(map(clean, self.all_runs(name))) for name in self.competitors}
+
+    @cached_property
+    def clean_tolerant(self) -> dict[str, int]:
+        """The same by the tolerant standard."""
+        return {
+            name: sum(clean(line, "violated_tolerant") for line in self.all_runs(name)) for name in self.competitors
+        }
 
     @property
     def challenged_scenarios(self) -> list[str]:
@@ -120,9 +127,9 @@ class Results:
         return bool(self.challenged(scenario)) or not baseline or any(violated(line) for line in baseline)
 
 
-def clean(line: Line) -> bool:
-    """Whether a run converged and violated no row."""
-    return line["status"] == "converged" and not violated(line)
+def clean(line: Line, column: str = "violated") -> bool:
+    """Whether a run converged and violated no row, by the strict standard or as another column has it."""
+    return line["status"] == "converged" and not violated(line, column)
 
 
 def diverged(line: Line) -> bool:
@@ -130,11 +137,12 @@ def diverged(line: Line) -> bool:
     return bool(line["status"] != "converged" and line["violation_depth"] > DIVERGED)
 
 
-def violated(line: Line) -> list[str]:
-    """Labels of the rows that a run violated."""
-    return [label for label in str(line["violated"] or "").split("; ") if label]
+def violated(line: Line, column: str = "violated") -> list[str]:
+    """Labels of the rows that a run violated, by the strict standard or as another column has them."""
+    return [label for label in str(line[column] or "").split("; ") if label]
 
 
-def within_band(line: Line) -> list[str]:
-    """Labels of the rows that a run was outside of by no more than sampling makes."""
-    return [label for label in str(line["within_band"] or "").split("; ") if label]
+def tolerated(line: Line) -> list[str]:
+    """Labels of the rows that a run violated by the strict standard, and not by the tolerant one."""
+    beyond = violated(line, "violated_tolerant")
+    return [label for label in violated(line) if label not in beyond]

@@ -8,7 +8,7 @@ from itertools import product
 from typing import Any
 from urllib.parse import quote
 
-from ..comparisons.metrics import METRICS, NEGLIGIBLE
+from ..comparisons.metrics import METRICS, NEGLIGIBLE, TOLERANT
 from ..comparisons.suite import BASELINE
 from ..scenarios import Scenario
 from .best import Cell, comparable, judged_by, marked, shown
@@ -17,9 +17,9 @@ from .drawing import Drawn
 from .figures import DISTURBANCE, FIGURES
 from .headlines import anchor
 from .markdown import bullets, code, plain, tables
-from .numbers import DASH, FORMATS, number, over_trials
+from .numbers import DASH, FORMATS, number, of_length, over_trials
 from .opening import robot_name
-from .results import Line, Results, violated, within_band
+from .results import Line, Results, tolerated, violated
 from .rows_shown import lanes_left_out
 
 GROUPS = ("outcome", "task", "chattering", "time")
@@ -35,14 +35,14 @@ HOW_TO_READ = (
     "that did not converge; in the columns other than depth and time outside also of those that violated a row, and "
     "φ bands of those that lost a sliding mode. Times are not judged: they differ from run to run as much as between "
     f"laws, and those of NumPy stand beside those of compiled code. {DASH} stands where there is no value.",
-    "**Violated rows** were deeper outside than sampling alone explains; ‡ marks rows that were outside only within "
-    "the sampling band T_s u⁺, which have no part in depth and time outside.",
+    f"**Violated rows** were deeper outside than {of_length(NEGLIGIBLE)}, the strict standard, by which values are "
+    f"compared; ‡ marks those that were never deeper than {of_length(TOLERANT)}, the tolerant one.",
     "**Challenged rows**: least clearance / mean unused margin. The mean is over the time in which tracking alone is "
     "outside. A negative clearance is how far the row was outside, which counts from "
-    f"{100.0 * NEGLIGIBLE:g} % of L on. The mean is judged, among the controllers that converged and did not violate "
+    f"{of_length(NEGLIGIBLE)} on. The mean is judged, among the controllers that converged and did not violate "
     "the row.",
     "**Rows that held the arm back**: usage [%] of the room that was left at the arm's speed, while the row did, and "
-    "for how long. Its mean, weighted by those times, is the utilization of a run that converged.",
+    "for how long.",
 )
 
 HOLDING = (
@@ -202,8 +202,8 @@ def _status(lines: Sequence[Line]) -> str:
 def _violated(lines: Sequence[Line]) -> str:
     if not lines or all(not math.isfinite(line["violation_depth"]) for line in lines):
         return DASH
-    names = [label for line in lines for label in violated(line)]
-    slight = [label for line in lines for label in within_band(line)]
+    slight = [label for line in lines for label in tolerated(line)]
+    names = [label for line in lines for label in violated(line, "violated_tolerant")]
     listed = [_often(label, names.count(label), len(lines)) for label in dict.fromkeys(names)]
     listed += [f"{_often(label, slight.count(label), len(lines))} ‡" for label in dict.fromkeys(slight)]
     return ", ".join(listed) if listed else "none"

@@ -30,17 +30,19 @@ def converged(runs: Any) -> Any:
     return runs["status"] == "converged"
 
 
-def violated(runs: Any) -> Any:
-    """Whether each run violated a row."""
-    return runs["violated"].astype(object).fillna("") != ""
+def violated(runs: Any, column: str = "violated") -> Any:
+    """Whether each run violated a row, by the strict standard or as another column has it."""
+    return runs[column].astype(object).fillna("") != ""
 
 
 OUTCOMES: Mapping[str, Outcome] = {
     "success": Outcome(lambda runs: converged(runs) & ~violated(runs), "more"),
     "convergence": Outcome(converged, "more"),
     "violation": Outcome(violated, "less"),
+    "tolerant success": Outcome(lambda runs: converged(runs) & ~violated(runs, "violated_tolerant"), "more"),
+    "tolerant violation": Outcome(lambda runs: violated(runs, "violated_tolerant"), "less"),
 }
-"""What a run comes to. A success converged and violated nothing."""
+"""What a run comes to. A success converged and violated nothing: by the strict standard, or by the tolerant one."""
 
 
 def judged_metrics() -> dict[str, Metric]:

@@ -92,7 +92,7 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
 
     A run that does not converge has the worst value of every objective, unless it is still moving when time is up and
     tracking alone is too: a goal that wrong images keep everyone from says nothing of a law, and what is left of such a
-    run is its variation. Of one that converges, the unused space is left out where nothing held the arm back, and the
+    run is its variation. Of one that converges, the unused space is left out where nothing was challenged, and the
     settling time where tracking alone does not settle.
     """
     status, violated = str(result["status"]), bool(result["violated"])

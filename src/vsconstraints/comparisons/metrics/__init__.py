@@ -1,7 +1,7 @@
 """Scores of a run. The definitions are part of the product: reports print :data:`DEFINITIONS`."""
 
 from .chattering import SLIDING_GAP
-from .clearance import NEGLIGIBLE, tolerated
+from .clearance import NEGLIGIBLE, TOLERANCES, TOLERANT
 from .measured import Measured
 from .metric import Metric
 from .score import Score, score
@@ -17,9 +17,10 @@ __all__ = [
     "RUN",
     "SLIDING_GAP",
     "TIMING_COLUMNS",
+    "TOLERANCES",
+    "TOLERANT",
     "Measured",
     "Metric",
     "Score",
     "score",
-    "tolerated",
 ]

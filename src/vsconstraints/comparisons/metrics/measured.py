@@ -9,8 +9,8 @@ from ...rows import Array, BoolArray
 from ...simulation import Trajectory
 from ..record import RunRecord
 from .chattering import worst_band
-from .clearance import Clearances, clearances
-from .utilization import held, usage_at_speed
+from .clearance import Clearances, clearances, outside_alone
+from .utilization import held, usage, usage_at_speed
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,18 @@ class Measured:
 
     @cached_property
     def usage(self) -> Array:
+        """(N, m) of the allowed space, from 0 to 1."""
+        return usage(self.record)
+
+    @cached_property
+    def usage_at_speed(self) -> Array:
         """(N, m) of what is left at the speed at which it is used up, from 0 to 1."""
         return usage_at_speed(self.record)
+
+    @cached_property
+    def outside_alone(self) -> BoolArray:
+        """(T, m) periods in which tracking alone is outside."""
+        return outside_alone(self.record, self.baseline)
 
     @property
     def run(self) -> Trajectory:

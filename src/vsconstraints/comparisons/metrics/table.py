@@ -6,7 +6,7 @@ import numpy as np
 
 from . import chattering, clearance, task, timing, utilization
 from .chattering import SLIDING_GAP
-from .clearance import NEGLIGIBLE
+from .clearance import NEGLIGIBLE, TOLERANT
 from .metric import Metric
 
 METRICS = (
@@ -23,14 +23,17 @@ METRICS = (
            group="task", factor=1e3, style="error"),
     Metric("final_feature_error_px", lambda m: m.run.feature_error_px[-1], "image error [px]",
            group="task", style="error"),
-    Metric("utilization", lambda m: utilization.utilization(m.record, m.usage, m.held), "utilization [%]", "more",
-           group="outcome", style="percent", overall="median utilization [%]",
+    Metric("utilization", lambda m: utilization.utilization(m.record, m.usage, m.outside_alone), "utilization [%]",
+           "more", group="outcome", style="percent", overall="median utilization [%]",
            finding=("Most of the allowed space used", "%"),
-           definition="usage_held over all rows, each weighted by the time for which it holds the arm back. No value "
-           "where the goal is not reached and held, or no row acts: standing still uses nothing."),
+           definition="Mean usage, from 0 to 1, over the sampling periods in which tracking alone is outside: of each "
+           "challenged row in constraints.csv; in results.csv of all of them, each weighted by that time. The two runs "
+           "are compared at equal times, while both last: where a law comes to a boundary later than tracking, or has "
+           "left it sooner, that is space that it does not use. In results.csv no value where the goal is not reached "
+           "and held, or nothing is challenged: standing still uses nothing."),
     Metric("violated", lambda m: clearance.named(m.run.labels, m.clearances.violated), kind="text",
-           definition=f"Rows whose clearance fell below −{NEGLIGIBLE:g} L and below the sampling band, separated by "
-           "semicolons."),
+           definition=f"Rows whose clearance fell below −{NEGLIGIBLE:g} L (the strict standard, the same for all laws "
+           "and rows), separated by semicolons."),
     Metric("violation_depth", lambda m: float((m.clearances.violated / m.record.length).max(initial=0.0)),
            "worst depth [% of L]", group="outcome", judged="any", factor=100.0, overall="worst depth [% of L]",
            condensed="worst",
@@ -80,8 +83,9 @@ METRICS = (
            definition="Whether rows, task and controller all have a compiled form, which answers that call; what runs "
            "in NumPy takes longer."),
     Metric("within_band", lambda m: clearance.named(m.run.labels, m.clearances.within_band), kind="text", added=2,
-           definition=f"Rows whose clearance fell below −{NEGLIGIBLE:g} L, but never below the sampling band, "
-           "likewise: outside, but not violated. Their depth is band_depth in constraints.csv."),
+           definition="Of the violated rows those that were never deeper outside than their sampling band, likewise. "
+           "Their depth is band_depth in constraints.csv. The band, T_s u⁺, excuses no law: it says what switching "
+           "with u⁺ alone would explain."),
     Metric("held_time_s", lambda m: float(m.held.sum() * m.Ts), added=4,
            definition="How long a row holds the arm back: it acts, or acted before and acts again while φ was never "
            "farther below zero than two switching steps T_s u⁺, as in a sliding mode. Of this row in constraints.csv, "
@@ -89,6 +93,12 @@ METRICS = (
     Metric("saturated_time_s", lambda m: float(m.run.saturated.sum() * m.Ts), added=5,
            definition="How long the command was at a limit of the actuators, of acceleration or jerk; 0 where the "
            "scenario states none."),
+    Metric("violation_fraction", lambda m: float(clearance.fractions(m.record, m.clearances).max(initial=0.0)), added=6,
+           definition="The greatest depth outside of any row as a fraction of its L, however slight; 0 inside. A run "
+           "that converged is a success at every tolerance that is not below it."),
+    Metric("violated_tolerant", kind="text", added=7,
+           value=lambda m: clearance.named(m.run.labels, clearance.fractions(m.record, m.clearances) - TOLERANT),
+           definition=f"As violated, below −{TOLERANT:g} L: the tolerant standard."),
 )  # fmt: skip
 """Of a run, in the order in which a scenario's tables show them."""
 
@@ -96,15 +106,16 @@ ROW_METRICS = (
     Metric("constraint", lambda m: m.run.labels, kind="text"),
     Metric("kind", lambda m: m.record.kinds, kind="text"),
     Metric("unit", lambda m: m.record.units, kind="text"),
-    Metric("challenged", lambda m: clearance.challenged(m.record, m.baseline).tolist(), kind="flag",
-           definition="A row that tracking alone violates in this scenario and trial."),
+    Metric("challenged", lambda m: m.outside_alone.any(axis=0).tolist(), kind="flag",
+           definition="A row that tracking alone violates in this scenario and trial, by the strict standard."),
     Metric("active_time_s", lambda m: m.run.active.sum(axis=0) * m.Ts),
     Metric("first_active_s", lambda m: utilization.first_active(m.run.t, m.run.active)),
     Metric("last_active_s", lambda m: utilization.first_active(m.run.t[::-1], m.run.active[::-1])),
     Metric("clearance_min", lambda m: m.clearances.least),
     Metric("usage_max", lambda m: 1.0 - m.clearances.least / m.record.length),
-    Metric("mean_unused_margin", lambda m: clearance.unused_margin(m.record, m.baseline),
-           definition="Mean clearance, where positive, over the samples in which tracking alone is outside."),
+    Metric("mean_unused_margin",
+           lambda m: clearance.mean_while(np.maximum(m.run.clearance, 0.0), m.outside_alone),
+           definition="Mean clearance, where positive, over the sampling periods in which tracking alone is outside."),
     Metric("violation_depth", lambda m: m.clearances.violated),
     Metric("violation_time_s", lambda m: m.clearances.outside.sum(axis=0) * m.Ts),
     Metric("phi_max", lambda m: m.run.phi.max(axis=0)),
@@ -115,7 +126,7 @@ ROW_METRICS = (
            "switching."),
     Metric("band_depth", lambda m: m.clearances.within_band),
     Metric("held_time_s", lambda m: m.held.sum(axis=0) * m.Ts),
-    Metric("usage_held", lambda m: utilization.usage_while_held(m.usage, m.held),
+    Metric("usage_held", lambda m: clearance.mean_while(m.usage_at_speed, m.held),
            definition="Mean of 1 − (clearance + K · its rate of change) / L, from 0 to 1, over the time for which the "
            "row holds the arm back: usage of the room that is left at the arm's speed. 1 means that the arm was on "
            "the boundary, or came to it as fast as φ ≤ 0 lets it. For speeds it is the mean usage."),
@@ -124,6 +135,7 @@ ROW_METRICS = (
            "share of all that the limits of acceleration allow which it takes to hold φ there, L_fφ / Σ|L_gφⱼ|aⱼ. "
            "Above 1, no law could have held the row; below 0, it falls by itself. No value where φ does not get "
            "there, or the scenario states no limits."),
+    Metric("utilization", lambda m: clearance.mean_while(m.usage, m.outside_alone)),
 )  # fmt: skip
 """Of each row of a run."""
 

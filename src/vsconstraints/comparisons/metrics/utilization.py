@@ -1,4 +1,4 @@
-"""How much of the allowed space is used, while a row holds the arm back."""
+"""How much of the allowed space is used: while tracking alone is outside, and while a row holds the arm back."""
 
 from __future__ import annotations
 
@@ -47,16 +47,18 @@ def usage_at_speed(record: RunRecord) -> Array:
     return np.nan_to_num(usage)
 
 
-def usage_while_held(usage: Array, when: BoolArray) -> Array:
-    """(m,) mean usage (N, m) of each row over the samples in which it holds the arm back; NaN if there are none."""
-    count = when.sum(axis=0)
-    total = np.where(when, usage, 0.0).sum(axis=0)
-    mean: Array = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
-    return mean
+def usage(record: RunRecord) -> Array:
+    """(N, m) 1 − c/L, from 0 to 1, of clearances c; 0 where there is no boundary in sight."""
+    used: Array = np.clip(np.nan_to_num(1.0 - record.trajectory.clearance / record.length), 0.0, 1.0)
+    return used
 
 
-def utilization(record: RunRecord, usage: Array, when: BoolArray) -> float:
-    """The same over all rows; NaN where the goal is not reached or nothing holds the arm back."""
-    if record.trajectory.status != "converged" or not when.any():
+def utilization(record: RunRecord, used: Array, when: BoolArray) -> float:
+    """Mean usage (N, m) over all rows and samples in which tracking alone is outside (T, m), while both runs last.
+
+    NaN where the goal is not reached, or tracking alone is never outside.
+    """
+    common = min(len(used), len(when))
+    if record.trajectory.status != "converged" or not when[:common].any():
         return float("nan")
-    return float(usage[when].mean())
+    return float(used[:common][when[:common]].mean())

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+from ...comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ...controllers.demands import USES
 from ...readable import counted
 from ...runs.spec import BASELINE
 from ...statistics import rate
 from ..markdown import bold, enumeration
-from ..numbers import number
+from ..numbers import number, of_length
 from .decisions import best_by
 from .material import Material
 from .sentence import Sentence
 from .standing import Standing, standing
 from .words import Share, first_of, of_scenes, percentage, where
 
-DOES, DO = "keeps all rows and reaches the goal", "keep all rows and reach the goal"
+DOES = f"keeps all rows to {of_length(NEGLIGIBLE)} and reaches the goal"
+DO = DOES.replace("keeps", "keep").replace("reaches", "reach")
 
 SPARED: tuple[tuple[str, str], ...] = ((USES["Lf"], USES["Lf"]), ("model", "a model"))
 """What a reader may not have: as laws say it, and in words."""
@@ -35,6 +38,7 @@ def answers(material: Material) -> dict[str, list[Sentence]]:
                 best(one),
                 *sparing(material, one),
                 calmest(material, one),
+                tolerant(material, one),
                 violations(material, condition),
                 attainable(material, condition),
             ]
@@ -42,31 +46,41 @@ def answers(material: Material) -> dict[str, list[Sentence]]:
     return found
 
 
-def best(one: Standing) -> Sentence:
+def tolerant(material: Material, strict: Standing) -> Sentence:
+    """The same as :func:`best` by the tolerant standard, and whether other laws are in front by it."""
+    one = standing(material, strict.condition, "tolerant success")
+    same = set(one.front) == set(strict.front)
+    begin = f"With {of_length(TOLERANT)} tolerated"
+    begin = begin if same else f"The standards disagree on the best: {begin[0].lower()}{begin[1:]}"
+    return replace(best(one, begin, "succeeds", "succeed"), about="tolerant", standard="tolerant")
+
+
+def best(one: Standing, begin: str = "", does: str = DOES, do: str = DO) -> Sentence:
     """Which law succeeds most often in a condition, and which cannot be told from it."""
-    begin, scenes, leader, follower = where(one.condition), of_scenes(one.scenes, one.families), one.leader, one.next
+    begin = begin or where(one.condition)
+    scenes, leader, follower = of_scenes(one.scenes, one.families), one.leader, one.next
     share = one.shares[leader]
     if share.value == 0.0:
         whoever = "no law" if len(one.laws) > 1 else bold(leader)
-        how = f"{DOES} in none of {scenes}" if len(one.laws) == 1 else f"{DOES} in any of {scenes}"
+        how = f"{does} in none of {scenes}" if len(one.laws) == 1 else f"{does} in any of {scenes}"
         most = percentage(share.high, share.digits)
         each = "each" if len(one.laws) > 1 else "it"
         text = f"{begin}, {whoever} {how}: with 95 % confidence {each} would in at most {most} %."
         return Sentence(text, "best", one.condition, (leader,), numbers_of(one, [leader]))
     if len(one.laws) == 1:
-        text = f"{begin}, {bold(leader)} {DOES} in {share.text(scenes)}."
+        text = f"{begin}, {bold(leader)} {does} in {share.text(scenes)}."
         return Sentence(text, "best", one.condition, (leader,), numbers_of(one, [leader]))
     named, told = _in_front(one)
     if follower is None:
         alike = "are too few to tell laws apart" if one.too_few else "tell no law from the best"
-        text = f"{begin}, {scenes} {alike}: {told} {DO}."
+        text = f"{begin}, {scenes} {alike}: {told} {do}."
         return Sentence(text, "alike", one.condition, tuple(named), numbers_of(one, named))
     next_one, difference = one.shares[follower].text(), one.pair(leader, follower).difference.text()
     if len(one.front) == 1:
-        text = f"{bold(leader)} {DOES} in {share.text(scenes)}; the next, {follower}, in {next_one}"
+        text = f"{bold(leader)} {does} in {share.text(scenes)}; the next, {follower}, in {next_one}"
         text = f"{begin}, {text}; the difference is {difference}."
     else:
-        text = f"{told} {DO} most often and are not distinguishable ({scenes}); the next, {follower}, does so in"
+        text = f"{told} {do} most often and are not distinguishable ({scenes}); the next, {follower}, does so in"
         text = f"{begin}, {text} {next_one}, {difference} less than {leader}."
     numbers = numbers_of(one, [*named, follower], (leader, follower))
     return Sentence(text, "best", one.condition, (*named, follower), numbers)
@@ -130,7 +144,7 @@ def calmest(material: Material, one: Standing) -> Sentence | None:
 
 
 def violations(material: Material, condition: str) -> Sentence:
-    """Which law leaves a row least often in a condition."""
+    """Which law violates a row least often in a condition, by the strict standard, and whether so by the tolerant."""
     one = standing(material, condition, "kept").among(material.going(condition))
     left = {law: share.complement for law, share in one.shares.items()}
     named, more = first_of(one.front)
@@ -139,12 +153,16 @@ def violations(material: Material, condition: str) -> Sentence:
     for law in named:
         numbers |= left[law].numbers("violation", law=law)
     if len(one.laws) == 1:
-        text = f"It violates a row in {left[one.leader].text()}."
+        text = f"It violates a row by more than {of_length(NEGLIGIBLE)} in {left[one.leader].text()}."
     elif one.next is None:
-        text = f"How often a row is violated tells no law from the best: {told}."
+        text = f"How often a row is violated by more than {of_length(NEGLIGIBLE)} tells no law from the best: {told}."
     else:
         alike = ", which are not distinguishable" if len(one.front) > 1 else ""
-        text = f"A row is violated least often by {told}{alike}."
+        text = f"A row is violated by more than {of_length(NEGLIGIBLE)} least often by {told}{alike}."
+    other = standing(material, condition, "tolerant kept").among(one.laws)
+    if set(other.front) != set(one.front):
+        named_there, more_there = first_of(other.front)
+        text += f" By more than {of_length(TOLERANT)} it is so by {enumeration([*named_there, *more_there])}."
     return Sentence(text, "violations", condition, tuple(named), numbers)
 
 
@@ -159,7 +177,7 @@ def attainable(material: Material, condition: str) -> Sentence | None:
         f"Tracking alone, which knows no rows, reaches the goal in {share.text(counted(len(own), 'scene'))}: where it "
         "does not, it is no row that keeps a law from the goal, and violations say more than success."
     )
-    return Sentence(text, "attainable", condition, (), {**share.numbers("reached"), "scenes": len(own)})
+    return Sentence(text, "attainable", condition, (), {**share.numbers("reached"), "scenes": len(own)}, "")
 
 
 def _in_front(one: Standing) -> tuple[list[str], str]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from ...comparisons.metrics import DEFINITIONS
+from ...comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANT
 from ..closing import command_of, facts_table, machine_of
 from ..markdown import bullets
-from ..numbers import DASH, number
+from ..numbers import DASH, number, of_length
 from .material import Material
 
 WORDS = {
-    "Success": "The run converged and violated no row.",
+    "Success": "The run converged and violated no row. Where nothing else is said rows are violated by the strict "
+    f"standard, if deeper outside than {of_length(NEGLIGIBLE)}; by the tolerant one, if deeper than "
+    f"{of_length(TOLERANT)}. Both are the same for all laws and rows.",
     "Intervals": "95 %: of rates exact (Clopper and Pearson), of differences of rates on the same scenes Tango's score "
     "interval with continuity correction, of medians of differences the exact one. Intervals of differences between "
     "laws are simultaneous for all pairs of laws in a condition; those of a law's own rate are of each number by "

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ...statistics.judged import judged_metric
 from ..markdown import bold, enumeration, table
-from ..numbers import DASH
+from ..numbers import DASH, of_length
 from .material import Material
 from .pairs import PairVerdicts, pairwise_verdicts
 from .standing import Standing, standing
@@ -42,7 +43,8 @@ class Best:
 
 def decisions(material: Material) -> str:
     """One line per condition."""
-    header = ["condition", "succeeds most often", "violates least often", *(aim for aim, _ in AIMS)]
+    tolerated = f"at {of_length(TOLERANT)}"
+    header = ["condition", "succeeds most often", tolerated, "violates least often", *(aim for aim, _ in AIMS)]
     lines = []
     for condition in material.conditions:
         one = standing(material, condition)
@@ -50,11 +52,14 @@ def decisions(material: Material) -> str:
         if one.scenes:
             never = one.shares[one.leader].value == 0.0
             aims = [DASH if never else _told(best_by(material, condition, one.front, metric)) for _, metric in AIMS]
-            lines.append([where(condition), "none" if never else _group(one), _group(kept), *aims])
+            tolerant = standing(material, condition, "tolerant success")
+            fronts = ["none" if each.shares[each.leader].value == 0.0 else _group(each) for each in (one, tolerant)]
+            lines.append([where(condition), *fronts, _group(kept), *aims])
     if not lines:
         return ""
     text = (
-        "Laws that stand together are not distinguishable from the first of them. *Of these* is among those that "
+        f"By the strict standard ({of_length(NEGLIGIBLE)}) and, in the column that says so, by the tolerant one. Laws "
+        "that stand together are not distinguishable from the first of them. *Of these* is among those that "
         "succeed most often, on the scenes in which all of these succeed: by acceleration variation, settling time and "
         "utilization."
     )

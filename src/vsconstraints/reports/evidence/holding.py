@@ -65,6 +65,7 @@ class Conclusion(NamedTuple):
             "condition": self.condition,
             "outcome": self.outcome,
             "reversal_excluded": self.excluded,
+            "standard": "strict",
             "first": self.first.as_data(),
             "other": self.other.as_data(),
         }
@@ -174,7 +175,8 @@ def _sentence(material: Material, condition: str, own: Sequence[Conclusion]) -> 
     numbers |= {"reversal_excluded": excluded, "scenes": scenes, "families": families}
     turned = endings[REVERSED]
     text = (
-        f"Of {counted(len(own), 'conclusion')} on pairs of laws {within(material.conditions[0])}, {within(condition)} "
+        f"By the strict standard, of {counted(len(own), 'conclusion')} on pairs of laws "
+        f"{within(material.conditions[0])}, {within(condition)} "
         f"{_verb('hold', len(endings[HOLDS]))}, {_verb('are', len(turned))} reversed and "
         f"{_verb('are', len(endings[INCONCLUSIVE]))} inconclusive"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -73,12 +74,16 @@ class Material:
     def runs(self) -> pd.DataFrame:
         """Runs of the laws that are compared, with what came of each.
 
-        ``kept`` is whether no row was violated, ``success`` whether the goal was reached besides.
+        ``kept`` is whether no row was violated, ``success`` whether the goal was reached besides; both by the strict
+        standard, and as ``tolerant kept`` and ``tolerant success`` by the tolerant one. ``tolerance`` is the least
+        one at which a run is a success; infinite if at none.
         """
         every = self.evidence.runs
         runs = every[every["controller"] != BASELINE].copy()
-        runs["kept"] = ~OUTCOMES["violation"].flag(runs)
-        runs["success"] = OUTCOMES["success"].flag(runs)
+        for standard in ("", "tolerant "):
+            runs[f"{standard}kept"] = ~OUTCOMES[f"{standard}violation"].flag(runs)
+            runs[f"{standard}success"] = OUTCOMES[f"{standard}success"].flag(runs)
+        runs["tolerance"] = runs["violation_fraction"].astype(float).where(runs["status"] == "converged", math.inf)
         plain: pd.DataFrame = runs.astype(dict.fromkeys(("family", "condition", "controller", "status"), str))
         return plain
 

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ...comparisons.metrics import NEGLIGIBLE
 from ...readable import counted
 from ..markdown import bold, bullets, plain, table
-from ..numbers import DASH, median, number
+from ..numbers import DASH, median, number, of_length
 from .answers import answers
 from .drawing import shown
 from .figures.success import SUCCESS
@@ -130,8 +131,8 @@ def _marked(one: Standing, law: str, text: str) -> str:
 
 def _legend(room: int) -> str:
     text = (
-        "Success: all rows kept and the goal reached, in per cent of the scenes. **Bold**: the best, and "
-        "distinguishable from all others; ≈: the best, or not distinguishable from it."
+        f"Success: no row violated by more than {of_length(NEGLIGIBLE)} and the goal reached, in per cent of the "
+        "scenes. **Bold**: the best, and distinguishable from all others; ≈: the best, or not distinguishable from it."
     )
     if room >= 2:
         text += " *Variation*: median of Σ‖Δq̈‖ per second over successes of the first condition."

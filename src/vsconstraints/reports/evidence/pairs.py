@@ -46,8 +46,8 @@ class Measure(NamedTuple):
 
 
 MEASURES = (
-    Measure("success", "success", "Success: all rows kept and the goal reached", 0.1, more=True),
-    Measure("violation", "violation", "Violation: a row is left", 0.1),
+    Measure("success", "success", "Success: all rows kept, strictly, and the goal reached", 0.1, more=True),
+    Measure("violation", "violation", "Violation: a row is violated, strictly", 0.1),
     Measure("utilization", "space", "Space: utilization, where both laws succeed", 0.01, more=True),
     Measure(
         "acceleration_variation", "chattering", "Chattering: acceleration variation, where both succeed", 1.25,

@@ -6,11 +6,12 @@ from math import ceil
 
 import numpy as np
 
+from ...comparisons.metrics import NEGLIGIBLE, TOLERANCES, TOLERANT
 from ...figures import Figure
 from ...statistics import rate
 from ..figures.heat_map import HeatMap, draw_heat_map
 from ..markdown import bold, table
-from ..numbers import DASH
+from ..numbers import DASH, of_length
 from .drawing import shown
 from .material import Material
 from .opening import success_cells
@@ -35,8 +36,9 @@ def rates(material: Material) -> str:
     """Two tables per condition, and the heat map of all."""
     parts = ["## How often laws succeed and violate"]
     parts.append(
-        "*Success*: all rows kept and the goal reached. *Violated*: a row was left deeper than sampling explains, "
-        "whether the goal was reached or not. The last columns say how runs ended that did not converge; those that "
+        "*Success*: all rows kept and the goal reached. *Violated*: a row was deeper outside than "
+        f"{of_length(NEGLIGIBLE)}, whether the goal was reached or not. The same with {of_length(TOLERANT)} tolerated "
+        "stands beside it and in the next table. The last columns say how runs ended that did not converge; those that "
         "failed or were aborted count nowhere but here and as no success. **Bold** is the best of a column where it "
         "is distinguishable from all others; ≈ marks the best and what is not distinguishable from it. Laws that only "
         "failed are not compared by violations: who does nothing violates nothing."
@@ -52,15 +54,29 @@ def rates(material: Material) -> str:
 
 
 def _together(material: Material, one: Standing) -> str:
+    tolerant = standing(material, one.condition, "tolerant success")
     kept = standing(material, one.condition, "kept")
     runs = material.among(one.condition)
     lines = []
     for law, cell in zip(one.laws, success_cells(one, one.laws), strict=True):
         statuses = runs[runs["controller"] == law]["status"]
         endings = [str(int((statuses == ending).sum())) for ending in ENDINGS]
-        lines.append([law, cell, _violated(material, kept, law), *endings])
+        lines.append([law, cell, *success_cells(tolerant, [law]), _violated(material, kept, law), *endings])
     text = f"{of_scenes(one.scenes, one.families)}; success and violated in per cent, the others in runs."
-    return f"{text}\n\n" + table(["law", "success", "violated", *ENDINGS], lines)
+    header = ["law", "success", f"at {of_length(TOLERANT)}", "violated", *ENDINGS]
+    return f"{text}\n\n{table(header, lines)}\n\n{_by_tolerance(material, one)}"
+
+
+def _by_tolerance(material: Material, one: Standing) -> str:
+    """How often each law succeeds at each tolerance, and violates by the tolerant standard."""
+    least, kept = material.paired(one.condition, "tolerance"), standing(material, one.condition, "tolerant kept")
+    lines = []
+    for law in one.laws:
+        shares = [percentage(float((least[law].astype(float) <= each).mean()), 1) for each in TOLERANCES]
+        lines.append([law, *shares, _violated(material, kept, law)])
+    header = ["law", *(f"{100.0 * each:g} %" for each in TOLERANCES), f"violated at {of_length(TOLERANT)}"]
+    text = "Success in per cent, with the depth tolerated that the head of the column says, in % of L."
+    return f"{text}\n\n{table(header, lines)}"
 
 
 def _violated(material: Material, kept: Standing, law: str) -> str:

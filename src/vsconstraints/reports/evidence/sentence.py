@@ -24,6 +24,8 @@ class Sentence:
     numbers
         Every number that the text shows, unrounded, shares as such and not in per cent. Those of a law stand behind its
         name, as in ``success[sliding-mode]``.
+    standard
+        By which standard rows are violated in it, ``strict`` or ``tolerant``; empty where it is not about violations.
     """
 
     text: str
@@ -31,6 +33,7 @@ class Sentence:
     condition: str = ""
     laws: tuple[str, ...] = ()
     numbers: Mapping[str, float] = field(default_factory=dict)
+    standard: str = "strict"
 
     def as_data(self) -> dict[str, Any]:
         """For files."""

@@ -34,8 +34,9 @@ def _turned(material: Material, first: str, other: str) -> Sentence | None:
     ahead, then = before.pair(a, b).difference, after.pair(b, a).difference
     more = f"; so does that of {counted(len(turns) - 1, 'more pair')}" if len(turns) > 1 else ""
     text = (
-        f"The order turns over: {within(first)}, {a} succeeds more often than {b} by {ahead.text()}; {within(other)}, "
-        f"{b} more often than {a} by {then.text()} ({of_scenes(before.scenes, before.families)}){more}."
+        f"By the strict standard, the order turns over: {within(first)}, {a} succeeds more often than {b} by "
+        f"{ahead.text()}; {within(other)}, {b} more often than {a} by {then.text()} "
+        f"({of_scenes(before.scenes, before.families)}){more}."
     )
     numbers: dict[str, float] = {"scenes": before.scenes, "families": before.families, "pairs": len(turns)}
     for condition, share in ((first, ahead), (other, then)):
@@ -72,7 +73,8 @@ def gained(material: Material) -> Sentence | None:
     if not parts:
         return None
     text = (
-        f"Tuned on training scenes, {within(condition)}, {'; '.join(parts)} ({counted(one.scenes, 'held-out scene')})."
+        f"Tuned on training scenes, {within(condition)} and by the strict standard, {'; '.join(parts)} "
+        f"({counted(one.scenes, 'held-out scene')})."
     )
     return Sentence(text, "tuned", condition, tuple(pairs), numbers)
 
@@ -86,5 +88,5 @@ def nowhere(material: Material) -> list[Sentence]:
             reasons = runs["reason"].fillna("").astype(str).value_counts()
             why = f", most often: {plain(str(reasons.index[0]))}" if reasons.index[0] else ""
             text = f"{bold(law)} gets nowhere: each of its {counted(len(runs), 'run')} failed or was aborted{why}."
-            found.append(Sentence(text, "nowhere", "", (law,), {"runs": len(runs)}))
+            found.append(Sentence(text, "nowhere", "", (law,), {"runs": len(runs)}, ""))
     return found
