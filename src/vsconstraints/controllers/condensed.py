@@ -12,6 +12,7 @@ from ..kernels import load
 from ..model import Prediction
 from ..qp.penalised import Cost
 from ..rows import Array, IntArray, Rows, Task
+from ..tracking import Rest
 from .horizon import Horizon, Instants
 
 
@@ -30,8 +31,8 @@ class Lookahead(NamedTuple):
         (N, m, n) of them: of σ by q, of φ by q̇.
     K
         (m,) of the rows, 0 of those on φ itself.
-    J, b, error
-        (N, k, n), and (N, k) of the task, likewise.
+    J, b, error, rest
+        (N, k, n), (N, k), and (N, n) or (N, 0) of the task, likewise.
     """
 
     plan: Array
@@ -42,6 +43,7 @@ class Lookahead(NamedTuple):
     J: Array
     b: Array
     error: Array
+    rest: Array
 
 
 def loops() -> Any:
@@ -58,11 +60,12 @@ def look_ahead(rows: Rows, task: Task, seen: Prediction, at: Instants, plan: Arr
     J = seen.J.copy()
     J[0] = task.J
     b = seen.b + (task.b - seen.b[0])
-    return Lookahead(plan, at.first(len(seen)), value, gradient, K, J, b, seen.error)
+    rest = seen.rest + (task.rest - seen.rest[0])
+    return Lookahead(plan, at.first(len(seen)), value, gradient, K, J, b, seen.error, rest)
 
 
-def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float) -> Cost:
-    """Σ‖J(uₖ − q̈ₖ)‖² + λ‖u‖² of a plan u (Hn,).
+def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest: Rest) -> Cost:
+    """Σ‖J(uₖ − q̈ₖ)‖² + λ‖u − q̈₀‖² of a plan u (Hn,).
 
     Parameters
     ----------
@@ -70,6 +73,8 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float) -> Co
         (B, 2) K_p and K_v at the beginnings of the B blocks that can be predicted.
     damping
         λ relative to the mean of ‖J‖².
+    rest
+        How q̈₀ depends on the state, where there is one; it is zero in blocks that cannot be predicted.
     """
     H, n = ahead.plan.shape
     begins = horizon.begins[: len(gains)]
@@ -80,7 +85,17 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float) -> Co
     P, q = np.zeros((H * n, H * n)), np.zeros(H * n)
     loops().normal_equations(C, J, b, feedback @ ahead.plan, np.empty((n, n)), P, q)
     size = float(np.vdot(J, J)) / len(begins)
-    P.ravel()[:: H * n + 1] += damping * (size if size > 0.0 else 1.0)
+    weight = damping * (size if size > 0.0 else 1.0)
+    if ahead.rest.size:
+        # likewise, with the unit matrix for J
+        feedback = rest.stiffness * horizon.Q[begins] + rest.damping * horizon.V[begins]
+        C, own = np.eye(H), np.zeros((H, n))
+        C[: len(begins)] += feedback
+        own[: len(begins)] = ahead.rest[begins] + feedback @ ahead.plan
+        np.einsum("gihi->ghi", P.reshape(H, n, H, n))[...] += weight * (C.T @ C)[:, :, None]
+        q += weight * (C.T @ own).ravel()
+    else:
+        P.ravel()[:: H * n + 1] += weight
     L, center, refused = lapack.dposv(P.T, q, lower=1, overwrite_a=1)
     if refused:
         raise np.linalg.LinAlgError(f"the plan has no one optimum: rounding exceeds the damping {damping:g}")

@@ -161,7 +161,7 @@ class Hierarchy(Resolver):
     def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
         """See :class:`.Resolver`."""
         assert solvers is not None
-        tracking = least_norm(task.J, task.b, self.rank_tolerance)
+        tracking = least_norm(task.J, task.b, self.rank_tolerance, task.rest)
         c = asked(BOUND, tracking.qdd if tracks else None)
         tracking, shaped = self.near(rows, tracking, c)
         command = self._descend(rows, tracking, c, solvers)
