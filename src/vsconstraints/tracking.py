@@ -76,6 +76,8 @@ class Rest:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.damping) and self.damping >= 0.0):
             raise InvalidInput(f"the damping of rest must be zero or more, not {self.damping}")
+        if not np.isfinite(np.asarray(self.posture, dtype=np.float64)).all():
+            raise InvalidInput(f"the posture of rest must be finite numbers, not {shown(self.posture)}")
         if len(self.posture) and self.damping == 0.0:
             raise ConfigurationError("a posture is approached by rest only with a damping above zero")
 

@@ -11,7 +11,7 @@ from ..formulas import plans
 from ..kernels import load
 from ..model import Prediction
 from ..qp.penalised import Cost
-from ..rows import Array, IntArray, Rows, Task
+from ..rows import UNKNOWN, Array, IntArray, Rows, Task
 from ..tracking import Rest
 from .horizon import Horizon, Instants
 
@@ -43,7 +43,7 @@ class Lookahead(NamedTuple):
     J: Array
     b: Array
     error: Array
-    rest: Array
+    rest: Array = UNKNOWN
 
 
 def loops() -> Any:
@@ -60,11 +60,13 @@ def look_ahead(rows: Rows, task: Task, seen: Prediction, at: Instants, plan: Arr
     J = seen.J.copy()
     J[0] = task.J
     b = seen.b + (task.b - seen.b[0])
-    rest = seen.rest + (task.rest - seen.rest[0])
+    rest = np.tile(task.rest, (len(seen), 1))
+    if rest.shape == seen.rest.shape:
+        rest += seen.rest - seen.rest[:1]
     return Lookahead(plan, at.first(len(seen)), value, gradient, K, J, b, seen.error, rest)
 
 
-def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest: Rest) -> Cost:
+def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest: Rest | None = None) -> Cost:
     """Σ‖J(uₖ − q̈ₖ)‖² + λ‖u − q̈₀‖² of a plan u (Hn,).
 
     Parameters
@@ -74,7 +76,7 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest:
     damping
         λ relative to the mean of ‖J‖².
     rest
-        How q̈₀ depends on the state, where there is one; it is zero in blocks that cannot be predicted.
+        How q̈₀ depends on the state; None if it is zero, as it is in blocks that cannot be predicted.
     """
     H, n = ahead.plan.shape
     begins = horizon.begins[: len(gains)]
@@ -86,7 +88,7 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest:
     loops().normal_equations(C, J, b, feedback @ ahead.plan, np.empty((n, n)), P, q)
     size = float(np.vdot(J, J)) / len(begins)
     weight = damping * (size if size > 0.0 else 1.0)
-    if ahead.rest.size:
+    if rest is not None:
         # likewise, with the unit matrix for J
         feedback = rest.stiffness * horizon.Q[begins] + rest.damping * horizon.V[begins]
         C, own = np.eye(H), np.zeros((H, n))

@@ -260,7 +260,7 @@ class PredictiveControl(Controller):
         assert self.model is not None
         given = limits(ahead, self.approach * horizon.length, box, ZERO_GRADIENT * rows.scale)
         begins = horizon.begins[horizon.begins < len(ahead.b)]
-        rest = self.model.task.rest_of(ahead.plan.shape[1], ahead.b.shape[1])
+        rest = self.model.task.rest_of(ahead.plan.shape[1], ahead.b.shape[1]) if ahead.rest.size else None
         best = cost(ahead, horizon, self.model.gains(ahead.error[begins]), self.damping, rest)
         weights = row_weights(rows.labels, self.weights or {}) / rows.scale
         guess = NO_ROWS if self.plan is None else self.plan.held

@@ -14,7 +14,7 @@ from ..errors import InvalidInput, SceneError
 from ..formulas.tracking import held_gains, held_rest, retargeted
 from ..kernels import load
 from ..model import Model
-from ..rows import UNKNOWN, Array
+from ..rows import Array
 from .compiled import SCRATCH
 from .least_norm import RANK_TOLERANCE, least_norm
 
@@ -80,8 +80,10 @@ def _in_numpy(model: Model, reference: Array, periods: Array, scale: Array) -> R
             h = float(periods[k])
             then = held_gains(*gains.at(e - reference), h)
             b = retargeted(task.b, e, task.error_rate, reference, gains.at(e), then)
-            own = model.task.rest_of(len(q), len(b))
-            rest = held_rest(task.rest, qd, own.damping, own.stiffness, h) if own.any else UNKNOWN
+            rest = task.rest
+            if len(rest):
+                own = model.task.rest_of(len(q), len(b))
+                rest = held_rest(rest, qd, own.damping, own.stiffness, h)
             qdd = least_norm(task.J, b, RANK_TOLERANCE, rest).qdd
             t, q, qd = min(t + h, model.until), q + h * (qd + 0.5 * h * qdd), qd + h * qdd
         elif k < N + NEWTON:

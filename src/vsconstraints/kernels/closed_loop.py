@@ -26,6 +26,7 @@ for function in (
     samples.mark_acting,
     samples.camera_error,
     samples.feature_error,
+    samples.fastest,
     samples.score,
     samples.finish,
 ):
