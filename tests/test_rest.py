@@ -24,7 +24,7 @@ from vsconstraints.controllers import (
     Tracking,
     make_controller,
 )
-from vsconstraints.errors import ConfigurationError, InvalidInput, VsconstraintsError
+from vsconstraints.errors import InvalidInput, VsconstraintsError
 from vsconstraints.features import CameraPose, ImagePoints
 from vsconstraints.formulas import formula
 from vsconstraints.formulas.row import Row

@@ -92,6 +92,10 @@ class Rest:
         return 0.25 * self.damping**2 if len(self.posture) else 0.0
 
 
+DAMPED, FREE = Rest(), Rest(damping=0.0)
+"""What joints do by default, of arms with more of them than the task needs, and of others."""
+
+
 @dataclass(slots=True)
 class TrackingMemory:
     """What tracking remembers between samples: the goal it follows, the last sample's feature, and the reference's.
@@ -188,7 +192,7 @@ class VisualTask:
             if there is a posture of another number of joints.
         """
         if self.rest is None:
-            return Rest() if n > min(k, 6) else Rest(damping=0.0)
+            return DAMPED if n > min(k, 6) else FREE
         if len(self.rest.posture) not in (0, n):
             raise ConfigurationError(f"rest.posture has {len(self.rest.posture)} values; the robot has {n} joints")
         return self.rest

@@ -32,7 +32,7 @@ class Lookahead(NamedTuple):
     K
         (m,) of the rows, 0 of those on φ itself.
     J, b, error, rest
-        (N, k, n), (N, k), and (N, n) or (N, 0) of the task, likewise.
+        (N, k, n), (N, k), and (N, n) or (0,) of the task, likewise.
     """
 
     plan: Array
@@ -60,9 +60,9 @@ def look_ahead(rows: Rows, task: Task, seen: Prediction, at: Instants, plan: Arr
     J = seen.J.copy()
     J[0] = task.J
     b = seen.b + (task.b - seen.b[0])
-    rest = np.tile(task.rest, (len(seen), 1))
-    if rest.shape == seen.rest.shape:
-        rest += seen.rest - seen.rest[:1]
+    rest = UNKNOWN
+    if len(task.rest):
+        rest = seen.rest + (task.rest - seen.rest[0]) if seen.rest.size else np.tile(task.rest, (len(seen), 1))
     return Lookahead(plan, at.first(len(seen)), value, gradient, K, J, b, seen.error, rest)
 
 
@@ -80,9 +80,9 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest:
     """
     H, n = ahead.plan.shape
     begins = horizon.begins[: len(gains)]
-    J, b = ahead.J[begins], ahead.b[begins]
+    J, b, Q, V = ahead.J[begins], ahead.b[begins], horizon.Q[begins], horizon.V[begins]
     # b falls with the errors that a plan makes: K_p J δq + K_v J δq̇
-    feedback = gains[:, :1] * horizon.Q[begins] + gains[:, 1:] * horizon.V[begins]
+    feedback = gains[:, :1] * Q + gains[:, 1:] * V
     C = np.eye(H)[: len(begins)] + feedback
     P, q = np.zeros((H * n, H * n)), np.zeros(H * n)
     loops().normal_equations(C, J, b, feedback @ ahead.plan, np.empty((n, n)), P, q)
@@ -90,12 +90,14 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest:
     weight = damping * (size if size > 0.0 else 1.0)
     if rest is not None:
         # likewise, with the unit matrix for J
-        feedback = rest.stiffness * horizon.Q[begins] + rest.damping * horizon.V[begins]
-        C, own = np.eye(H), np.zeros((H, n))
+        feedback = rest.damping * V
+        if rest.stiffness > 0.0:
+            feedback += rest.stiffness * Q
+        C = np.eye(H)
         C[: len(begins)] += feedback
-        own[: len(begins)] = ahead.rest[begins] + feedback @ ahead.plan
-        np.einsum("gihi->ghi", P.reshape(H, n, H, n))[...] += weight * (C.T @ C)[:, :, None]
-        q += weight * (C.T @ own).ravel()
+        within = np.einsum("gihi->ghi", P.reshape(H, n, H, n))
+        within += weight * (C.T @ C)[:, :, None]
+        q += weight * (C[: len(begins)].T @ (ahead.rest[begins] + feedback @ ahead.plan)).ravel()
     else:
         P.ravel()[:: H * n + 1] += weight
     L, center, refused = lapack.dposv(P.T, q, lower=1, overwrite_a=1)
