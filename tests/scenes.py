@@ -65,7 +65,8 @@ class Straight:
         J, b, Lg, Lf = (np.stack([part] * len(t)) for part in (task.J, task.b, rows.Lg, rows.Lf))
         with np.errstate(over="ignore", invalid="ignore"):
             phi = rows.phi + qd @ rows.Lg.T
-        return Prediction(phi, Lg, Lf, phi, Lf, J, b, np.zeros_like(b), np.zeros_like(b), np.empty((len(t), 0, 2)))
+        none, zeros = np.empty((len(t), 0)), np.zeros_like(b)
+        return Prediction(phi, Lg, Lf, phi, Lf, J, b, zeros, zeros, none, np.empty((len(t), 0, 2)))
 
     def gains(self, error: Array) -> Array:
         """No feedback."""

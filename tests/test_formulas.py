@@ -201,12 +201,14 @@ def test_the_rates_of_a_pose_are_those_of_its_matrix() -> None:
 
 
 def test_a_goal_is_reached_at_its_tolerances_and_not_beyond() -> None:
-    tolerance = (0.01, 0.02, 0.5)
-    assert poses.reached(0.01, 0.02, 9.0, tolerance, True)
-    assert not poses.reached(0.011, 0.02, 0.0, tolerance, True)
-    assert not poses.reached(0.01, 0.021, 0.0, tolerance, True)
-    assert poses.reached(9.0, 9.0, 0.5, tolerance, False)
-    assert not poses.reached(0.0, 0.0, 0.51, tolerance, False)
+    tolerance = (0.01, 0.02, 0.5, 0.1)
+    assert poses.reached(0.01, 0.02, 9.0, 0.1, tolerance, True)
+    assert not poses.reached(0.011, 0.02, 0.0, 0.0, tolerance, True)
+    assert not poses.reached(0.01, 0.021, 0.0, 0.0, tolerance, True)
+    assert not poses.reached(0.0, 0.0, 0.0, 0.11, tolerance, True)
+    assert poses.reached(9.0, 9.0, 0.5, 0.1, tolerance, False)
+    assert not poses.reached(0.0, 0.0, 0.51, 0.0, tolerance, False)
+    assert not poses.reached(0.0, 0.0, 0.0, 0.11, tolerance, False)
 
 
 # --- what rows ask for ---

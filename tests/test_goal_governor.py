@@ -66,7 +66,7 @@ def test_a_reference_is_carried_from_goal_to_goal(name: str, feature: Any) -> No
 # --- what is predicted ---
 
 
-@pytest.mark.parametrize("name", ["example-2d-fov", "case-study-6r", "ur5-image"])
+@pytest.mark.parametrize("name", ["example-2d-fov", "case-study-6r", "ur5-image", "panda-fov"])
 def test_responses_alike_in_both_forms(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     setup = scene(name)
     model, scale = model_of(setup, 0.1), setup.constraints.scale

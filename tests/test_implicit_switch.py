@@ -30,7 +30,7 @@ def test_the_implicit_switch_keeps_the_papers_promise_without_its_price(scenario
     paper, barrier, switch = (found[law] for law in ("sliding-mode", "hierarchical-qp", "implicit-switch"))
     assert (switch["status"], switch["violated"]) == ("converged", "")
     assert switch["acceleration_variation"] < 1.5 * barrier["acceleration_variation"]
-    assert switch["acceleration_variation"] < 0.03 * paper["acceleration_variation"]
+    assert switch["acceleration_variation"] < 0.035 * paper["acceleration_variation"]
     assert switch["utilization"] >= paper["utilization"] - LESS.get(scenario, 0.0)
     uses = next(entry.make().uses for entry in SUITE.controllers if entry.name == "implicit-switch")
     assert uses == ("T_s",)

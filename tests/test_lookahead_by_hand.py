@@ -16,7 +16,6 @@ import pytest
 from scenes import Straight
 from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range, goal_governor, predictive
 from vsconstraints.controllers.condensed import Lookahead, cost, limits, look_ahead
-from vsconstraints.controllers.goal_governor import at_rest_elsewhere
 from vsconstraints.controllers.horizon import Horizon, stopping_time
 from vsconstraints.controllers.predictive import Plan
 from vsconstraints.controllers.response import Response, response
@@ -25,13 +24,14 @@ from vsconstraints.model import Model, Prediction, Present
 from vsconstraints.qp.lexicographic import PULLING
 from vsconstraints.qp.penalised import Penalised
 from vsconstraints.rows import UNKNOWN, Array, Command, Rows, Task
+from vsconstraints.tracking import Rest
 
 K = np.array([0.5, 0.0])
 
 
 @pytest.mark.parametrize("sigma", [[0.08, 0.9], None])
 def test_what_the_model_says_otherwise_of_now_stays_so(sigma: list[float] | None) -> None:
-    """σ of ``a`` is 0.03 more than predicted where it is given, else by as much as φ is, 0.05; b of the task by 1.
+    """σ of ``a`` is 0.03 more than predicted where it is given, else by as much as φ is, 0.05; b by 1, q̈₀ by 0.5.
 
     Of ``b`` φ is what counts, whatever σ is.
     """
@@ -45,18 +45,20 @@ def test_what_the_model_says_otherwise_of_now_stays_so(sigma: list[float] | None
         b=np.array([[9.0], [5.0]]),
         error=np.array([[1.0], [2.0]]),
         error_rate=np.zeros((2, 1)),
+        rest=np.array([[3.0], [2.0]]),
         pixels=np.empty((2, 0, 2)),
     )
     known = UNKNOWN if sigma is None else np.array(sigma)
     rows = Rows(np.array([0.15, 0.1]), np.ones((2, 1)), np.zeros(2), np.ones(2), ("a", "b"), sigma=known)
     plan = np.zeros((1, 1))
     at = Horizon.of(1, 1, 0.1).instants(np.zeros(1), np.zeros(1), plan, np.array([inf]))
-    ahead = look_ahead(rows, Task(np.array([[7.0]]), np.array([10.0])), seen, at, plan, K)
+    ahead = look_ahead(rows, Task(np.array([[7.0]]), np.array([10.0]), rest=np.array([3.5])), seen, at, plan, K)
     more = 0.05 if sigma is None else 0.03
     np.testing.assert_allclose(ahead.value, [[0.05 + more, 0.1], [0.25 + more, 0.4]])
     np.testing.assert_allclose(ahead.gradient[..., 0], [[2.0, 2.0], [6.0, 4.0]])
     np.testing.assert_allclose(ahead.J[..., 0], [[7.0], [8.0]])
     np.testing.assert_allclose(ahead.b, [[10.0], [6.0]])
+    np.testing.assert_allclose(ahead.rest, [[3.5], [2.5]])
 
 
 def test_limits_of_a_plan() -> None:
@@ -117,6 +119,29 @@ def test_a_cost_of_no_gain_is_its_damping() -> None:
     none = np.empty((2, 0))
     ahead = Lookahead(plan, at, none, none[..., None], K[:0], np.zeros((2, 1, 1)), np.zeros((2, 1)), np.zeros((2, 1)))
     np.testing.assert_allclose(cost(ahead, horizon, np.zeros((1, 2)), 0.25).L, [[0.5]])
+
+
+def test_a_plan_stays_near_to_what_joints_do_at_rest() -> None:
+    """Against least squares of all that is summed: two blocks, three joints, one feature, and q̈₀ = −4 q̇ − 4 q."""
+    rng = np.random.default_rng(0)
+    horizon, plan, gains = Horizon.of(2, 2, 0.1), rng.normal(size=(2, 3)), np.array([[9.0, 6.0], [4.0, 3.0]])
+    at = horizon.instants(np.zeros(3), np.ones(3), plan, np.full(3, inf))
+    N = len(at.times)
+    J, b, rest, none = rng.normal(size=(N, 1, 3)), rng.normal(size=(N, 1)), rng.normal(size=(N, 3)), np.empty((N, 0))
+    ahead = Lookahead(plan, at, none, np.empty((N, 0, 3)), K[:0], J, b, np.zeros((N, 1)), rest)
+    M, y = [], []
+    weight = 1e-2 * sum(np.vdot(J[i], J[i]) for i in horizon.begins) / 2
+
+    for k, i in enumerate(horizon.begins):
+        own = [np.kron(g * horizon.Q[i] + v * horizon.V[i], np.eye(3)) for g, v in (gains[k], (4.0, 4.0))]
+        now = np.kron(np.eye(2)[k], np.eye(3))
+        for size, A, side, back in ((1.0, J[i], b[i], own[0]), (sqrt(weight), np.eye(3), rest[i], own[1])):
+            M.append(size * A @ (now + back))
+            y.append(size * (side + A @ back @ plan.ravel()))
+    best = np.linalg.lstsq(np.vstack(M), np.concatenate(y), rcond=None)[0]
+    found = cost(ahead, horizon, gains, 1e-2, Rest(4.0, np.zeros(3)))
+    np.testing.assert_allclose(found.center, best, rtol=1e-9)
+    np.testing.assert_allclose(np.tril(found.L) @ np.tril(found.L).T, np.vstack(M).T @ np.vstack(M), atol=1e-9)
 
 
 def test_a_plan_without_one_optimum_fails() -> None:
@@ -559,13 +584,14 @@ def test_a_response_of_two_joints_of_which_the_feature_is_the_first() -> None:
     def at(t: float, q: Array, qd: Array) -> Any:
         times.append(t)
         J, error, Kp = np.array([[1.0, 0.0]]), q[:1], 8.0 * abs(q[0])
-        task = Task(J, np.array([-Kp * q[0] - 1.25 * Kp * qd[0]]), error, qd[:1])
+        task = Task(J, np.array([-Kp * q[0] - 1.25 * Kp * qd[0]]), error, qd[:1], -5.0 * qd)
         sigma = np.array([q[0], -q[0], q[1]])
         return SimpleNamespace(task=task, error=error, sigma=sigma, rows=SimpleNamespace(Lg=np.full((3, 2), 7.0)))
 
     gains = SimpleNamespace(at=lambda error: (8.0 * abs(error[0]), 10.0 * abs(error[0])))
     present = Present(0.0, np.array([1.0, 0.0]), np.array([0.3, 0.3]))
-    model = SimpleNamespace(present=present, task=SimpleNamespace(gains=gains), until=0.6, at=at, compiled=lambda: None)
+    task = SimpleNamespace(gains=gains, rest_of=lambda n, k: Rest())
+    model = SimpleNamespace(present=present, task=task, until=0.6, at=at, compiled=lambda: None)
     found = response(cast(Model, model), np.array([0.5]), np.ones(1), np.full(3, 2.0))
     assert found is not None
     first, other = 1.3 - 0.5 * 4.1 / 4.5, 0.3 - 0.5 * 0.3 * 5.0 / 3.5
@@ -605,17 +631,3 @@ def test_in_each_sample_the_reference_moves_on() -> None:
     np.testing.assert_allclose(seen, [1.0, 0.8, 0.6, 0.6, 0.6, 0.6])
     law.reset()
     assert law.reference is None
-
-
-def test_what_the_feature_does_not_determine_is_damped() -> None:
-    """K_v = 5 of the second joint's 0.4 rad/s."""
-    gains = SimpleNamespace(at=lambda error: (4.0, 5.0))
-    model: Any = SimpleNamespace(task=SimpleNamespace(gains=gains), present=SimpleNamespace(qd=np.array([0.3, 0.4])))
-    task = Task(np.array([[2.0, 0.0]]), np.array([1.0]), np.array([0.1]), np.array([0.6]))
-    found = at_rest_elsewhere(task, model)
-    np.testing.assert_allclose(found.J[0], [2.0, 0.0])
-    np.testing.assert_allclose(found.J[1] * found.b[1], [0.0, -2.0], atol=1e-12)
-    np.testing.assert_allclose(found.J[1] * found.error_rate[1], [0.0, 0.4], atol=1e-12)
-    assert (found.b[0], found.error[1]) == (1.0, 0.0)
-    whole = Task(np.eye(2), np.ones(2))
-    assert at_rest_elsewhere(whole, model) is whole

@@ -123,7 +123,7 @@ def loop(by_pose: bool) -> Loop:
         np.array([[[0.0, 0.0]], [[3.0, 4.0]]]),
         np.stack([np.eye(3)] * 2),
         np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]]),
-        np.array([0.5, 0.1, 1.0]),
+        np.array([0.5, 0.1, 1.0, 9.0]),
         np.array([by_pose]),
     )
     # q ← q + 0.5 u with u, the last, which is pushed and then forgotten; nothing touches what is between
@@ -134,7 +134,7 @@ def loop(by_pose: bool) -> Loop:
         Ts=np.array([0.5]),
         clock=np.zeros(2, dtype=np.int64),
         rows=rows((0.0, 0.0)),
-        task=TaskArrays(NONE, NONE, np.zeros(1), NONE),
+        task=TaskArrays(NONE, NONE, np.zeros(1), NONE, NONE),
         answer=Answer(np.zeros(2), flags[0], NONE, np.zeros(1, dtype=np.int64), NONE),
         alone=np.array([1.0, 1.0]),
         true=rows((0.25, -0.5), (0.125, -0.25), ((1.0, 0.0), (0.0, 0.0))),
@@ -175,6 +175,15 @@ def test_goals_are_reached_by_pose_or_by_markers() -> None:
     """By markers: 5 px from the first goal, then 1 px; then at the second. By pose: at it, beyond, not yet, nearly."""
     assert unreached(False, POSITIONS)[1] == [0, 0, 0, 0]
     assert unreached(True, POSITIONS)[1] == [-1, 1, 2, 2]
+
+
+def test_a_goal_is_not_reached_while_a_joint_moves() -> None:
+    """The joints have 8 and 9 units per second; which way does not matter."""
+    for speed, expected in ((9.0, -1), (-9.0, -1), (9.1, 0), (-9.1, 0)):
+        one = loop(True)
+        one.plant.x[1, 1] = speed
+        finish(one, 0)
+        assert one.scores.unreached[0] == expected
 
 
 def test_what_is_kept_fills_its_arrays_round_and_round() -> None:

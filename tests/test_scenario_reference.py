@@ -29,7 +29,7 @@ from vsconstraints.scenarios.reading import parameters, placed
 from vsconstraints.simulation import Setup, Tolerances
 from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.dynamics import ArmDynamics, Friction, Payload, Rods
-from vsconstraints.tracking import TrackingGains, VisualTask
+from vsconstraints.tracking import Rest, TrackingGains, VisualTask
 
 PAGE = DOCS / "scenarios.md"
 SHARED = ("`constraints`", "Forbidden regions", "Distances between bodies")
@@ -47,6 +47,7 @@ TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
     "target.square": (build.Square,),
     "target.motion": (Motion, build.Turn),
     "task": (*FEATURES.values(), TrackingGains, VisualTask),
+    "task.rest": (Rest,),
     "task.goals": (goals.GoalTable,),
     "task.goals.camera_pose": (Pose.from_xyz_rpy,),
     "tolerances": (Tolerances,),

@@ -12,7 +12,7 @@ from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.features import CameraPose, Feature, Goal, ImagePoints
-from vsconstraints.formulas.tracking import held_gains
+from vsconstraints.formulas.tracking import held_gains, held_rest, resting
 from vsconstraints.kernels import load
 from vsconstraints.references import MinimumJerk
 from vsconstraints.rows import Array
@@ -364,6 +364,15 @@ def test_a_scenario_with_a_reference_follows_it_in_numpy() -> None:
 def test_a_scenario_says_what_is_wrong_with_its_reference(value: object) -> None:
     with pytest.raises((ConfigurationError, InvalidInput), match=r"reach_in|duration of a reference"):
         Scenario.load("example-2d-fov").with_override("task.goals.0.reach_in", value).setup()
+
+
+@pytest.mark.parametrize("h", [1e-3, 0.1, 10.0])
+def test_a_held_rest_is_by_the_implicit_midpoint_rule(h: float) -> None:
+    """What is held equals what is asked in the middle, of a motion that holds it."""
+    damping, stiffness, posture, q, qd = 5.0, 6.25, 0.3, 0.7, -0.4
+    a = held_rest(resting(q, qd, posture, damping, stiffness), qd, damping, stiffness, h)
+    q_mid, qd_mid = 0.5 * (q + q + h * qd + 0.5 * h * h * a), qd + 0.5 * h * a
+    assert a == pytest.approx(-damping * qd_mid + stiffness * (posture - q_mid), rel=1e-12)
 
 
 @pytest.mark.parametrize("h", [1e-3, 0.1, 10.0])

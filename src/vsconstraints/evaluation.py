@@ -82,7 +82,9 @@ class CompiledEvaluation:
     @property
     def task(self) -> Task:
         """The task, likewise."""
-        return Task(*map(self._part, ("J", "b", "error", "error_rate")))
+        part = self._part
+        rest = part("rest") if self._packed.size.rests else UNKNOWN
+        return Task(part("J"), part("b"), part("error"), part("error_rate"), rest)
 
     error, sigma, pixels, points = _view("error"), _view("sigma"), _view("pixels"), _view("points")
     camera_R, camera_t = _view("camera_R"), _view("camera_t")

@@ -55,8 +55,8 @@ class Prediction:
         (N, m).
     Lg
         (N, m, n).
-    J, b, error, error_rate
-        (N, k, n), and (N, k).
+    J, b, error, error_rate, rest
+        (N, k, n), (N, k), and (N, n) or (N, 0).
     pixels
         (N, M, 2) markers from the image's centre [px].
     """
@@ -70,6 +70,7 @@ class Prediction:
     b: Array
     error: Array
     error_rate: Array
+    rest: Array
     pixels: Array
 
     def __len__(self) -> int:
@@ -80,7 +81,7 @@ JUST_BEFORE = 1e-6
 """How long before the next goal [s] the goal of now ends."""
 
 ROWS = ("phi", "Lg", "Lf", "sigma", "sigma_dot")
-TASK = ("J", "b", "error", "error_rate")
+TASK = ("J", "b", "error", "error_rate", "rest")
 
 
 class Model:
@@ -237,5 +238,5 @@ class Model:
         none: Array = np.empty((0, 0))
         each_row: Array = np.empty((0, m))
         return Prediction(
-            each_row, np.empty((0, m, n)), *(each_row,) * 3, np.empty((0, 0, n)), *(none,) * 3, np.empty((0, M, 2))
+            each_row, np.empty((0, m, n)), *(each_row,) * 3, np.empty((0, 0, n)), *(none,) * 4, np.empty((0, M, 2))
         )

@@ -41,6 +41,7 @@ def check(rows: Rows, task: Task) -> None:
         *((f"rows.{name}", getattr(rows, name)) for name in (*GIVEN, *OPTIONAL, *BOX)),
         ("task.error", task.error),
         ("task.error_rate", task.error_rate),
+        ("task.rest", task.rest),
     ):
         if not (type(array) in ARRAYS and array.dtype == np.float64):
             raise InvalidInput(f"{name} must be an array of floats, not {shown(array)}")
@@ -72,7 +73,10 @@ def check(rows: Rows, task: Task) -> None:
     for name, array in (("error", task.error), ("error_rate", task.error_rate)):
         if array.shape not in ((0,), (k,)):
             raise InvalidInput(f"task.{name} has the shape {array.shape}; with {k} features it must be {(k,)}")
-    for name, array in (("J", task.J), ("b", task.b), ("error", task.error), ("error_rate", task.error_rate)):
+    if task.rest.shape not in ((0,), (n,)):
+        raise InvalidInput(f"task.rest has the shape {task.rest.shape}; with {n} joints it must be {(n,)}")
+    for name in ("J", "b", "error", "error_rate", "rest"):
+        array = getattr(task, name)
         if not np.isfinite(array).all():
             at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
             raise InvalidInput(f"task.{name} is not finite in row {', '.join(map(str, at))}")

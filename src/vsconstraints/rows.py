@@ -109,7 +109,7 @@ class Rows:
 
 @dataclass(slots=True)
 class Task:
-    """The tracking equality J q̈ = b of eq. (41).
+    """The tracking equality J q̈ = b of eq. (41), and what the joints do where it leaves them free.
 
     Attributes
     ----------
@@ -119,12 +119,15 @@ class Task:
         (k,) s̈_c − J̇_s q̇ − ∂ṡ/∂t.
     error, error_rate
         (k,) e of the visual features, and ė; (0,) where they are not given, for laws that do not use them.
+    rest
+        (n,) q̈₀ [rad/s² or m/s²]: of all q̈ that rows and task leave, laws choose the nearest to it; (0,) for zero.
     """
 
     J: Array
     b: Array
     error: Array = field(default_factory=lambda: UNKNOWN)
     error_rate: Array = field(default_factory=lambda: UNKNOWN)
+    rest: Array = field(default_factory=lambda: UNKNOWN)
 
     @in_one_line
     def __repr__(self) -> str:

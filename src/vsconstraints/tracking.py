@@ -10,11 +10,11 @@ import numpy as np
 
 from .errors import ConfigurationError, InvalidInput, shown, unknown_name
 from .features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
-from .formulas.tracking import demanded, gains, goal_at
+from .formulas.tracking import demanded, gains, goal_at, resting
 from .readable import amount, counted, in_one_line
 from .references import Reference
 from .renamed import renamed
-from .rows import Array, Task
+from .rows import UNKNOWN, Array, Task
 from .scene import State
 
 DERIVATIVES = ("exact", "differences")
@@ -56,6 +56,46 @@ class TrackingGains:
         return gains(float(error @ error), self.Kp0, self.Kp_slope, self.damping)
 
 
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """What joints do where task and rows leave them free: q̈₀ = −d q̇ + (d/2)² (q_posture − q).
+
+    Without it, an arm with more joints than the task needs goes on moving once the camera is where it should be.
+
+    Attributes
+    ----------
+    damping
+        d [1/s]; 0 for q̈₀ = 0.
+    posture
+        (n,) q_posture [rad or m], approached with critical damping; none if not given.
+    """
+
+    damping: float = 5.0
+    posture: Sequence[float] = ()
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.damping) and self.damping >= 0.0):
+            raise InvalidInput(f"the damping of rest must be zero or more, not {self.damping}")
+        if not np.isfinite(np.asarray(self.posture, dtype=np.float64)).all():
+            raise InvalidInput(f"the posture of rest must be finite numbers, not {shown(self.posture)}")
+        if len(self.posture) and self.damping == 0.0:
+            raise ConfigurationError("a posture is approached by rest only with a damping above zero")
+
+    @property
+    def any(self) -> bool:
+        """Whether q̈₀ is anything else than zero."""
+        return self.damping > 0.0
+
+    @property
+    def stiffness(self) -> float:
+        """(d/2)² [1/s²]; 0 without a posture."""
+        return 0.25 * self.damping**2 if len(self.posture) else 0.0
+
+
+DAMPED, FREE = Rest(), Rest(damping=0.0)
+"""What joints do by default, of arms with more of them than the task needs, and of others."""
+
+
 @dataclass(slots=True)
 class TrackingMemory:
     """What tracking remembers between samples: the goal it follows, the last sample's feature, and the reference's.
@@ -95,6 +135,8 @@ class VisualTask:
         Where ṡ comes from, likewise (line 2 of Appendix B).
     reference
         Where ṡ_ref and s̈_ref come from, likewise (lines 3 and 4 of Appendix B); both are zero where differences start.
+    rest
+        What joints do that the feature leaves free; None for that of :meth:`rest_of`.
     memory
         What is kept between samples; :meth:`reset` clears it.
     """
@@ -107,6 +149,7 @@ class VisualTask:
         drift: Derivative = "exact",
         velocity: Derivative = "exact",
         reference: Derivative = "exact",
+        rest: Rest | None = None,
     ) -> None:
         for name, value in (("drift", drift), ("velocity", velocity), ("reference", reference)):
             if value not in DERIVATIVES:
@@ -122,7 +165,7 @@ class VisualTask:
             for goal in goals:
                 _ = goal.interaction
         self.feature, self.goals, self.gains = feature, tuple(goals), gains
-        self.drift, self.velocity, self.reference = drift, velocity, reference
+        self.drift, self.velocity, self.reference, self.rest = drift, velocity, reference, rest
         self.memory = TrackingMemory()
 
     @in_one_line
@@ -137,6 +180,29 @@ class VisualTask:
     def goal_at(self, t: float) -> int:
         """Index of the goal that holds at time t [s]; a goal's time is met up to rounding."""
         return goal_at([goal.from_time for goal in self.goals], t)
+
+    def rest_of(self, n: int, k: int) -> Rest:
+        """What n joints do that k features leave free: unless it is given, damping where there are more than needed.
+
+        No feature of a rigid target needs more than six.
+
+        Raises
+        ------
+        ConfigurationError
+            if there is a posture of another number of joints.
+        """
+        if self.rest is None:
+            return DAMPED if n > min(k, 6) else FREE
+        if len(self.rest.posture) not in (0, n):
+            raise ConfigurationError(f"rest.posture has {len(self.rest.posture)} values; the robot has {n} joints")
+        return self.rest
+
+    def _resting(self, state: State, k: int) -> Array:
+        """q̈₀ (n,), or (0,) where it is zero."""
+        q, qd = state.robot.q, state.robot.qd
+        rest = self.rest_of(len(q), k)
+        posture = np.array(rest.posture) if len(rest.posture) else q
+        return np.asarray(resting(q, qd, posture, rest.damping, rest.stiffness)) if rest.any else UNKNOWN
 
     def evaluate(self, state: State) -> tuple[Task, Array]:
         """The task now, and the error e = s − s_ref (k,)."""
@@ -153,18 +219,18 @@ class VisualTask:
                 drift = ((motion.J - last.J) @ state.robot.qd + motion.partial - last.partial) / Ts
             if self.velocity == "differences":
                 velocity = (motion.error - last.error) / Ts
-        following = self.goals[goal].reference
+        following, rest = self.goals[goal].reference, self._resting(state, len(motion.error))
         if following is None:
             self.memory = TrackingMemory(goal, state.t, motion)
             Kp, Kv = self.gains.at(motion.error)
-            return Task(motion.J, demanded(motion.error, velocity, drift, Kp, Kv), motion.error, velocity), motion.error
+            b = demanded(motion.error, velocity, drift, Kp, Kv)
+            return Task(motion.J, b, motion.error, velocity, rest), motion.error
         s_ref, rate, acceleration = self._reference(following, memory, state.t, motion.error, last is None)
         self.memory = replace(self.memory, goal=goal, time=state.t, last=motion)
         error = motion.error - s_ref
         Kp, Kv = self.gains.at(error)
-        return Task(
-            motion.J, acceleration + demanded(error, velocity - rate, drift, Kp, Kv), error, velocity - rate
-        ), error
+        b = acceleration + demanded(error, velocity - rate, drift, Kp, Kv)
+        return Task(motion.J, b, error, velocity - rate, rest), error
 
     def _reference(
         self, following: Reference, memory: TrackingMemory, t: float, s: Array, first: bool

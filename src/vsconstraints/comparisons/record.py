@@ -77,7 +77,7 @@ class RunRecord:
             constraints.switching_gain,
             constraints.approach_time,
             constraints.sampling_band(setup.Ts),
-            setup.reached(trajectory.camera_error, trajectory.feature_error_px),
+            setup.reached(trajectory.camera_error, trajectory.feature_error_px, trajectory.qd),
             setup.task.goals[-1].from_time,
             setup.Ts,
             fingerprint,

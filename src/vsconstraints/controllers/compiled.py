@@ -54,11 +54,11 @@ class CompiledLaw:
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
         """The function that answers, of :mod:`vsconstraints.kernels.laws`, and what it takes before its outputs."""
         phi, gain, scale, box = rows.phi, rows.switching_gain, rows.scale, (rows.qdd_min, rows.qdd_max)
-        if self.whole or rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN:
+        if self.whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
             known = rows.sigma, rows.sigma_dot, rows.K, gain, scale, *box
             return (
                 self._laws.follow_whole, self.address, len(rows.labels), phi, rows.Lg, rows.Lf, *known, task.J, task.b,
-                task.error, task.error_rate,
+                task.error, task.error_rate, task.rest,
             )  # fmt: skip
         return self._laws.follow, self.address, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
 
@@ -68,7 +68,7 @@ class CompiledLaw:
         m = len(rows.labels)
         qdd, acted = EMPTY(J.shape[1]), EMPTY(m, BOOL)
         slack, count = (EMPTY(m), EMPTY(1, COUNT)) if self.measures else (NO_SLACK, NO_COUNT)
-        if self.whole or rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN:
+        if self.whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
             function, *arguments = self.call(rows, task)
             code = function(*arguments, qdd, acted, slack, count)
         else:
@@ -120,7 +120,7 @@ def in_usual_layout(rows: object, task: object) -> tuple[Rows, Task] | None:
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         return None
     arrays = [rows.phi, rows.Lg, rows.Lf, rows.switching_gain, rows.scale, rows.sigma, rows.sigma_dot, rows.K]
-    arrays += [rows.qdd_min, rows.qdd_max, task.J, task.b, task.error, task.error_rate]
+    arrays += [rows.qdd_min, rows.qdd_max, task.J, task.b, task.error, task.error_rate, task.rest]
     if not all(type(array) in ARRAYS and array.dtype == np.float64 for array in arrays):
         return None
     if all(type(array) is np.ndarray and array.flags.carray for array in arrays):

@@ -11,7 +11,8 @@ from ..formulas import plans
 from ..kernels import load
 from ..model import Prediction
 from ..qp.penalised import Cost
-from ..rows import Array, IntArray, Rows, Task
+from ..rows import UNKNOWN, Array, IntArray, Rows, Task
+from ..tracking import Rest
 from .horizon import Horizon, Instants
 
 
@@ -30,8 +31,8 @@ class Lookahead(NamedTuple):
         (N, m, n) of them: of σ by q, of φ by q̇.
     K
         (m,) of the rows, 0 of those on φ itself.
-    J, b, error
-        (N, k, n), and (N, k) of the task, likewise.
+    J, b, error, rest
+        (N, k, n), (N, k), and (N, n) or (0,) of the task, likewise.
     """
 
     plan: Array
@@ -42,6 +43,7 @@ class Lookahead(NamedTuple):
     J: Array
     b: Array
     error: Array
+    rest: Array = UNKNOWN
 
 
 def loops() -> Any:
@@ -58,11 +60,14 @@ def look_ahead(rows: Rows, task: Task, seen: Prediction, at: Instants, plan: Arr
     J = seen.J.copy()
     J[0] = task.J
     b = seen.b + (task.b - seen.b[0])
-    return Lookahead(plan, at.first(len(seen)), value, gradient, K, J, b, seen.error)
+    rest = UNKNOWN
+    if len(task.rest):
+        rest = seen.rest + (task.rest - seen.rest[0]) if seen.rest.size else np.tile(task.rest, (len(seen), 1))
+    return Lookahead(plan, at.first(len(seen)), value, gradient, K, J, b, seen.error, rest)
 
 
-def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float) -> Cost:
-    """Σ‖J(uₖ − q̈ₖ)‖² + λ‖u‖² of a plan u (Hn,).
+def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest: Rest | None = None) -> Cost:
+    """Σ‖J(uₖ − q̈ₖ)‖² + λ‖u − q̈₀‖² of a plan u (Hn,).
 
     Parameters
     ----------
@@ -70,17 +75,31 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float) -> Co
         (B, 2) K_p and K_v at the beginnings of the B blocks that can be predicted.
     damping
         λ relative to the mean of ‖J‖².
+    rest
+        How q̈₀ depends on the state; None if it is zero, as it is in blocks that cannot be predicted.
     """
     H, n = ahead.plan.shape
     begins = horizon.begins[: len(gains)]
-    J, b = ahead.J[begins], ahead.b[begins]
+    J, b, Q, V = ahead.J[begins], ahead.b[begins], horizon.Q[begins], horizon.V[begins]
     # b falls with the errors that a plan makes: K_p J δq + K_v J δq̇
-    feedback = gains[:, :1] * horizon.Q[begins] + gains[:, 1:] * horizon.V[begins]
+    feedback = gains[:, :1] * Q + gains[:, 1:] * V
     C = np.eye(H)[: len(begins)] + feedback
     P, q = np.zeros((H * n, H * n)), np.zeros(H * n)
     loops().normal_equations(C, J, b, feedback @ ahead.plan, np.empty((n, n)), P, q)
     size = float(np.vdot(J, J)) / len(begins)
-    P.ravel()[:: H * n + 1] += damping * (size if size > 0.0 else 1.0)
+    weight = damping * (size if size > 0.0 else 1.0)
+    if rest is not None:
+        # likewise, with the unit matrix for J
+        feedback = rest.damping * V
+        if rest.stiffness > 0.0:
+            feedback += rest.stiffness * Q
+        C = np.eye(H)
+        C[: len(begins)] += feedback
+        within = np.einsum("gihi->ghi", P.reshape(H, n, H, n))
+        within += weight * (C.T @ C)[:, :, None]
+        q += weight * (C[: len(begins)].T @ (ahead.rest[begins] + feedback @ ahead.plan)).ravel()
+    else:
+        P.ravel()[:: H * n + 1] += weight
     L, center, refused = lapack.dposv(P.T, q, lower=1, overwrite_a=1)
     if refused:
         raise np.linalg.LinAlgError(f"the plan has no one optimum: rounding exceeds the damping {damping:g}")

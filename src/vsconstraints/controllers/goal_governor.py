@@ -55,9 +55,6 @@ class GoalGovernor(Controller):
     rows are met with s_ref = s at rest. What δ is for is what is wrong with that. A start that is outside holds s_ref
     where it is. Of rows it uses σ and L_gφ, no u⁺ and no L_fφ: what is acceptable is seen from where the motion leads.
 
-    Motions of the joints that the feature does not determine would go on for ever; they are damped by K_v, as a further
-    part of the task.
-
     What goes on underneath may be any law, which gets the task with s_ref for its goal. Predictions are those of
     tracking: a law that holds it back makes the motion another one.
 
@@ -198,7 +195,7 @@ class GoalGovernor(Controller):
         assert self.reference is not None
         r, gains = self.reference, model.task.gains
         b = retargeted(task.b, e, task.error_rate, r, gains.at(e), gains.at(e - r))
-        return self.law.command(rows, at_rest_elsewhere(Task(task.J, b, e - r, task.error_rate), model))
+        return self.law.command(rows, Task(task.J, b, e - r, task.error_rate, task.rest))
 
     def _see(self, model: Model, reference: Array, scale: Array) -> None:
         """Let the reference be there, whatever comes of it."""
@@ -234,20 +231,3 @@ class GoalGovernor(Controller):
             if length > 0.0:
                 direction = direction - strength * (self.influence + sigma[i]) * outwards / length
         return direction
-
-
-def at_rest_elsewhere(task: Task, model: Model) -> Task:
-    """The task, and −K_v q̇ in the directions of the joints that the feature does not determine, if there are any."""
-    k, n = task.J.shape
-    if n <= k:
-        return task
-    found = least_norm(task.J, task.b, RANK_TOLERANCE)
-    Z = found.directions[:, found.gains == 0.0].T
-    rate: Array = Z @ model.present.qd
-    _, Kv = model.task.gains.at(task.error)
-    return Task(
-        np.concatenate((task.J, Z)),
-        np.concatenate((task.b, -Kv * rate)),
-        np.concatenate((task.error, np.zeros(len(Z)))),
-        np.concatenate((task.error_rate, rate)),
-    )

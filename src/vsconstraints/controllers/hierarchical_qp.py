@@ -13,13 +13,13 @@ from .resolvers.hierarchy import AUTO, Hierarchy
 
 
 class HierarchicalQP(Law):
-    """Strict priorities: (1) rows, (2) task, (3) least acceleration: the resolver :class:`.Hierarchy`.
+    """Strict priorities: (1) rows, (2) task, (3) the acceleration nearest to q̈₀: the resolver :class:`.Hierarchy`.
 
     With the demands A q̈ ≤ c of the rows, of all q̈ in the box |q̈| ≤ q̈_max (level 0, always met)
 
     1. those with the least ‖W max(0, A q̈ − c)‖;
     2. of these, those with the least ‖J q̈ − b‖;
-    3. of these, the one with the least ‖q̈‖.
+    3. of these, the one with the least ‖q̈ − q̈₀‖, q̈₀ being the task's ``rest``.
 
     Where no row resists, the command is that of :class:`~vsconstraints.controllers.Tracking`, bit by bit.
     Where rows contradict each other the command has the status ``relaxed`` and says which demands are unmet

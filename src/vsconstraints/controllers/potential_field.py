@@ -25,13 +25,13 @@ class PotentialField(Law):
     :class:`~vsconstraints.controllers.Firas`, is infinite. Since φ = σ + K σ̇, the repulsion is a spring in σ together
     with a damper in σ̇.
 
-    ``additive`` is the classical sum of tracking and repulsion: q̈ = J†b − Σ ψᵢ u⁺ᵢ L_gφᵢ†, where ψ goes on growing
+    ``additive`` is the classical sum of tracking and repulsion: q̈ = q̈_track − Σ ψᵢ u⁺ᵢ L_gφᵢ†, where ψ goes on growing
     beyond the boundary. Either part may win, so that rows can be violated.
 
     ``priority`` gives the rows the place they have in the paper's law: those inside their regions demand
-    L_gφ q̈ = (1 − ψ) L_gφ J†b − ψ u⁺, with ψ at most 1, and the task acts in their null space. Where the region begins
-    this is what tracking does anyway, on the boundary it is the sliding-mode law; in between it is continuous. As
-    ``region`` goes to zero it becomes the sliding-mode law.
+    L_gφ q̈ = (1 − ψ) L_gφ q̈_track − ψ u⁺, with ψ at most 1, and the task acts in their null space. Where the region
+    begins this is what tracking does anyway, on the boundary it is the sliding-mode law; in between it is continuous.
+    As ``region`` goes to zero it becomes the sliding-mode law.
 
     Parameters
     ----------

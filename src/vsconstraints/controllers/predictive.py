@@ -67,12 +67,12 @@ class PredictiveControl(Controller):
     Along the plan of the sample before, moved on in time, the model gives rows and task, which are linearised there in
     every sample: one real-time iteration (Diehl, Bock, Schlöder 2005) of
 
-        min Σₖ ‖J uₖ − b‖² + λ‖u‖²,   σ(τ + Δτ) ≤ e^(−Δτ/κ) σ(τ),   q̈_min ≤ u ≤ q̈_max
+        min Σₖ ‖J uₖ − b‖² + λ‖u − q̈₀‖²,   σ(τ + Δτ) ≤ e^(−Δτ/κ) σ(τ),   q̈_min ≤ u ≤ q̈_max
 
-    J and b are those of the beginning of block k, where b falls with the errors that the plan makes by K_p and K_v of
-    the tracking law. Instants τ are now, one sampling period later, and the ends of blocks; rows on φ itself, such as
-    speeds, stand with φ in place of σ. The condition on σ (Zeng, Zhang, Sreenath 2021) lets it approach its boundary
-    with the time constant κ. States are eliminated, so that u alone is left.
+    J, b and q̈₀ are those of the beginning of block k, where b falls with the errors that the plan makes by K_p and K_v
+    of the tracking law, and q̈₀ with its motion. Instants τ are now, one sampling period later, and the ends of blocks;
+    rows on φ itself, such as speeds, stand with φ in place of σ. The condition on σ (Zeng, Zhang, Sreenath 2021) lets
+    it approach its boundary with the time constant κ. States are eliminated, so that u alone is left.
 
     Terminal treatment: after the plan all joints brake together, as fast as their bounds allow, with σ ≤ 0 meanwhile; a
     plan that meets its rows can then be continued by one that does. Without bounds of all q̈ there is no such row.
@@ -271,7 +271,8 @@ class PredictiveControl(Controller):
         assert self.model is not None
         given = limits(ahead, self.approach * horizon.length, box, ZERO_GRADIENT * rows.scale)
         begins = horizon.begins[horizon.begins < len(ahead.b)]
-        best = cost(ahead, horizon, self.model.gains(ahead.error[begins]), self.damping)
+        rest = self.model.task.rest_of(ahead.plan.shape[1], ahead.b.shape[1]) if ahead.rest.size else None
+        best = cost(ahead, horizon, self.model.gains(ahead.error[begins]), self.damping, rest)
         weights = row_weights(rows.labels, self.weights or {}) / rows.scale
         guess = NO_ROWS if self.plan is None else self.plan.held
         found = penalised(best, given, weights, self.solvers, guess)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InvalidInput, SceneError
-from ..formulas.tracking import held_gains, retargeted
+from ..formulas.tracking import held_gains, held_rest, retargeted
 from ..kernels import load
 from ..model import Model
 from ..rows import Array
@@ -80,9 +80,11 @@ def _in_numpy(model: Model, reference: Array, periods: Array, scale: Array) -> R
             h = float(periods[k])
             then = held_gains(*gains.at(e - reference), h)
             b = retargeted(task.b, e, task.error_rate, reference, gains.at(e), then)
-            # what the feature does not determine comes to rest
-            damping = held_gains(0.0, gains.at(e - reference)[1], h)[1] if len(q) > len(b) else 0.0
-            qdd = least_norm(task.J, b + damping * task.J @ qd, RANK_TOLERANCE).qdd - damping * qd
+            rest = task.rest
+            if len(rest):
+                own = model.task.rest_of(len(q), len(b))
+                rest = held_rest(rest, qd, own.damping, own.stiffness, h)
+            qdd = least_norm(task.J, b, RANK_TOLERANCE, rest).qdd
             t, q, qd = min(t + h, model.until), q + h * (qd + 0.5 * h * qdd), qd + h * qdd
         elif k < N + NEWTON:
             q, qd = q + least_norm(task.J, reference - e, RANK_TOLERANCE).qdd, np.zeros_like(qd)

@@ -13,7 +13,8 @@ class SlidingMode(Law):
 
     Eqs. (10), (11) and (15): the rows with φ ≥ 0 demand A₁ q̈ = −u⁺, the task acts in the null space of A₁.
     L_fφ is not used. If the active rows have lost full row rank the status is ``rank-loss``: the command then meets
-    their demands in the least-squares sense, and section 5.2 advises to abort.
+    their demands in the least-squares sense, and section 5.2 advises to abort. Of all q̈ that do as well for rows and
+    task it is the nearest to the task's q̈₀.
 
     Parameters
     ----------

@@ -6,12 +6,14 @@ import numpy as np
 
 from ..decomposition import norm, svd
 from ..qp.lexicographic import ZERO_GRADIENT
-from ..rows import Array, BoolArray, Command, Rows, Task
+from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task
 from .least_norm import track
 
 
-def resolve(A1: Array, b1: Array, A2: Array, b2: Array, rank_tolerance: float) -> tuple[Array, Array]:
-    """q̈ = A₁† b₁ + (A₂(I − A₁†A₁))† (b₂ − A₂A₁†b₁).
+def resolve(
+    A1: Array, b1: Array, A2: Array, b2: Array, rank_tolerance: float, rest: Array = UNKNOWN
+) -> tuple[Array, Array]:
+    """q̈ = A₁† b₁ + (A₂(I − A₁†A₁))† (b₂ − A₂A₁†b₁), or of all q̈ that do as well at both levels the nearest to q̈₀.
 
     A₂(I − A₁†A₁) loses ranks by construction, so that a cut-off relative to its own largest singular value can keep
     pure rounding. The rank of A₁ is therefore decided on A₁; the null space is spanned by an orthonormal basis Z; and
@@ -29,12 +31,17 @@ def resolve(A1: Array, b1: Array, A2: Array, b2: Array, rank_tolerance: float) -
         (k, n) and (k,): level 2.
     rank_tolerance
         Singular values below this fraction of the largest one count as zero, at both levels.
+    rest
+        q̈₀ (n,), or (0,) for zero. With it, this is what is above of q̈ − q̈₀, b₁ − A₁q̈₀ and b₂ − A₂q̈₀.
 
     Returns
     -------
     tuple
         q̈ (n,), and the combinations of the rows of A₁ that vanish, (b, b − rank).
     """
+    if len(rest):
+        way, dependent = resolve(A1, b1 - A1 @ rest, A2, b2 - A2 @ rest, rank_tolerance)
+        return rest + way, dependent
     U, s, Vt = svd(A1)
     rank = int((s > rank_tolerance * s[0]).sum())
     qdd = Vt[:rank].T @ ((U[:, :rank].T @ b1) / s[:rank])
@@ -69,7 +76,7 @@ def prioritise(rows: Rows, task: Task, acts: BoolArray, demand: Array, rank_tole
     if not acts.any():
         return Command(track(task, rank_tolerance), "ok", acts, rows.labels)
     A, b = unit_rows(rows, demand, acts)
-    qdd, dependent = resolve(A, b, task.J, task.b, rank_tolerance)
+    qdd, dependent = resolve(A, b, task.J, task.b, rank_tolerance, task.rest)
     reached = acts & (rows.phi >= 0.0)
     if dependent.shape[1]:
         dependent = dependent_rows(unit_rows(rows, demand, reached)[0], rank_tolerance)

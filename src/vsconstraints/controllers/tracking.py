@@ -11,7 +11,7 @@ from .resolvers import Priority
 class Tracking(Law):
     """The task alone: ignores the rows, and so tells which of them a scenario challenges at all.
 
-    q̈ = J† b, of all q̈ with the least ‖J q̈ − b‖ the one with the least norm.
+    q̈ = q̈₀ + J† (b − J q̈₀), of all q̈ with the least ‖J q̈ − b‖ the one nearest to the task's q̈₀.
     In a singular configuration the directions whose singular values fall below the tolerance are left alone,
     so that the command stays finite (see :func:`.least_norm`) and its status stays ``ok``; next to one it can
     be large.

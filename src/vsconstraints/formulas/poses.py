@@ -16,9 +16,11 @@ def angle(squared_difference: Any) -> Any:
 
 
 @formula
-def reached(distance: Any, turn: Any, away: Any, tolerance: Any, by_pose: bool) -> Any:
-    """Whether a goal is reached: by distance [m] and angle [rad] of the camera, or by markers [px] alone.
+def reached(distance: Any, turn: Any, away: Any, speed: Any, tolerance: Any, by_pose: bool) -> Any:
+    """Whether a goal is reached: by distance [m] and angle [rad] of the camera, or by markers [px] alone; and at rest.
 
-    ``tolerance`` (3,) are those of all three.
+    At rest is the arm whose fastest joint has no more than ``speed`` [rad/s or m/s]; ``tolerance`` (4,) are those of
+    all four.
     """
-    return (distance <= tolerance[0]) & (turn <= tolerance[1]) if by_pose else away <= tolerance[2]
+    there = (distance <= tolerance[0]) & (turn <= tolerance[1]) if by_pose else away <= tolerance[2]
+    return there & (speed <= tolerance[3])

@@ -22,6 +22,12 @@ def demanded(error: Any, rate: Any, drift: Any, Kp: float, Kv: float) -> Any:
 
 
 @formula
+def resting(q: Any, qd: Any, posture: Any, damping: float, stiffness: float) -> Any:
+    """q̈₀ = −d q̇ + w (q_posture − q), of one joint: what it does where task and rows leave it free."""
+    return stiffness * (posture - q) - damping * qd
+
+
+@formula
 def retargeted(b: Any, error: Any, rate: Any, reference: Any, now: Any, then: Any) -> Any:
     """B of one feature as it is if s_ref stands still at ``reference``, from what the task makes of the goal itself.
 
@@ -45,6 +51,12 @@ def held_gains(Kp: float, Kv: float, h: float) -> tuple[float, float]:
     """
     lag = 1.0 + 0.5 * h * (Kv + 0.5 * h * Kp)
     return Kp / lag, (Kv + 0.5 * h * Kp) / lag
+
+
+@formula
+def held_rest(rest: Any, qd: Any, damping: float, stiffness: float, h: float) -> Any:
+    """Q̈₀ of :func:`resting`, held for h [s], by the implicit midpoint rule likewise."""
+    return (rest - 0.5 * h * stiffness * qd) / (1.0 + 0.5 * h * (damping + 0.5 * h * stiffness))
 
 
 @formula

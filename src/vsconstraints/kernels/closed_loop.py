@@ -26,6 +26,7 @@ for function in (
     samples.mark_acting,
     samples.camera_error,
     samples.feature_error,
+    samples.fastest,
     samples.score,
     samples.finish,
 ):
@@ -37,7 +38,7 @@ def _example() -> Loop:
     """A loop of the types that all have; the numbers do not matter."""
     one, two, three = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     counts, flag, flags = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.bool_), np.zeros((1, 1), dtype=np.bool_)
-    rows, task = RowArrays(one, two, *(one,) * 8), TaskArrays(two, one, one, one)
+    rows, task = RowArrays(one, two, *(one,) * 8), TaskArrays(two, *(one,) * 4)
     kept = Kept(three, two, two, one, three, two, three, three, two, two, flags, flag, one, one)
     scores = Running(one, one, *(counts,) * 6, one, one, one, counts, counts, counts, one, flag, one)
     limits = JointLimits(*(one,) * 5, 0, 1.0)
@@ -109,8 +110,8 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
             stage = ALONE
         # unless the law has found it on its way
         if stage == ALONE and math.isnan(loop.alone[0]):
-            tracking = thaw_law(alone)
-            ask(tracking.track, (tracking.scratch, loop.task.J, loop.task.b, tracking.options[0], loop.alone))
+            tracking, task = thaw_law(alone), loop.task
+            ask(tracking.track, (tracking.scratch, task.J, task.b, tracking.options[0], task.rest, loop.alone))
         samples.finish(loop, k)
         k, stage = k + 1, STEP
         # a motion without bounds is for Python to tell

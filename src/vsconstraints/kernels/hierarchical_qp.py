@@ -55,7 +55,7 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     box = matrix(scratch, 2, n)
     for j in range(n):
         box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
-    J, b = task.J, task.b
+    J, b, rest = task.J, task.b, task.rest
     if aim == NEAREST or law.tracks != 0:
         follow_alone(law, task, answer)
     c = law.asked
@@ -63,11 +63,11 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
         return ASK
     kappa = scale_down(law, rows, box, qdd) if aim == SCALED else 1.0
     if aim in (NEAREST, SCALED):
-        J, b = np.eye(n), qdd.copy()
+        J, b, rest = np.eye(n), qdd.copy(), rest[:0]
     weights = law.weights if law.weights.size == m else np.ones(m)
     demands, priorities = Demands(rows.Lg, c, rows.scale, weights), Priorities(box, damping, tolerance, aim == STRICT)
     resolved = Resolved(qdd, answer.slack, answer.acted)
-    code, answer.iterations[0] = hierarchy(demands, J, b, priorities, resolved, scratch)
+    code, answer.iterations[0] = hierarchy(demands, J, b, rest, priorities, resolved, scratch)
     if code == FAILED:
         return FAILED
     if not (checkable(law, rows, qdd) and finite(answer.slack)):

@@ -92,9 +92,9 @@ class Resolved(NamedTuple):
 
 @inner
 def hierarchy(
-    demands: Demands, J: Array, b: Array, priorities: Priorities, resolved: Resolved, scratch: Scratch
+    demands: Demands, J: Array, b: Array, rest: Array, priorities: Priorities, resolved: Resolved, scratch: Scratch
 ) -> tuple[int, int]:
-    """Of all q̈ in the box those that violate the demands least, of these those with the least ‖J q̈ − b‖, then ‖q̈‖.
+    """Of q̈ in the box those that violate the demands least, of these those of least ‖J q̈ − b‖, then of least ‖q̈ − q̈₀‖.
 
     The least ‖W max(0, A q̈ − c)‖; see :class:`vsconstraints.controllers.HierarchicalQP` for how strict level 2 is.
     Shapes, signs and finite numbers are for the caller to check before; and after, that ``resolved`` is finite.
@@ -105,6 +105,8 @@ def hierarchy(
         m of them.
     J, b
         (k, n) and (k,) of the task.
+    rest
+        q̈₀ (n,), or (0,) for zero.
     priorities
         Box, damping and rank tolerance.
     resolved
@@ -128,7 +130,11 @@ def hierarchy(
     for i in range(k):
         copy(G, i, J, i, n)
         G[i, n] = b[i]
+        for j in range(rest.size):
+            G[i, n] -= J[i, j] * rest[j]
     _, _, rank, _ = pseudoinverse(G, START, CERTAIN * tolerance, tolerance, G, X, CENTER, scratch)
+    for j in range(rest.size):
+        X[CENTER, j] += rest[j]
     redundant = rank < n
     fixed = np.zeros(m, np.bool_)
     below = within = tracks = True

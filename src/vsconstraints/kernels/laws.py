@@ -24,7 +24,7 @@ LAW = numba.typeof(
     LawArrays(1, 1, 1, 1, 1, 1.0, _one, _one, _one, _two, *(_one,) * 3, _two, _one, _one, Scratch(_one, _count))
 )
 ROWS = numba.typeof(RowArrays(_one, _two, *(_one,) * 8))
-TASK = numba.typeof(TaskArrays(_two, _one, _one, _one))
+TASK = numba.typeof(TaskArrays(_two, *(_one,) * 4))
 ANSWER = numba.typeof(Answer(_one, np.zeros(1, dtype=np.bool_), _one, _count, _one))
 SCRATCH = numba.typeof(Scratch(_one, _count))
 VECTOR, MATRIX = numba.types.float64[::1], numba.types.float64[:, ::1]
@@ -189,14 +189,14 @@ def follow(
     if phi.size != m or acted.size != m:
         return ASK
     rows = RowArrays(phi, Lg, Lf, none, none, none, gain, scale, none, none)
-    task = TaskArrays(J, b, none, none)
+    task = TaskArrays(J, b, none, none, none)
     code: int = ask(thaw(law).resolver, (law, rows, task, Answer(qdd, acted, slack, iterations, none)))
     return code
 
 
 @compiled(
-    f"int64(int64, int64, float64[::1], float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, {CONSTANT}, {CONSTANT}, "
-    f"{CONSTANT}, {CONSTANT}, {CONSTANT}, float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, {OUTPUTS})",
+    f"int64(int64, int64, float64[::1], float64[:, ::1], float64[::1], {', '.join([CONSTANT] * 7)}, float64[:, ::1], "
+    f"float64[::1], {', '.join([CONSTANT] * 3)}, {OUTPUTS})",
     IN_PLACE,
 )
 def follow_whole(
@@ -216,6 +216,7 @@ def follow_whole(
     b: Array,
     error: Array,
     error_rate: Array,
+    rest: Array,
     qdd: Array,
     acted: BoolArray,
     slack: Array,
@@ -224,10 +225,12 @@ def follow_whole(
     """As :func:`follow`, with all that rows and task may say."""
     if phi.size != m or acted.size != m or not (fits(sigma, m) and fits(sigma_dot, m) and fits(K, m)):
         return ASK
-    if not (fits(error, b.size) and fits(error_rate, b.size) and bounds(qdd_min, qdd_max, qdd.size)):
+    if not (fits(error, b.size) and fits(error_rate, b.size) and fits(rest, qdd.size)):
+        return ASK
+    if not bounds(qdd_min, qdd_max, qdd.size):
         return ASK
     none = phi[:0]
     rows = RowArrays(phi, Lg, Lf, sigma, sigma_dot, K, gain, scale, qdd_min, qdd_max)
-    task = TaskArrays(J, b, error, error_rate)
+    task = TaskArrays(J, b, error, error_rate, rest)
     code: int = carry_out(law, rows, task, Answer(qdd, acted, slack, iterations, none))
     return code

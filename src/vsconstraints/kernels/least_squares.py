@@ -195,7 +195,7 @@ def pseudoinverse(
 
 @inner
 def resolve(
-    A1: Array, A2: Array, b2: Array, tolerance: float, qdd: Array, scratch: Scratch
+    A1: Array, A2: Array, b2: Array, tolerance: float, rest: Array, qdd: Array, scratch: Scratch
 ) -> tuple[int, Array, Array, float]:
     """q̈ ← A₁†b₁ + (A₂(I − A₁†A₁))†(b₂ − A₂A₁†b₁), as :func:`vsconstraints.controllers.task_priority.resolve`.
 
@@ -211,6 +211,8 @@ def resolve(
         (k, n) and (k,), k ≥ 0.
     tolerance
         Singular values below this fraction of the largest one count as zero.
+    rest
+        q̈₀ (n,), or (0,) for zero.
     qdd
         (n,) output.
     scratch
@@ -226,15 +228,21 @@ def resolve(
     W: Array = matrix(scratch, k, n + 1)
     Y, F, S, rank = blank(scratch, WORK, n), W, W, START
     G, T, least = W, W, 0.0
+    if rest.size > 0:
+        for i in range(A1.shape[0]):
+            for j in range(n):
+                A1[i, n] -= A1[i, j] * rest[j]
     if A1.shape[0] > 0:
         F, S, rank, _ = pseudoinverse(A1, START, CERTAIN * tolerance, tolerance, A1, Y, START, scratch)
     if rank < n:
         for i in range(k):
-            rest = b2[i]
+            left = b2[i]
             for j in range(n):
                 W[i, j] = A2[i, j]
-                rest -= A2[i, j] * Y[0, j]
-            W[i, n] = rest
+                left -= A2[i, j] * Y[0, j]
+            for j in range(rest.size):
+                left -= A2[i, j] * rest[j]
+            W[i, n] = left
             if rank > 0:
                 apply_transposed(F, S, rank, W, i)
         whole = A2 if rank > 0 else W
@@ -242,6 +250,8 @@ def resolve(
         apply(F, S, rank, Y, ONE)
     for j in range(n):
         qdd[j] = Y[0, j] + Y[1, j]
+    for j in range(rest.size):
+        qdd[j] += rest[j]
     return rank, G, T, least
 
 

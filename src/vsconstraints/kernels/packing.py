@@ -18,7 +18,7 @@ from ..motion import Motion, TargetMotion
 from ..robot import Robot
 from ..rows import Array
 from ..scene import Scene
-from ..tracking import TrackingGains, VisualTask
+from ..tracking import Rest, TrackingGains, VisualTask
 from .cameras import write_camera
 from .constraint_parts import NotCompiled, Parts, demand, write_motion
 from .structures import Size, Step, frozen
@@ -65,23 +65,25 @@ class Packed:
             raise NotCompiled(f"the feature {feature.name}")
         if any(goal.reference is not None for goal in task.goals):
             raise NotCompiled("a reference trajectory")
-        parts = Parts(constraints)
+        parts, k = Parts(constraints), 6 if isinstance(feature, CameraPose) else 2 * M
+        rest = task.rest_of(scene.robot.n, k)
         self.size = Size(
             n=scene.robot.n,
             M=M,
             P=len(scene.points),
             m=len(constraints.labels),
-            k=6 if isinstance(feature, CameraPose) else 2 * M,
+            k=k,
             goals=len(task.goals),
             parts=len(parts.forms),
             parameters=parts.parameters,
             limited=limits is not None,
+            rests=rest.any,
         )
         self.step, self.out = self.size.step()
         if limits is not None:
             self.step = self.step._replace(limits=limits)
         write_scene(self.step, scene, known)
-        write_task(self.step, task)
+        write_task(self.step, task, rest)
         parts.write(self.step, known)
         self.others = parts.others
         shapes = self.size.outputs
@@ -161,8 +163,8 @@ def write_scene(step: Step, scene: Scene, known: bool) -> None:
         step.target["angular_velocity"], step.target["centre"] = motion.angular_velocity, motion.centre
 
 
-def write_task(step: Step, task: VisualTask) -> None:
-    """Write the feature, the goals and the gains."""
+def write_task(step: Step, task: VisualTask, rest: Rest) -> None:
+    """Write the feature, the goals and the gains, and what the joints do where the task leaves them free."""
     feature, gains = task.feature, task.gains
     share = SHARES[feature.interaction_matrix] if isinstance(feature, ImagePoints) else 0.0
     for name, value in (
@@ -173,8 +175,11 @@ def write_task(step: Step, task: VisualTask) -> None:
         ("Kp0", gains.Kp0),
         ("slope", gains.Kp_slope),
         ("damping", gains.damping),
+        ("rest_damping", rest.damping),
+        ("rest_stiffness", rest.stiffness),
     ):
         step.options[name] = value
+    step.posture[: len(rest.posture)] = rest.posture
     for g, goal in enumerate(task.goals):
         pose = goal.camera if isinstance(feature, CameraPose) and goal.camera is not None else Pose.identity()
         step.goals[g]["from_time"], step.goals[g]["R"], step.goals[g]["t"] = goal.from_time, pose.R, pose.t

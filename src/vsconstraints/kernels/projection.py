@@ -54,7 +54,7 @@ def projection(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         for j in range(n):
             size += unit[j] * unit[j]
         size = math.sqrt(size)
-        ask(law.track, (scratch, J, along, law.options[0], null))
+        ask(law.track, (scratch, J, along, law.options[0], J[:0, 0], null))
         part = opening(largest * math.sqrt(error), law.options[1], law.options[2])
         for j in range(n):
             null[j] = (1.0 - part) * (z[j] - null[j])

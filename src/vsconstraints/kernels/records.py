@@ -48,6 +48,8 @@ TASK = np.dtype(
         ("Kp0", "f8"),
         ("slope", "f8"),
         ("damping", "f8"),
+        ("rest_damping", "f8"),
+        ("rest_stiffness", "f8"),
     ]
 )
 """See :class:`vsconstraints.tracking.VisualTask`; ``share`` is that of the goal's L: 0, 1 or a half."""

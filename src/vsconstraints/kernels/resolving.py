@@ -62,8 +62,8 @@ def tell_alone(answer: Answer) -> None:
 
 @in_place
 def follow_alone(law: LawArrays, task: TaskArrays, answer: Answer) -> None:
-    """q̈ ← J†b, with the law's rank tolerance."""
-    ask(law.track, (law.scratch, task.J, task.b, law.options[0], answer.qdd))
+    """q̈ ← q̈₀ + J†(b − J q̈₀), with the law's rank tolerance."""
+    ask(law.track, (law.scratch, task.J, task.b, law.options[0], task.rest, answer.qdd))
     tell_alone(answer)
 
 

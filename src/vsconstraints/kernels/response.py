@@ -6,7 +6,7 @@ One loop, of a pair with :mod:`vsconstraints.controllers.response`, which says w
 
 from __future__ import annotations
 
-from ..formulas.tracking import gains, held_gains, retargeted
+from ..formulas.tracking import gains, held_gains, held_rest, retargeted
 from ..rows import Array, IntArray
 from .compiler import IN_PLACE, compiled
 from .parts import address, ask
@@ -66,20 +66,17 @@ def respond(
         h = periods[min(k, N - 1)]
         now = gains(far, options.Kp0, options.slope, options.damping)
         Kp, Kv = gains(near, options.Kp0, options.slope, options.damping)
-        then, damping = held_gains(Kp, Kv, h), 0.0
-        if len(q) > len(b):
-            # what the feature does not determine comes to rest
-            _, damping = held_gains(0.0, Kv, h)
+        then = held_gains(Kp, Kv, h)
         for i in range(len(b)):
             b[i] = reference[i] - task.error[i]
             if k < N:
                 b[i] = retargeted(task.b[i], task.error[i], task.error_rate[i], reference[i], now, then)
-                for j in range(len(q)):
-                    b[i] += damping * task.J[i, j] * qd[j]
-        ask(parts[1], (scratch, task.J, b, numbers[2], qdd))
+        rest = task.rest[: len(task.rest) if k < N else 0]
+        for j in range(len(rest)):
+            rest[j] = held_rest(rest[j], qd[j], options.rest_damping, options.rest_stiffness, h)
+        ask(parts[1], (scratch, task.J, b, numbers[2], rest, qdd))
         for j in range(len(q)):
             if k < N:
-                qdd[j] -= damping * qd[j]
                 q[j] += h * (qd[j] + 0.5 * h * qdd[j])
                 qd[j] += h * qdd[j]
             else:

@@ -24,7 +24,8 @@ NOTICED = 1e-3
 class Goals(NamedTuple):
     """What is wanted: when each of g goals begins, its pixels and its pose, NaN where it has none.
 
-    ``tolerance`` (3,) are those of distance [m], angle [rad] and pixels; the first two count if ``by_pose`` (1,).
+    ``tolerance`` (4,) are those of distance [m], angle [rad], pixels and joints' speed; the first two count if
+    ``by_pose`` (1,), and else the third.
     """
 
     begins: Array
@@ -249,6 +250,14 @@ def feature_error(pixels: Array, wanted: Array) -> float:
     return math.sqrt(greatest)
 
 
+def fastest(qd: Array) -> float:
+    """Greatest |q̇ⱼ| of any joint."""
+    greatest = 0.0
+    for j in range(len(qd)):
+        greatest = max(greatest, abs(qd[j]))
+    return greatest
+
+
 def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: int) -> None:
     """Score sample k: its rows, q̈_c (n,), and which rows act (m,)."""
     squared, changed = 0.0, False
@@ -283,7 +292,7 @@ def finish(loop: Loop, k: int) -> None:
     distance, turn = camera_error(loop.camera_R, loop.camera_t, goals.R[goal], goals.t[goal])
     away = feature_error(loop.pixels, goals.pixels[goal])
     kept.camera_error[at, 0], kept.camera_error[at, 1], kept.feature_error[at] = distance, turn, away
-    if not reached(distance, turn, away, goals.tolerance, goals.by_pose[0]):
+    if not reached(distance, turn, away, fastest(x[1]), goals.tolerance, goals.by_pose[0]):
         loop.scores.unreached[0] = k
     kept.saturated[at] = saturate(loop.plant, loop.answer.qdd, loop.alone)
     loop.scores.saturated[0] += kept.saturated[at]

@@ -139,6 +139,8 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     for j in range(n):
         tracking[j] = qdd[j]
     count, largest, taken = 0, -1.0, scratch.taken[0]
+    if task.rest.size > 0:
+        ask(law.track, (scratch, J, nothing, tolerance, task.rest, none))
     while True:
         at, most, least = critical(W, held, qdd, none)
         if at < 0:
@@ -156,7 +158,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         for i in range(count):
             copy(A, i, saturated, i, n + 1)
         scratch.taken[0] = taken
-        rank = resolve(A[:count], J, b, tolerance, qdd, scratch)[0]
+        rank = resolve(A[:count], J, b, tolerance, task.rest, qdd, scratch)[0]
         if rank < count or (law.options[4] != 0.0 and missed(J, qdd, tracking)):
             if largest < 0.0:
                 code: int = ask(law.otherwise, (address, rows, task, answer))
@@ -168,7 +170,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         for i in range(count):
             copy(A, i, saturated, i, n + 1)
         scratch.taken[0] = taken
-        resolve(A[:count], J, nothing, tolerance, none, scratch)
+        resolve(A[:count], J, nothing, tolerance, task.rest, none, scratch)
     at = 0
     for i in range(m):
         answer.slack[i] = 0.0

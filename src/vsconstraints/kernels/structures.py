@@ -53,18 +53,20 @@ class RowArrays(NamedTuple):
 
 
 class TaskArrays(NamedTuple):
-    """A task as compiled laws take it; see :class:`vsconstraints.rows.Task`. J (k, n), the others (k,)."""
+    """A task as compiled laws take it; see :class:`vsconstraints.rows.Task`. J (k, n), rest (n,) or (0,), else (k,)."""
 
     J: Array
     b: Array
     error: Array
     error_rate: Array
+    rest: Array
 
 
 class Answer(NamedTuple):
     """What compiled laws write: q̈ (n,), which rows acted (m,), what they leave unmet (m,), and iterations (1,).
 
-    Laws that measure no slack take (0,) for it. Those that find J†b on the way write it to ``alone`` (n,), or (0,).
+    Laws that measure no slack take (0,) for it. Those that find q̈ of tracking alone on the way write it to
+    ``alone`` (n,), or (0,).
     """
 
     qdd: Array
@@ -139,8 +141,8 @@ class Step(NamedTuple):
     ----------
     joints, camera, markers, robot_points, target
         The scene: (n,) JOINT, (1,) CAMERA, (M, 3) in the target's frame, (P,) POINT, (1,) TARGET.
-    options, goals, goal_points, goal_interaction
-        The task: (1,) TASK, (g,) GOAL, (g, 2M) normalised markers, (g, 2M, 6) L.
+    options, goals, goal_points, goal_interaction, posture
+        The task: (1,) TASK, (g,) GOAL, (g, 2M) normalised markers, (g, 2M, 6) L, (n,) the joints' posture.
     parts, parameters, which, gradients, offsets
         The constraints: (c,) PART, (c, p) parameters of their formulas; for each row (m,) the marker or robot point,
         and of linear rows (m, n) the gradient and (m,) the constant.
@@ -173,6 +175,7 @@ class Step(NamedTuple):
     goals: Records
     goal_points: Array
     goal_interaction: Array
+    posture: Array
     parts: Records
     parameters: Array
     which: IntArray
@@ -212,7 +215,10 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Size:
-    """How many joints n, markers M, robot points P, rows m, features k, goals, constraints; and whether q̈ has a box."""
+    """How many joints n, markers M, robot points P, rows m, features k, goals, constraints; and whether q̈ has a box.
+
+    ``rests`` says whether the task has a q̈₀.
+    """
 
     n: int = 1
     M: int = 0
@@ -223,6 +229,7 @@ class Size:
     parts: int = 0
     parameters: int = 0
     limited: bool = False
+    rests: bool = False
 
     @property
     def outputs(self) -> dict[str, tuple[int, ...]]:
@@ -231,7 +238,7 @@ class Size:
         return {
             "qdd_min": (limits,), "qdd_max": (limits,),
             "phi": (m,), "Lg": (m, n), "Lf": (m,), "sigma": (m,), "sigma_dot": (m,),
-            "J": (k, n), "b": (k,), "error": (k,), "error_rate": (k,),
+            "J": (k, n), "b": (k,), "error": (k,), "error_rate": (k,), "rest": (n if self.rests else 0,),
             "pixels": (self.M, 2), "points": (self.P, 3), "camera_R": (3, 3), "camera_t": (3,),
         }  # fmt: skip
 
@@ -259,7 +266,7 @@ class Size:
             qdd_min=view["qdd_min"],
             qdd_max=view["qdd_max"],
         )
-        task = TaskArrays(J=view["J"], b=view["b"], error=view["error"], error_rate=view["error_rate"])
+        task = TaskArrays(*(view[name] for name in TaskArrays._fields))
         step = Step(
             joints=zeros(n, JOINT),
             camera=zeros(1, CAMERA),
@@ -270,6 +277,7 @@ class Size:
             goals=zeros(self.goals, GOAL),
             goal_points=zeros((self.goals, 2 * M)),
             goal_interaction=zeros((self.goals, 2 * M, 6)),
+            posture=zeros(n),
             parts=zeros(self.parts, PART),
             parameters=zeros((self.parts, self.parameters)),
             which=zeros(m, np.int64),

@@ -46,14 +46,14 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     law = thaw(address)
     if not valid(law, rows, task, answer):
         return ASK
-    tolerance, qdd, acted, J, b = law.options[0], answer.qdd, answer.acted, task.J, task.b
+    tolerance, qdd, acted, J, b, rest = law.options[0], answer.qdd, answer.acted, task.J, task.b, task.rest
     m, n, scratch = rows.phi.size, qdd.size, emptied(law)
     A: Array = matrix(scratch, m, n + 1)
     F, S, least = A, A, 0.0
     # a task of full column rank is tracked first, and corrected for the rows that act
     tracked = law.tracks != 0 or J.shape[0] >= n
     if tracked:
-        _, F, S, least = resolve(A[:0], J, b, tolerance, qdd, scratch)
+        _, F, S, least = resolve(A[:0], J, b, tolerance, rest, qdd, scratch)
         tell_alone(answer)
     if ask(law.demand, (address, rows, rates(law, rows, qdd), EQUAL, law.after, law.asked)):
         return ASK
@@ -62,11 +62,12 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     acting = gather(law, rows, acted, -math.inf, A)
     if (
         not (tracked and (acting == 0 or bring(F, S, least, A[:acting], tolerance, qdd, scratch)))
-        and resolve(A[:acting], J, b, tolerance, qdd, scratch)[0] < acting
+        and resolve(A[:acting], J, b, tolerance, rest, qdd, scratch)[0] < acting
     ):
         # a dependence among rows that act before their boundary is reached is met in the least-squares sense
         reached = gather(law, rows, acted, 0.0, A)
-        if reached == acting or resolve(A[:reached], J, b, tolerance, matrix(scratch, 1, n)[0], scratch)[0] < reached:
+        unused = matrix(scratch, 1, n)[0]
+        if reached == acting or resolve(A[:reached], J, b, tolerance, rest, unused, scratch)[0] < reached:
             return ASK
     if not checkable(law, rows, qdd):
         return ASK
@@ -74,14 +75,14 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     return DONE
 
 
-@compiled(INT(SCRATCH, MATRIX, VECTOR, numba.types.float64, VECTOR), from_python=False)
-def track(scratch: Scratch, J: Array, b: Array, tolerance: float, qdd: Array) -> int:
-    """q̈ ← J†b of :func:`vsconstraints.controllers.least_norm.least_norm`; returns 0.
+@compiled(INT(SCRATCH, MATRIX, VECTOR, numba.types.float64, VECTOR, VECTOR), from_python=False)
+def track(scratch: Scratch, J: Array, b: Array, tolerance: float, rest: Array, qdd: Array) -> int:
+    """q̈ ← q̈₀ + J†(b − J q̈₀) of :func:`vsconstraints.controllers.least_norm.least_norm`; returns 0.
 
     Called by its address, so that it is compiled once for all that need no more of it.
     """
     taken = scratch.taken[0]
-    resolve(J[:0], J, b, tolerance, qdd, scratch)
+    resolve(J[:0], J, b, tolerance, rest, qdd, scratch)
     scratch.taken[0] = taken
     return 0
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..formulas.features import image_row, pose_error, pose_rates
 from ..formulas.rotation import rotation_vector_rate
-from ..formulas.tracking import demanded, gains
+from ..formulas.tracking import demanded, gains, resting
 from ..formulas.vectors import matrix, turned, vector
 from .compiler import in_place
 from .kinematics import put
@@ -76,7 +76,7 @@ def write_image(address: int, goal: int) -> None:
 
 @in_place
 def write_task(address: int, t: float) -> None:
-    """Write J_s, b, the error and its rate, and remember them: see :class:`vsconstraints.tracking.VisualTask`."""
+    """Write J_s, b, q̈₀, the error and its rate, and remember them: see :class:`vsconstraints.tracking.VisualTask`."""
     step = thaw(address)
     options, last, task = step.options[0], step.last[0], step.task
     k, n = task.J.shape
@@ -117,4 +117,6 @@ def write_task(address: int, t: float) -> None:
         step.last_error[i], step.last_partial[i] = task.error[i], step.partial[i]
         for j in range(n):
             step.last_J[i, j] = task.J[i, j]
+    for j in range(task.rest.size):
+        task.rest[j] = resting(step.q[j], step.qd[j], step.posture[j], options.rest_damping, options.rest_stiffness)
     last.time, last.goal = t, goal

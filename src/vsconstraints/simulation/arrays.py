@@ -110,13 +110,13 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
 
 
 def _goals(setup: Setup) -> Goals:
-    goals, tolerances = setup.task.goals, setup.tolerances
+    goals = setup.task.goals
     nowhere = np.full((3, 3), np.nan)
     return Goals(
         begins=np.array([float(goal.from_time) for goal in goals]),
         pixels=np.array([goal.pixels for goal in goals], dtype=np.float64),
         R=np.array([nowhere if goal.camera is None else goal.camera.R for goal in goals]),
         t=np.array([nowhere[0] if goal.camera is None else goal.camera.t for goal in goals]),
-        tolerance=np.array([tolerances.translation_m, tolerances.rotation_rad, tolerances.feature_px]),
+        tolerance=np.array(setup.reach),
         by_pose=np.array([isinstance(setup.task.feature, CameraPose)]),
     )

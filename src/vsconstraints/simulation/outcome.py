@@ -27,7 +27,7 @@ def judge(setup: Setup, loop: Loop, samples: int, ended: str, reason: str) -> tu
         return "failed", reason
     if ended == "aborted":
         return "aborted", reason
-    tolerances, kept = setup.tolerances, loop.kept
+    tolerances, kept, speed = setup.tolerances, loop.kept, setup.reach[3]
     t, last = np.arange(samples) * setup.Ts, (samples - 1) % len(kept.camera_error)
     dwelling = int(np.argmax(t >= t[-1] - tolerances.dwell_s))
     if setup.task.goal_at(t[dwelling]) == len(setup.task.goals) - 1 and loop.scores.unreached[0] < dwelling:
@@ -42,10 +42,12 @@ def judge(setup: Setup, loop: Loop, samples: int, ended: str, reason: str) -> tu
     since = np.arange(int(np.argmax(t >= t[-1] - rest(setup) - 0.5 * setup.Ts)), samples) % len(kept.camera_t)
     camera_R, camera_t = kept.camera_R[since], kept.camera_t[since]
     moved, turned = distances(camera_R, camera_t, Pose(camera_R[-1], camera_t[-1])).max(axis=0)
-    still = moved < tolerances.translation_m and turned < tolerances.rotation_rad
+    fastest = np.abs(kept.states[(samples - 1) % len(kept.states), 1]).max()
+    still = moved < tolerances.translation_m and turned < tolerances.rotation_rad and fastest <= speed
     if still and t[-1] >= rest(setup) - 0.5 * setup.Ts:
         return "trapped", f"at rest, {final}"
-    return "unfinished", f"still moving, {final}"
+    at = f"the fastest joint at {_amount(fastest)} rad/s or m/s, " if fastest > speed else ""
+    return "unfinished", f"still moving, {at}{final}"
 
 
 def _amount(value: float) -> str:

@@ -46,6 +46,9 @@ class Tolerances:
         Error of the camera's pose below which a goal counts as reached [m], [rad]; where the goal is a pose.
     feature_px
         Greatest error of a marker in the image likewise [px]; where the goal is an image only, or the task is one.
+    joint_speed
+        Speed of the fastest joint below which the arm is at rest, as it must be at a goal [rad/s or m/s]; it may be any
+        where the target moves, which joints have to follow.
     dwell_s
         How long it must stay there until the end [s].
     rest_s
@@ -56,11 +59,12 @@ class Tolerances:
     translation_m: float = 0.005
     rotation_rad: float = 0.005
     feature_px: float = 2.0
+    joint_speed: float = 0.1
     dwell_s: float = 0.2
     rest_s: float = 2.0
 
     def __post_init__(self) -> None:
-        for name in ("translation_m", "rotation_rad", "feature_px", "dwell_s", "rest_s"):
+        for name in ("translation_m", "rotation_rad", "feature_px", "joint_speed", "dwell_s", "rest_s"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InvalidInput(f"tolerance {name} must be positive, not {getattr(self, name)}")
 
@@ -126,6 +130,7 @@ class Setup:
                 raise InvalidInput(f"{name} must be a positive number of seconds, not {getattr(self, name)}")
         for name in ("q0", "qd0"):
             self.scene.robot.configuration(getattr(self, name), name)
+        self.task.rest_of(self.scene.robot.n, 6)
         samples, most = self.duration / self.Ts, MOST_MEMORY / self.sample_memory
         if samples > most:
             raise ConfigurationError(
@@ -212,8 +217,15 @@ class Setup:
         made = 3 * n + 3 * m + 2 * markers + 8
         return 8 * (kept + made) + 2 * m
 
-    def reached(self, camera_error: Array, feature_error: Array) -> BoolArray:
-        """(N,) whether the goal is reached, by the camera's pose or, for image tasks, by the markers.
+    @property
+    def reach(self) -> tuple[float, float, float, float]:
+        """Tolerances of distance [m], angle [rad], pixels and joints' speed [rad/s or m/s] at a goal."""
+        own = self.tolerances
+        at_rest = own.joint_speed if self.scene.motion is None else np.inf
+        return own.translation_m, own.rotation_rad, own.feature_px, at_rest
+
+    def reached(self, camera_error: Array, feature_error: Array, qd: Array) -> BoolArray:
+        """(N,) whether the goal is reached, by the camera's pose or, for image tasks, by the markers, and at rest.
 
         Parameters
         ----------
@@ -221,10 +233,12 @@ class Setup:
             (N, 2) distance [m] and angle [rad] of the camera from the goal.
         feature_error
             (N,) greatest distance of a marker from the goal [px].
+        qd
+            (N, n) speeds of the joints.
         """
-        tolerance = self.tolerances.translation_m, self.tolerances.rotation_rad, self.tolerances.feature_px
+        speed = np.abs(qd).max(axis=1)
         by_pose = isinstance(self.task.feature, CameraPose)
-        there: BoolArray = reached(camera_error[:, 0], camera_error[:, 1], feature_error, tolerance, by_pose)
+        there: BoolArray = reached(camera_error[:, 0], camera_error[:, 1], feature_error, speed, self.reach, by_pose)
         return there
 
     def clearance(self, t: Array, q: Array, qd: Array, pixels: Array, points: Array) -> Array:

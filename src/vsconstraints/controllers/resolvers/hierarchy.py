@@ -1,4 +1,4 @@
-"""Strict priorities: rows, task, least acceleration."""
+"""Strict priorities: rows, task, and the acceleration nearest to q̈₀."""
 
 from __future__ import annotations
 
@@ -42,18 +42,18 @@ IntArray = NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class Hierarchy(Resolver):
-    """Strict priorities: (1) rows, (2) task, (3) least acceleration, as a lexicographic quadratic program.
+    """Strict priorities: (1) rows, (2) task, (3) least ‖q̈ − q̈₀‖, as a lexicographic quadratic program.
 
     What the levels are: see :class:`vsconstraints.controllers.HierarchicalQP`.
 
     How it is computed: levels 2 and 3 are one strictly convex QP, min ½Σⱼ(gⱼ² + damping)vⱼ² in the
-    coordinates v = Vᵀ(q̈ − J†b) of the singular vectors of J with relative gains g, with hard rows. Only if the hard
+    coordinates v = Vᵀ(q̈ − q̈_track) of the singular vectors of J with relative gains g, with hard rows. Only if the hard
     rows are incompatible is level 1 computed, exactly; the violated rows then become equalities, which are eliminated
     with an orthonormal basis, and the QP is solved in the remaining coordinates. A large weight or soft rows in place
     of this were measured to be wrong.
 
-    How strict level 2 is: where J leaves directions free and the damping has cost the task more than a residual of
-    1e-6 ‖J‖‖q̈ − J†b‖, level 2 is found by itself, and level 3 within it. It then uses every direction within the rows
+    How strict level 2 is: where J leaves directions free and the damping has cost the task more than a residual of 1e-6
+    ‖J‖‖q̈ − q̈_track‖, level 2 is found by itself, and level 3 within it. It then uses every direction within the rows
     whose gain is above ``rank_tolerance`` relative to J, however large the accelerations; ``max_acceleration`` is there
     to bound them. Two exceptions tame tasks that are nearly singular. Where J has a relative gain below 1e-3, level 2
     uses directions within the rows only above √damping. And where J leaves no direction free, the QP's minimiser is the
@@ -161,7 +161,7 @@ class Hierarchy(Resolver):
     def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
         """See :class:`.Resolver`."""
         assert solvers is not None
-        tracking = least_norm(task.J, task.b, self.rank_tolerance)
+        tracking = least_norm(task.J, task.b, self.rank_tolerance, task.rest)
         c = asked(BOUND, tracking.qdd if tracks else None)
         tracking, shaped = self.near(rows, tracking, c)
         command = self._descend(rows, tracking, c, solvers)
@@ -254,11 +254,11 @@ def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
 
 
 def task_cost(tracking: LeastNorm, damping: float, rank_tolerance: float) -> Cost:
-    """State levels 2 and 3 as one cost, ½Σⱼ(gⱼ² + damping)vⱼ² with v = Vᵀ(q̈ − J†b).
+    """State levels 2 and 3 as one cost, ½Σⱼ(gⱼ² + damping)vⱼ² with v = Vᵀ(q̈ − q̈_track).
 
-    g are the gains of J relative to the norm of all. With Jq̈ fixed, q̈ − J†b differs from q̈ by a constant
-    that is orthogonal to the null space of J, so that the damping term minimises ‖q̈‖ there; and without rows
-    the minimiser is J†b itself, whatever the damping.
+    g are the gains of J relative to the norm of all. With Jq̈ fixed, q̈ − q̈_track differs from q̈ − q̈₀ by
+    a constant that is orthogonal to the null space of J, so that the damping term minimises ‖q̈ − q̈₀‖ there; and without
+    rows the minimiser is q̈_track itself, whatever the damping.
     """
     size = float(np.linalg.norm(tracking.gains))
     relative = tracking.gains / size if size > 0.0 else tracking.gains

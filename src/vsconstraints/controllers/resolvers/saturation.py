@@ -17,7 +17,7 @@ from ...formulas.row import BOUND
 from ...qp import SolverChain
 from ...qp.lexicographic import MET, STRICT, ZERO_GRADIENT
 from ...rows import Array, Command, IntArray, Rows, Task
-from ..least_norm import track
+from ..least_norm import least_norm, track
 from ..task_priority import resolve
 from .base import Asked
 from .hierarchy import Hierarchy
@@ -126,6 +126,8 @@ def saturate(bounds: Bounds, task: Task, rank_tolerance: float, scales: bool) ->
     best, largest = None, -1.0
     tracking = whole = track(task, rank_tolerance)
     none: Array = np.zeros(whole.size)
+    if len(task.rest):
+        none = least_norm(task.J, np.zeros_like(task.b), rank_tolerance, task.rest).qdd
     while True:
         free = np.ones(sides.size, dtype=np.bool_)
         free[held] = False
@@ -144,10 +146,10 @@ def saturate(bounds: Bounds, task: Task, rank_tolerance: float, scales: bool) ->
             best, largest = Saturated(none + most * (whole - none), list(held)), most
         held.append(int(np.argmin(lasting)))
         A, b = W[held], sides[held]
-        whole, dependent = resolve(A, b, task.J, task.b, rank_tolerance)
+        whole, dependent = resolve(A, b, task.J, task.b, rank_tolerance, task.rest)
         if dependent.shape[1] or (scales and missed(task.J, whole - tracking)):
             return best
-        none, _ = resolve(A, b, task.J, np.zeros_like(task.b), rank_tolerance)
+        none, _ = resolve(A, b, task.J, np.zeros_like(task.b), rank_tolerance, task.rest)
 
 
 def missed(J: Array, way: Array) -> bool:
