@@ -190,5 +190,5 @@ def run(scenario: AnyScenario | Setup, law: Controller | str, *, trial: int = 0,
         record = RunRecord.of(scenario, simulate(scenario, spec.make(), by_public_call=True), "")
         return NotebookRun(scenario, record, spec.name, scenario.scene.robot.name)
     loaded = scenario_of(scenario)
-    made = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True)
+    made = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True, to_the_goal=True)
     return NotebookRun(made.setup, made.record, spec.name, loaded.name, loaded.title, loaded.folder)
