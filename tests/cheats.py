@@ -51,7 +51,7 @@ class SkipsAGoal(Cheat):
 
 
 class Overspeeds(Cheat):
-    """Is told of joint speeds that may be 5 % higher, less than sampling explains (``case-study-6r``)."""
+    """Is told of joint speeds that may be 5 % higher (``case-study-6r``; it pays where T_s u⁺ is more than that)."""
 
     honest = HierarchicalQP(rows="barrier")
     excess = 0.05
@@ -62,7 +62,7 @@ class Overspeeds(Cheat):
 
 
 class Bounces(Cheat):
-    """Strikes back from a boundary with 50 u⁺: the row acts in single samples, at full usage (``example-2d-fov``)."""
+    """Strikes back from a boundary with 50 u⁺: the row acts in one sample, at full usage (``example-2d-fov``)."""
 
     def solve(self, rows: Rows, task: Task) -> Command:
         return super().solve(replace(rows, switching_gain=50.0 * rows.switching_gain), task)
@@ -171,13 +171,5 @@ TUNNEL: dict[str, Any] = {
 }
 """A sphere of 5 cm on the straight way to the goal: it is passed within a period, 6 cm from it at both ends."""
 
-CHEATS = (
-    SkipsAGoal, Overspeeds, Bounces, StandsStill, Crawls, ActsOnIdleRows, ClaimsRankLoss, WritesIntoRows, Exits
-)  # fmt: skip
+CHEATS = (SkipsAGoal, Overspeeds, Bounces, StandsStill, Crawls, ActsOnIdleRows, ClaimsRankLoss, WritesIntoRows, Exits)
 """Those that are tried on the case study."""
-
-WAITING = {
-    Overspeeds: "speed rows may be outside by T_s u⁺ until violations are strict for all laws",
-    Bounces: "utilization is averaged over held samples until it is over the time in which tracking alone is outside",
-}
-"""Cheats that pay until something else is done, and what."""

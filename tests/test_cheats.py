@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cheats import CHEATS, TUNNEL, WAITING, Cheat, Tunnels
+from cheats import CHEATS, TUNNEL, Bounces, Cheat, Crawls, Exits, Overspeeds, Tunnels
 from vsconstraints.controllers import HierarchicalQP
 from vsconstraints.notebooks import compare
 from vsconstraints.reports.results import Results, clean
 from vsconstraints.reports.scenario_section import metric_table
 from vsconstraints.reports.summary import law_table
 from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation import score_run, simulate
+from vsconstraints.simulation import score_run, simulate, until_settled
 
 GROUPS = ("outcome", "task", "chattering")
 
@@ -27,22 +27,38 @@ def zoo(tmp_path_factory: pytest.TempPathFactory) -> Results:
     return Results(compare(laws, "case-study-6r", workers=0, out=folder, progress=False).stored)
 
 
+def best_of(results: Results, name: str) -> list[str]:
+    """Lines of a law in the tables of a comparison's only scenario in which a value is bold."""
+    (scenario,) = results.scenarios
+    tables = [law_table(results), *(metric_table(results, scenario, group) for group in GROUPS)]
+    lines = "\n".join(tables).splitlines()
+    return [line for line in lines if line.startswith(f"| {name} ") and "**" in line]
+
+
+@pytest.mark.xfail(strict=True, reason="speed rows may be outside by T_s u⁺ as long as violations are not strict for all")
+def test_who_overspeeds_by_less_than_a_switching_step_does_not_succeed(tmp_path: Path) -> None:
+    scene = Scenario.load("case-study-6r").with_override("constraints.2.switching_gain", 30.0)
+    laws = ["hierarchical-qp", Overspeeds()]
+    results = Results(compare(laws, scene, workers=0, out=tmp_path / "results", progress=False).stored)
+    assert not any(map(clean, results.all_runs("Overspeeds")))
+
+
+@pytest.mark.xfail(strict=True, reason="utilization is averaged over held samples, not while tracking alone is outside")
+def test_who_bounces_uses_little_of_the_space(tmp_path: Path) -> None:
+    """A third of the image is unused on average, while the only sample that is held is near the boundary."""
+    found = compare(Bounces(), "example-2d-fov", workers=0, out=tmp_path / "results", progress=False)
+    (bouncing,) = Results(found.stored).all_runs("Bounces")
+    assert bouncing["utilization"] < 0.8
+
+
 @pytest.mark.parametrize("cheat", CHEATS)
 def test_no_cheat_is_the_best_of_anything(cheat: type[Cheat], zoo: Results) -> None:
-    if cheat in WAITING:
-        pytest.xfail(WAITING[cheat])
-    name = cheat.__name__
-    tables = [law_table(zoo), *(metric_table(zoo, "case-study-6r", group) for group in GROUPS)]
-    assert "**" in "".join(tables)
-    for line in "\n".join(tables).splitlines():
-        if line.startswith(f"| {name} "):
-            assert "**" not in line, line
+    assert not best_of(zoo, cheat.__name__)
+    assert best_of(zoo, "hierarchical-qp")
 
 
 @pytest.mark.parametrize("cheat", CHEATS)
 def test_no_cheat_succeeds(cheat: type[Cheat], zoo: Results) -> None:
-    if cheat in WAITING:
-        pytest.xfail(WAITING[cheat])
     assert not any(map(clean, zoo.all_runs(cheat.__name__)))
     assert all(map(clean, zoo.all_runs("hierarchical-qp")))
 
@@ -51,16 +67,15 @@ def test_what_is_skipped_or_slow_is_named(zoo: Results) -> None:
     (skipped,) = zoo.all_runs("SkipsAGoal")
     assert (skipped["status"], skipped["reason"]) == ("unfinished", "goal 1 was not reached before goal 2 began")
     assert np.isnan(skipped["settling_time_s"])
-    (crawled,) = zoo.all_runs("Crawls")
-    assert crawled["status"] == "slow"
-    assert crawled["reason"].startswith("still approaching, ends ")
     (still,) = zoo.all_runs("StandsStill")
     assert still["status"] == "trapped"
+    crawled = simulate(until_settled(Scenario.load("example-2d-fast").setup()), Crawls())
+    assert crawled.status == "slow"
+    assert crawled.reason.startswith("still approaching, ends ")
+    assert crawled.t[-1] == pytest.approx(3.0 * 3.355, abs=0.005)
 
 
 def test_a_law_that_exits_is_a_failed_run() -> None:
-    from cheats import Exits
-
     setup = Scenario.load("example-2d-fov").with_override("duration", 0.1).setup()
     for found in (simulate(setup, Exits()), score_run(setup, Exits())):
         assert found.status == "failed"
