@@ -138,7 +138,8 @@ ROW_METRICS = (
 
 TERMS = {
     "clearance": "Signed distance of a row to its boundary in its natural unit (px, rad, rad/s, m); positive where "
-    "allowed. Looked at in every sample and, near the boundary, at three instants inside each sampling period.",
+    "allowed. Looked at in every sample and, wherever it could come to zero at the rate at which it changes, inside the "
+    "sampling period: at three instants, and at more where it changes by much.",
     "usage": "1 − clearance / L, which is 1 on the boundary. L is half an allowed range or an obstacle's radius.",
     "active": "A row acts where it holds the arm back: the command makes its φ rise by less than tracking alone would "
     "from the same state (by more than 0.001 u⁺). What slows one row slows others as well: of the slowed rows, those "
