@@ -105,7 +105,7 @@ class ClaimsRankLoss(Cheat):
 
 
 class WritesIntoRows(Cheat):
-    """Makes u⁺ and the scale of its rows larger, so that what is tolerated and what counts as acting are (any scene)."""
+    """Makes u⁺ and the scale of its rows larger, and so what is tolerated and what counts as acting (any scene)."""
 
     honest = Tracking()
 

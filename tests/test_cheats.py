@@ -35,7 +35,7 @@ def best_of(results: Results, name: str) -> list[str]:
     return [line for line in lines if line.startswith(f"| {name} ") and "**" in line]
 
 
-@pytest.mark.xfail(strict=True, reason="speed rows may be outside by T_s u⁺ as long as violations are not strict for all")
+@pytest.mark.xfail(strict=True, reason="speed rows may be outside by T_s u⁺ until violations are strict for all laws")
 def test_who_overspeeds_by_less_than_a_switching_step_does_not_succeed(tmp_path: Path) -> None:
     scene = Scenario.load("case-study-6r").with_override("constraints.2.switching_gain", 30.0)
     laws = ["hierarchical-qp", Overspeeds()]

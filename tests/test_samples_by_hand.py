@@ -157,7 +157,7 @@ def loop(by_pose: bool) -> Loop:
 
 
 def unreached(by_pose: bool, positions: Array) -> tuple[Loop, list[list[int]]]:
-    """The last sample in which each goal is not reached, after each of them; pixels (k, 2) and the camera's z [m] are those given."""
+    """The last sample in which each goal is not reached, after each sample: of pixels and the camera's z [m] (k, 3)."""
     one, found = loop(by_pose), []
     for k, (u, v, z) in enumerate(positions):
         one.pixels[0] = u, v

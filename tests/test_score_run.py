@@ -10,7 +10,15 @@ import pytest
 
 from test_simulation import Fails, Meddles, Played, dependent_rows, setup
 from vsconstraints.comparisons import RunRecord, score
-from vsconstraints.controllers import Controller, HierarchicalQP, Law, PotentialField, SlidingMode, Tracking, make_controller
+from vsconstraints.controllers import (
+    Controller,
+    HierarchicalQP,
+    Law,
+    PotentialField,
+    SlidingMode,
+    Tracking,
+    make_controller,
+)
 from vsconstraints.controllers.demands import Switch
 from vsconstraints.controllers.resolvers import RESOLVERS, Resolver
 from vsconstraints.errors import ConfigurationError

@@ -101,7 +101,9 @@ class RunRecord:
         empty.update(active=np.empty((0, 0), dtype=np.bool_))
         empty.update(status="failed", reason=one_line(reason), labels=(), fallbacks=0, compiled=False)
         trajectory = Trajectory(**empty)
-        return cls(trajectory, (), (), none, none, none, none, np.empty(0, dtype=np.bool_), none, 0, np.nan, fingerprint)
+        return cls(
+            trajectory, (), (), none, none, none, none, np.empty(0, dtype=np.bool_), none, 0, np.nan, fingerprint
+        )
 
     def save(self, path: Path) -> None:
         """Write the file whole or not at all; raises OSError, and what an own part's strange arrays may raise."""

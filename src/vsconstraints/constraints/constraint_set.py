@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, InvalidInput
 from ..kinematics import RobotPoint
@@ -70,9 +71,9 @@ class ConstraintSet:
             [np.empty(0), *(constraint.characteristic_length(scene) for constraint in self.constraints)]
         )
         # shared by the rows of every step, and with what is scored: no controller may change them, nor allow itself to
-        self.switching_gain, self.scale, self.approach_time = map(
-            _unchangeable, (self.switching_gain, self.scale, self.approach_time)
-        )
+        self.switching_gain = _unchangeable(self.switching_gain)
+        self.scale = _unchangeable(self.scale)
+        self.approach_time = _unchangeable(self.approach_time)
         self.scene, self._n = scene, scene.robot.n
 
     @in_one_line
@@ -151,6 +152,6 @@ def _known(clearance: Callable[[Trace, slice], Array], trace: Trace, points: sli
     return found if found.shape == shape else np.full(shape, np.nan)
 
 
-def _unchangeable(values: Array) -> Array:
+def _unchangeable(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same numbers in memory that NumPy refuses to make writable."""
     return np.ndarray(values.shape, values.dtype, values.tobytes())

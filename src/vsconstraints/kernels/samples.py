@@ -24,7 +24,7 @@ NOTICED = 1e-3
 class Goals(NamedTuple):
     """What is wanted: when each of g goals begins, its pixels and its pose, NaN where it has none.
 
-    ``tolerance`` (g, 3) are each one's of distance [m], angle [rad] and pixels; the first two count if ``by_pose`` (1,).
+    ``tolerance`` (g, 3) is each one's: distance [m], angle [rad] and pixels; the first two count if ``by_pose`` (1,).
     """
 
     begins: Array

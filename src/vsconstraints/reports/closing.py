@@ -45,7 +45,8 @@ LIMITATIONS = (
     "reason to look at the figure, not a measure of switching alone; it has no value where no row comes to its "
     "boundary, which is no merit by itself.",
     "Acceleration variation and jerk add rad and m where an arm has prismatic joints.",
-    "Where runs end in different places (slow, trapped, unfinished), their other values are not values of the same motion.",
+    "Where runs end in different places (slow, trapped, unfinished), their other values are not values of the same "
+    "motion.",
 )
 
 

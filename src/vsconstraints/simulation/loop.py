@@ -141,7 +141,7 @@ class _Run:
         try:
             self._run_to(N)
             dwell = self.setup.tolerances.dwell_s
-            while N < longest and not self.ended and self._under_way(dwell):
+            while longest > N and not self.ended and self._under_way(dwell):
                 N = min(N + further, longest)
                 self._run_to(N)
                 # to have crossed the goal when it is looked at is not to have come to it

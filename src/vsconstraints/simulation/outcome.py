@@ -87,7 +87,7 @@ def settling_times(
     unreached: IntArray,
     begins: Array,
     samples: int,
-    Ts: float,  # noqa: N803 - a symbol of the formulas
+    Ts: float,
 ) -> Array:
     """(g,) from when each goal begins until it is reached for good, before the next one begins or the run ends [s].
 

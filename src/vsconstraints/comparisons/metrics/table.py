@@ -62,7 +62,8 @@ METRICS = (
            added=3, definition=f"Time in which a row's φ stays at or above zero for more than {SLIDING_GAP} samples "
            "in a row and gets beyond T_s u⁺."),
     Metric("switching_rate_hz", lambda m: chattering.switching_rate(m.record), "switching rate [Hz]",
-           definition="How often per second of the scenario's duration the set of rows that act changes.", overall="switching rate [Hz]"),
+           definition="How often per second of the scenario's duration the set of rows that act changes.",
+           overall="switching rate [Hz]"),
     Metric("acceleration_variation", lambda m: chattering.variation(m.record), "acceleration variation [rad/s³]",
            definition="Total variation of the commanded acceleration per second, Σ‖Δq̈_c‖ / duration: of the scenario's "
            "duration, which all runs share, not of the time that a run takes beyond it.",
@@ -138,8 +139,8 @@ ROW_METRICS = (
 
 TERMS = {
     "clearance": "Signed distance of a row to its boundary in its natural unit (px, rad, rad/s, m); positive where "
-    "allowed. Looked at in every sample and, wherever it could come to zero at the rate at which it changes, inside the "
-    "sampling period: at three instants, and at more where it changes by much.",
+    "allowed. Looked at in every sample and, wherever it could come to zero at the rate at which it changes, inside "
+    "the sampling period: at three instants, and at more where it changes by much.",
     "usage": "1 − clearance / L, which is 1 on the boundary. L is half an allowed range or an obstacle's radius.",
     "active": "A row acts where it holds the arm back: the command makes its φ rise by less than tracking alone would "
     "from the same state (by more than 0.001 u⁺). What slows one row slows others as well: of the slowed rows, those "
