@@ -119,7 +119,7 @@ def test_result_files_are_described_whole() -> None:
     sections = dict(re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", text, flags=re.S | re.M))
     described = {title: set(re.findall(r"`(\w+)`", _first_cells(body))) for title, body in sections.items()}
     stored = {field.name for kind in (Trajectory, RunRecord) for field in fields(kind)}
-    in_facts = {"trajectory", "status", "reason", "fallbacks", "kinds", "units", "last_goal_time", "Ts", "fingerprint"}
+    in_facts = {"trajectory", "status", "reason", "fallbacks", "kinds", "units", "common", "Ts", "fingerprint"}
     in_facts |= {"files", "compiled"}
     assert described["`results.csv`"] == set(RESULT_COLUMNS)
     assert described["`constraints.csv`"] == set(CONSTRAINT_COLUMNS)

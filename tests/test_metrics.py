@@ -32,7 +32,8 @@ def made(
     band: Any = None,
     settled: Any = None,
     status: str = "converged",
-    last_goal: float = 0.0,
+    goals: Any = (0.0,),
+    common: int | None = None,
     **arrays: Any,
 ) -> RunRecord:
     """A run of one joint that was never simulated; rows are columns."""
@@ -81,7 +82,8 @@ def made(
         each(K, 0.5),
         each(band, 0.0),
         done,
-        last_goal,
+        np.array(goals, dtype=float),
+        N if common is None else common,
         Ts,
         "",
     )
@@ -97,8 +99,8 @@ SMALL = made(
     gain=[2, 1],
     K=[0.5, 0],
     band=[0, 0.5],
-    settled=[0, 0, 1, 0, 1, 1],
-    last_goal=0.5,
+    settled=[1, 0, 1, 0, 1, 1],
+    goals=[0.0, 0.5],
     qdd_command=np.array([[0.0], [3.0], [-1.0], [0.0], [0.0], [0.0]]),
     camera_error=np.array([[9.0, 9.0]] * 5 + [[0.25, 0.125]]),
     feature_error_px=np.array([9.0] * 5 + [1.5]),
@@ -117,7 +119,7 @@ def test_every_score_of_a_small_run() -> None:
         "status": "converged",
         "reason": "",
         "duration_s": 2.5,
-        # settled from 2 s on for good; the last goal was set at 0.5 s
+        # at the first goal from the beginning; from 2 s on for good at the last one, which was set at 0.5 s
         "settling_time_s": 1.5,
         "final_translation_error_m": 0.25,
         "final_rotation_error_rad": 0.125,

@@ -36,10 +36,10 @@ def running() -> Running:
     counts = [np.zeros(2, dtype=np.int64) for _ in range(6)]
     counts[2][:] = counts[3][:] = -1
     low = np.full(2, -np.inf)
-    flags, switches, unreached = np.zeros(2, dtype=np.bool_), np.zeros(1, dtype=np.int64), np.full(1, -1)
+    flags, switches, unreached = np.zeros(2, dtype=np.bool_), np.zeros(1, dtype=np.int64), np.full(2, -1)
     sums, saturated = (np.zeros(1), np.zeros(1)), np.zeros(1, dtype=np.int64)
     last = saturated, np.full(2, np.nan), flags, np.zeros(2)
-    return Running(low, low.copy(), *counts, np.zeros(2), *sums, switches, unreached, *last)
+    return Running(low, low.copy(), *counts, np.zeros(2), np.full(1, 5), *sums, switches, unreached, *last)
 
 
 def test_scores_of_five_samples() -> None:
@@ -111,7 +111,7 @@ def loop(by_pose: bool) -> Loop:
     """Goals at 0 s and 1 s, T_s = 0.5 s; three samples are kept, and two poses of the camera."""
     flags = np.zeros((3, 2), dtype=np.bool_)
     kept = Kept(
-        *(np.zeros(shape) for shape in ((3, 3, 2), (3, 1), (3, 2), (3,), (2, 3, 3), (2, 3))),
+        *(np.zeros(shape) for shape in ((3, 3, 2), (3, 1), (2, 2), (2,), (2, 3, 3), (2, 3))),
         *(np.zeros(shape) for shape in ((3, 1, 2), (3, 1, 3), (3, 2), (3, 2))),
         flags,
         np.zeros(3, dtype=np.bool_),
@@ -123,7 +123,7 @@ def loop(by_pose: bool) -> Loop:
         np.array([[[0.0, 0.0]], [[3.0, 4.0]]]),
         np.stack([np.eye(3)] * 2),
         np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]]),
-        np.array([0.5, 0.1, 1.0, 9.0]),
+        np.array([[0.5, 0.1, 1.0, 9.0], [0.5, 0.1, 1.0, 9.0]]),
         np.array([by_pose]),
     )
     # q ← q + 0.5 u with u, the last, which is pushed and then forgotten; nothing touches what is between
@@ -156,15 +156,15 @@ def loop(by_pose: bool) -> Loop:
     )
 
 
-def unreached(by_pose: bool, positions: Array) -> tuple[Loop, list[int]]:
-    """The last sample not reached, after each of them; pixels (k, 2) and the camera's z [m] are those given."""
+def unreached(by_pose: bool, positions: Array) -> tuple[Loop, list[list[int]]]:
+    """The last sample in which each goal is not reached, after each sample: of pixels and the camera's z [m] (k, 3)."""
     one, found = loop(by_pose), []
     for k, (u, v, z) in enumerate(positions):
         one.pixels[0] = u, v
         one.camera_t[2] = z
         one.task.error[0] = k
         finish(one, k)
-        found.append(int(one.scores.unreached[0]))
+        found.append(one.scores.unreached.tolist())
     return one, found
 
 
@@ -173,8 +173,8 @@ POSITIONS = np.array([(3.0, 4.0, 0.0), (0.0, 1.0, 0.6), (3.0, 4.0, 0.5), (3.0, 4
 
 def test_goals_are_reached_by_pose_or_by_markers() -> None:
     """By markers: 5 px from the first goal, then 1 px; then at the second. By pose: at it, beyond, not yet, nearly."""
-    assert unreached(False, POSITIONS)[1] == [0, 0, 0, 0]
-    assert unreached(True, POSITIONS)[1] == [-1, 1, 2, 2]
+    assert unreached(False, POSITIONS)[1] == [[0, -1]] * 4
+    assert unreached(True, POSITIONS)[1] == [[-1, -1], [1, -1], [1, 2], [1, 2]]
 
 
 def test_a_goal_is_not_reached_while_a_joint_moves() -> None:
@@ -189,11 +189,11 @@ def test_a_goal_is_not_reached_while_a_joint_moves() -> None:
 def test_what_is_kept_fills_its_arrays_round_and_round() -> None:
     one, _ = unreached(True, POSITIONS)
     kept = one.kept
-    # the fourth sample takes the first one's place; of poses two are kept
+    # the fourth sample takes the first one's place; of poses and errors two are kept
     assert kept.error[:, 0].tolist() == [3.0, 1.0, 2.0]
-    assert kept.camera_error[:, 0].tolist() == [0.5, 0.6, 1.5]
-    assert kept.camera_error[:, 1].tolist() == [0.0, 0.0, 0.0]
-    assert kept.feature_error.tolist() == [0.5, 1.0, 0.0]
+    assert kept.camera_error[:, 0].tolist() == [1.5, 0.5]
+    assert kept.camera_error[:, 1].tolist() == [0.0, 0.0]
+    assert kept.feature_error.tolist() == [0.0, 0.5]
     assert kept.camera_t[:, 2].tolist() == [0.5, 1.5]
     np.testing.assert_array_equal(kept.camera_R, [np.eye(3)] * 2)
     assert kept.pixels[:, 0].tolist() == [[3.0, 4.5], [0.0, 1.0], [3.0, 4.0]]

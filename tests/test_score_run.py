@@ -10,12 +10,20 @@ import pytest
 
 from test_simulation import Fails, Meddles, Played, dependent_rows, setup
 from vsconstraints.comparisons import RunRecord, score
-from vsconstraints.controllers import Controller, HierarchicalQP, Law, PotentialField, SlidingMode, Tracking
+from vsconstraints.controllers import (
+    Controller,
+    HierarchicalQP,
+    Law,
+    PotentialField,
+    SlidingMode,
+    Tracking,
+    make_controller,
+)
 from vsconstraints.controllers.demands import Switch
 from vsconstraints.controllers.resolvers import RESOLVERS, Resolver
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation import RunScores, Setup, score_run, simulate
+from vsconstraints.simulation import RunScores, Setup, score_run, simulate, until_settled
 
 OF_RUN = (
     "duration_s", "settling_time_s", "final_translation_error_m", "final_rotation_error_rad", "final_feature_error_px",
@@ -61,6 +69,37 @@ def test_scores_of_whole_runs() -> None:
     assert found.active_time_s.any()
     still = assert_scores_are_those_of_the_trajectory(setup(duration=2.5), Played(np.zeros((1, 6))))
     assert (still.status, still.reason) == ("trapped", simulate(setup(duration=2.5), Played(np.zeros((1, 6)))).reason)
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "status", "end"),
+    [
+        ("case-study-6r", "cbf-filter", "converged", 14.0),
+        ("case-study-6r", "potential-field", "trapped", 14.0),
+        ("panda-fov", "cbf-filter", "converged", 9.0),
+    ],
+)
+def test_runs_go_on_until_they_settle(name: str, law: str, status: str, end: float) -> None:
+    """Beyond the duration, until they stay where they are for the time that it takes to tell: 2 s."""
+    short, long = (made(Scenario.load(name).setup()) for made in (lambda one: one, until_settled))
+    controller = make_controller(law)
+    found = assert_scores_are_those_of_the_trajectory(long, controller)
+    assert (found.status, found.duration_s) == (status, pytest.approx(end))
+    assert end < long.time_limit
+    cut = assert_scores_are_those_of_the_trajectory(short, controller)
+    assert cut.status == "slow"
+    # longer is not calmer
+    assert (found.acceleration_variation, found.jerk_rms) == (cut.acceleration_variation, cut.jerk_rms)
+
+
+def test_who_is_there_in_time_runs_no_longer() -> None:
+    long = until_settled(Scenario.load("ur5-fov").setup())
+    assert long.time_limit == pytest.approx(3.0 * 3.164)
+    assert score_run(long, SlidingMode()).duration_s == long.duration
+    moving = Scenario.load("moving-target").setup()
+    assert until_settled(moving) is moving
+    brief = Scenario.load("ur5-fov").with_override("duration", 2.0).setup()
+    assert until_settled(brief) is brief
 
 
 @pytest.mark.parametrize(

@@ -85,12 +85,33 @@ def test_a_run_without_rows_violates_nothing() -> None:
 # --- a run's line ---
 
 
-def test_settling_is_counted_from_the_last_goal_and_never_negative() -> None:
+def test_settling_is_counted_from_every_goal_and_never_negative() -> None:
     here = made(clearance=[[1.0] * 5])
     assert of_run(here, "settling_time_s") == [0.0]
-    assert of_run(replace(here, last_goal_time=0.25), "settling_time_s") == [0.0]
-    late = made(clearance=[[1.0] * 5], settled=[0, 1, 1, 0, 1], last_goal=1.75)
-    assert of_run(late, "settling_time_s") == [0.25]
+    assert of_run(replace(here, goal_begins=np.array([0.25])), "settling_time_s") == [0.0]
+    # T_s = 0.5 s: the first goal from 0.5 s on for good, the second, which is set at 1.25 s, from 2 s on
+    late = made(clearance=[[1.0] * 5], settled=[0, 1, 1, 0, 1], goals=[0.0, 1.25])
+    assert of_run(late, "settling_time_s") == [0.5 + 0.75]
+    # a goal between two samples is none
+    skipped = made(clearance=[[1.0] * 5], settled=[0, 1, 1, 0, 1], goals=[0.0, 1.1, 1.25])
+    assert of_run(skipped, "settling_time_s") == [0.5 + 0.75]
+
+
+def test_what_a_run_takes_beyond_the_duration_makes_it_no_calmer() -> None:
+    """Four samples of the scenario's duration, in 1.5 s; then nothing happens for 3.5 s."""
+    command = np.array([[0.0], [3.0], [-1.0], [0.0]] + [[0.0]] * 7)
+    short, long = (
+        made(
+            clearance=[[1.0] * N],
+            active=[([0, 1, 0, 1] + [1] * 7)[:N]],
+            qdd_command=command[:N],
+            common=4,
+        )
+        for N in (4, 11)
+    )
+    columns = "acceleration_variation", "jerk_rms", "switching_rate_hz"
+    assert of_run(long, *columns) == of_run(short, *columns)
+    assert of_run(long, "acceleration_variation", "switching_rate_hz") == pytest.approx([8.0 / 1.5, 3.0 / 1.5])
 
 
 def test_times_are_those_after_the_first_sample_and_a_period_is_missed_by_both_together() -> None:

@@ -46,6 +46,8 @@ class Goal:
         How s_ref moves on the way to the goal; None if it is the goal from the start.
     q
         (n,) joint coordinates at which the camera is there at t = 0; None where the goal was not given by them.
+    tolerance_factor
+        By how much the tolerances within which this goal counts as reached are wider than those of the setup.
     """
 
     from_time: float
@@ -55,6 +57,7 @@ class Goal:
     depth: Array | None = None
     reference: Reference | None = None
     q: Array | None = None
+    tolerance_factor: float = 1.0
 
     @cached_property
     def interaction(self) -> Array:

@@ -37,9 +37,11 @@ class RunRecord:
     sampling_band
         (m,) how far outside sampling alone puts each row, in its unit.
     settled
-        (N,) whether the goal counts as reached at each sample.
-    last_goal_time
-        When the last goal was set [s].
+        (N,) whether the goal that holds counts as reached at each sample.
+    goal_begins
+        (g,) when each goal begins [s].
+    common
+        Samples of the scenario's duration, which all laws share: scores per second are of these.
     Ts
         Sampling time [s].
     fingerprint
@@ -56,7 +58,8 @@ class RunRecord:
     approach_time: Array
     sampling_band: Array
     settled: BoolArray
-    last_goal_time: float
+    goal_begins: Array
+    common: int
     Ts: float
     fingerprint: str
     files: Files = field(default_factory=dict)
@@ -77,8 +80,9 @@ class RunRecord:
             constraints.switching_gain,
             constraints.approach_time,
             constraints.sampling_band(setup.Ts),
-            setup.reached(trajectory.camera_error, trajectory.feature_error_px, trajectory.qd),
-            setup.task.goals[-1].from_time,
+            setup.reached(trajectory.t, trajectory.camera_error, trajectory.feature_error_px, trajectory.qd),
+            setup.goal_begins,
+            setup.samples,
             setup.Ts,
             fingerprint,
         )
@@ -97,7 +101,9 @@ class RunRecord:
         empty.update(active=np.empty((0, 0), dtype=np.bool_))
         empty.update(status="failed", reason=one_line(reason), labels=(), fallbacks=0, compiled=False)
         trajectory = Trajectory(**empty)
-        return cls(trajectory, (), (), none, none, none, none, np.empty(0, dtype=np.bool_), 0.0, np.nan, fingerprint)
+        return cls(
+            trajectory, (), (), none, none, none, none, np.empty(0, dtype=np.bool_), none, 0, np.nan, fingerprint
+        )
 
     def save(self, path: Path) -> None:
         """Write the file whole or not at all; raises OSError, and what an own part's strange arrays may raise."""

@@ -15,7 +15,7 @@ from ..constraints import Constraint
 from ..plugins import beside
 from ..rows import Array
 from ..runs.spec import RunSpec
-from ..simulation import Setup, Trajectory, intervals, simulate
+from ..simulation import Setup, Trajectory, intervals, simulate, until_settled
 from .metrics import Score, score
 from .record import RunRecord
 
@@ -152,7 +152,7 @@ class Run:
         return share
 
 
-def perform(spec: RunSpec, *, by_public_call: bool = False) -> Run:
+def perform(spec: RunSpec, *, by_public_call: bool = False, to_the_goal: bool = False) -> Run:
     """Make a run; raises what the scenario, the controller or the simulation raise.
 
     Parameters
@@ -161,11 +161,14 @@ def perform(spec: RunSpec, *, by_public_call: bool = False) -> Run:
         What is run.
     by_public_call
         See :func:`vsconstraints.simulation.simulate`.
+    to_the_goal
+        Whether a run that has not settled goes on: see :func:`vsconstraints.simulation.until_settled`.
     """
     scenario = spec.load()
     # own parts may change the working directory, and import what lies beside them whenever they like
     with chdir("."), beside(scenario.folder, spec.controller.folder):
         setup = scenario.setup(spec.trial, spec.seed)
+        setup = until_settled(setup) if to_the_goal else setup
         trajectory = simulate(setup, spec.controller.make(), by_public_call=by_public_call)
         return Run(setup, RunRecord.of(setup, trajectory, spec.fingerprint))
 

@@ -196,7 +196,7 @@ def _simulated(spec: RunSpec) -> RunRecord:
     with chdir("."), noted() if spec.has_own_parts else nullcontext(files) as read:
         try:
             files = digests(spec.files)
-            record = perform(spec, by_public_call=True).record
+            record = perform(spec, by_public_call=True, to_the_goal=True).record
         except INTERRUPTS:  # of this process, where it runs here
             raise
         except BaseException as error:  # even SystemExit

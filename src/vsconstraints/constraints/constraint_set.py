@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, InvalidInput
 from ..kinematics import RobotPoint
@@ -69,10 +70,10 @@ class ConstraintSet:
         self.characteristic_length = np.concatenate(
             [np.empty(0), *(constraint.characteristic_length(scene) for constraint in self.constraints)]
         )
-        # shared by the rows of every step: no controller may change them
-        self.switching_gain.setflags(write=False)
-        self.scale.setflags(write=False)
-        self.approach_time.setflags(write=False)
+        # shared by the rows of every step, and with what is scored: no controller may change them, nor allow itself to
+        self.switching_gain = _unchangeable(self.switching_gain)
+        self.scale = _unchangeable(self.scale)
+        self.approach_time = _unchangeable(self.approach_time)
         self.scene, self._n = scene, scene.robot.n
 
     @in_one_line
@@ -149,3 +150,8 @@ def _known(clearance: Callable[[Trace, slice], Array], trace: Trace, points: sli
     except Exception:  # what an own constraint raises here must not cost the run that was simulated
         return np.full(shape, np.nan)
     return found if found.shape == shape else np.full(shape, np.nan)
+
+
+def _unchangeable(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same numbers in memory that NumPy refuses to make writable."""
+    return np.ndarray(values.shape, values.dtype, values.tobytes())

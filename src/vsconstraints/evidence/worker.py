@@ -17,7 +17,7 @@ from ..plugins import beside
 from ..runs.deadline import Deadline
 from ..runs.signals import INTERRUPTS
 from ..runs.spec import BASELINE, ControllerSpec
-from ..simulation import Prepared, Setup, simulate
+from ..simulation import Prepared, Setup, simulate, until_settled
 from . import parquet
 from .columns import TABLES
 from .task import Batch
@@ -211,6 +211,6 @@ class Bench:
 
     def _prepare(self, own_parts: bool) -> tuple[Prepared, list[str]]:
         given, self._setup = self._setup, None
-        setup = self._scene.setup(self._condition) if given is None or own_parts else given
+        setup = until_settled(self._scene.setup(self._condition) if given is None or own_parts else given)
         remarks = setup.check_start()
         return Prepared(setup), remarks

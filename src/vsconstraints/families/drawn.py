@@ -41,7 +41,7 @@ class Drawn:
         In which the arm can be at rest at its goal under the same limits, whatever the law [s]; NaN where that is not
         known.
     duration
-        Of a run, under the same limits [s].
+        Of the longest run, under the same limits [s].
     noise
         Seed of everything random in its disturbances: another one for every scene, the same for all laws.
     """

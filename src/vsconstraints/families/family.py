@@ -14,7 +14,7 @@ from ..plugins import beside
 from ..scenarios import Scenario
 from ..scenarios.reading import Table, demand_table
 from ..scenarios.toml import file_named, read_toml
-from ..simulation import Setup
+from ..simulation import Setup, until_settled
 from .arrival import least_time
 from .checks import check_ends, check_first_image, left_by_tracking, share_to_hold
 from .drawing import Streams, demand_no_placement, drawn, merged, parsed
@@ -238,7 +238,7 @@ class Family:
             "challenged": challenged,
             "share_to_hold": share_to_hold(limited),
             "least_time": least_time(limited, ends),
-            "duration": (limited.samples - 1) * limited.Ts,
+            "duration": (until_settled(limited).samples_at_most - 1) * limited.Ts,
             "noise": noise,
         }
         return known, {NOMINAL: nominal, **setups}

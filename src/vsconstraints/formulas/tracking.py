@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from . import formula
 
 
@@ -53,6 +55,10 @@ def held_gains(Kp: float, Kv: float, h: float) -> tuple[float, float]:
     return Kp / lag, (Kv + 0.5 * h * Kp) / lag
 
 
+ROUNDING = 1e-9
+"""By which the time of a goal may be missed [s]."""
+
+
 @formula
 def held_rest(rest: Any, qd: Any, damping: float, stiffness: float, h: float) -> Any:
     """Q̈₀ of :func:`resting`, held for h [s], by the implicit midpoint rule likewise."""
@@ -64,6 +70,11 @@ def goal_at(begins: Any, t: float) -> int:
     """Index of the goal that holds at time t [s], of goals that begin at these times (g,), met up to rounding."""
     goal = 0
     for i in range(len(begins)):
-        if begins[i] <= t + 1e-9:
+        if begins[i] <= t + ROUNDING:
             goal = i
     return goal
+
+
+def goals_at(begins: Any, t: Any) -> Any:
+    """(N,) the same at many times (N,)."""
+    return np.maximum(np.searchsorted(begins, np.asarray(t) + ROUNDING, side="right") - 1, 0)

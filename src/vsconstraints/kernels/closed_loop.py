@@ -40,9 +40,9 @@ def _example() -> Loop:
     counts, flag, flags = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.bool_), np.zeros((1, 1), dtype=np.bool_)
     rows, task = RowArrays(one, two, *(one,) * 8), TaskArrays(two, *(one,) * 4)
     kept = Kept(three, two, two, one, three, two, three, three, two, two, flags, flag, one, one)
-    scores = Running(one, one, *(counts,) * 6, one, one, one, counts, counts, counts, one, flag, one)
+    scores = Running(one, one, *(counts,) * 6, one, counts, one, one, counts, counts, counts, one, flag, one)
     limits = JointLimits(*(one,) * 5, 0, 1.0)
-    goals, plant = Goals(one, three, three, two, one, flag), PlantArrays(two, two, two, two, limits, one)
+    goals, plant = Goals(one, three, three, two, two, flag), PlantArrays(two, two, two, two, limits, one)
     answer, seen = Answer(one, flag, one, counts, one), (two, two, two, one)
     return Loop(counts, one, counts, rows, task, answer, one, rows, *seen, goals, plant, kept, scores)
 

@@ -24,7 +24,7 @@ NOTICED = 1e-3
 class Goals(NamedTuple):
     """What is wanted: when each of g goals begins, its pixels and its pose, NaN where it has none.
 
-    ``tolerance`` (4,) are those of distance [m], angle [rad], pixels and joints' speed; the first two count if
+    ``tolerance`` (g, 4) is each one's: distance [m], angle [rad], pixels and joints' speed; the first two count if
     ``by_pose`` (1,), and else the third.
     """
 
@@ -53,7 +53,8 @@ class PlantArrays(NamedTuple):
 class Kept(NamedTuple):
     """Samples as :class:`vsconstraints.simulation.Trajectory` has them; shorter arrays are filled round and round.
 
-    ``states`` (N, s, n) are those of the plant at the beginning of each period.
+    ``states`` (N, s, n) are those of the plant at the beginning of each period. The camera's errors and poses, and the
+    features' error, are kept for as long as it takes to tell rest even where nothing else is.
     """
 
     states: Array
@@ -87,12 +88,14 @@ class Running(NamedTuple):
         (m,) samples with φ ≥ 0 in a row until now, and the most of them.
     acceleration_max
         (n,) greatest |q̈_c|.
+    common
+        (1,) samples of the scenario's duration, which all laws share: the next three are counted in these alone.
     variation, squared_variation
         (1,) Σ‖Δq̈_c‖ and Σ‖Δq̈_c‖².
     switches
         (1,) how often the set of acting rows has changed.
     unreached
-        (1,) last sample in which the goal is not reached; −1 if there is none.
+        (g,) last sample in which each goal is not reached while it holds; −1 if there is none.
     saturated
         (1,) samples in which the command is at a limit of the actuators.
     share_to_hold
@@ -110,6 +113,7 @@ class Running(NamedTuple):
     positive: IntArray
     longest_positive: IntArray
     acceleration_max: Array
+    common: IntArray
     variation: Array
     squared_variation: Array
     switches: IntArray
@@ -278,7 +282,7 @@ def score(scores: Running, rows: RowArrays, qdd: Array, active: BoolArray, k: in
             scores.last_active[i] = k
             if scores.first_active[i] < 0:
                 scores.first_active[i] = k
-    if k > 0:
+    if 0 < k < scores.common[0]:
         scores.variation[0] += math.sqrt(squared)
         scores.squared_variation[0] += squared
         scores.switches[0] += changed
@@ -291,9 +295,9 @@ def finish(loop: Loop, k: int) -> None:
     goal = goal_at(goals.begins, k * loop.Ts[0])
     distance, turn = camera_error(loop.camera_R, loop.camera_t, goals.R[goal], goals.t[goal])
     away = feature_error(loop.pixels, goals.pixels[goal])
-    kept.camera_error[at, 0], kept.camera_error[at, 1], kept.feature_error[at] = distance, turn, away
-    if not reached(distance, turn, away, fastest(x[1]), goals.tolerance, goals.by_pose[0]):
-        loop.scores.unreached[0] = k
+    kept.camera_error[camera, 0], kept.camera_error[camera, 1], kept.feature_error[camera] = distance, turn, away
+    if not reached(distance, turn, away, fastest(x[1]), goals.tolerance[goal], goals.by_pose[0]):
+        loop.scores.unreached[goal] = k
     kept.saturated[at] = saturate(loop.plant, loop.answer.qdd, loop.alone)
     loop.scores.saturated[0] += kept.saturated[at]
     judge_contact(loop)

@@ -189,5 +189,5 @@ def run(scenario: AnyScenario, law: AnyLaw, *, trial: int = 0, seed: int = 0) ->
     if isinstance(law, Controller):
         spec = own_spec(law, spec.name)
     loaded = scenario_of(scenario)
-    made = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True)
+    made = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True, to_the_goal=True)
     return NotebookRun(made.setup, made.record, spec.name, loaded.name, loaded.title, loaded.folder)

@@ -39,13 +39,14 @@ LIMITATIONS = (
     "that departs from tracking for a reason of its own is taken to do so for that row. Utilization averages over "
     "rows, however different they are; the mean unused margin compares equal times, at which runs may be at different "
     "places.",
-    "Between samples clearances are looked at three times per period, and only near a boundary: deviations that are "
-    "shorter than that can be missed.",
+    "Inside sampling periods clearances are looked at where, at the rate seen in this period and those beside it, they "
+    "could come to zero: what comes and goes within one period, and faster than that, can be missed.",
     "The φ band mixes what switching causes with what tracking, drift and lost sliding modes cause. A large ratio is a "
     "reason to look at the figure, not a measure of switching alone; it has no value where no row comes to its "
     "boundary, which is no merit by itself.",
     "Acceleration variation and jerk add rad and m where an arm has prismatic joints.",
-    "Where runs end in different places (trapped, unfinished), their other values are not values of the same motion.",
+    "Where runs end in different places (slow, trapped, unfinished), their other values are not values of the same "
+    "motion.",
 )
 
 

@@ -18,6 +18,7 @@ MOST_NAMES = 9
 """A sentence names no more scenarios than this."""
 
 NOT_CONVERGED = {
+    "slow": "was too slow",
     "trapped": "was trapped",
     "aborted": "was aborted",
     "failed": "failed",

@@ -13,7 +13,7 @@ from .groups import grouped
 
 Line = Mapping[str, Any]
 
-CARRIED_THROUGH = ("converged", "trapped", "unfinished")
+CARRIED_THROUGH = ("converged", "slow", "trapped", "unfinished")
 """Statuses of runs that went on to the end of their time."""
 
 DIVERGED = 1.0

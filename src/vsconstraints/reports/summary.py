@@ -11,7 +11,7 @@ from .markdown import bullets, tables
 from .numbers import DASH, FORMATS, count, largest, median, of_length
 from .results import DIVERGED, Line, Results, diverged, violated
 
-STATUSES = ("converged", "trapped", "unfinished", "aborted", "failed")
+STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
 
 CONDENSED: dict[str, Callable[[Sequence[float]], float]] = {"worst": largest, "median": median}
 """What stands for the values of several runs."""

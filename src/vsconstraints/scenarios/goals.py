@@ -28,11 +28,15 @@ class GoalTable:
     camera_pose: Table | None = None
     markers_px: Sequence[Vector2] | None = None
     depth_m: Sequence[float] | None = None
+    tolerance_factor: float = 1.0
 
 
 def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal:
     """A goal as the control knows it: shown to the real camera, turned into coordinates by the believed one."""
     goal: GoalTable = made(GoalTable, table, where)
+    factor = goal.tolerance_factor
+    if not (np.isfinite(factor) and factor > 0.0):
+        raise ConfigurationError(f"{where}: tolerance_factor must be positive, not {factor}")
     kinds = [key for key in ("camera_at_q", "camera_pose", "markers_px") if getattr(goal, key) is not None]
     if len(kinds) != 1:
         raise ConfigurationError(
@@ -53,7 +57,7 @@ def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal
         pixels, depth = scene.project(camera), scene.depth(camera)
     except SceneError as error:
         raise ConfigurationError(f"{where}: at the goal, {error}") from error
-    return Goal(goal.from_time, pixels, shown_to(scene.camera, believed, pixels), camera, depth, reference, q)
+    return Goal(goal.from_time, pixels, shown_to(scene.camera, believed, pixels), camera, depth, reference, q, factor)
 
 
 def _image_goal(
@@ -76,4 +80,5 @@ def _image_goal(
     except InvalidInput as error:
         raise ConfigurationError(f"{where}: markers_px: {error}") from error
     normalised = shown_to(scene.camera, believed, pixels)
-    return Goal(goal.from_time, pixels, normalised, depth=depth, reference=reference)
+    factor = goal.tolerance_factor
+    return Goal(goal.from_time, pixels, normalised, depth=depth, reference=reference, tolerance_factor=factor)

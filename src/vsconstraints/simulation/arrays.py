@@ -47,9 +47,9 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
     believed, true
         What the control believes, and what is true.
     whole
-        Whether all samples are kept, or the last poses of the camera alone.
+        Whether all samples are kept, or the last poses and errors of the camera alone.
     """
-    N, (m, n), k = setup.samples, true.rows.Lg.shape, len(believed.task.error)
+    N, (m, n), k = setup.samples_at_most, true.rows.Lg.shape, len(believed.task.error)
     window = min(N, math.ceil(rest(setup) / setup.Ts) + 2)
     samples, poses = (N, N) if whole else (1, window)
     none, zeros, one = np.empty(0), np.zeros, np.zeros(1, dtype=np.int64)
@@ -57,8 +57,8 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
     kept = Kept(
         states=zeros((samples, *plant.x.shape)),
         error=zeros((samples, k)),
-        camera_error=zeros((samples, 2)),
-        feature_error=zeros(samples),
+        camera_error=zeros((poses, 2)),
+        feature_error=zeros(poses),
         camera_R=zeros((poses, 3, 3)),
         camera_t=zeros((poses, 3)),
         pixels=zeros((samples, *true.pixels.shape)),
@@ -80,10 +80,11 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
         positive=counts[2],
         longest_positive=counts[3],
         acceleration_max=zeros(n),
+        common=np.full(1, setup.samples),
         variation=zeros(1),
         squared_variation=zeros(1),
         switches=one.copy(),
-        unreached=np.full(1, -1),
+        unreached=np.full(len(setup.task.goals), -1),
         saturated=one.copy(),
         share_to_hold=np.full(m, np.nan),
         active=zeros(m, dtype=np.bool_),
@@ -113,10 +114,10 @@ def _goals(setup: Setup) -> Goals:
     goals = setup.task.goals
     nowhere = np.full((3, 3), np.nan)
     return Goals(
-        begins=np.array([float(goal.from_time) for goal in goals]),
+        begins=setup.goal_begins,
         pixels=np.array([goal.pixels for goal in goals], dtype=np.float64),
         R=np.array([nowhere if goal.camera is None else goal.camera.R for goal in goals]),
         t=np.array([nowhere[0] if goal.camera is None else goal.camera.t for goal in goals]),
-        tolerance=np.array(setup.reach),
+        tolerance=setup.goal_tolerances,
         by_pose=np.array([isinstance(setup.task.feature, CameraPose)]),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from time import perf_counter
@@ -19,7 +20,7 @@ from ..kernels.samples import ALONE, LAW, MOVE, STEP, Loop, finish
 from ..kernels.structures import frozen
 from ..model import Model
 from ..rows import Rows, Task
-from .arrays import blank_step, make_loop
+from .arrays import blank_step, make_loop, rest
 from .between import between_clearance
 from .line_of_sight import hidden_markers
 from .outcome import judge
@@ -42,6 +43,9 @@ def simulate(
     prepared: Prepared | None = None,
 ) -> Trajectory:
     """Run a controller on a setup, from t = 0 to its duration or until it cannot go on.
+
+    With a time limit, a run that is not at rest at the end of its duration goes on until it is, at the last goal or
+    elsewhere (see :func:`.until_settled`).
 
     A scene that can no longer be evaluated, a controller that fails, and own parts that raise anything end the run with
     the status ``failed``; what was simulated until then is kept. The command of the last sample is computed but not
@@ -132,23 +136,41 @@ class _Run:
 
     def to_the_end(self) -> None:
         """Run all samples, or until something ends it."""
-        N, stage = self.setup.samples, STEP
+        N, longest = self.setup.samples, self.setup.samples_at_most
+        further = math.ceil(rest(self.setup) / self.setup.Ts)
         try:
-            # a sample that has come to a command is finished, also if it is the last one
-            while stage != STEP or (self.samples < N and not self.ended):
-                begun = self.samples
-                end = begun + 1 if self.ended else min(begun + self.at_once, N)
-                if stage == STEP and self.address and isinstance(self.sensor, ImageSensor):
-                    self._look(self.sensor, begun)
-                self.samples, stage = self._go_on(end, stage)
-                if self.pushes and self.samples > begun:
-                    self.plant.follow()
-                if self.samples < end:
-                    stage = self._answer(self.samples, stage)
+            self._run_to(N)
+            dwell = self.setup.tolerances.dwell_s
+            while longest > N and not self.ended and self._under_way(dwell):
+                N = min(N + further, longest)
+                self._run_to(N)
+                # to have crossed the goal when it is looked at is not to have come to it
+                dwell = further * self.setup.Ts
         except SceneError as error:
             self._end("failed", str(error))
-        except Exception as error:  # own constraints and laws may raise anything; what was simulated is kept
+        # own constraints and laws may raise anything; what was simulated is kept. KeyboardInterrupt is the user's
+        except (Exception, SystemExit, GeneratorExit) as error:
             self._end("failed", described(error))
+
+    def _under_way(self, dwell: float) -> bool:
+        """Whether the run may still get to the last goal, and is not there."""
+        status, _ = judge(self.setup, self.loop, self.samples, self.ended, self.reason, dwell)
+        return status in ("slow", "unfinished")
+
+    def _run_to(self, end: int) -> None:
+        """Run all samples before this one, unless something ends the run."""
+        last, stage = end, STEP
+        # a sample that has come to a command is finished, also if it is the last one
+        while stage != STEP or (self.samples < last and not self.ended):
+            begun = self.samples
+            end = begun + 1 if self.ended else min(begun + self.at_once, last)
+            if stage == STEP and self.address and isinstance(self.sensor, ImageSensor):
+                self._look(self.sensor, begun)
+            self.samples, stage = self._go_on(end, stage)
+            if self.pushes and self.samples > begun:
+                self.plant.follow()
+            if self.samples < end:
+                stage = self._answer(self.samples, stage)
 
     def _end(self, status: str, reason: str) -> None:
         self.ended, self.reason = status, f"t = {self.samples * self.setup.Ts:.4g} s: {reason}"
@@ -165,7 +187,7 @@ class _Run:
         if setup.disturbances.sensing:
             self.sensor.expected.write(believed.step)
             if self.sensor.estimates:
-                self._sensing = self.sensor.sensing(setup.samples)
+                self._sensing = self.sensor.sensing(setup.samples_at_most)
                 self._sensed = frozen(self._sensing)
                 loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.ctypes.data
         now, alone = self.bound.now, self.prepared.alone

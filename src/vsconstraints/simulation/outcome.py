@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..features import CameraPose
+from ..formulas.tracking import goals_at
 from ..geometry import Pose, distances
 from ..kernels.samples import Loop
+from ..rows import Array, IntArray
 from .arrays import rest
 from .setup import Setup
 from .trajectory import Outcome
 
 
-def judge(setup: Setup, loop: Loop, samples: int, ended: str, reason: str) -> tuple[Outcome, str]:
+def judge(
+    setup: Setup, loop: Loop, samples: int, ended: str, reason: str, dwell: float | None = None
+) -> tuple[Outcome, str]:
     """Status and reason of a run.
 
     Parameters
@@ -22,16 +27,26 @@ def judge(setup: Setup, loop: Loop, samples: int, ended: str, reason: str) -> tu
         How many there are.
     ended, reason
         ``"failed"`` or ``"aborted"`` and why, if the loop ended early; else empty.
+    dwell
+        How long it must have stayed at the last goal [s]; that of the tolerances if None.
     """
     if ended == "failed":
         return "failed", reason
     if ended == "aborted":
         return "aborted", reason
-    tolerances, kept, speed = setup.tolerances, loop.kept, setup.reach[3]
+    kept, speed = loop.kept, setup.goal_tolerances[-1, 3]
     t, last = np.arange(samples) * setup.Ts, (samples - 1) % len(kept.camera_error)
-    dwelling = int(np.argmax(t >= t[-1] - tolerances.dwell_s))
-    if setup.task.goal_at(t[dwelling]) == len(setup.task.goals) - 1 and loop.scores.unreached[0] < dwelling:
+    unreached, goals = loop.scores.unreached, goals_at(loop.goals.begins, t)
+    settled = settling_times(unreached, loop.goals.begins, samples, setup.Ts)
+    # a goal that begins and ends between two samples is not missed
+    missed = [goal for goal in np.unique(goals[goals < goals[-1]]) if np.isnan(settled[goal])]
+    dwelling = int(np.argmax(t >= t[-1] - (setup.tolerances.dwell_s if dwell is None else dwell)))
+    there = goals[dwelling] == len(setup.task.goals) - 1 and unreached[-1] < dwelling
+    if there and not missed:
         return "converged", ""
+    left = [f"goal {goal + 1} was not reached before goal {goal + 2} began" for goal in missed]
+    if there:
+        return "unfinished", "; ".join(left)
     distance_now, angle_now = kept.camera_error[last]
     final = (
         f"ends {_amount(distance_now * 1e3)} mm and {_amount(angle_now * 1e3)} mrad from the goal"
@@ -39,15 +54,62 @@ def judge(setup: Setup, loop: Loop, samples: int, ended: str, reason: str) -> tu
         else f"ends {_amount(kept.feature_error[last])} px from the goal"
     )
     # half a period for the rounding of times
-    since = np.arange(int(np.argmax(t >= t[-1] - rest(setup) - 0.5 * setup.Ts)), samples) % len(kept.camera_t)
+    begin = int(np.argmax(t >= t[-1] - rest(setup) - 0.5 * setup.Ts))
+    since = np.arange(begin, samples) % len(kept.camera_t)
+    enough = t[-1] >= rest(setup) - 0.5 * setup.Ts
+    if enough and goals[begin] == goals[-1] and _time_to_go(setup, loop, since) < t[-1]:
+        return "slow", "; ".join([f"still approaching, {final}", *left])
     camera_R, camera_t = kept.camera_R[since], kept.camera_t[since]
     moved, turned = distances(camera_R, camera_t, Pose(camera_R[-1], camera_t[-1])).max(axis=0)
     fastest = np.abs(kept.states[(samples - 1) % len(kept.states), 1]).max()
-    still = moved < tolerances.translation_m and turned < tolerances.rotation_rad and fastest <= speed
-    if still and t[-1] >= rest(setup) - 0.5 * setup.Ts:
-        return "trapped", f"at rest, {final}"
+    still = moved < setup.tolerances.translation_m and turned < setup.tolerances.rotation_rad and fastest <= speed
+    if enough and still:
+        return "trapped", "; ".join([f"at rest, {final}", *left])
     at = f"the fastest joint at {_amount(fastest)} rad/s or m/s, " if fastest > speed else ""
-    return "unfinished", f"still moving, {at}{final}"
+    return "unfinished", "; ".join([f"still moving, {at}{final}", *left])
+
+
+def _time_to_go(setup: Setup, loop: Loop, since: IntArray) -> float:
+    """In how long the last goal is reached at the pace of these samples [s]; infinite where it comes no nearer.
+
+    The pace is that of the error in units of its tolerance, from the mean of the samples' first half to that of their
+    second, which noise moves less than single samples.
+    """
+    tolerance, kept = setup.goal_tolerances[-1], loop.kept
+    if isinstance(setup.task.feature, CameraPose):
+        error = (kept.camera_error[since] / tolerance[:2]).max(axis=1)
+    else:
+        error = kept.feature_error[since] / tolerance[2]
+    half = len(error) // 2
+    pace = (error[:half].mean() - error[half:].mean()) / (0.5 * len(error) * setup.Ts) if half else 0.0
+    return float((error[-1] - 1.0) / pace) if pace > 0.0 else np.inf
+
+
+def settling_times(
+    unreached: IntArray,
+    begins: Array,
+    samples: int,
+    Ts: float,
+) -> Array:
+    """(g,) from when each goal begins until it is reached for good, before the next one begins or the run ends [s].
+
+    NaN where it is not. It need not be dwelled at: when a goal begins is given, so that nobody passes one by leaving
+    it early.
+
+    Parameters
+    ----------
+    unreached
+        (g,) last sample in which it is not reached while it holds; −1 if there is none.
+    begins
+        (g,) [s].
+    samples, Ts
+        How many samples there are, and the sampling time [s].
+    """
+    numbers, goals = np.arange(len(begins)), goals_at(begins, np.arange(samples) * Ts)
+    first = np.maximum(unreached + 1, np.searchsorted(goals, numbers))
+    there = np.append(goals, -1)[first] == numbers
+    times: Array = np.where(there, np.maximum(first * Ts - begins, 0.0), np.nan)
+    return times
 
 
 def _amount(value: float) -> str:

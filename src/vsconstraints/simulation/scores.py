@@ -9,6 +9,7 @@ import numpy as np
 from ..kernels.samples import Loop
 from ..readable import amount, counted, in_one_line
 from ..rows import Array
+from .outcome import settling_times
 from .setup import Setup
 from .trajectory import Outcome
 
@@ -27,14 +28,15 @@ class RunScores:
         m row labels.
     duration_s
         Time of the last sample.
-    settling_time_s
-        From the last change of the goal until it is reached for good; of converged runs.
+    settling_times_s
+        (g,) from the beginning of each goal until it is reached for good, before the next one begins or the run ends;
+        NaN where it is not.
     final_translation_error_m, final_rotation_error_rad, final_feature_error_px
         Of the camera's pose, and of the marker farthest from where the goal wants it, at the end.
     acceleration_variation, jerk_rms
-        Σ‖Δq̈_c‖ per second, and the root mean square of ‖Δq̈_c‖ / T_s.
+        Σ‖Δq̈_c‖ per second, and the root mean square of ‖Δq̈_c‖ / T_s, both over the setup's duration.
     switching_rate_hz
-        How often per second the set of acting rows changes.
+        How often per second the set of acting rows changes, likewise.
     acceleration_max
         (n,) greatest |q̈_c| of each joint.
     phi_max, sigma_max
@@ -56,7 +58,7 @@ class RunScores:
     compiled: bool
     labels: tuple[str, ...]
     duration_s: float
-    settling_time_s: float
+    settling_times_s: Array
     final_translation_error_m: float
     final_rotation_error_rad: float
     final_feature_error_px: float
@@ -74,6 +76,11 @@ class RunScores:
     saturated_time_s: float
     share_to_hold: Array
 
+    @property
+    def settling_time_s(self) -> float:
+        """Their sum; of converged runs."""
+        return float(np.nansum(self.settling_times_s)) if self.status == "converged" else np.nan
+
     @in_one_line
     def __repr__(self) -> str:
         outside = counted(int((self.outside_time_s > 0.0).sum()), "row")
@@ -87,17 +94,14 @@ class RunScores:
         duration = (samples - 1) * Ts if samples else np.nan
         last = (samples - 1) % len(kept.camera_error)
         errors = (*kept.camera_error[last], kept.feature_error[last]) if samples else (np.nan,) * 3
-        steps = samples - 1 if samples > 1 else np.nan
-        settled = np.nan
-        if status == "converged":
-            settled = max((int(scores.unreached[0]) + 1) * Ts - setup.task.goals[-1].from_time, 0.0)
+        steps = min(samples, setup.samples) - 1 if samples > 1 else np.nan
         return cls(
             status=status,
             reason=reason,
             compiled=compiled,
             labels=setup.constraints.labels,
             duration_s=duration,
-            settling_time_s=settled,
+            settling_times_s=settling_times(scores.unreached, loop.goals.begins, samples, Ts),
             final_translation_error_m=float(errors[0]),
             final_rotation_error_rad=float(errors[1]),
             final_feature_error_px=float(errors[2]),

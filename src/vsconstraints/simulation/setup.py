@@ -13,6 +13,7 @@ from ..control_step import ControlStep
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
 from ..features import CameraPose
 from ..formulas.poses import reached
+from ..formulas.tracking import goals_at
 from ..images.settings import ImageSettings
 from ..limits import NO_LIMITS, ActuatorLimits
 from ..readable import amount, counted, in_one_line
@@ -87,7 +88,7 @@ class Setup:
     sampling_time
         T_s [s].
     duration
-        [s].
+        [s]. Every run lasts as long, and scores per second are of this time.
     on_rank_loss
         Whether to ``abort`` or ``continue`` where the active rows lose full row rank (section 5.2).
     tolerances
@@ -106,6 +107,8 @@ class Setup:
     images
         Of the images that the control sees, which are rendered and searched for tags; without them, it is told where
         markers are.
+    time_limit
+        Until when a run that has not come to rest by then goes on [s], see :func:`.until_settled`; not at all if None.
     """
 
     scene: Scene
@@ -123,6 +126,7 @@ class Setup:
     limits: ActuatorLimits = NO_LIMITS
     dynamics: ArmDynamics | None = None
     images: ImageSettings | None = None
+    time_limit: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("sampling_time", "duration"):
@@ -205,7 +209,16 @@ class Setup:
     @property
     def samples(self) -> int:
         """Number of samples from t = 0 to the end, which is the last whole period within the duration."""
-        return int(np.floor(self.duration / self.Ts + 1e-6)) + 1
+        return self._samples_of(self.duration)
+
+    @property
+    def samples_at_most(self) -> int:
+        """The same of the longest run: to the time limit, as far as memory goes."""
+        longest = min(self.time_limit or 0.0, MOST_MEMORY / self.sample_memory * self.Ts)
+        return self._samples_of(max(longest, self.duration))
+
+    def _samples_of(self, seconds: float) -> int:
+        return int(np.floor(seconds / self.Ts + 1e-6)) + 1
 
     @property
     def sample_memory(self) -> int:
@@ -218,17 +231,26 @@ class Setup:
         return 8 * (kept + made) + 2 * m
 
     @property
-    def reach(self) -> tuple[float, float, float, float]:
-        """Tolerances of distance [m], angle [rad], pixels and joints' speed [rad/s or m/s] at a goal."""
+    def goal_tolerances(self) -> Array:
+        """(g, 4) distance [m], angle [rad], pixels and joints' speed [rad/s or m/s] with which each goal is reached."""
         own = self.tolerances
         at_rest = own.joint_speed if self.scene.motion is None else np.inf
-        return own.translation_m, own.rotation_rad, own.feature_px, at_rest
+        factors = np.array([goal.tolerance_factor for goal in self.task.goals])
+        tolerances: Array = np.outer(factors, [own.translation_m, own.rotation_rad, own.feature_px, at_rest])
+        return tolerances
 
-    def reached(self, camera_error: Array, feature_error: Array, qd: Array) -> BoolArray:
-        """(N,) whether the goal is reached, by the camera's pose or, for image tasks, by the markers, and at rest.
+    @property
+    def goal_begins(self) -> Array:
+        """(g,) when each goal begins [s]."""
+        return np.array([float(goal.from_time) for goal in self.task.goals])
+
+    def reached(self, t: Array, camera_error: Array, feature_error: Array, qd: Array) -> BoolArray:
+        """(N,) whether the goal that holds is reached, by the camera's pose or the markers, with the joints at rest.
 
         Parameters
         ----------
+        t
+            (N,) [s].
         camera_error
             (N, 2) distance [m] and angle [rad] of the camera from the goal.
         feature_error
@@ -236,9 +258,10 @@ class Setup:
         qd
             (N, n) speeds of the joints.
         """
+        tolerance = self.goal_tolerances[goals_at(self.goal_begins, t)].T
         speed = np.abs(qd).max(axis=1)
         by_pose = isinstance(self.task.feature, CameraPose)
-        there: BoolArray = reached(camera_error[:, 0], camera_error[:, 1], feature_error, speed, self.reach, by_pose)
+        there: BoolArray = reached(camera_error[:, 0], camera_error[:, 1], feature_error, speed, tolerance, by_pose)
         return there
 
     def clearance(self, t: Array, q: Array, qd: Array, pixels: Array, points: Array) -> Array:

@@ -10,12 +10,13 @@ import numpy as np
 from ..readable import amount, counted, in_one_line
 from ..rows import Array, BoolArray
 
-Outcome = Literal["converged", "trapped", "aborted", "failed", "unfinished"]
+Outcome = Literal["converged", "slow", "trapped", "aborted", "failed", "unfinished"]
 """How a simulation ended.
 
-``converged``: the last goal is reached and held. ``trapped``: at rest, away from it. ``aborted``: the controller
-reported a loss of rank and the scenario stops there. ``failed``: the scene or the controller could not go on.
-``unfinished``: still moving at the end.
+``converged``: every goal was reached before the next one began, and the last one is reached and held. ``slow``: not
+there, but at the pace of its last seconds it would be in less than as long again. ``trapped``: at rest, away from the
+goal. ``aborted``: the controller reported a loss of rank and the scenario stops there. ``failed``: the scene or the
+controller could not go on. ``unfinished``: neither of these: it still moves and comes no nearer, or a goal was missed.
 """
 
 

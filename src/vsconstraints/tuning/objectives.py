@@ -39,8 +39,8 @@ OBJECTIVES = (
 
 REFERENCE = tuple(objective.worst for objective in OBJECTIVES)
 
-UNFINISHED = "unfinished"
-"""Status of a run that is still moving when time is up."""
+STILL_MOVING = ("slow", "unfinished")
+"""Statuses of runs that are still moving when time is up."""
 
 Point = tuple[float, ...]
 """A value of each objective."""
@@ -96,7 +96,7 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
     settling time where tracking alone does not settle.
     """
     status, violated = str(result["status"]), bool(result["violated"])
-    if status != "converged" and not status == baseline["status"] == UNFINISHED:
+    if status != "converged" and not {status, str(baseline["status"])}.issubset(STILL_MOVING):
         return Outcome(status, violated, REFERENCE)
     variation, tracking = float(result["acceleration_variation"]), float(baseline["settling_time_s"])
     values = (

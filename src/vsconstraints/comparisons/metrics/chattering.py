@@ -36,14 +36,14 @@ def sliding_lost(record: RunRecord) -> float:
 
 
 def switching_rate(record: RunRecord) -> float:
-    """Changes of the active set per second [Hz]; NaN for a run of one sample."""
-    active = record.trajectory.active
+    """Changes of the active set per second of the scenario's duration [Hz]; NaN for a run of one sample."""
+    active = record.trajectory.active[: record.common]
     changes = (active[1:] != active[:-1]).any(axis=1)
     return float(changes.sum() / (len(changes) * record.Ts)) if len(changes) else np.nan
 
 
 def variation(record: RunRecord) -> float:
-    """Σ‖Δq̈_c‖ per second; NaN for a run of one sample."""
+    """Σ‖Δq̈_c‖ per second of the scenario's duration; NaN for a run of one sample."""
     change = _changes(record)
     return float(change.sum() / (len(change) * record.Ts)) if len(change) else np.nan
 
@@ -55,8 +55,8 @@ def jerk_rms(record: RunRecord) -> float:
 
 
 def _changes(record: RunRecord) -> Array:
-    """(N − 1,) ‖Δq̈_c‖."""
-    change: Array = np.sqrt((np.diff(record.trajectory.qdd_command, axis=0) ** 2).sum(axis=1))
+    """‖Δq̈_c‖ within the scenario's duration: a run that takes longer is not calmer for it."""
+    change: Array = np.sqrt((np.diff(record.trajectory.qdd_command[: record.common], axis=0) ** 2).sum(axis=1))
     return change
 
 

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...simulation import PATIENCE
 from . import chattering, clearance, task, timing, utilization
 from .chattering import SLIDING_GAP
 from .clearance import NEGLIGIBLE, TOLERANT
 from .metric import Metric
 
 METRICS = (
-    Metric("status", lambda m: m.run.status, kind="text", definition="converged: the last goal is reached and held. "
-           "trapped: at rest away from it. aborted: the rows with φ ≥ 0 lost full row rank (section 5.2), which a law "
-           "says and the rows confirm. failed: the scene or the controller could not go on. unfinished: still moving."),
+    Metric("status", lambda m: m.run.status, kind="text", definition="converged: every goal is reached before the next "
+           "one begins, and the last one is reached and held. slow: not there when time is up, but at the pace of the "
+           "last seconds it would be in less than as long again. trapped: at rest away from the goal. aborted: the "
+           "rows with φ ≥ 0 lost full row rank (section 5.2), which a law says and the rows confirm. failed: the scene "
+           "or the controller could not go on. unfinished: still moving and coming no nearer, or a goal was missed, "
+           f"which the reason names. Time is up at {PATIENCE:g} times the time that tracking alone takes to settle at "
+           "the last goal, without constraints and disturbances, but not before the scenario's duration, nor after it "
+           "where the target moves or tracking alone has not settled by then. A run that has settled, or is trapped, "
+           "ends with the duration or, after it, as soon as that is seen."),
     Metric("reason", lambda m: m.run.reason, kind="text"),
-    Metric("duration_s", lambda m: m.run.t[-1]),
+    Metric("duration_s", lambda m: m.run.t[-1], definition="Time of the last sample: see status."),
     Metric("settling_time_s", task.settling_time, "settling time [s]", group="task",
-           definition="From the last change of the goal until the error stays within tolerance."),
+           definition="From the beginning of each goal until the error stays within its tolerance, added up over the "
+           "goals."),
     Metric("final_translation_error_m", lambda m: m.run.camera_error[-1, 0], "position error [mm]",
            group="task", factor=1e3, style="error"),
     Metric("final_rotation_error_rad", lambda m: m.run.camera_error[-1, 1], "orientation error [mrad]",
@@ -57,13 +65,15 @@ METRICS = (
            added=3, definition=f"Time in which a row's φ stays at or above zero for more than {SLIDING_GAP} samples "
            "in a row and gets beyond T_s u⁺."),
     Metric("switching_rate_hz", lambda m: chattering.switching_rate(m.record), "switching rate [Hz]",
-           definition="How often per second the set of rows that act changes.", overall="switching rate [Hz]"),
+           definition="How often per second of the scenario's duration the set of rows that act changes.",
+           overall="switching rate [Hz]"),
     Metric("acceleration_variation", lambda m: chattering.variation(m.record), "acceleration variation [rad/s³]",
-           definition="Total variation of the commanded acceleration per second, Σ‖Δq̈_c‖ / duration.",
+           definition="Total variation of the commanded acceleration per second, Σ‖Δq̈_c‖ / duration: of the scenario's "
+           "duration, which all runs share, not of the time that a run takes beyond it.",
            overall="acceleration variation [rad/s³]",
            finding=("Least chattering (acceleration variation)", "rad/s³")),
     Metric("jerk_rms", lambda m: chattering.jerk_rms(m.record), "RMS jerk [rad/s³]",
-           definition="Root mean square of ‖Δq̈_c‖ / T_s."),
+           definition="Root mean square of ‖Δq̈_c‖ / T_s, over the scenario's duration."),
     Metric("step_time_median_us", lambda m: timing.step_time(m.record, np.median), "call, median [µs]", None,
            "Wall time of the call controller.command(rows, task) [µs], the same call for every law, shipped or own, "
            "with its checks of input and answer; without the first call. Laws with a compiled form answer it from "
@@ -141,7 +151,8 @@ ROW_METRICS = (
 
 TERMS = {
     "clearance": "Signed distance of a row to its boundary in its natural unit (px, rad, rad/s, m); positive where "
-    "allowed. Looked at in every sample and, near the boundary, at three instants inside each sampling period.",
+    "allowed. Looked at in every sample and, wherever it could come to zero at the rate at which it changes, inside "
+    "the sampling period: at three instants, and at more where it changes by much.",
     "usage": "1 − clearance / L, which is 1 on the boundary. L is half an allowed range or an obstacle's radius.",
     "active": "A row acts where it holds the arm back: the command makes its φ rise by less than tracking alone would "
     "from the same state (by more than 0.001 u⁺). What slows one row slows others as well: of the slowed rows, those "

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...formulas.tracking import goals_at
+from ...simulation.outcome import settling_times
 from .measured import Measured
 
 
 def settling_time(measured: Measured) -> float:
-    """From the last change of the goal until the goal is reached for good [s]; NaN if the run did not converge."""
+    """From the beginning of each goal until it is reached for good [s], added up; NaN if the run did not converge."""
     if measured.run.status != "converged":
         return float("nan")
     record, t = measured.record, measured.run.t
-    unsettled = np.flatnonzero(~record.settled)
-    first = unsettled[-1] + 1 if len(unsettled) else 0
-    return max(float(t[first]) - record.last_goal_time, 0.0)
+    goals = goals_at(record.goal_begins, t)
+    unsettled = [np.flatnonzero((goals == goal) & ~record.settled) for goal in range(len(record.goal_begins))]
+    unreached = np.array([samples[-1] if len(samples) else -1 for samples in unsettled])
+    return float(np.nansum(settling_times(unreached, record.goal_begins, len(t), record.Ts)))

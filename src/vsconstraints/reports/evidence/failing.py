@@ -64,9 +64,9 @@ def picked(material: Material, law: str) -> tuple[Any, Any] | None:
     runs = material.runs[(material.runs["controller"] == law) & ~material.runs["success"]]
     if runs.empty:
         return None
-    order = {"converged": 0, "unfinished": 1, "trapped": 2, "aborted": 3, "failed": 4}
+    order = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
     ordered = runs.assign(
-        depth=runs["violation_depth"].astype(float).fillna(0.0), ending=runs["status"].map(order).fillna(5)
+        depth=runs["violation_depth"].astype(float).fillna(0.0), ending=runs["status"].map(order).fillna(6)
     ).sort_values(["depth", "ending"], kind="stable")
     return ordered.iloc[(len(ordered) - 1) // 2], ordered.iloc[-1]
 

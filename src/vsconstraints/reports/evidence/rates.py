@@ -18,7 +18,7 @@ from .opening import success_cells
 from .standing import Standing, standing
 from .words import Share, of_scenes, percentage, where
 
-ENDINGS = ("trapped", "unfinished", "aborted", "failed")
+ENDINGS = ("slow", "trapped", "unfinished", "aborted", "failed")
 """How runs end that do not converge."""
 
 FAMILIES = 6

@@ -8,7 +8,7 @@ from ...comparisons import RunRecord
 from ...controllers import Controller, make_controller
 from ...errors import unknown_name
 from ...evidence import Evidence
-from ...simulation import Setup, simulate
+from ...simulation import Setup, simulate, until_settled
 
 
 def replay(folder: Path | str, family: str, scene: int, condition: str, controller: str) -> RunRecord:
@@ -40,7 +40,7 @@ def setup_of(evidence: Evidence, family: str, scene: int, condition: str) -> Set
     """What is simulated in a scene, with its own noise."""
     if family not in evidence.families:
         raise unknown_name("family", family, evidence.families)
-    return evidence.drawn(family, scene).setup(condition)
+    return until_settled(evidence.drawn(family, scene).setup(condition))
 
 
 def controller_of(evidence: Evidence, name: str) -> Controller:

@@ -16,8 +16,8 @@ ENDINGS = Figure(
     "endings",
     "how every scenario ended",
     "How every scenario ended. A number alone: converged inside the limits, and the utilization [%] (✓ where "
-    "tracking alone violated none). † and a number: outside, by that share of L [%]. T: trapped, U: unfinished, "
-    "A: aborted, F: failed. Blue stayed inside, yellow did not reach the goal, red was outside.",
+    "tracking alone violated none). † and a number: outside, by that share of L [%]. S: slow, T: trapped, "
+    "U: unfinished, A: aborted, F: failed. Blue stayed inside, yellow did not reach the goal, red was outside.",
     draw_endings,
 )
 """Drawn from :class:`~vsconstraints.reports.results.Results`."""

@@ -11,7 +11,7 @@ from ..numbers import largest, median, number
 from ..results import Line, Results, clean, violated
 from .heat_map import HeatMap, draw_heat_map
 
-LETTERS = {"trapped": "T", "aborted": "A", "failed": "F", "unfinished": "U"}
+LETTERS = {"slow": "S", "trapped": "T", "aborted": "A", "failed": "F", "unfinished": "U"}
 """Of statuses, where words have no room."""
 
 NARROW = 9

@@ -73,8 +73,7 @@ class View:
         """When the goal changes [s]."""
         if self.setup is not None:
             return [goal.from_time for goal in self.setup.task.goals[1:]]
-        last = max(run.last_goal_time for run in self.runs.values())
-        return [last] if last > 0.0 else []
+        return sorted({float(begin) for run in self.runs.values() for begin in run.goal_begins if begin > 0.0})
 
     def lines(self) -> Iterator[tuple[str, RunRecord, dict[str, Any]]]:
         """Every run and how its line looks: tracking alone thin and below, later ones thinner than earlier ones."""
