@@ -76,7 +76,6 @@ def test_scores_of_whole_runs() -> None:
     [
         ("case-study-6r", "cbf-filter", "converged", 14.0),
         ("case-study-6r", "potential-field", "trapped", 14.0),
-        ("panda-fov", "cbf-filter", "converged", 9.0),
     ],
 )
 def test_runs_go_on_until_they_settle(name: str, law: str, status: str, end: float) -> None:
