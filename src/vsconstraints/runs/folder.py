@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..errors import ConfigurationError
+from .checksums import demand_inside
 
 Kind = Literal["a comparison", "evidence", "a tuning"]
 
@@ -42,6 +43,7 @@ def held(folder: Path, kind: Kind) -> Iterator[None]:
         return
     try:
         _demand_nothing_else(path, kind)
+        demand_inside(path)
         path.mkdir(parents=True, exist_ok=True)
         lock = (path / LOCK).open("a+", encoding="utf-8")
     except (OSError, ValueError) as error:
