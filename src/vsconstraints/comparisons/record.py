@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
 
@@ -20,7 +20,6 @@ from ..runs.files import MOST_EXPANDED, read_arrays, write_arrays
 from ..runs.spec import RunSpec
 from ..simulation import Setup, Trajectory
 from ..simulation.trajectory import Outcome
-
 
 SAMPLE_MEMORY = 65_536.0
 """Bytes that a sample may take: thousands of rows and robot points."""
@@ -40,7 +39,7 @@ SHAPES = {
 """Axes of the arrays of a record: samples N, joints n, rows m, features k, markers M, robot points p."""
 
 FLAGS = ("active", "saturated", "settled")
-FACTS = {
+FACTS: dict[str, Any] = {
     **dict.fromkeys(("status", "reason", "fingerprint"), str),
     "fallbacks": int,
     "compiled": bool,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from .folder import (
     write_parts,
 )
 from .identity import differences, in_words
+from .shards import missing_scenes
 from .stored import Evidence
 from .trajectories import chosen, trajectory_file
 
@@ -43,9 +44,6 @@ OWN = (
     "machine",
 )
 """Of a manifest: what may differ from folder to folder."""
-
-MOST_NAMED = 5
-"""Ranges of scenes that a message names."""
 
 
 @dataclass(frozen=True)
@@ -166,30 +164,11 @@ def _demand_all(sources: Sequence[_Source], manifests: Mapping[Path, Mapping[str
     configuration = next(iter(manifests.values()))["configuration"]
     shards = [tuple(manifest.get("shard", (1, 1))) for manifest in manifests.values()]
     missing = [f"shard {i}/{n}" for n in {n for _, n in shards} for i in range(1, n + 1) if (i, n) not in shards]
-    lost = []
-    for family in configuration["families"]:
-        there = {number for source in sources if source.facts.family == family for number in source.facts.scenes}
-        lost += [f"{family} {first}–{last}" for first, last in _ranges(set(range(configuration["scenes"])) - there)]
+    lost = missing_scenes(configuration, [source.facts for source in sources], range(configuration["scenes"]))
     if lost:
-        named = f"{', '.join(lost[:MOST_NAMED])}{' and more' if len(lost) > MOST_NAMED else ''}"
         which = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing" if missing else ""
         unfinished = "an interrupted command goes on when it is given again"
-        raise ConfigurationError(f"{which or 'not all is done'}: scenes {named} are not there; {unfinished}")
-
-
-def _ranges(numbers: set[int]) -> Iterator[tuple[int, int]]:
-    """First and last of numbers that follow each other."""
-    first = last = None
-    for number in sorted(numbers):
-        if first is None or last is None:
-            first = last = number
-        elif number == last + 1:
-            last = number
-        else:
-            yield first, last
-            first = last = number
-    if first is not None and last is not None:
-        yield first, last
+        raise ConfigurationError(f"{which or 'not all is done'}: scenes {lost} are not there; {unfinished}")
 
 
 def _each_once(sources: Sequence[_Source]) -> list[tuple[_Source, list[int]]]:

@@ -63,9 +63,7 @@ def write(path: Path, lines: Any, facts: Mapping[str, Any]) -> None:
     """Write a table whole or not at all; raises OSError."""
     text = json.dumps(facts, ensure_ascii=False, default=str).encode("utf-8", "backslashreplace")
     with replaced(path) as part:
-        pq.write_table(
-            lines.replace_schema_metadata({FACTS: text}), part, compression="zstd", write_page_checksum=True
-        )
+        pq.write_table(lines.replace_schema_metadata({FACTS: text}), part, compression="zstd", write_page_checksum=True)
 
 
 def is_whole(path: Path) -> bool:

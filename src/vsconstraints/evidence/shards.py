@@ -17,6 +17,9 @@ from .folder import MARK, Facts, shard_file
 MOST_ROWS = 1000
 """Rows that a run may have in a shard."""
 
+MOST_NAMED = 5
+"""Ranges of scenes that a message names."""
+
 KEYS = ["family", "condition", "half", "scene", "controller"]
 
 SAME = ("seed", "half", "code", "packages", "scenes_in")
@@ -47,6 +50,30 @@ def demand_planned(folder: Path, names: Iterable[str], manifest: Mapping[str, An
                 raise ConfigurationError(f"{path}, a shard: {other} has scene {scene} of {facts.family}, too")
         every[name] = facts
     return every
+
+
+def missing_scenes(configuration: Mapping[str, Any], shards: Iterable[Facts], wanted: range) -> str:
+    """Families with those of the wanted scenes that no shard has, in words; empty if none is missing."""
+    there: dict[str, set[int]] = {name: set() for name in configuration["families"]}
+    for facts in shards:
+        there[facts.family].update(facts.scenes)
+    lost = [f"{name} {first}–{last}" for name, own in there.items() for first, last in _ranges(set(wanted) - own)]
+    return f"{', '.join(lost[:MOST_NAMED])}{' and more' if len(lost) > MOST_NAMED else ''}"
+
+
+def _ranges(numbers: set[int]) -> Iterator[tuple[int, int]]:
+    """First and last of numbers that follow each other."""
+    first = last = None
+    for number in sorted(numbers):
+        if first is None or last is None:
+            first = last = number
+        elif number == last + 1:
+            last = number
+        else:
+            yield first, last
+            first = last = number
+    if first is not None and last is not None:
+        yield first, last
 
 
 def _foreign(facts: Facts, manifest: Mapping[str, Any]) -> Iterator[str]:

@@ -77,7 +77,10 @@ class Evidence:
         """The families as they were run, by name."""
         stored = self.manifest["configuration"]["families"]
         # folders of shipped families, which differ from machine to machine, are stored as seen from theirs
-        return {name: Family(name, entry["tables"], SHIPPED / entry["folder"], self.trusted) for name, entry in stored.items()}
+        return {
+            name: Family(name, entry["tables"], SHIPPED / entry["folder"], self.trusted)
+            for name, entry in stored.items()
+        }
 
     @property
     def conditions(self) -> tuple[str, ...]:

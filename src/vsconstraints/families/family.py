@@ -12,8 +12,8 @@ from typing import Any
 from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
 from ..plugins import beside
 from ..scenarios import Scenario
-from ..scenarios.scenario import demand_data
 from ..scenarios.reading import Table, demand_table
+from ..scenarios.scenario import demand_data
 from ..scenarios.toml import file_named, read_toml
 from ..simulation import Setup
 from .arrival import least_time

@@ -77,7 +77,7 @@ def compare(
             )
         if finished.interrupted:
             raise KeyboardInterrupt
-        comparison = Comparison(StoredComparison.load(folder), (*notes, *suite.remarks()))
+        comparison = Comparison(StoredComparison.load(folder, trust=True), (*notes, *suite.remarks()))
     except BaseException:
         if out is None:
             shutil.rmtree(folder, ignore_errors=True)

@@ -15,7 +15,6 @@ import numpy as np
 
 from ..errors import StorageError
 
-
 MOST_EXPANDED = 2e9
 """Bytes of the arrays of a file; a run may take as much memory."""
 
