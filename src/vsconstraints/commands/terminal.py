@@ -63,7 +63,7 @@ Trust = Annotated[
     bool,
     typer.Option(
         "--trust",
-        help="Run the code that stored results name as module:Class, to draw what needs it; else none of it is imported.",
+        help="Run code that the stored results name as module:Class, to draw what needs it; else none is imported.",
     ),
 ]
 

@@ -127,11 +127,11 @@ class Difference:
     def problems(self) -> list[str]:
         """A sentence for each kind, with the first few files."""
         kinds = {
-            "is not what was stored (its checksum differs)": self.changed,
-            "is missing": self.missing,
-            f"is not in {SUMS}, so that it was put there later, or by a command that was ended": self.unknown,
+            "not what was stored (checksums differ)": self.changed,
+            "missing": self.missing,
+            f"not in {SUMS} (put there later, or by a command that was ended)": self.unknown,
         }
-        return [f"{_named(names)} {what}" for what, names in kinds.items() if names]
+        return [f"{what}: {_named(names)}" for what, names in kinds.items() if names]
 
 
 def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_there: bool = False) -> str:
@@ -165,13 +165,13 @@ def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_th
             "give the command again that made it"
         )
     if found.unknown and not finished:
-        return f"{folder} is not finished: {_named(found.unknown)} carries no checksum yet"
+        return f"{folder} is not finished, without checksums yet: {_named(found.unknown)}"
     return ""
 
 
 def _named(names: tuple[str, ...]) -> str:
     more = len(names) - MOST_NAMED
-    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more, each of which" if more > 0 else "")
+    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def demand_inside(folder: Path) -> None:
