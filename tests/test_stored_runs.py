@@ -22,6 +22,7 @@ from vsconstraints.errors import ConfigurationError, StorageError
 from vsconstraints.reports import write_report
 from vsconstraints.reports.drawing import Drawn, scenario_jobs, stored_runs
 from vsconstraints.reports.results import Results
+from vsconstraints.runs.checksums import SUMS
 from vsconstraints.runs.machine import package_versions
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -283,6 +284,7 @@ def test_figures_show_no_run_that_the_tables_do_not_have(tmp_path: Path) -> None
     compare(suite, tmp_path, workers=1)
     lines = read_table(tmp_path / "results.csv")
     write_table(tmp_path / "results.csv", RESULT_COLUMNS, lines[:1])
+    (tmp_path / SUMS).unlink()
     from vsconstraints.comparisons import StoredComparison
 
     (job,) = scenario_jobs(Results(StoredComparison.load(tmp_path)))

@@ -25,7 +25,7 @@ def verify(
         raise ConfigurationError(f"{folder} holds no comparison and no campaign")
     whole, problems = _evidence(folder) if kind == "evidence" else _comparison(folder)
     for problem in problems:
-        errors.print(f"{folder}: {problem}")
+        errors.print(problem if problem.startswith(str(folder)) else f"{folder}: {problem}")
     if problems:
         raise typer.Exit(NOTHING_DONE)
     console.print(f"{folder} is whole: {whole}.")

@@ -163,7 +163,7 @@ def _demand_shapes(values: Mapping[str, Any], samples: float) -> None:
     for name, axes in SHAPES.items():
         value = values[name]
         shape = (len(value),) if isinstance(value, tuple) else value.shape
-        if not isinstance(value, tuple) and value.dtype != (np.bool_ if name in FLAGS else np.float64):
+        if not isinstance(value, tuple) and value.size and value.dtype != (np.bool_ if name in FLAGS else np.float64):
             raise TypeError(f"{name} are no numbers")
         if len(shape) != len(axes):
             raise ValueError(f"{name} has the shape {shape}")
