@@ -21,8 +21,8 @@ import sys
 import tempfile
 import zipfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -35,9 +35,10 @@ import typer
 from vsconstraints.commands.verify import verify
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.folder import stored_files as files_of_comparison
+from vsconstraints.comparisons.record import SHAPES
 from vsconstraints.difference.difference import Question, difference
 from vsconstraints.errors import VsconstraintsError
-from vsconstraints.evidence import TABLES, Campaign, Evidence, Plan, collect, merge, parquet, processes
+from vsconstraints.evidence import TABLES, Campaign, Evidence, Plan, collect, merge, parquet
 from vsconstraints.evidence.folder import stored_files as files_of_campaign
 from vsconstraints.replay.asked import asked_for
 from vsconstraints.reports import write_report
@@ -78,6 +79,17 @@ scenes = 2
 
 Change = Callable[[Path, random.Random], None]
 """Changes a file, or what lies beside it, in place."""
+
+
+class Here:
+    """Workers that are this process."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+
+    def run(self, calls: Mapping[Any, tuple[Any, ...]], *_: object, **__: object) -> Iterator[tuple[Any, Any]]:
+        """What each call comes to."""
+        return ((key, self.function(*arguments)) for key, arguments in calls.items())
 
 
 @dataclass
@@ -137,14 +149,14 @@ class Made:
     files
         What they consist of.
     numbers
-        A hash of all numbers and texts that readers take from a folder.
+        Hashes of all numbers and texts that readers take from a folder, those of each trajectory that is there apart.
     read
         What readers do with a folder, by what it is called, and in one of how many copies.
     """
 
     folder: Path
     files: Callable[[Path], list[Path]]
-    numbers: Callable[[Path], str]
+    numbers: Callable[[Path], dict[str, str]]
     read: dict[str, tuple[int, Callable[[Path], object]]]
 
 
@@ -154,20 +166,16 @@ def comparison(root: Path) -> Made:
     suite = Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=settings)
     compare(suite, root / "comparison", workers=0)
 
-    def numbers(folder: Path) -> str:
+    def numbers(folder: Path) -> dict[str, str]:
         stored = StoredComparison.load(folder)
-        records = [
-            stored.run(str(line["scenario"]), str(line["controller"]), int(line["trial"])) for line in stored.results
-        ]
-        arrays = [
-            (name, np.asarray(value).tobytes())
-            for record in records
-            if record is not None
-            for part in (record, record.trajectory)
-            for name, value in vars(part).items()
-            if name not in ("trajectory", "files")
-        ]
-        return _hash((stored.manifest, stored.results, stored.constraints, arrays))
+        found = {"tables": _hash((stored.manifest, stored.results, stored.constraints))}
+        for line in stored.results:
+            key = str(line["scenario"]), str(line["controller"]), int(line["trial"])
+            record = stored.run(*key)
+            if record is not None:
+                parts = {**vars(record), **vars(record.trajectory)}
+                found[str(key)] = _hash([(name, np.asarray(parts[name]).tobytes()) for name in SHAPES])
+        return found
 
     file = "example-2d-fov--sliding-mode--1.npz"
     return Made(
@@ -188,12 +196,13 @@ def campaign(root: Path) -> Made:
     """A campaign of a law in two scenes, some of its trajectories kept."""
     (root / "quick.toml").write_text(FAMILY)
     (root / "small.toml").write_text(CAMPAIGN)
-    collect(Campaign.load(root / "small.toml"), root / "campaign", Plan(keep="first", workers=processes(1)))
+    here = Plan(keep="first", workers=lambda function: nullcontext(Here(function)))
+    collect(Campaign.load(root / "small.toml"), root / "campaign", here)
 
-    def numbers(folder: Path) -> str:
+    def numbers(folder: Path) -> dict[str, str]:
         evidence = Evidence.load(folder)
         tables = [getattr(evidence, name).to_json(double_precision=15) for name in TABLES]
-        return _hash((evidence.manifest, tables))
+        return {"tables": _hash((evidence.manifest, tables))}
 
     def merged(folder: Path) -> None:
         merge(folder / "merged", [folder])
@@ -340,7 +349,7 @@ def _archive(path: Path, chance: random.Random) -> None:
         facts = json.loads(str(arrays["facts"]))
         facts[chance.choice(list(facts))] = chance.choice(ODD)
         arrays["facts"] = np.array(json.dumps(facts).encode("utf-8", "backslashreplace").decode())
-    elif what == 4:
+    elif what == 4 and chance.random() < 0.1:
         arrays[name] = np.zeros((3, 200_000_000 // 3), dtype=np.bool_)
     else:
         arrays[name] = np.full(arrays[name].shape, np.nan)
@@ -416,7 +425,7 @@ class Fuzz:
         before = dict(_listing(self.root, folder.parent))
         with self.watch.over(folder.parent) as did:
             for name, read in {"numbers": made.numbers, **readers}.items():
-                problem = self._read(read, folder, stored if name == "numbers" and seen else "")
+                problem = self._read(read, folder, stored if name == "numbers" and seen else None)
                 if problem:
                     yield f"{what}; {name}: {problem}"
         if did:
@@ -427,7 +436,7 @@ class Fuzz:
         if dict(_listing(self.root, folder.parent)) != before:
             yield f"{what}: something changed outside the folder"
 
-    def _read(self, read: Callable[[Path], object], folder: Path, expected: str) -> str:
+    def _read(self, read: Callable[[Path], object], folder: Path, expected: dict[str, str] | None) -> str:
         """What a reader should not have done."""
         signal.alarm(LIMIT)
         try:
@@ -443,7 +452,8 @@ class Fuzz:
         finally:
             signal.alarm(0)
         self.outcomes["read"] += 1
-        return "other numbers, and nobody said so" if expected and found != expected else ""
+        same = expected is None or (isinstance(found, dict) and "tables" in found and found.items() <= expected.items())
+        return "" if same else "other numbers, and nobody said so"
 
 
 def _listing(root: Path, but: Path) -> Iterator[tuple[str, tuple[int, int]]]:
