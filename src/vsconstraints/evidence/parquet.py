@@ -120,6 +120,7 @@ def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] 
     ConfigurationError
         if one of them cannot be read, or holds other columns.
     """
+    known = {column.name for column in columns}
     columns = [column for column in columns if names is None or column.name in names]
     wanted = schema(columns)
     found = [wanted.empty_table()]
@@ -128,10 +129,12 @@ def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] 
             # a file by itself: nothing is taken from the names of its folders
             with pq.ParquetFile(path, page_checksum_verification=True) as file:
                 _demand_bounded(file.metadata)
+                unknown = set(file.schema_arrow.names) - known
                 lines = file.read(wanted.names).replace_schema_metadata()
             lines.validate(full=True)
             for column in columns:
-                if column.added and column.name not in lines.column_names:
+                # what has another one in its place is damaged, not old
+                if column.added and column.name not in lines.column_names and not unknown:
                     lines = lines.append_column(column.name, pa.nulls(len(lines), _TYPES[column.kind]))
             found.append(lines.select(wanted.names).cast(wanted))
         except UNREADABLE as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +42,7 @@ def demand_planned(folder: Path, names: Iterable[str], manifest: Mapping[str, An
         facts, path = found[0], shard_file(folder, MARK, name)
         if any(other != facts for other in found):
             raise ConfigurationError(f"{path} and its parts in other tables say different things of themselves")
-        for problem in (*_foreign(facts, manifest), *_wrong_lines(folder, name, facts, manifest["configuration"])):
+        for problem in chain(_foreign(facts, manifest), _wrong_lines(folder, name, facts, manifest["configuration"])):
             raise ConfigurationError(f"{path}, a shard: {problem}; {MANIFEST} does not ask for that")
         for scene in facts.scenes:
             other = owner.setdefault((facts.family, scene), name)

@@ -54,7 +54,7 @@ def most_samples(tables: Mapping[str, Any]) -> float:
     """
     try:
         return 1000.0 + 2.0 * float(tables["duration"]) / float(tables["sampling_time"])
-    except (KeyError, TypeError, ValueError, ZeroDivisionError):  # a family may draw them
+    except (KeyError, TypeError, ValueError, ArithmeticError):  # a family may draw them
         return math.inf
 
 
@@ -62,5 +62,5 @@ def run_limit(tables: Mapping[str, Any]) -> float:
     """How long the run of a scenario may take [s], from its ``duration`` and ``sampling_time``."""
     try:
         return LEAST_LIMIT + LIMIT_PER_SAMPLE * float(tables["duration"]) / float(tables["sampling_time"])
-    except (KeyError, TypeError, ValueError, ZeroDivisionError):  # it is said where the scenario is built
+    except (KeyError, TypeError, ValueError, ArithmeticError):  # it is said where the scenario is built
         return LEAST_LIMIT
