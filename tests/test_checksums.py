@@ -132,7 +132,7 @@ def test_a_command_that_is_killed_leaves_what_can_be_read_and_gone_on_with(
             return real(*arguments)
 
         with monkeypatch.context() as patch:
-            for name in ("write_json", "write_table", "append_lines", "add_sums", "begin_sums", "seal"):
+            for name in ("write_json", "write_table", "append_lines", "add_sums", "remove_changed", "seal"):
                 real = getattr(sys.modules["vsconstraints.comparisons.runner"], name)
                 patch.setattr(
                     f"vsconstraints.comparisons.runner.{name}",
@@ -294,6 +294,22 @@ def test_no_flipped_bit_of_a_shard_gives_other_numbers_even_without_sums(
             refused += 1
         path.write_bytes(whole)
     assert refused > 100
+
+
+def test_a_command_that_is_refused_leaves_checksums_alone(
+    parts: tuple[Campaign, Path], chosen: Path, tmp_path: Path
+) -> None:
+    one, two = shutil.copytree(parts[1] / "1", tmp_path / "1"), shutil.copytree(chosen, tmp_path / "2")
+    old = shutil.copytree(one, tmp_path / "old", ignore=shutil.ignore_patterns(SUMS))
+    for folder in (one, old):
+        before = recorded(folder)
+        with pytest.raises(ConfigurationError, match="another campaign"):
+            collect(parts[0].select(settings=["seed=9"]), folder, HERE)
+        assert recorded(folder) == before
+    before = recorded(two)
+    with pytest.raises(ConfigurationError, match="another comparison"):
+        compare(suite("scenario.duration=0.06"), two, workers=0)
+    assert recorded(two) == before
 
 
 def test_verifying_names_what_is_not_there(parts: tuple[Campaign, Path], chosen: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 from ..errors import described
 from ..kernels import prepare
 from ..provenance import Files, digests, imported, noted
-from ..runs.checksums import SUMS, TRAJECTORIES, add_sums, begin_sums, seal
+from ..runs.checksums import SUMS, TRAJECTORIES, add_sums, remove_changed, seal
 from ..runs.files import storing, write_json
 from ..runs.folder import MANIFEST, held
 from ..runs.machine import made_by
@@ -124,7 +124,8 @@ def compare(
             (folder / TRAJECTORIES).mkdir(exist_ok=True)
             if fresh:
                 (folder / SUMS).unlink(missing_ok=True)
-            begin_sums(folder, (folder / TRAJECTORIES).glob("*.npz"))
+            remove_changed(folder, (folder / TRAJECTORIES).glob("*.npz"))
+            seal(folder, (folder / TRAJECTORIES).glob("*.npz"))
             write_json(folder / MANIFEST, manifest)
             for name in TABLES if fresh else ():
                 (folder / name).unlink(missing_ok=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError
-from ..runs.checksums import SUMS, TRAJECTORIES, add_sums, begin_sums
+from ..runs.checksums import SUMS, TRAJECTORIES, add_sums, remove_changed
 from ..runs.folder import MANIFEST
 from ..runs.machine import machine
 from ..scenarios.reading import made
@@ -67,7 +67,7 @@ def shard_names(folder: Path) -> list[str]:
 
 
 def stored_files(folder: Path) -> list[Path]:
-    """The files that a campaign consists of, reports apart, where they are there: its trajectories come last."""
+    """The files that a campaign consists of, reports apart, where they are there: the manifest, then those that stay."""
     shards = (path for table in TABLES for path in sorted((folder / table).glob("part-*.parquet")))
     return [folder / MANIFEST, *shards, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
 
@@ -137,7 +137,7 @@ def _remove_unfinished(folder: Path) -> None:
     """Parts of a shard that has no mark, or that are not as they were stored, and files that were not written whole."""
     for path in list(folder.rglob("*.part")):
         path.unlink(missing_ok=True)
-    begin_sums(folder, (path for path in stored_files(folder) if path.name != MANIFEST))
+    remove_changed(folder, stored_files(folder)[1:])
     for name in shard_names(folder):
         parts = [shard_file(folder, table, name) for table in TABLES]
         if not all(path.is_file() and parquet.is_whole(path) for path in parts):

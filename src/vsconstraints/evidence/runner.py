@@ -104,6 +104,7 @@ def collect(
         # of a command that finds all done, these stay what they were
         manifest |= {name: value for name, value in manifest_of(folder).items() if name in OF_WORK}
         with storing("evidence", folder):
+            seal(folder, stored_files(folder)[1:])
             write_json(folder / MANIFEST, manifest)
         stored = sum(map(len, there.scenes.values()))
         progress = Progress(stored + sum(len(task.scenes) for task in tasks.values()), stored, stored)

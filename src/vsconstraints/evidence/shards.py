@@ -22,7 +22,7 @@ MOST_NAMED = 5
 
 KEYS = ["family", "condition", "half", "scene", "controller"]
 
-SAME = ("seed", "half", "code", "packages", "scenes_in")
+SAME = ("seed", "half", "code", "scenes_in")
 """What an identity and a manifest both say."""
 
 

@@ -77,23 +77,25 @@ def add_sums(folder: Path, paths: Iterable[Path]) -> None:
 
 
 def seal(folder: Path, paths: Iterable[Path]) -> None:
-    """Record all files of results, those that were not when they came; raises OSError."""
+    """Record these files and no other, which are all that will not be written again; raises OSError.
+
+    Those that are recorded are not read once more.
+    """
     known, every = recorded(folder) or {}, list(paths)
     fresh = digests(folder, (path for path in every if path.relative_to(folder).as_posix() not in known))
     names = (path.relative_to(folder).as_posix() for path in every if path.is_file())
     write_sums(folder, {name: known.get(name) or fresh[name] for name in names})
 
 
-def begin_sums(folder: Path, paths: Iterable[Path]) -> None:
-    """Record of files that will not be written again those that are as they were stored, and remove others.
+def remove_changed(folder: Path, paths: Iterable[Path]) -> None:
+    """Remove files that are not as they were stored, which a command is to make again; raises OSError.
 
-    Where nothing is recorded yet, all are taken as they are. Raises OSError.
+    Where nothing is recorded, all are taken as they are.
     """
-    sums, found = recorded(folder), digests(folder, paths)
-    for name, digest in found.items():
-        if sums is not None and sums.get(name) != digest:
-            (folder / name).unlink()
-    write_sums(folder, {name: digest for name, digest in found.items() if sums is None or sums.get(name) == digest})
+    if (sums := recorded(folder)) is not None:
+        for name, digest in digests(folder, paths).items():
+            if sums.get(name) != digest:
+                (folder / name).unlink()
 
 
 def _text(sums: Mapping[str, str]) -> str:
