@@ -67,7 +67,7 @@ def shard_names(folder: Path) -> list[str]:
 
 
 def stored_files(folder: Path) -> list[Path]:
-    """The files that a campaign consists of, reports apart, where they are there: the manifest, then those that stay."""
+    """The files that a campaign consists of, reports apart: its manifest, then those that are written once."""
     shards = (path for table in TABLES for path in sorted((folder / table).glob("part-*.parquet")))
     return [folder / MANIFEST, *shards, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
 

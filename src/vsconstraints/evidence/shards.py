@@ -98,11 +98,11 @@ def _foreign(facts: Facts, manifest: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _without_files(controllers: Any) -> Any:
-    """Laws and options of an identity, without what the files of own ones hold."""
+    """Laws and options of an identity, without what files of own ones hold and which packages they use."""
     if not isinstance(controllers, dict):
         return controllers
     return {
-        name: {key: value for key, value in entry.items() if not key.startswith("file ")}
+        name: {key: value for key, value in entry.items() if not key.startswith(("file ", "package "))}
         if isinstance(entry, dict)
         else entry
         for name, entry in controllers.items()
