@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,7 +12,7 @@ from ..controllers import CONTROLLERS, make_controller
 from ..errors import ConfigurationError, VsconstraintsError, shown
 from ..plugins import code_named, untrusted
 from ..runs.checksums import demand_inside, demand_unchanged
-from ..runs.folder import manifest_of
+from ..runs.folder import manifest_of, read_manifest
 from ..runs.resources import most_samples
 from ..scenarios import SHIPPED, Scenario
 from ..scenarios.reading import Table, checked, demand_table, made, parameters
@@ -114,7 +113,7 @@ class StoredComparison:
 def _manifest(path: Path) -> dict[str, Any]:
     """What a manifest says; raises ConfigurationError if something in it is not what a comparison writes there."""
     try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
+        manifest = read_manifest(path)
     except (OSError, ValueError, RecursionError) as error:
         raise ConfigurationError(f"{path} cannot be read: {error}") from error
     read = part(_Manifest, manifest, str(path))
@@ -135,7 +134,7 @@ def _manifest(path: Path) -> dict[str, Any]:
 
 def _known_options(name: str, controller: Table, where: str) -> None:
     """Raise ConfigurationError if a registered law cannot be made with these options; own laws may be elsewhere."""
-    kind = controller.get("type", name)
+    kind = checked(controller.get("type", name), str, where, "type")
     if kind not in CONTROLLERS:
         return
     try:

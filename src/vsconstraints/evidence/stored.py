@@ -18,7 +18,7 @@ from ..runs.checksums import TRAJECTORIES, demand_inside, demand_unchanged
 from ..runs.folder import MANIFEST, kind_of, manifest_of
 from ..runs.keep import Keep
 from ..runs.resources import most_samples
-from ..scenarios.reading import Table, demand_table
+from ..scenarios.reading import Table, checked, demand_table
 from ..simulation.trajectory import Outcome
 from . import parquet
 from .campaign import MOST_SCENES
@@ -157,7 +157,8 @@ def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
         conditions = part(_Family, entry, f"{where}.families.{name}").conditions
         demand_stored_names("condition", conditions, f"{where}.families.{name}")
     for name, entry in configuration.controllers.items():
-        demand_table(entry, f"{where}.controllers.{name}")
+        at = f"{where}.controllers.{name}"
+        checked(demand_table(entry, at).get("type", name), str, at, "type")
 
 
 @dataclass(frozen=True)
