@@ -284,7 +284,8 @@ def test_other_code_is_refused_and_fresh_replaces(
     small, out = whole
     one = replace(small, scenes=1)
     collect(one, tmp_path / "a", HERE)
-    monkeypatch.setattr("vsconstraints.evidence.identity.code_hash", lambda: "of another day")
+    for module in ("evidence.identity", "runs.machine"):
+        monkeypatch.setattr(f"vsconstraints.{module}.code_hash", lambda: "of another day")
     with pytest.raises(ConfigurationError, match="the package's source differs"):
         collect(one, tmp_path / "a", HERE)
     assert collect(one, tmp_path / "a", replace(HERE, fresh=True)).progress.runs == 6
