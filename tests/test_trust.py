@@ -355,7 +355,7 @@ def test_whatever_a_text_says_a_report_asks_nobody(real: Path, tmp_path: Path) -
     page = page_of(report).read_text(encoding="utf-8")
     elements = html5lib.parse(page, namespaceHTMLElements=False).iter()
     asked = [str(one.get(name)) for one in elements for name in ("src", "href", "srcset", "style") if one.get(name)]
-    assert not [address for address in asked if "bait" in address], asked
+    assert not [address for address in asked if BAIT in address], asked
     assert "default-src 'none'" in page
 
 
