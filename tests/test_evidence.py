@@ -36,6 +36,7 @@ from vsconstraints.evidence import (
 )  # fmt: skip
 from vsconstraints.evidence import folder as folders
 from vsconstraints.evidence.task import Work
+from vsconstraints.runs.checksums import SUMS
 from vsconstraints.runs.pool import Failure
 from vsconstraints.runs.spec import ControllerSpec
 from vsconstraints.simulation import simulate
@@ -229,6 +230,7 @@ def test_folders_from_before_a_column_was_there_are_read(whole: tuple[Campaign, 
         path = folders.shard_file(tmp_path, "scenes", name)
         lines = folders.parquet.read([path], TABLES["scenes"]).drop_columns(["least_time_s", "duration_s"])
         folders.parquet.write(path, lines, folders.parquet.facts_of(path))
+    (tmp_path / SUMS).unlink()  # which such folders do not have either
     earlier, now = tables(tmp_path)["scenes"], tables(out)["scenes"][:2]
     assert now["least_time_s"].notna().all()
     assert earlier["least_time_s"].isna().all()
@@ -282,7 +284,8 @@ def test_other_code_is_refused_and_fresh_replaces(
     small, out = whole
     one = replace(small, scenes=1)
     collect(one, tmp_path / "a", HERE)
-    monkeypatch.setattr("vsconstraints.evidence.identity.code_hash", lambda: "of another day")
+    for module in ("evidence.identity", "runs.machine"):
+        monkeypatch.setattr(f"vsconstraints.{module}.code_hash", lambda: "of another day")
     with pytest.raises(ConfigurationError, match="the package's source differs"):
         collect(one, tmp_path / "a", HERE)
     assert collect(one, tmp_path / "a", replace(HERE, fresh=True)).progress.runs == 6

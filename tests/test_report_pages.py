@@ -125,7 +125,7 @@ def test_nothing_from_elsewhere_runs(pieces: list[str]) -> None:
 
 def test_a_scenario_called_like_a_script_is_shown_as_it_is_called(tmp_path: Path) -> None:
     name = "<script>stolen = 1</script>"
-    lines = [result("sliding-mode", name, reason="<img src=x onerror=stolen>", status="failed")]
+    lines = [result("sliding-mode", reason="<img src=x onerror=stolen>", status="failed")]
     report = write_report(made(tmp_path, lines, tables={"title": name}), figures=False)
     page = page_of(report).read_text(encoding="utf-8")
     found = list(elements(page))

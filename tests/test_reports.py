@@ -34,6 +34,7 @@ from vsconstraints.reports.markdown import code, plain, table
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.results import Results
 from vsconstraints.reports.rows_shown import MOST_LANES, MOST_PHI, acting_in, lane_rows, lanes_left_out, phi_rows
+from vsconstraints.runs.checksums import SUMS
 
 COMPETITORS = ("sliding-mode", "potential-field")
 
@@ -50,8 +51,8 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def copy(real: Path, tmp_path: Path) -> Path:
-    """The same comparison, to be damaged."""
-    return shutil.copytree(real, tmp_path / "copy")
+    """The same comparison, to be damaged, without the checksums that would tell."""
+    return shutil.copytree(real, tmp_path / "copy", ignore=shutil.ignore_patterns(SUMS))
 
 
 def result(controller: str, scenario: str = "one", trial: int = 0, **changes: Any) -> dict[str, Any]:

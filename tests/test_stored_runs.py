@@ -22,6 +22,7 @@ from vsconstraints.errors import ConfigurationError, StorageError
 from vsconstraints.reports import write_report
 from vsconstraints.reports.drawing import Drawn, scenario_jobs, stored_runs
 from vsconstraints.reports.results import Results
+from vsconstraints.runs.checksums import SUMS
 from vsconstraints.runs.machine import package_versions
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -283,6 +284,7 @@ def test_figures_show_no_run_that_the_tables_do_not_have(tmp_path: Path) -> None
     compare(suite, tmp_path, workers=1)
     lines = read_table(tmp_path / "results.csv")
     write_table(tmp_path / "results.csv", RESULT_COLUMNS, lines[:1])
+    (tmp_path / SUMS).unlink()
     from vsconstraints.comparisons import StoredComparison
 
     (job,) = scenario_jobs(Results(StoredComparison.load(tmp_path)))
@@ -341,12 +343,17 @@ def test_tables_that_cannot_be_written_are_an_error_that_keeps_what_is_there(tmp
     assert len(read_table(tmp_path / "results.csv")) == 1
 
 
-def test_a_report_that_does_not_fit_leaves_the_one_before(tmp_path: Path) -> None:
+def test_a_report_that_does_not_fit_leaves_the_one_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     suite = Suite.load().select(["example-2d-fov"], ["tracking"], settings=["scenario.duration=0.05"])
     compare(suite, tmp_path, workers=1)
     report = write_report(tmp_path)
     before = report.read_bytes()
-    (tmp_path / "report.md.part").symlink_to("/dev/full")
+
+    def full(path: Path, *arguments: object, **options: object) -> int:
+        path.touch()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
     with pytest.raises(StorageError, match=r"the report cannot be written .*No space left on device"):
         write_report(tmp_path)
     assert report.read_bytes() == before

@@ -40,6 +40,7 @@ from .commands.terminal import (
     typed_command,
 )
 from .commands.tune import tune
+from .commands.verify import verify
 from .errors import StorageError, VsconstraintsError, WorkersLost, unknown_name
 from .runs.signals import INTERRUPTS, exit_code, obey_signals, signal_of
 
@@ -105,7 +106,7 @@ def compare(
     from .runs.keep import demand_keep
 
     kept = demand_keep(keep)
-    asked = Asked(figures, all_figures, formats, latex, replays=replays)
+    asked = Asked(figures, all_figures, formats, latex, replays, trust=True)
     chosen = Suite.load(suite).select(scenario or (), controller or (), seed, settings or ())
     for remark in chosen.remarks():
         errors.print(f"note: {remark}")
@@ -210,7 +211,7 @@ def study(
 
 
 GROUPS: dict[str, dict[str, Callable[..., None]]] = {
-    "Laws in a few scenes": {"compare": compare, "list": list_, "report": report, "diff": diff},
+    "Laws in a few scenes": {"compare": compare, "list": list_, "report": report, "diff": diff, "verify": verify},
     "A look at a scene, or at a run of it": {"preview": preview, "replay": replay, "frames": frames},
     "On an arm": {"run": run},
     "The paper, and general questions": {"reproduce": reproduce, "study": study},

@@ -6,13 +6,13 @@ import importlib
 import importlib.util
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import chdir, contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import TypeVar, cast
 
-from .errors import ConfigurationError, described
+from .errors import ConfigurationError, described, shown
 from .provenance import noted_import
 
 Base = TypeVar("Base")
@@ -84,6 +84,24 @@ def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
             origin = spec.origin if spec is not None and spec.has_location else None
             found += [Path(path) for path in (file, origin) if path is not None]
     return found
+
+
+def code_named(tables: object, typed: bool = False) -> Iterator[str]:
+    """Every ``module:Class`` that nested tables name as the ``type`` of something."""
+    if isinstance(tables, Mapping):
+        for key, inner in tables.items():
+            yield from code_named(inner, typed or key == "type")
+    elif isinstance(tables, list | tuple):
+        for inner in tables:
+            yield from code_named(inner, typed)
+    elif typed and isinstance(tables, str) and ":" in tables:
+        yield tables
+
+
+def untrusted(what: str, names: Iterable[str]) -> ConfigurationError:
+    """Error for what cannot be had of stored results since it takes code that they name, which reading does not run."""
+    code = ", ".join(map(shown, dict.fromkeys(names)))
+    return ConfigurationError(f"{what} needs code that is named there, {code}: it runs with --trust alone (trust=True)")
 
 
 def _parts(name: str) -> tuple[str, str]:

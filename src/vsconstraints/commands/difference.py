@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import ConfigurationError, shown
-from .terminal import console
+from .terminal import console, note
 
 GOT_WORSE = 1
 
@@ -46,6 +46,9 @@ def diff(
     renamed = dict(_renaming(text) for text in rename or ())
     question = Question(metric or (), strict, TOLERANCE if tolerance is None else tolerance, renamed)
     found = difference(a, b, question)
+    for side in (found.a, found.b):
+        for remark in side.remarks:
+            note(remark)
     if out is None:
         console.print(page(found), end="")
     else:

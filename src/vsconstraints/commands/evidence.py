@@ -18,8 +18,10 @@ from .terminal import (
     Formats,
     Jobs,
     Latex,
+    Trust,
     console,
     errors,
+    note,
     note_processes,
     progress_bar,
     typed_command,
@@ -93,7 +95,7 @@ def evidence(
 
     if cluster is not None and jobs is not None:
         raise ConfigurationError("--jobs is how many processes of this machine are used: with --cluster there are none")
-    asked = Asked(figures, formats=formats, latex=latex)
+    asked = Asked(figures, formats=formats, latex=latex, trust=True)
     chosen = Campaign.load(campaign).select(family or (), controller or (), scenes, settings or ())
     note_processes(jobs)
     part = Shard.parsed(shard)
@@ -149,12 +151,15 @@ def merge(
     figures: Figures = True,
     formats: Formats = None,
     latex: Latex = False,
+    trust: Trust = False,
 ) -> None:
     """Put the parts of a campaign together that were run apart, and write its report."""
     from ..evidence import merge as put_together
     from ..reports.page import where
 
-    asked = Asked(figures, formats=formats, latex=latex)
+    asked = Asked(figures, formats=formats, latex=latex, trust=trust)
     merged = put_together(out, shards)
+    for remark in merged.remarks:
+        note(remark)
     console.print(f"{merged.scenes} scenes, {merged.runs} runs of {len(shards)} folders. Stored in {out}")
     console.print(where(evidence_report(out, asked)))

@@ -9,7 +9,7 @@ import typer
 
 from ..errors import ConfigurationError
 from . import completions
-from .terminal import console, errors
+from .terminal import Trust, console, note
 
 
 def replay(
@@ -28,6 +28,7 @@ def replay(
     gif: Annotated[Path | None, typer.Option(help="A film as GIF, for pages that show pictures.")] = None,
     mp4: Annotated[Path | None, typer.Option(help="A film as MP4.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of trials that are simulated now.")] = 0,
+    trust: Trust = False,
 ) -> None:
     """Show runs in motion: one HTML file with arm, image and rows that needs no network, or a film.
 
@@ -42,13 +43,13 @@ def replay(
     films = [path for path in (gif, mp4) if path is not None]
     if out is not None or not films:
         demand("replay")
-    asked = [asked_for(run, seed) for run in runs]
+    asked = [asked_for(run, seed, trust, note) for run in runs]
     for path in films:
         for remark in write_film(asked, path):
-            errors.print(f"note: {remark}")
+            note(remark)
         console.print(f"Film: {path}")
     if out is not None or not films:
         page = out or Path(f"replay-{name_of(runs[0])}.html")
         for remark in write_replay(asked, page):
-            errors.print(f"note: {remark}")
+            note(remark)
         console.print(f"Replay: {page}")

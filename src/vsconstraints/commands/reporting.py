@@ -14,7 +14,7 @@ from rich.text import Text
 from ..errors import ConfigurationError
 from ..extras import demand
 from ..figures import formats_of
-from .terminal import AllFigures, Figures, Formats, Latex, Replays, console, progress_bar
+from .terminal import AllFigures, Figures, Formats, Latex, Replays, Trust, console, note, progress_bar
 
 
 def report(
@@ -24,6 +24,7 @@ def report(
     formats: Formats = None,
     latex: Latex = False,
     replays: Replays = False,
+    trust: Trust = False,
     tuning: Annotated[
         Path | None,
         typer.Option(help="Of a campaign: the folder of `vsconstraints tune` that its tuned settings come from."),
@@ -33,7 +34,7 @@ def report(
     from ..reports.page import where
     from ..runs.folder import kind_of
 
-    asked = Asked(figures, all_figures, formats, latex, replays=replays)
+    asked = Asked(figures, all_figures, formats, latex, replays, trust)
     if replays and kind_of(folder) == "evidence":
         raise ConfigurationError(f"--replays is for comparisons, and {folder} holds a campaign")
     made = evidence_report(folder, asked, tuning) if kind_of(folder) == "evidence" else comparison_report(folder, asked)
@@ -49,6 +50,7 @@ class Asked:
     formats: Sequence[str] | None = None
     latex: bool = False
     replays: bool = False
+    trust: bool = False
 
     def __post_init__(self) -> None:
         formats_of(self.formats or ())
@@ -83,7 +85,9 @@ def comparison_report(folder: Path, asked: Asked) -> Path:
             all_figures=asked.all_figures,
             formats=formats_of(asked.formats or ()),
             replays=asked.replays,
+            trust=asked.trust,
             on_drawn=drawn,
+            on_remark=note,
         )
     return asked.finish(written)
 
@@ -132,6 +136,8 @@ def evidence_report(folder: Path, asked: Asked, tuning: Path | None = None) -> P
             figures=asked.figures,
             tuning=tuning,
             formats=formats_of(asked.formats or ()),
+            trust=asked.trust,
             on_written=lambda done, total: progress.update(bar, completed=done, total=total),
+            on_remark=note,
         )
     return asked.finish(written)

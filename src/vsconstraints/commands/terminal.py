@@ -59,6 +59,20 @@ Latex = Annotated[
 ]
 
 
+Trust = Annotated[
+    bool,
+    typer.Option(
+        "--trust",
+        help="Run code that the stored results name as module:Class, to draw what needs it; else none is imported.",
+    ),
+]
+
+
+def note(remark: str) -> None:
+    """Say what a reader should know."""
+    errors.print(f"note: {remark}")
+
+
 def typed_command() -> list[str]:
     """What the user typed, such that files in UTF-8 can hold it."""
     return ["vsconstraints", *(word.encode("utf-8", "backslashreplace").decode() for word in sys.argv[1:])]

@@ -79,6 +79,15 @@ def demand_names(what: str, names: Sequence[str]) -> None:
             raise ConfigurationError(f"{what} {name!r} appears more than once; give each its own name")
 
 
+def demand_stored_names(what: str, names: Iterable[str], where: str) -> None:
+    """The same of names that a folder of results holds, each once: what is drawn of them is written under them."""
+    for name in names:
+        try:
+            demand_names(what, [name])
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{where}: {error}") from error
+
+
 def parsed_setting(setting: str) -> tuple[str, Any, str]:
     """Key, value and the value's text of ``KEY=VALUE``; the value as in TOML, or plain text."""
     key, equals, text = setting.partition("=")

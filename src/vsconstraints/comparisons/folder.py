@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError
+from ..runs.checksums import TRAJECTORIES, demand_unchanged
 from ..runs.files import plain
-from ..runs.folder import manifest_of
+from ..runs.folder import MANIFEST, manifest_of
 from ..runs.spec import RunSpec
 from .record import stored_run
 from .suite import Suite
@@ -20,6 +21,12 @@ ARM_LOG = Path("arm", "log.npz")
 
 ON_ARM = re.compile(r"on [\w-]+://[^;]*")
 """How the reason of a run on an arm begins."""
+
+
+def stored_files(folder: Path) -> list[Path]:
+    """The files that a comparison consists of, reports apart, where they are there."""
+    named = (folder / name for name in (MANIFEST, "results.csv", "constraints.csv", ARM_LOG))
+    return [*named, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
 
 
 def demand_nothing_lost(folder: Path, suite: Suite) -> None:
@@ -48,6 +55,7 @@ def demand_arm_kept(folder: Path, runs: Iterable[RunSpec], fresh: bool = False) 
     """Raise ConfigurationError if a run on an arm would be made again, which only a simulation would be."""
     if not (folder / ARM_LOG).is_file():
         return
+    demand_unchanged(folder, stored_files(folder), "finished" in manifest_of(folder))
     planned = {(run.key[0], run.key[1], str(run.key[2])): run for run in runs}
     for key, reason in _finished(folder).items():
         driven, run = ON_ARM.match(reason), planned.get(key)

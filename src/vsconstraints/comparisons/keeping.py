@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import StorageError
+from ..runs.checksums import seal
 from ..runs.keep import Keep, Kinds, kept_lines
-from .folder import ON_ARM
+from .folder import ON_ARM, stored_files
 from .metrics import RESULT_COLUMNS
 from .record import run_file
 from .tables import read_table
@@ -37,6 +38,7 @@ def keep_trajectories(folder: Path, keep: Keep) -> int:
     try:
         for path in stored - files:
             path.unlink(missing_ok=True)
+        seal(folder, stored_files(folder))
     except OSError as error:
         raise StorageError(f"trajectories that are not to be kept stay in {folder}: {error}") from error
     return len(stored & files)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -13,9 +15,39 @@ from ..errors import one_line
 from ..provenance import Files, digests
 from ..readable import in_one_line
 from ..rows import Array, BoolArray
-from ..runs.files import read_arrays, write_arrays
+from ..runs.checksums import TRAJECTORIES
+from ..runs.files import MOST_EXPANDED, read_arrays, write_arrays
 from ..runs.spec import RunSpec
 from ..simulation import Setup, Trajectory
+from ..simulation.trajectory import Outcome
+
+SAMPLE_MEMORY = 65_536.0
+"""Bytes that a sample may take: thousands of rows and robot points."""
+
+SHAPES = {
+    **dict.fromkeys(("t", "feature_error_px", "saturated", "rows_time", "step_time", "settled"), "N"),
+    **dict.fromkeys(("q", "qd", "qdd_command"), "Nn"),
+    **dict.fromkeys(("phi", "sigma", "clearance", "active", "between_clearance"), "Nm"),
+    **dict.fromkeys(("labels", "kinds", "units", "length", "switching_gain"), "m"),
+    **dict.fromkeys(("approach_time", "sampling_band", "share_to_hold"), "m"),
+    "error": "Nk",
+    "camera_error": "N2",
+    "camera_position": "N3",
+    "features_px": "NM2",
+    "points": "Np3",
+}
+"""Axes of the arrays of a record: samples N, joints n, rows m, features k, markers M, robot points p."""
+
+FLAGS = ("active", "saturated", "settled")
+FACTS: dict[str, Any] = {
+    **dict.fromkeys(("status", "reason", "fingerprint"), str),
+    "fallbacks": int,
+    "compiled": bool,
+    "files": dict,
+    "Ts": float,
+    "last_goal_time": (int, float),
+}
+"""Arrays that are no numbers, and what else a record holds."""
 
 
 @dataclass(frozen=True)
@@ -112,14 +144,45 @@ class RunRecord:
         write_arrays(path, {**values, "labels": np.array(self.trajectory.labels, dtype=np.str_)})
 
     @classmethod
-    def load(cls, path: Path) -> RunRecord | None:
-        """What the file holds; None if there is none or it is not a whole record of this version."""
+    def load(cls, path: Path, samples: float = math.inf) -> RunRecord | None:
+        """What the file holds; None if there is none or it is not a whole record of this version.
+
+        Parameters
+        ----------
+        path
+            Of the file.
+        samples
+            How many there can be: what is longer, or would take more memory than these, is not expanded.
+        """
         with suppress(Exception):  # a damaged file can raise anything: of the archive, its compression, NumPy, JSON
-            values = read_arrays(path)
+            values = read_arrays(path, min(MOST_EXPANDED, SAMPLE_MEMORY * (1.0 + samples)))
             for name in ("labels", "kinds", "units"):
                 values[name] = tuple(str(text) for text in values[name])
+            _demand_shapes(values, samples)
             return cls(Trajectory(**{f.name: values.pop(f.name) for f in fields(Trajectory)}), **values)
         return None
+
+
+def _demand_shapes(values: Mapping[str, Any], samples: float) -> None:
+    """Raise ValueError, KeyError or TypeError unless arrays of a record fit each other, and facts are what they are."""
+    sizes: dict[str, int] = {}
+    for name, axes in SHAPES.items():
+        value = values[name]
+        shape = (len(value),) if isinstance(value, tuple) else value.shape
+        if not isinstance(value, tuple) and value.size and value.dtype != (np.bool_ if name in FLAGS else np.float64):
+            raise TypeError(f"{name} are no numbers")
+        if len(shape) != len(axes):
+            raise ValueError(f"{name} has the shape {shape}")
+        for axis, size in zip(axes, shape, strict=True):
+            if (int(axis) if axis.isdecimal() else sizes.setdefault(axis, size)) != size:
+                raise ValueError(f"{name} has the shape {shape}")
+    if sizes["N"] > samples:
+        raise ValueError(f"it has {sizes['N']} samples")
+    for name, kind in FACTS.items():
+        if not isinstance(values[name], kind) or isinstance(values[name], bool) != (kind is bool):
+            raise TypeError(f"{name} is {values[name]!r}")
+    if values["status"] not in get_args(Outcome):
+        raise ValueError(f"status is {values['status']!r}")
 
 
 def _values(data: RunRecord | Trajectory) -> dict[str, Any]:
@@ -136,4 +199,4 @@ def stored_run(spec: RunSpec, folder: Path) -> RunRecord | None:
 
 def run_file(folder: Path, scenario: str, controller: str, trial: int) -> Path:
     """Where a run's trajectory is stored below a comparison's folder."""
-    return folder / "trajectories" / f"{scenario}--{controller}--{trial}.npz"
+    return folder / TRAJECTORIES / f"{scenario}--{controller}--{trial}.npz"

@@ -13,6 +13,7 @@ from typing import Any
 from ..errors import described
 from ..kernels import prepare
 from ..provenance import Files, digests, imported, noted
+from ..runs.checksums import SUMS, TRAJECTORIES, add_sums, remove_changed, seal
 from ..runs.files import storing, write_json
 from ..runs.folder import MANIFEST, held
 from ..runs.machine import made_by
@@ -20,7 +21,7 @@ from ..runs.pool import Failure, carry_out
 from ..runs.resources import run_limit
 from ..runs.signals import INTERRUPTS, signal_of
 from ..runs.spec import BASELINE, RunSpec
-from .folder import demand_arm_kept, demand_nothing_lost
+from .folder import demand_arm_kept, demand_nothing_lost, stored_files
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, Score, score
 from .record import RunRecord, run_file, stored_run
 from .run import perform
@@ -120,7 +121,11 @@ def compare(
         demand_arm_kept(folder, runs.values(), fresh)
         manifest = {**made_by(command), "seed": suite.seed, "configuration": suite.resolved()}
         with storing("results", folder):
-            (folder / "trajectories").mkdir(exist_ok=True)
+            (folder / TRAJECTORIES).mkdir(exist_ok=True)
+            if fresh:
+                (folder / SUMS).unlink(missing_ok=True)
+            remove_changed(folder, (folder / TRAJECTORIES).glob("*.npz"))
+            seal(folder, (folder / TRAJECTORIES).glob("*.npz"))
             write_json(folder / MANIFEST, manifest)
             for name in TABLES if fresh else ():
                 (folder / name).unlink(missing_ok=True)
@@ -140,6 +145,8 @@ def compare(
             with suppress(OSError):  # a full disk: the tables are written once more at the end
                 for (name, columns), lines in zip(TABLES.items(), _lines(suite, [key], scores), strict=True):
                     append_lines(folder / name, columns, lines, first)
+                if not stored:
+                    add_sums(folder, [run_file(folder, *key)])
             on_finished(runs[key], *answer)
 
         interrupted = 0
@@ -158,6 +165,7 @@ def compare(
                 if finished or not (folder / name).exists():
                     write_table(folder / name, columns, lines)
             write_json(folder / MANIFEST, manifest)
+            seal(folder, stored_files(folder))
         return Finished(folder, scores, stored_before, wall_time, interrupted)
 
 

@@ -34,6 +34,8 @@ class Side:
     drawn
         pandas.Series of what was drawn for each scene, as text, by the columns of ``scene`` but the condition; None
         where scenes are chosen.
+    remarks
+        What a reader should know of what is stored.
     """
 
     folder: Path
@@ -43,6 +45,7 @@ class Side:
     group: tuple[str, ...]
     unit: str
     drawn: Any
+    remarks: tuple[str, ...] = ()
 
     @property
     def key(self) -> tuple[str, ...]:
@@ -72,19 +75,19 @@ class Side:
 def _chosen(folder: Path) -> Side:
     import pandas
 
-    stored = StoredComparison.load(folder)
+    stored = StoredComparison.load(folder, trust=True)  # nothing of it is built
     runs = pandas.DataFrame(stored.results, columns=list(RESULT_COLUMNS))
     runs["trial"] = runs["trial"].astype(int)
-    return Side(folder, stored.manifest, runs, ("scenario", "trial"), (), "runs", None)
+    return Side(folder, stored.manifest, runs, ("scenario", "trial"), (), "runs", None, stored.remarks)
 
 
 def _drawn(folder: Path) -> Side:
-    evidence = Evidence.load(folder)
+    evidence = Evidence.load(folder, trust=True)  # nothing of it is drawn
     # what has few values may have others on the other side
     runs = evidence.runs.astype({column.name: "str" for column in RUNS if column.category})
     scenes = evidence.scenes.astype({column.name: "str" for column in SCENES if column.category})
     drawn = scenes.set_index(["family", "half", "scene"])["values"]
-    return Side(folder, evidence.manifest, runs, SCENE, ("family", "condition"), "scenes", drawn)
+    return Side(folder, evidence.manifest, runs, SCENE, ("family", "condition"), "scenes", drawn, evidence.remarks)
 
 
 def _renamed(side: Side, names: Mapping[str, str]) -> Side:

@@ -166,7 +166,8 @@ class Campaign:
         demand_names("controller", [entry.name for entry in self.controllers])
         for entry in self.controllers:
             entry.make()
-        known = {condition for family in self.families for condition in family.conditions}
+        known = list(dict.fromkeys(condition for family in self.families for condition in family.conditions))
+        demand_names("condition", known)
         for name in (*self.conditions, *self.scenes_in):
             if name not in known:
                 raise unknown_name("condition", name, known)

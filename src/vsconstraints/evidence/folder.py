@@ -9,7 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError
+from ..runs.checksums import SUMS, TRAJECTORIES, add_sums, remove_changed
+from ..runs.folder import MANIFEST
 from ..runs.machine import machine
+from ..scenarios.reading import made
 from . import parquet
 from .campaign import Campaign
 from .columns import TABLES
@@ -19,8 +22,6 @@ from .worker import Part
 
 MARK = "runs"
 """The table that is written last: a shard is there when this part of it is."""
-
-TRAJECTORIES = "trajectories"
 
 
 @dataclass(frozen=True)
@@ -44,23 +45,31 @@ class Facts:
     family: str
     scenes: tuple[int, ...]
     identity: Identity
-    machine: Mapping[str, Any]
+    machine: dict[str, Any]
     runs: int
     seconds: float
 
     @classmethod
     def of(cls, path: Path) -> Facts:
         """Those of a shard's part; raises ConfigurationError if it cannot be read."""
-        facts = parquet.facts_of(path)
         try:
-            return cls(**{**facts, "scenes": tuple(int(number) for number in facts["scenes"])})
-        except (TypeError, KeyError, ValueError) as error:
+            facts: Facts = made(cls, parquet.facts_of(path), "its footer")
+        except ConfigurationError as error:
+            if str(path) in str(error):
+                raise
             raise ConfigurationError(f"{path} cannot be read: it is no shard of a campaign ({error})") from error
+        return facts
 
 
 def shard_names(folder: Path) -> list[str]:
     """Names of the shards in a folder, by family and scene."""
     return sorted(path.stem for path in (folder / MARK).glob("part-*.parquet"))
+
+
+def stored_files(folder: Path) -> list[Path]:
+    """The files that a campaign consists of, reports apart: its manifest, then those that are written once."""
+    shards = (path for table in TABLES for path in sorted((folder / table).glob("part-*.parquet")))
+    return [folder / MANIFEST, *shards, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
 
 
 def shard_file(folder: Path, table: str, name: str) -> Path:
@@ -79,6 +88,7 @@ def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts
     for table in sorted(TABLES, key=lambda table: table == MARK):
         (folder / table).mkdir(exist_ok=True)
         parquet.write(shard_file(folder, table, name), tables[table], vars(facts))
+    add_sums(folder, (shard_file(folder, table, name) for table in TABLES))
 
 
 @dataclass
@@ -124,9 +134,10 @@ def _another(folder: Path, found: list[str]) -> ConfigurationError:
 
 
 def _remove_unfinished(folder: Path) -> None:
-    """Parts of a shard that has no mark, or one that cannot be read, and files that were not written whole."""
+    """Parts of a shard that has no mark, or that are not as they were stored, and files that were not written whole."""
     for path in list(folder.rglob("*.part")):
         path.unlink(missing_ok=True)
+    remove_changed(folder, stored_files(folder)[1:])
     for name in shard_names(folder):
         parts = [shard_file(folder, table, name) for table in TABLES]
         if not all(path.is_file() and parquet.is_whole(path) for path in parts):
@@ -142,3 +153,4 @@ def clear(folder: Path) -> None:
     """Remove everything that a campaign left."""
     for name in (*TABLES, TRAJECTORIES):
         shutil.rmtree(folder / name, ignore_errors=True)
+    (folder / SUMS).unlink(missing_ok=True)

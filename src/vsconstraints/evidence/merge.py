@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
 from ..errors import ConfigurationError
+from ..runs.checksums import TRAJECTORIES, demand_unchanged, seal
 from ..runs.files import replaced, storing, write_json
 from ..runs.folder import MANIFEST, held, manifest_of
 from . import parquet
 from .columns import TABLES, TIMING
 from .folder import (
     MARK,
-    TRAJECTORIES,
     Facts,
     clear,
     shard_file,
     shard_names,
+    stored_files,
     write_parts,
 )
 from .identity import differences, in_words
+from .shards import missing_scenes
+from .stored import Evidence
 from .trajectories import chosen, trajectory_file
 
 OWN = (
@@ -42,17 +45,23 @@ OWN = (
 )
 """Of a manifest: what may differ from folder to folder."""
 
-MOST_NAMED = 5
-"""Ranges of scenes that a message names."""
-
 
 @dataclass(frozen=True)
 class Merged:
-    """What was put together: how many scenes, and runs, and of how many of these the trajectories are there."""
+    """What was put together.
+
+    Attributes
+    ----------
+    scenes, runs, trajectories
+        How many scenes, and runs, and of how many of these the trajectories are there.
+    remarks
+        What a reader should know of the folders.
+    """
 
     scenes: int
     runs: int
     trajectories: int
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -85,9 +94,12 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
     StorageError
         if something cannot be written.
     """
-    manifests = {folder: _manifest(folder) for folder in folders}
-    if not manifests:
+    read = {folder: Evidence.load(folder) for folder in folders}
+    if not read:
         raise ConfigurationError("there is nothing to merge: give the folders after the one that is written")
+    manifests = {folder: evidence.manifest for folder, evidence in read.items()}
+    for folder, manifest in manifests.items():
+        demand_unchanged(folder, (folder / TRAJECTORIES).glob("*.npz"), "finished" in manifest, all_there=True)
     sources = _sources(list(manifests))
     _demand_alike(sources, manifests)
     _demand_all(sources, manifests)
@@ -104,14 +116,8 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
             _copy_trajectories(list(manifests), out)
             counts = _counts(out)
             write_json(out / MANIFEST, _together(manifests, counts))
-    return counts
-
-
-def _manifest(folder: Path) -> dict[str, Any]:
-    manifest = manifest_of(folder)
-    if "families" not in manifest.get("configuration", {}):
-        raise ConfigurationError(f"{folder} holds no evidence that could be merged")
-    return manifest
+            seal(out, stored_files(out))
+    return replace(counts, remarks=tuple(text for evidence in read.values() for text in evidence.remarks))
 
 
 def _sources(folders: Sequence[Path]) -> list[_Source]:
@@ -124,7 +130,7 @@ def _sources(folders: Sequence[Path]) -> list[_Source]:
     return sorted(found, key=lambda source: (source.facts.family, source.facts.scenes))
 
 
-def _demand_alike(sources: Sequence[_Source], manifests: Mapping[Path, dict[str, Any]]) -> None:
+def _demand_alike(sources: Sequence[_Source], manifests: Mapping[Path, Mapping[str, Any]]) -> None:
     """Raise ConfigurationError if code, settings or packages differ; machines may."""
     first: dict[str, _Source] = {}
     for source in sources:
@@ -153,35 +159,16 @@ def _demand_same(one: Mapping[str, Any], other: Mapping[str, Any], there: Path, 
         raise ConfigurationError(f"these are not parts of one campaign: {in_words(found)}")
 
 
-def _demand_all(sources: Sequence[_Source], manifests: Mapping[Path, dict[str, Any]]) -> None:
+def _demand_all(sources: Sequence[_Source], manifests: Mapping[Path, Mapping[str, Any]]) -> None:
     """Raise ConfigurationError that names shards and scenes that are missing."""
     configuration = next(iter(manifests.values()))["configuration"]
     shards = [tuple(manifest.get("shard", (1, 1))) for manifest in manifests.values()]
     missing = [f"shard {i}/{n}" for n in {n for _, n in shards} for i in range(1, n + 1) if (i, n) not in shards]
-    lost = []
-    for family in configuration["families"]:
-        there = {number for source in sources if source.facts.family == family for number in source.facts.scenes}
-        lost += [f"{family} {first}–{last}" for first, last in _ranges(set(range(configuration["scenes"])) - there)]
+    lost = missing_scenes(configuration, [source.facts for source in sources], range(configuration["scenes"]))
     if lost:
-        named = f"{', '.join(lost[:MOST_NAMED])}{' and more' if len(lost) > MOST_NAMED else ''}"
         which = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing" if missing else ""
         unfinished = "an interrupted command goes on when it is given again"
-        raise ConfigurationError(f"{which or 'not all is done'}: scenes {named} are not there; {unfinished}")
-
-
-def _ranges(numbers: set[int]) -> Iterator[tuple[int, int]]:
-    """First and last of numbers that follow each other."""
-    first = last = None
-    for number in sorted(numbers):
-        if first is None or last is None:
-            first = last = number
-        elif number == last + 1:
-            last = number
-        else:
-            yield first, last
-            first = last = number
-    if first is not None and last is not None:
-        yield first, last
+        raise ConfigurationError(f"{which or 'not all is done'}: scenes {lost} are not there; {unfinished}")
 
 
 def _each_once(sources: Sequence[_Source]) -> list[tuple[_Source, list[int]]]:
@@ -254,7 +241,7 @@ def _counts(out: Path) -> Merged:
     return Merged(scenes.num_rows, runs.num_rows, len(list((out / TRAJECTORIES).glob("*.npz"))))
 
 
-def _together(manifests: Mapping[Path, dict[str, Any]], counts: Merged) -> dict[str, Any]:
+def _together(manifests: Mapping[Path, Mapping[str, Any]], counts: Merged) -> dict[str, Any]:
     """The first manifest, with what the folders' own say of how they were made."""
     first = next(iter(manifests.values()))
     parts = [{name: manifest[name] for name in OWN if name in manifest} for manifest in manifests.values()]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..kernels import prepare
+from ..runs.checksums import seal
 from ..runs.files import storing, write_json
 from ..runs.folder import MANIFEST, held, manifest_of
 from ..runs.keep import Keep, demand_keep
@@ -16,7 +17,7 @@ from ..runs.machine import made_by
 from ..runs.pool import Failure
 from ..runs.signals import INTERRUPTS, signal_of
 from .campaign import Campaign
-from .folder import clear, what_is_there, write_shard
+from .folder import clear, stored_files, what_is_there, write_shard
 from .pieces import by_pieces
 from .progress import Finished, Progress
 from .task import Batch, Shard, Work
@@ -103,6 +104,7 @@ def collect(
         # of a command that finds all done, these stay what they were
         manifest |= {name: value for name, value in manifest_of(folder).items() if name in OF_WORK}
         with storing("evidence", folder):
+            seal(folder, stored_files(folder)[1:])
             write_json(folder / MANIFEST, manifest)
         stored = sum(map(len, there.scenes.values()))
         progress = Progress(stored + sum(len(task.scenes) for task in tasks.values()), stored, stored)
@@ -129,6 +131,7 @@ def collect(
         )
         with storing("evidence", folder):
             write_json(folder / MANIFEST, manifest)
+            seal(folder, stored_files(folder))
         return finished
 
 

@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, get_args
 
+from ..comparisons.entries import demand_stored_names
 from ..comparisons.record import RunRecord
+from ..comparisons.stored import part
 from ..errors import ConfigurationError
-from ..families import SHIPPED, Drawn, Family
+from ..families import HALVES, SHIPPED, Drawn, Family
+from ..plugins import code_named, untrusted
+from ..runs.checksums import TRAJECTORIES, demand_inside, demand_unchanged
 from ..runs.folder import MANIFEST, kind_of, manifest_of
+from ..runs.keep import Keep
+from ..runs.resources import most_samples
+from ..scenarios.reading import Table, checked, demand_table
 from ..simulation.trajectory import Outcome
 from . import parquet
+from .campaign import MOST_SCENES
 from .columns import TABLES
-from .folder import shard_file, shard_names
+from .folder import shard_file, shard_names, stored_files
+from .shards import demand_planned
 from .trajectories import RunKey, trajectory_file
 
 
@@ -29,24 +38,49 @@ class Evidence:
         Where.
     manifest
         version, git_commit, command, started, configuration, machine, packages, wall_time_s, runs, runs_per_s, ….
+    trusted
+        Whether code that families and controllers name as ``module:Class`` may run.
+    remarks
+        What a reader should know: that there are no checksums, or that code is not run.
     """
 
     folder: Path
     manifest: Mapping[str, Any]
+    trusted: bool = False
+    remarks: tuple[str, ...] = ()
 
     @classmethod
-    def load(cls, folder: Path) -> Evidence:
-        """Read a folder; raises ConfigurationError that says what is missing in it."""
+    def load(cls, folder: Path, trust: bool = False) -> Evidence:
+        """Read a folder; nothing that is named in it is imported unless it is trusted.
+
+        Raises
+        ------
+        ConfigurationError
+            that says what is missing in it, or is not what a campaign has stored.
+        """
         if kind_of(folder) != "evidence":
             raise ConfigurationError(f"{folder} holds no evidence: {MANIFEST} is missing, or is not a campaign's")
-        return cls(folder, manifest_of(folder))
+        demand_inside(folder)
+        manifest = manifest_of(folder)
+        # trajectories are many: each is looked at where it is read
+        tables = [path for path in stored_files(folder) if path.parent.name != TRAJECTORIES]
+        remark = demand_unchanged(folder, tables, "finished" in manifest)
+        _demand_readable(manifest, str(folder / MANIFEST))
+        demand_planned(folder, shard_names(folder), manifest)
+        configuration = manifest["configuration"]
+        code = [] if trust else list(code_named([configuration["families"], configuration["controllers"]]))
+        remarks = [str(untrusted("some of what is drawn", code))] if code else []
+        return cls(folder, manifest, trust, tuple(filter(None, (remark, *remarks))))
 
     @property
     def families(self) -> dict[str, Family]:
         """The families as they were run, by name."""
         stored = self.manifest["configuration"]["families"]
         # folders of shipped families, which differ from machine to machine, are stored as seen from theirs
-        return {name: Family(name, entry["tables"], SHIPPED / entry["folder"]) for name, entry in stored.items()}
+        return {
+            name: Family(name, entry["tables"], SHIPPED / entry["folder"], self.trusted)
+            for name, entry in stored.items()
+        }
 
     @property
     def conditions(self) -> tuple[str, ...]:
@@ -80,8 +114,12 @@ class Evidence:
         return self.families[family].scene(scene, configuration["half"], configuration["seed"])
 
     def record(self, family: str, condition: str, scene: int, controller: str) -> RunRecord | None:
-        """A run that was kept; None if its trajectory is not there."""
-        return RunRecord.load(trajectory_file(self.folder, RunKey(family, condition, scene, controller)))
+        """A run that was kept; None if its trajectory is not there, ConfigurationError if it is not what was stored."""
+        if family not in self.families:
+            return None
+        path = trajectory_file(self.folder, RunKey(family, condition, scene, controller))
+        demand_unchanged(self.folder, [path], "finished" in self.manifest)
+        return RunRecord.load(path, most_samples(self.families[family].tables))
 
     def _table(self, name: str) -> Any:
         import pandas as pd
@@ -102,3 +140,55 @@ class Evidence:
         keys = [key for key in ("family", "condition", "scene", "controller") if key in found]
         # rows of a run stay in their order
         return found.sort_values(keys, kind="stable", ignore_index=True)
+
+
+def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
+    """Raise ConfigurationError if something in a manifest is not what a campaign writes there."""
+    read = part(_Manifest, manifest, where)
+    where += ".configuration"
+    configuration = part(_Configuration, read.configuration, where)
+    if not (0 < configuration.scenes <= MOST_SCENES and configuration.seed >= 0 and configuration.half in HALVES):
+        raise ConfigurationError(
+            f"{where}: scenes must be from 1 to {MOST_SCENES}, seed 0 or more and half one of {', '.join(HALVES)}"
+        )
+    for what, tables in (("family", configuration.families), ("controller", configuration.controllers)):
+        demand_stored_names(what, tables, where)
+    for name, entry in configuration.families.items():
+        conditions = part(_Family, entry, f"{where}.families.{name}").conditions
+        demand_stored_names("condition", conditions, f"{where}.families.{name}")
+    for name, entry in configuration.controllers.items():
+        at = f"{where}.controllers.{name}"
+        checked(demand_table(entry, at).get("type", name), str, at, "type")
+
+
+@dataclass(frozen=True)
+class _Manifest:
+    configuration: Table
+    machine: Table = field(default_factory=dict)
+    packages: Table = field(default_factory=dict)
+    command: Sequence[str] = ()
+    shard: tuple[int, int] = (1, 1)
+    keep: Keep = "none"
+    wall_time_s: float | None = None
+    process_time_s: float | None = None
+    runs_per_s: float | None = None
+    runs: int = 0
+    scenes: int = 0
+    finished: int = 0
+
+
+@dataclass(frozen=True)
+class _Configuration:
+    families: Table
+    controllers: Table
+    scenes: int
+    half: str
+    seed: int
+    scenes_in: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Family:
+    folder: str
+    conditions: Sequence[str]
+    tables: Table

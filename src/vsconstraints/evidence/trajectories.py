@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 from ..comparisons.record import RunRecord
 from ..families import Drawn
+from ..runs.checksums import TRAJECTORIES
 from ..runs.deadline import Deadline
 from ..runs.keep import Keep, Kinds, kept_lines
 from ..runs.pool import Failure
 from .columns import RUNS
-from .folder import MARK, TRAJECTORIES, shard_file, shard_names
+from .folder import MARK, shard_file, shard_names
 from .parquet import read
 from .task import Batch, Work
 from .worker import Bench, drawn

@@ -44,6 +44,8 @@ class Drawn:
         Of the longest run, under the same limits [s].
     noise
         Seed of everything random in its disturbances: another one for every scene, the same for all laws.
+    trusted
+        See :class:`vsconstraints.scenarios.Scenario`.
     """
 
     family: str
@@ -60,6 +62,7 @@ class Drawn:
     least_time: float = math.nan
     duration: float = math.nan
     noise: int = 0
+    trusted: bool = True
 
     @property
     def name(self) -> str:
@@ -93,7 +96,7 @@ class Drawn:
             raise ConfigurationError(f"{self.name}: no scene in {self.attempts} attempts: {reasons(self.rejected)}")
         if condition not in self.tables:
             raise unknown_name(f"condition of {self.family}", condition, self.tables)
-        return Scenario(self.name, self.tables[condition], self.folder)
+        return Scenario(self.name, self.tables[condition], self.folder, self.trusted)
 
     def setup(self, condition: str = "nominal") -> Setup:
         """What is simulated in a condition, with this scene's own noise; raises as :meth:`scenario` does."""

@@ -13,6 +13,7 @@ from ..errors import ConfigurationError, VsconstraintsError, shown, unknown_name
 from ..plugins import beside
 from ..scenarios import Scenario
 from ..scenarios.reading import Table, demand_table
+from ..scenarios.scenario import demand_data
 from ..scenarios.toml import file_named, read_toml
 from ..simulation import Setup, until_settled
 from .arrival import least_time
@@ -63,11 +64,14 @@ class Family:
         What the file says, over what it extends.
     folder
         What paths in it are relative to.
+    trusted
+        See :class:`vsconstraints.scenarios.Scenario`.
     """
 
     name: str
     tables: Table
     folder: Path
+    trusted: bool = True
 
     @classmethod
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Family:
@@ -189,11 +193,13 @@ class Family:
             raise unknown_name("half", half, HALVES)
         if number < 0 or seed < 0:
             raise ConfigurationError(f"a scene's number and seed must be zero or more, not {number} and {seed}")
-        scene = Drawn(self.name, number, half, seed, self.folder)
+        if not self.trusted:
+            demand_data(f"family {self.name}", self.tables, self.folder)
+        scene = Drawn(self.name, number, half, seed, self.folder, trusted=self.trusted)
         rejected: Counter[str] = Counter()
         refusals: Counter[str] = Counter()
         refusal = ""
-        with beside(self.folder):
+        with beside(self.folder if self.trusted else None):
             for attempt in range(self.attempts):
                 try:
                     known, setups = self._attempt(Streams(seed, half, number, attempt))
@@ -219,7 +225,7 @@ class Family:
             for name in self.conditions:
                 over = [overrides.get(part, {}) for part in self._parts.get(name, ())]
                 tables[name] = reduce(lambda under, each: merged(under, each, where), over, common)
-            scenarios = {name: Scenario(where, each, self.folder) for name, each in tables.items()}
+            scenarios = {name: Scenario(where, each, self.folder, self.trusted) for name, each in tables.items()}
             nominal = scenarios[NOMINAL].setup(seed=noise)
             check_ends(nominal, ends)
             check_first_image(nominal)

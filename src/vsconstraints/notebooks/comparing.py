@@ -78,7 +78,7 @@ def compare(
             )
         if finished.interrupted:
             raise KeyboardInterrupt
-        stored = StoredComparison.load(folder)
+        stored = StoredComparison.load(folder, trust=True)
         # a setup cannot be read back
         stored.scenarios.update(own)
         comparison = Comparison(stored, (*notes, *suite.remarks()))

@@ -45,9 +45,14 @@ class Comparison:
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def load(cls, folder: str | Path) -> Comparison:
-        """A comparison that is stored in a folder; raises ConfigurationError if there is none."""
-        return cls(StoredComparison.load(Path(folder)))
+    def load(cls, folder: str | Path, trust: bool = False) -> Comparison:
+        """A comparison that is stored in a folder; raises ConfigurationError if there is none, or it was changed.
+
+        Own constraints that it names as ``module:Class`` run only with ``trust``; without, scenarios that need them
+        cannot be drawn.
+        """
+        stored = StoredComparison.load(Path(folder), trust)
+        return cls(stored, stored.remarks)
 
     @cached_property
     def _lines(self) -> Results:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import chdir
 from pathlib import Path
 
@@ -19,18 +20,33 @@ HOW = (
 """What a run can be named by."""
 
 
-def asked_for(run: str, seed: int = 0) -> ReplayRun:
+OnRemark = Callable[[str], None]
+"""Told what a reader should know of what is stored."""
+
+
+def asked_for(run: str, seed: int = 0, trust: bool = False, on_remark: OnRemark = lambda remark: None) -> ReplayRun:
     """The run that a text names: one that is stored, or one that is simulated now.
+
+    Parameters
+    ----------
+    run
+        See :data:`HOW`.
+    seed
+        Of trials that are simulated.
+    trust
+        Whether own constraints that a folder of results names may run: without them its scenario cannot be shown.
+    on_remark
+        Told whether the stored run carries checksums.
 
     Raises
     ------
     VsconstraintsError
         if it names none, or what is named cannot be read, built or simulated.
     """
-    return stored(Path(run)) if run.endswith(".npz") else simulated(run, seed)
+    return stored(Path(run), trust, on_remark) if run.endswith(".npz") else simulated(run, seed)
 
 
-def stored(file: Path) -> ReplayRun:
+def stored(file: Path, trust: bool = False, on_remark: OnRemark = lambda remark: None) -> ReplayRun:
     """A run of a comparison, from the file of its trajectory; raises ConfigurationError if it is none or damaged."""
     parts = file.stem.split("--")
     if file.parent.name != "trajectories" or len(parts) != 3 or not parts[2].isdecimal():
@@ -40,10 +56,14 @@ def stored(file: Path) -> ReplayRun:
     scenario, law, trial = parts[0], parts[1], int(parts[2])
     if not file.is_file():
         raise unknown_name("trajectory", file.name, (one.name for one in file.parent.glob("*.npz")))
-    comparison = StoredComparison.load(file.parent.parent)
+    comparison = StoredComparison.load(file.parent.parent, trust)
+    for remark in comparison.remarks:
+        on_remark(remark)
     if scenario not in comparison.scenarios:
         raise unknown_name(f"scenario of {comparison.folder}", scenario, comparison.scenarios)
-    record = RunRecord.load(file)
+    if law not in comparison.controllers:
+        raise unknown_name(f"controller of {comparison.folder}", law, comparison.controllers)
+    record = comparison.run(scenario, law, trial)
     if record is None:
         raise ConfigurationError(f"{file} cannot be read: it is damaged, or of another version")
     return of_record(comparison, comparison.scenarios[scenario], law, trial, record)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from ..comparisons.suite import BASELINE
 from .best import Cell, comparable, marked
-from .markdown import code, tables
+from .markdown import code, plain, tables
 from .numbers import DASH, error, median, number, over_trials, percent
 from .results import Line, Results
 from .rows_shown import lane_rows
@@ -29,7 +29,7 @@ def challenges(results: Results, scenario: str) -> str:
     for label in labels:
         rows = {name: results.rows(scenario, name, label) for name in results.controllers}
         unit = next((line["unit"] for own in rows.values() for line in own), "")
-        shown, factor = FINER.get(unit, (unit, 1.0))
+        shown, factor = FINER.get(unit, (plain(unit), 1.0))
         header.append(f"{code(label)} [{shown}]")
         kept = [
             ok and bool(rows[name]) and all(line["violation_depth"] == 0.0 for line in rows[name])

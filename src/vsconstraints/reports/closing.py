@@ -127,7 +127,7 @@ def command_of(manifest: Mapping[str, Any]) -> dict[str, object]:
 def facts_table(facts: Mapping[str, object]) -> str:
     """What a result was made by and with, by name; a command is Markdown already."""
     lines = [
-        [name, DASH if value in (None, "") else str(value) if name == "command" else plain(str(value))]
+        [plain(name), DASH if value in (None, "") else str(value) if name == "command" else plain(str(value))]
         for name, value in facts.items()
     ]
     return table(["what", "value"], lines, text_columns=2)

@@ -13,7 +13,7 @@ from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
 from ..figures import FORMATS, PNG, Formats
 from ..runs.pool import Failure, carry_out
-from ..runs.resources import process_count
+from ..runs.resources import most_samples, process_count
 from ..scenarios import Scenario
 from ..simulation import Setup
 from .figures import DISTURBANCE, ENDINGS, FIGURES, OVERVIEW, View
@@ -235,7 +235,7 @@ def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
     runs = {}
     for name in job.finished:
         path = run_file(job.folder, job.scenario.name, name, TRIAL_SHOWN)
-        record = RunRecord.load(path)
+        record = RunRecord.load(path, most_samples(job.scenario.tables))
         if record is None:
             why = "cannot be read" if path.exists() else "is missing"
             drawn.problems.append(f"The trajectory of {name} {why}; the figures leave it out.")

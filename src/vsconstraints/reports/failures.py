@@ -96,7 +96,7 @@ def _outside(drawn: Drawn, run: Line, row: Line) -> str:
 
 def _outside_by(row: Line) -> str:
     """Which row was left, how far and how long."""
-    unit, factor = FINER.get(row["unit"], (row["unit"], 1.0))
+    unit, factor = FINER.get(row["unit"], (plain(row["unit"]), 1.0))
     text = f"Outside {code(row['constraint'])} by up to {number(factor * row['violation_depth'])} {unit}"
     if row["violation_time_s"] > 0.0:
         return f"{text} for {number(row['violation_time_s'])} s"

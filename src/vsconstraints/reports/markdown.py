@@ -69,7 +69,8 @@ def bold(text: str) -> str:
 
 
 def code(text: str) -> str:
-    """A name set as code, whatever it contains."""
+    """A name set as code, whatever it contains, on one line."""
+    text = " ".join(text.split())
     fence = "`" * (max((len(run) for run in re.findall("`+", text)), default=0) + 1)
     space = " " if text.startswith("`") or text.endswith("`") else ""
     return f"{fence}{space}{text}{space}{fence}"

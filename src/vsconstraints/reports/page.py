@@ -21,6 +21,9 @@ HERE = Path(__file__).parent
 PHONE = 358
 """A table that is no wider stays one on a phone, which is 390 px wide with its margins [px]."""
 
+BESIDE = re.compile(r"(?!/|[\w.+-]+:).+")
+"""Where figures are: beside the page. An address of anything else in a network would tell who reads it."""
+
 ANCHOR = re.compile(r'<a id="[\w.-]+">')
 """The one thing in HTML that a report holds: a place that links lead to."""
 
@@ -86,7 +89,7 @@ def html_page(text: str) -> str:
 
 
 def _disarm(tokens: Sequence[Token]) -> None:
-    """Make text of everything that would be HTML, but for places that links lead to."""
+    """Make text of everything that would be HTML, but for places that links lead to, and of pictures from elsewhere."""
     for token in tokens:
         if token.type == "html_block":
             token.type = "code_block"
@@ -97,6 +100,8 @@ def _disarm(tokens: Sequence[Token]) -> None:
                 closes = child.content == "</a>" and k > 0 and children[k - 1].type == "html_inline"
                 if not opens and not closes:
                     child.type = "text"
+            elif child.type == "image" and not BESIDE.fullmatch(str(child.attrs["src"])):
+                child.type, child.content = "text", f"![{child.content}]({child.attrs['src']})"
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from urllib.parse import quote
 
-from ..comparisons import RunRecord
-from ..comparisons.record import run_file
 from ..comparisons.suite import BASELINE
 from ..errors import ConfigurationError, described
 from ..replay import ReplayRun, write_replay
@@ -63,8 +61,7 @@ def _known(value: float) -> float:
 
 def _run(results: Results, scenario: str, law: str) -> ReplayRun:
     """A stored run; raises ConfigurationError if it is not there any more."""
-    stored, file = results.stored, run_file(results.stored.folder, scenario, law, TRIAL_SHOWN)
-    record = RunRecord.load(file)
+    stored, record = results.stored, results.stored.run(scenario, law, TRIAL_SHOWN)
     if record is None:
-        raise ConfigurationError(f"the trajectory {file.name} is missing or damaged")
+        raise ConfigurationError(f"the trajectory of {law} is missing or damaged")
     return of_record(stored, stored.scenarios[scenario], law, TRIAL_SHOWN, record)

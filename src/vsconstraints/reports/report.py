@@ -33,7 +33,9 @@ def write_report(
     all_figures: bool = False,
     formats: Formats = PNG,
     replays: bool = False,
+    trust: bool = False,
     on_drawn: Callable[[int, int], None] = lambda done, total: None,
+    on_remark: Callable[[str], None] = lambda remark: None,
 ) -> Path:
     """Write report.md, the same as report.html, and its figures from what a comparison left in its folder.
 
@@ -52,8 +54,13 @@ def write_report(
         In which figures are written; the report shows the first.
     replays
         Whether to replay the most telling runs of those scenarios in pages for a browser, and to link them.
+    trust
+        Whether own constraints that scenarios name as ``module:Class`` are imported, to draw what they are; else
+        nothing that the folder names is run, and the report says what is not drawn.
     on_drawn
         Told how many scenarios have their figures, and how many there are.
+    on_remark
+        Told what a reader should know of what is stored: see :class:`StoredComparison`.
 
     Returns
     -------
@@ -63,13 +70,17 @@ def write_report(
     Raises
     ------
     ConfigurationError
-        if there is no comparison in the folder, another process is storing one, or the extra ``replay`` is needed.
+        if there is no comparison in the folder, it is not what was stored, another process is storing one, or the
+        extra ``replay`` is needed.
     StorageError
         if the report cannot be written.
     """
     if replays:
         demand("replay")
-    results = Results(StoredComparison.load(folder))
+    stored = StoredComparison.load(folder, trust)
+    for remark in stored.remarks:
+        on_remark(remark)
+    results = Results(stored)
     with held(folder, "a comparison"):
         try:
             chosen = results.scenarios if all_figures else telling(results)

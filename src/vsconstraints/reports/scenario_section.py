@@ -76,7 +76,7 @@ def scenario_section(results: Results, name: str, drawn: Drawn | None) -> str:
     """Title, tables and figures of a scenario."""
     scenario = results.stored.scenarios[name]
     parts = [f'<a id="{anchor(name)}"></a>\n\n### {name}: {plain(scenario.title)}']
-    parts += [text for text in (" ".join(scenario.description.split()), _facts(scenario)) if text]
+    parts += [text for text in (plain(scenario.description), _facts(scenario)) if text]
     if not any(results.runs(name, controller) for controller in results.controllers):
         return "\n\n".join([*parts, "No run of this scenario finished."])
     parts += [_alone(results, name), *(metric_table(results, name, group) for group in GROUPS)]
@@ -108,7 +108,7 @@ def _facts(scenario: Scenario) -> str:
     if isinstance(task, dict):
         goals = task.get("goals")
         number_of = f", {len(goals)} goals" if isinstance(goals, list) and len(goals) > 1 else ""
-        facts.append(f"task: {task.get('feature', '?')}{number_of}")
+        facts.append(f"task: {plain(str(task.get('feature', '?')))}{number_of}")
     facts += _unusual(keys)
     if keys.get("limits"):
         facts.append(f"limits: {_limits(keys['limits'])}")
@@ -144,7 +144,7 @@ def _unusual(keys: Mapping[str, Any]) -> list[str]:
     if keys.get("actuation") == "position":
         facts.append("position-controlled")
     if isinstance(disturbances, dict):
-        facts += [f"{key} {plain(str(value))}" for key, value in disturbances.items()]
+        facts += [plain(f"{key} {value}") for key, value in disturbances.items()]
     return facts
 
 

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from ..errors import StorageError
+
+MOST_EXPANDED = 2e9
+"""Bytes of the arrays of a file; a run may take as much memory."""
 
 
 @contextmanager
@@ -58,8 +63,30 @@ def write_arrays(path: Path, values: Mapping[str, Any], *, compressed: bool = Tr
         (np.savez_compressed if compressed else np.savez)(file, facts=np.array(text), **arrays)
 
 
-def read_arrays(path: Path) -> dict[str, Any]:
-    """What :func:`write_arrays` wrote; raises anything if there is no such file or it is damaged."""
-    with path.open("rb") as file, np.load(file) as stored:
-        arrays = {name: stored[name] for name in stored.files}
+def read_arrays(path: Path, most: float = MOST_EXPANDED) -> dict[str, Any]:
+    """What :func:`write_arrays` wrote; raises anything if there is no such file or it is damaged.
+
+    Before anything is expanded, the archive and the header of each array have to say that all of it together takes no
+    more than ``most`` bytes.
+    """
+    with path.open("rb") as file:
+        _demand_bounded(file, most)
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
     return {**json.loads(str(arrays.pop("facts"))), **arrays}
+
+
+def _demand_bounded(file: IO[bytes], most: float) -> None:
+    """Raise ValueError unless the arrays of an archive are as large as it says, and together no larger than allowed."""
+    with zipfile.ZipFile(file) as archive:
+        members = archive.infolist()
+        if (size := sum(member.file_size for member in members)) > most:
+            raise ValueError(f"it expands to {size} bytes, and may take {most:.0f}")
+        for member in members:
+            with archive.open(member) as array:
+                version = np.lib.format.read_magic(array)
+                header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+                shape, _, dtype = header[version](array)
+                if array.tell() + math.prod(shape) * dtype.itemsize != member.file_size:
+                    raise ValueError(f"{member.filename} is not as large as it says")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..errors import ConfigurationError
+from .checksums import demand_inside
 
 Kind = Literal["a comparison", "evidence", "a tuning"]
 
@@ -42,6 +43,7 @@ def held(folder: Path, kind: Kind) -> Iterator[None]:
         return
     try:
         _demand_nothing_else(path, kind)
+        demand_inside(path)
         path.mkdir(parents=True, exist_ok=True)
         lock = (path / LOCK).open("a+", encoding="utf-8")
     except (OSError, ValueError) as error:
@@ -84,10 +86,17 @@ def kind_of(folder: Path) -> Kind | None:
 def manifest_of(folder: Path) -> dict[str, Any]:
     """The manifest of a folder; empty if there is none that can be read."""
     try:
-        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        manifest = read_manifest(folder / MANIFEST)
     except (OSError, ValueError, RecursionError):
         return {}
     return manifest if isinstance(manifest, dict) else {}
+
+
+def read_manifest(path: Path) -> Any:
+    """What a manifest holds; raises OSError, ValueError or RecursionError if it cannot be read."""
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    json.dumps(manifest, ensure_ascii=False).encode()  # what is made of it is written, in UTF-8
+    return manifest
 
 
 def _demand_nothing_else(path: Path, kind: Kind) -> None:

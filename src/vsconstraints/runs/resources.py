@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -46,9 +47,20 @@ def available_memory() -> float:
     return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
 
 
+def most_samples(tables: Mapping[str, Any]) -> float:
+    """How many samples a run of a scenario may leave; without a bound where its tables hold no numbers.
+
+    A run on an arm also holds the periods of its stop, which takes no longer than another run.
+    """
+    try:
+        return 1000.0 + 2.0 * float(tables["duration"]) / float(tables["sampling_time"])
+    except (KeyError, TypeError, ValueError, ArithmeticError):  # a family may draw them
+        return math.inf
+
+
 def run_limit(tables: Mapping[str, Any]) -> float:
     """How long the run of a scenario may take [s], from its ``duration`` and ``sampling_time``."""
     try:
         return LEAST_LIMIT + LIMIT_PER_SAMPLE * float(tables["duration"]) / float(tables["sampling_time"])
-    except (KeyError, TypeError, ValueError, ZeroDivisionError):  # it is said where the scenario is built
+    except (KeyError, TypeError, ValueError, ArithmeticError):  # it is said where the scenario is built
         return LEAST_LIMIT

@@ -5,8 +5,10 @@ from __future__ import annotations
 import copy
 import os
 import re
+import stat
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,7 +17,7 @@ import numpy as np
 
 from ..errors import ConfigurationError, VsconstraintsError, described, shown
 from ..meshes import mesh_files, mesh_folders
-from ..plugins import IN_SESSION, beside, module_files
+from ..plugins import IN_SESSION, beside, code_named, module_files, untrusted
 from ..simulation import Setup
 from .build import build
 from .cameras import not_said_again
@@ -49,11 +51,14 @@ class Scenario:
         What the file says, overrides applied.
     folder
         What paths in it are relative to.
+    trusted
+        Whether code that it names as ``module:Class`` may run: not where it was read from a folder of results.
     """
 
     name: str
     tables: dict[str, Any]
     folder: Path = Path()
+    trusted: bool = True
 
     def __repr__(self) -> str:
         return f"<Scenario {self.name}: {shown(self.title)}>"
@@ -87,7 +92,7 @@ class Scenario:
         if base is not None:
             value = _from_base(key.rpartition(".")[2], value, base)
         override(tables, key, value, self.name)
-        return Scenario(self.name, tables, self.folder)
+        return replace(self, tables=tables)
 
     @property
     def shipped(self) -> bool:
@@ -126,7 +131,7 @@ class Scenario:
         found = [file for file in named if _is_file(file)]
         urdfs = [file for file in found if file.suffix.lower() in (".urdf", ".xml")]
         meshes = [mesh for file in urdfs for mesh in mesh_files(file, self._mesh_folders(file))]
-        return (*found, *meshes, *module_files(self.own_parts, self.folder))
+        return (*found, *meshes, *module_files(self.own_parts if self.trusted else (), self.folder))
 
     def _mesh_folders(self, urdf: Path) -> list[Path]:
         """Where the meshes of a URDF of this scenario are looked for."""
@@ -144,14 +149,17 @@ class Scenario:
         Raises
         ------
         VsconstraintsError
-            if it cannot be built, or trial or seed is no whole number from 0 on.
+            if it cannot be built, names code that is not trusted, or trial or seed is no whole number from 0 on.
         """
+        if not self.trusted:
+            demand_data(self.name, self.tables, self.folder)
         for what, number in (("trial", trial), ("seed", seed)):
             if number < 0 or number % 1:
                 raise ConfigurationError(f"{self.name}: a {what} is a whole number from 0 on, not {number}")
         deviation = np.random.default_rng([seed, trial]) if trial > 0 else None
         try:
-            with beside(self.folder), np.errstate(over="raise", divide="raise", invalid="raise"):
+            folder = self.folder if self.trusted else None
+            with beside(folder), np.errstate(over="raise", divide="raise", invalid="raise"):
                 return build(self.tables, self.name, self.folder, deviation, (seed, trial))
         except VsconstraintsError as error:
             if re.search(rf"\b{re.escape(self.name)}\b", str(error)):
@@ -159,6 +167,18 @@ class Scenario:
             raise type(error)(f"{self.name}: {error}") from error
         except ArithmeticError as error:
             raise ConfigurationError(f"{self.name}: its numbers cannot be computed with: {described(error)}") from error
+
+
+def demand_data(what: str, tables: dict[str, Any], folder: Path) -> None:
+    """Raise ConfigurationError if to build it would run code, or read what is no file, such as a device."""
+    if code := list(code_named(tables)):
+        raise untrusted(what, code)
+    for text in _texts(tables):
+        mode = stat.S_IFREG
+        with suppress(OSError, ValueError):  # a text that is no path
+            mode = (folder / text).stat().st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            raise ConfigurationError(f"{what} names {shown(text)}, which is neither a file nor a folder")
 
 
 def _from_base(key: str, value: object, base: Path) -> object:

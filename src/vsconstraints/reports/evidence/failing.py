@@ -84,7 +84,7 @@ def reason(material: Material, run: Any) -> str:
     ]
     if len(own):
         worst = own.loc[own["usage_max"].astype(float).idxmax()]
-        unit, factor = FINER.get(str(worst["unit"]), (str(worst["unit"]), 1.0))
+        unit, factor = FINER.get(str(worst["unit"]), (plain(str(worst["unit"])), 1.0))
         by = f"{number(factor * float(worst['violation_depth']))} {unit}"
         more = f" and {counted(len(own) - 1, 'other row')}" if len(own) > 1 else ""
         parts.append(f"outside {code(str(worst['constraint']))} by {by}{more}")
@@ -111,7 +111,7 @@ def _ways(material: Material, law: str) -> list[str]:
 
 def _way(status: str, violated: str, why: str) -> str:
     """A way to fail: which kinds of rows the run left or, if none, how it ended."""
-    kinds = enumeration(sorted({label.partition("[")[0] for label in violated.split("; ") if label}))
+    kinds = enumeration(sorted({plain(label.partition("[")[0]) for label in violated.split("; ") if label}))
     if status == "failed":
         return f"failed: {plain(kind(why))}" if why else status
     return f"{kinds} violated" if kinds else f"{status}, all rows kept"

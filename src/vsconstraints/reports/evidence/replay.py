@@ -8,10 +8,13 @@ from ...comparisons import RunRecord
 from ...controllers import Controller, make_controller
 from ...errors import unknown_name
 from ...evidence import Evidence
+from ...plugins import untrusted
 from ...simulation import Setup, simulate, until_settled
 
 
-def replay(folder: Path | str, family: str, scene: int, condition: str, controller: str) -> RunRecord:
+def replay(
+    folder: Path | str, family: str, scene: int, condition: str, controller: str, *, trust: bool = False
+) -> RunRecord:
     """Draw a scene of a campaign again and run a law on it: the same run, with its whole trajectory.
 
     Parameters
@@ -20,13 +23,16 @@ def replay(folder: Path | str, family: str, scene: int, condition: str, controll
         The campaign's.
     family, scene, condition, controller
         Which run, as tables of the campaign name it.
+    trust
+        Whether code that the campaign names as ``module:Class`` may run.
 
     Raises
     ------
     ConfigurationError
-        if there is no evidence in the folder, or it holds no such family, scene, condition or law.
+        if there is no evidence in the folder, it holds no such family, scene, condition or law, or the run needs code
+        that is not trusted.
     """
-    evidence = Evidence.load(Path(folder))
+    evidence = Evidence.load(Path(folder), trust)
     setup = setup_of(evidence, family, scene, condition)
     return again(evidence, setup, controller)
 
@@ -48,5 +54,7 @@ def controller_of(evidence: Evidence, name: str) -> Controller:
     entries = evidence.manifest["configuration"]["controllers"]
     if name not in entries:
         raise unknown_name("controller", name, entries)
-    options = {key: value for key, value in entries[name].items() if key != "type"}
-    return make_controller(str(entries[name].get("type", name)), options)
+    law, options = str(entries[name].get("type", name)), {k: v for k, v in entries[name].items() if k != "type"}
+    if ":" in law and not evidence.trusted:
+        raise untrusted(f"controller {name}", [law])
+    return make_controller(law, options)

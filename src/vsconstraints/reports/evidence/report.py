@@ -51,7 +51,9 @@ def write_evidence_report(
     figures: bool = True,
     tuning: Path | None = None,
     formats: Formats = PNG,
+    trust: bool = False,
     on_written: OnWritten = lambda done, total: None,
+    on_remark: Callable[[str], None] = lambda remark: None,
 ) -> Path:
     """Write report.md, the same as report.html, its figures and claims.json from the evidence in a folder.
 
@@ -65,8 +67,13 @@ def write_evidence_report(
         Folder of the tuning that tuned settings come from; ``tuning`` in the campaign's folder if not given.
     formats
         In which figures are written; the report shows the first.
+    trust
+        Whether laws and constraints that the campaign names as ``module:Class`` are imported, to make single runs again
+        that figures show; else nothing that the folder names is run, and the report says which runs these are.
     on_written
         Told how many parts are there, and how many there will be.
+    on_remark
+        Told what a reader should know of what is stored: see :class:`Evidence`.
 
     Returns
     -------
@@ -76,11 +83,14 @@ def write_evidence_report(
     Raises
     ------
     ConfigurationError
-        if there is no evidence in the folder, or the runs are gone that its report was made from.
+        if there is no evidence in the folder, it is not what was stored, or the runs are gone that its report was made
+        from.
     StorageError
         if the report cannot be written.
     """
-    evidence = Evidence.load(folder)
+    evidence = Evidence.load(folder, trust)
+    for remark in evidence.remarks:
+        on_remark(remark)
     if not len(evidence.runs) and (made := evidence.manifest.get("runs")):
         raise ConfigurationError(
             f"{folder} has none of the {made} runs that its report was made from: runs, rows and scenes are missing. "

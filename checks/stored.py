@@ -1,0 +1,326 @@
+"""``python -m checks.stored [--mutations N] [--seed S] [--only FIRST:LAST]``: stored results with something changed.
+
+A comparison and a campaign are made once. Each time a thing or two is changed in a copy of one of them, at random: a
+bit, a file's end, a file as a whole, a value in the manifest or in a table, a text that names code, a path, an address.
+In half of the copies only that is done, and whoever reads it has to refuse it or to find the very numbers that were
+stored. In the others the checksums are made anew or removed, as by somebody who means harm, and reading has to end with
+an error of this package, or as it likes, but without running code, without writing outside the folder, and without a
+connection. What does otherwise is printed with its number, and the exit code is 1. The same seed changes the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import random
+import shutil
+import signal
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout, suppress
+from dataclasses import dataclass, field
+from io import StringIO
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import typer
+
+from vsconstraints.commands.verify import verify
+from vsconstraints.comparisons import StoredComparison, Suite, compare
+from vsconstraints.comparisons.folder import stored_files as files_of_comparison
+from vsconstraints.comparisons.record import SHAPES
+from vsconstraints.difference.difference import Question, difference
+from vsconstraints.errors import VsconstraintsError
+from vsconstraints.evidence import TABLES, Campaign, Evidence, Plan, collect, merge
+from vsconstraints.evidence.folder import stored_files as files_of_campaign
+from vsconstraints.replay.asked import asked_for
+from vsconstraints.reports import write_report
+from vsconstraints.reports.evidence import replay, write_evidence_report
+from vsconstraints.runs.checksums import SUMS, digests, write_sums
+
+from .damage import MEANT, PLAIN
+
+LIMIT = 120
+"""Seconds that the readers of one copy may take; usual are some hundredths."""
+
+PLANT = """
+import os
+open(os.environ["VSCONSTRAINTS_PLANTED"], "w").close()
+from vsconstraints.controllers import Tracking as Planted
+"""
+
+FAMILY = """
+extends = "example-2d-fast"
+duration = 0.3
+q0 = { gaussian = [[-0.720, -1.744, 1.074], 0.01] }
+"""
+
+CAMPAIGN = """
+families = ["quick.toml"]
+scenes = 2
+[controllers.sliding-mode]
+"""
+
+
+class Here:
+    """Workers that are this process."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+
+    def run(self, calls: Mapping[Any, tuple[Any, ...]], *_: object, **__: object) -> Iterator[tuple[Any, Any]]:
+        """What each call comes to."""
+        return ((key, self.function(*arguments)) for key, arguments in calls.items())
+
+
+@dataclass
+class Watch:
+    """What a process did while it was watched, by the interpreter's own hook: each is a finding."""
+
+    inside: str = ""
+    did: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        sys.addaudithook(self._heard)  # for good: there is no way to remove one
+
+    @contextmanager
+    def over(self, inside: Path) -> Iterator[list[str]]:
+        """Note what is written elsewhere than in a folder, imported from a plant, connected to or started meanwhile."""
+        self.inside, self.did = os.path.realpath(inside), []
+        try:
+            yield self.did
+        finally:
+            self.inside = ""
+
+    def _heard(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if not self.inside:
+            return
+        if event == "open":
+            path, mode, flags = arguments
+            if isinstance(path, int) or not (
+                flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT) or set(mode or "") & set("wax+")
+            ):
+                return
+            self._wrote(event, path)
+        elif event in ("os.mkdir", "os.remove", "os.rmdir", "os.truncate"):
+            self._wrote(event, arguments[0])
+        elif event in ("os.rename", "os.link", "os.symlink"):
+            for path in arguments[:2]:
+                self._wrote(event, path)
+        elif event in ("os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "socket.connect"):
+            self.did.append(f"{event} {arguments[:1]}")
+        elif event == "import" and str(arguments[0]).startswith("planted"):
+            self.did.append(f"import {arguments[0]}")
+
+    def _wrote(self, event: str, path: Any) -> None:
+        whole = os.path.realpath(os.fsdecode(path)) if isinstance(path, (str, bytes, os.PathLike)) else str(path)
+        # what Python and its libraries keep for themselves
+        own = "cache" in whole or whole.endswith("matplotlib")
+        if not own and not whole.startswith((self.inside + os.sep, "/dev/null")):
+            self.did.append(f"{event} {whole}")
+
+
+@dataclass(frozen=True)
+class Made:
+    """Results that are as they were stored, and what reading them gives.
+
+    Attributes
+    ----------
+    folder
+        Where they are.
+    files
+        What they consist of.
+    numbers
+        Hashes of all numbers and texts that readers take from a folder, those of each trajectory that is there apart.
+    read
+        What readers do with a folder, by what it is called, and in one of how many copies.
+    """
+
+    folder: Path
+    files: Callable[[Path], list[Path]]
+    numbers: Callable[[Path], dict[str, str]]
+    read: dict[str, tuple[int, Callable[[Path], object]]]
+
+
+def comparison(root: Path) -> Made:
+    """A comparison of two laws in one scene, each in two trials."""
+    settings = ["scenario.duration=0.05", "scenario.start_deviation=0.01", "trials=2"]
+    suite = Suite.load().select(["example-2d-fov"], ["sliding-mode"], settings=settings)
+    compare(suite, root / "comparison", workers=0)
+
+    def numbers(folder: Path) -> dict[str, str]:
+        stored = StoredComparison.load(folder)
+        found = {"tables": _hash((stored.manifest, stored.results, stored.constraints))}
+        for line in stored.results:
+            key = str(line["scenario"]), str(line["controller"]), int(line["trial"])
+            record = stored.run(*key)
+            if record is not None:
+                parts = {**vars(record), **vars(record.trajectory)}
+                found[str(key)] = _hash([(name, np.asarray(parts[name]).tobytes()) for name in SHAPES])
+        return found
+
+    file = "example-2d-fov--sliding-mode--1.npz"
+    return Made(
+        root / "comparison",
+        files_of_comparison,
+        numbers,
+        {
+            "report": (4, lambda folder: write_report(folder, figures=False)),
+            "figures": (400, write_report),
+            "replay": (20, lambda folder: asked_for(str(folder / "trajectories" / file))),
+            "diff": (40, lambda folder: difference(root / "comparison", folder, Question())),
+            "verify": (2, verify),
+        },
+    )
+
+
+def campaign(root: Path) -> Made:
+    """A campaign of a law in two scenes, some of its trajectories kept."""
+    (root / "quick.toml").write_text(FAMILY)
+    (root / "small.toml").write_text(CAMPAIGN)
+    here = Plan(keep="first", workers=lambda function: nullcontext(Here(function)))
+    collect(Campaign.load(root / "small.toml"), root / "campaign", here)
+
+    def numbers(folder: Path) -> dict[str, str]:
+        evidence = Evidence.load(folder)
+        tables = [getattr(evidence, name).to_json(double_precision=15) for name in TABLES]
+        return {"tables": _hash((evidence.manifest, tables))}
+
+    def merged(folder: Path) -> None:
+        merge(folder / "merged", [folder])
+
+    return Made(
+        root / "campaign",
+        files_of_campaign,
+        numbers,
+        {
+            "report": (20, lambda folder: write_evidence_report(folder, figures=False)),
+            "figures": (400, write_evidence_report),
+            "merge": (4, merged),
+            "replay": (40, lambda folder: replay(folder, "quick", 0, "nominal", "sliding-mode")),
+            "diff": (40, lambda folder: difference(root / "campaign", folder, Question())),
+            "verify": (2, verify),
+        },
+    )
+
+
+def _hash(data: Any) -> str:
+    return hashlib.sha256(repr(data).encode("utf-8", "backslashreplace")).hexdigest()
+
+
+def change(folder: Path, made: Made, chance: random.Random) -> tuple[str, bool]:
+    """Change a thing or two in a folder; what, and whether a reader has to see it or to find the numbers unchanged."""
+    by_chance, what = chance.random() < 0.5, []
+    for _ in range(1 if by_chance else chance.choice((1, 1, 2))):
+        files = [path for path in made.files(folder) if path.is_file() and path.stat().st_size]
+        files += [folder / SUMS] if by_chance else []
+        path = chance.choice(files)
+        done = chance.choice(PLAIN if by_chance or chance.random() < 0.3 else MEANT)
+        what.append(f"{done.__name__[1:]} of {path.relative_to(folder)}")
+        with suppress(Exception):  # what the first left need not be readable any more
+            done(path, chance)
+    if by_chance:
+        return what[0], True
+    if chance.random() < 0.5:
+        write_sums(folder, digests(folder, made.files(folder)))
+    else:
+        (folder / SUMS).unlink(missing_ok=True)
+    return ", ".join(what), False
+
+
+class Fuzz:
+    """Results to be changed, in a folder of their own, and what was found."""
+
+    def __init__(self, root: Path, kinds: Sequence[Callable[[Path], Made]] = (comparison, campaign)) -> None:
+        self.root, self.watch = root.resolve(), Watch()
+        self.made = [kind(self.root) for kind in kinds]
+        self.stored = [made.numbers(made.folder) for made in self.made]
+        self.outcomes: Counter[str] = Counter()
+        (self.root / "planted.py").write_text(PLANT)
+        self.marker = self.root / "planted-has-run"
+        os.environ["VSCONSTRAINTS_PLANTED"] = str(self.marker)
+
+    def findings(self, seed: int, number: int) -> Iterator[str]:
+        """Change a copy, and read it; what should not have happened."""
+        chance = random.Random(f"{seed} {number}")
+        which = chance.randrange(len(self.made))
+        made, stored = self.made[which], self.stored[which]
+        folder = self.root / "at" / "work"
+        shutil.rmtree(folder.parent, ignore_errors=True)
+        shutil.copytree(made.folder, folder)
+        (self.root / "outside").mkdir(exist_ok=True)
+        what, seen = change(folder, made, chance)
+        readers = {name: read for name, (every, read) in made.read.items() if chance.randrange(every) == 0}
+        before = dict(_listing(self.root, folder.parent))
+        with self.watch.over(folder.parent) as did:
+            for name, read in {"numbers": made.numbers, **readers}.items():
+                problem = self._read(read, folder, stored if name == "numbers" and seen else None)
+                if problem:
+                    yield f"{what}; {name}: {problem}"
+        if did:
+            yield f"{what}: {did[:3]}"
+        if self.marker.exists():
+            self.marker.unlink()
+            yield f"{what}: code was run"
+        if dict(_listing(self.root, folder.parent)) != before:
+            yield f"{what}: something changed outside the folder"
+
+    def _read(self, read: Callable[[Path], object], folder: Path, expected: dict[str, str] | None) -> str:
+        """What a reader should not have done."""
+        signal.alarm(LIMIT)
+        try:
+            with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+                found = read(folder)
+        except (VsconstraintsError, typer.Exit) as error:
+            self.outcomes["refused"] += 1
+            text = str(error)
+            return f"an error of several lines: {text!r}" if "\n" in text else ""
+        except Exception as error:  # which is what is looked for
+            self.outcomes["raised"] += 1
+            return f"{type(error).__name__}: {error}"
+        finally:
+            signal.alarm(0)
+        self.outcomes["read"] += 1
+        same = expected is None or (isinstance(found, dict) and "tables" in found and found.items() <= expected.items())
+        return "" if same else "other numbers, and nobody said so"
+
+
+def _listing(root: Path, but: Path) -> Iterator[tuple[str, tuple[int, int]]]:
+    for at, folders, files in os.walk(root):
+        folders[:] = [name for name in folders if Path(at, name) != but]
+        for name in files:
+            stat = os.stat(os.path.join(at, name))
+            yield os.path.join(at, name), (stat.st_size, stat.st_mtime_ns)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Change and read, print what was found; 1 if something was."""
+    parser = argparse.ArgumentParser(
+        prog="python -m checks.stored", description="Read stored results that were changed."
+    )
+    parser.add_argument("--mutations", type=int, default=10_000, help="how many copies (default: 10000)")
+    parser.add_argument("--seed", type=int, default=0, help="of all changes (default: 0)")
+    parser.add_argument("--only", default="", help="FIRST:LAST, only these copies: to see a finding again")
+    chosen = parser.parse_args(arguments)
+    numbers = range(chosen.mutations)
+    if chosen.only:
+        numbers = range(*(int(part) for part in chosen.only.split(":")))
+    count, started = 0, perf_counter()
+    with tempfile.TemporaryDirectory(prefix="vsconstraints-stored-") as root:
+        fuzz = Fuzz(Path(root))
+        for number in numbers:
+            for finding in fuzz.findings(chosen.seed, number):
+                count += 1
+                print(f"copy {number} of seed {chosen.seed}: {finding}", flush=True)
+    said = ", ".join(f"{number} {outcome}" for outcome, number in sorted(fuzz.outcomes.items()))
+    print(f"{len(numbers)} copies in {perf_counter() - started:.0f} s, readings: {said}; {count} findings")
+    return 1 if count else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
