@@ -110,6 +110,7 @@ def test_of_all_that_does_as_well_for_rows_and_task_it_is_the_nearest(resolver: 
             solver="CLARABEL"
         )
         np.testing.assert_allclose(command.qdd, x.value, atol=1e-5)
+        np.testing.assert_allclose((rows.Lg @ command.qdd + rows.Lf)[command.acted], 0.0, atol=1e-9)
         acted += bool(command.acted.any())
     assert acted > 5
 
