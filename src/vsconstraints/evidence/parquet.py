@@ -108,6 +108,9 @@ def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] 
             for column in columns:
                 if column.added and column.name not in lines.column_names:
                     lines = lines.append_column(column.name, pa.nulls(len(lines), _TYPES[column.kind]))
+            missing = [name for name in wanted.names if name not in lines.column_names]
+            if missing:
+                raise ValueError(f"it has no column {missing[0]!r}; another version wrote it, which can report on it")
             found.append(lines.select(wanted.names).cast(wanted))
         except (OSError, ValueError, KeyError) as error:
             raise ConfigurationError(f"{path} cannot be read: {error}") from error
