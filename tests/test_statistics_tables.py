@@ -40,7 +40,8 @@ def made(law: str, jerk: list[float], status: str = "converged", violated: str =
     """Runs of a law with a jerk in every scene; each further column as given, or as in a run without events."""
     given = {"family": "planar", "condition": "nominal", "half": "held-out", "scene": range(len(jerk))}
     quiet = {metric.column: 0.0 for metric in METRICS if metric.kind in ("number", "time")}
-    run = {**given, "controller": law, **quiet, "status": status, "violated": violated, "jerk_rms": jerk, **more}
+    run = {**given, "controller": law, **quiet, "status": status, "violated": violated, "jerk_rms": jerk}
+    run |= {"violated_tolerant": violated, **more}
     return pd.DataFrame(run)
 
 
@@ -85,7 +86,7 @@ def test_chances_of_outcomes_are_those_of_wins_and_losses() -> None:
     """Of 10 scenes a wins 3 and loses none, by success; by violation it is the other way round."""
     a, b = made("a", [1.0] * 10), made("b", [1.0] * 10, violated=["q[1]"] * 3 + [""] * 7)
     runs = pd.concat([a, b])
-    for outcome, difference in (("success", 0.3), ("violation", -0.3)):
+    for outcome, difference in (("success", 0.3), ("violation", -0.3), ("tolerant success", 0.3)):
         line = compare_laws(runs, outcome).iloc[0]
         assert (line.difference, line.effect) == pytest.approx((difference, 0.65))
     never = compare_laws(pd.concat([a[:5], b[5:]]), "success").iloc[0]
@@ -244,6 +245,8 @@ def test_what_cannot_be_compared_is_said(runs: pd.DataFrame) -> None:
         medians(runs, "status")
     with pytest.raises(ConfigurationError, match=r"unknown outcome 'succes'\. Did you mean 'success'"):
         rates(runs, "succes")
+    with pytest.raises(ConfigurationError, match="no column 'violated_tolerant'; another version may have scored them"):
+        rates(runs.drop(columns="violated_tolerant"), "tolerant success")
     with pytest.raises(ConfigurationError, match=r"unknown controller 'z'.* Available: a, b"):
         compare_laws(runs, "jerk_rms", "z")
     with pytest.raises(

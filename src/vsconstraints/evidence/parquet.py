@@ -136,6 +136,9 @@ def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] 
                 # what has another one in its place is damaged, not old
                 if column.added and column.name not in lines.column_names and not unknown:
                     lines = lines.append_column(column.name, pa.nulls(len(lines), _TYPES[column.kind]))
+            missing = [name for name in wanted.names if name not in lines.column_names]
+            if missing:
+                raise ValueError(f"it has no column {missing[0]!r}; another version wrote it, which can report on it")
             found.append(lines.select(wanted.names).cast(wanted))
         except UNREADABLE as error:
             raise ConfigurationError(f"{path} cannot be read: {one_line(str(error))}") from error

@@ -31,7 +31,12 @@ def converged(runs: Any) -> Any:
 
 
 def violated(runs: Any, column: str = "violated") -> Any:
-    """Whether each run violated a row, by the strict standard or as another column has it."""
+    """Whether each run violated a row, by the strict standard or as another column has it.
+
+    Raises ConfigurationError without that column: runs that were scored before there was one.
+    """
+    if column not in runs.columns:
+        raise ConfigurationError(f"runs have no column {column!r}; another version may have scored them")
     return runs[column].astype(object).fillna("") != ""
 
 
