@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -27,6 +28,7 @@ from vsconstraints.tuning.evaluation import evaluating
 from vsconstraints.tuning.fronts import choose, front, hypervolume
 from vsconstraints.tuning.journal import Journal
 from vsconstraints.tuning.objectives import FAILED, OBJECTIVES, REFERENCE, Judged, Outcome, judged, outcome
+from vsconstraints.tuning.result import Asked
 from vsconstraints.tuning.search import Search, Searched
 
 LAWS = """
@@ -450,6 +452,33 @@ def test_the_chosen_point_by_hand() -> None:
     assert [objective.unit for objective in OBJECTIVES] == [0.1, 1.0, 0.1]
     assert front([]) == []
     assert hypervolume([]) == 0.0
+
+
+def test_ties_are_broken_alike_whatever_the_order() -> None:
+    """Of points as near the winner's values are the same in every order, and of equal points it is the first."""
+    # (0.1, 0, 0), (0, 1, 0) and (0, 0, 0.1) are as near to the ideal point in the objectives' units; each twice
+    points = [(0.1, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.1)] * 2
+    for order in itertools.permutations(range(6)):
+        shuffled = [points[i] for i in order]
+        expected = [i for i, point in enumerate(shuffled) if point not in shuffled[:i]]
+        assert front(shuffled) == expected
+        assert choose(shuffled) == shuffled.index((0.0, 0.0, 0.1))
+
+
+def test_the_order_in_which_evaluations_come_decides_nothing(tmp_path: Path) -> None:
+    problem = Problem(campaign(tmp_path, "[controllers.hierarchical-qp]"), Budget(4, 2))
+    worth = [(0.1, 1.0, 1.0), (0.0, 2.0, 1.0), (0.0, 2.0, 1.0), (0.1, 1.0, 1.0)]
+    found = [
+        (Asked(problem.laws[0], seed, number, {"alpha": 1.0 + seed + number}), Judged(worth[number], 0.0, 10, 10))
+        for seed in range(2)
+        for number in range(4)
+    ]
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        (tuned,) = Tuning.of(problem, [found[i] for i in rng.permutation(len(found))]).laws
+        assert tuned.chosen is not None
+        assert (tuned.chosen.asked.seed, tuned.chosen.asked.number) == (0, 1)
+        assert [(one.asked.seed, one.asked.number) for one in tuned.evaluations if one.on_front] == [(0, 0), (0, 1)]
 
 
 def test_infeasible_settings_teach_the_tuner() -> None:

@@ -12,7 +12,7 @@ from ..extras import demand
 from ..kernels import prepare
 from ..runs.files import plain, storing, write_json
 from ..runs.folder import MANIFEST, held
-from ..runs.machine import git_commit, machine
+from ..runs.machine import git_commit, loaded_versions, machine
 from .evaluation import Evaluator, evaluating
 from .journal import Journal, setting_key
 from .objectives import Judged
@@ -123,6 +123,7 @@ def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
         "command": list(command),
         "git_commit": git_commit(),
         "machine": machine(),
+        "loaded": loaded_versions(),
     }
     with storing("evaluations", folder):
         write_json(path, manifest)
