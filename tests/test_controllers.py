@@ -455,7 +455,7 @@ def test_slack_that_is_none_is_a_failure(slack: Any) -> None:
 
 def test_a_demand_beyond_floating_point_is_no_slack() -> None:
     rows, task = sound()
-    rows = replace(rows, phi=np.array([1e300, -1.0, -1.0]), Lg=np.zeros((3, 6)))
+    rows = replace(rows, phi=np.array([1e300, -1.0, -1.0]), Lg=np.zeros((3, 6)), scale=np.full(3, 1e300))
     command = HierarchicalQP(alpha=1e100).command(rows, task)
     assert (command.status, "finite numbers" in command.reason) == ("failed", True)
 
