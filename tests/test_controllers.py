@@ -294,6 +294,7 @@ def test_finite_numbers_whose_products_are_not_end_in_time(
     huge = size * np.where(np.arange(18).reshape(3, 6) % 2 == 0, 1.0, -1.0)
     whole = {"J": np.tile(huge, (2, 1)), "b": np.full(6, size), "Lg": huge}.get(what, np.full(3, size))
     rows = replace(rows, **{what: whole}) if hasattr(rows, what) else rows
+    rows = replace(rows, scale=whole) if what == "phi" else rows  # else it is refused
     task = replace(task, **{what: whole}) if hasattr(task, what) else task
     ready(name, options).command(*sound())  # compiling is not what is timed
     law = ready(name, options, (rows, task))

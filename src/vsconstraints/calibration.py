@@ -123,7 +123,7 @@ def _table(path: Path, where: str) -> Mapping[str, Any]:
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"cannot read the calibration {where}: {error}") from error
     if not isinstance(table, Mapping):
-        raise ConfigurationError(f"{where} is no calibration: it must be a table, not {_said(table)}")
+        raise ConfigurationError(f"{where} is no calibration: it must be a table")
     return table
 
 
@@ -139,17 +139,25 @@ def _text(path: Path) -> str:
 
 
 def _demand_plain(text: str) -> None:
-    """Raise ValueError for what is nested too deep, or has aliases, by which a small file can stand for a huge one."""
+    """Raise ValueError for deep nesting, a key that is there twice, and aliases, by which a small file can be huge."""
     import yaml
 
-    depth = 0
+    depth, nodes, keys = 0, 0, set()
     for event in yaml.parse(text, Loader=getattr(yaml, "CBaseLoader", yaml.BaseLoader)):
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         place = f"line {event.start_mark.line + 1}"
+        if isinstance(event, yaml.DocumentStartEvent):
+            nodes, keys = 0, set()
+        elif isinstance(event, yaml.AliasEvent):
+            raise ValueError(f"{place} has an alias (*), which no calibration needs")
+        elif isinstance(event, yaml.NodeEvent) and depth == 1:
+            nodes += 1  # keys and values in turn
+            if nodes % 2 and isinstance(event, yaml.ScalarEvent):
+                if event.value in keys:
+                    raise ValueError(f"{place} has a key that is there already")
+                keys.add(event.value)
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if depth > MAX_DEPTH:
             raise ValueError(f"{place} is nested deeper than {MAX_DEPTH} levels")
-        if isinstance(event, yaml.AliasEvent):
-            raise ValueError(f"{place} has an alias (*), which no calibration needs")
 
 
 def _said(value: object) -> str:
