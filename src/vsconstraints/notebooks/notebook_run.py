@@ -15,6 +15,7 @@ from ..comparisons import RunRecord, RunSpec, score
 from ..comparisons.metrics import METRICS, Score
 from ..comparisons.run import Run, perform
 from ..controllers import Controller, Tracking
+from ..errors import described
 from ..plugins import beside
 from ..readable import amount, counted, in_one_line
 from ..reports.best import shown
@@ -187,8 +188,14 @@ def run(scenario: AnyScenario | Setup, law: Controller | str, *, trial: int = 0,
     if isinstance(law, Controller):
         spec = own_spec(law, spec.name)
     if isinstance(scenario, Setup):
-        record = RunRecord.of(scenario, simulate(scenario, spec.make(), by_public_call=True), "")
+        try:
+            record = RunRecord.of(scenario, simulate(scenario, spec.make(), by_public_call=True), "")
+        except SystemExit as error:  # a law ends its run, not the session
+            record = RunRecord.failed(described(error), "")
         return NotebookRun(scenario, record, spec.name, scenario.scene.robot.name)
     loaded = scenario_of(scenario)
-    made = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True)
+    try:
+        made = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True)
+    except SystemExit as error:
+        made = Run(loaded.setup(trial, seed), RunRecord.failed(described(error), ""))
     return NotebookRun(made.setup, made.record, spec.name, loaded.name, loaded.title, loaded.folder)
