@@ -104,12 +104,17 @@ class _Known:
     def __init__(self, client: Any, session: Session) -> None:
         self._client, self.session = client, session
         self._asked: dict[str, tuple[Any, float]] = {}
+        self._there: set[str] = set()
         self.alike: set[str] = set()
         self.refused: dict[str, str] = {}
 
     def threads(self) -> dict[str, int]:
         """Threads of the workers that are there and may be given calls; others are asked, and their answers heard."""
         there: dict[str, int] = self._client.nthreads()
+        for worker in there.keys() - self._there:  # another one may come to the address of one that is gone
+            self.alike.discard(worker)
+            self.refused.pop(worker, None)
+        self._there = set(there)
         for worker in there.keys() - self.alike - self.refused.keys() - self._asked.keys():
             packed, key = pickle.dumps((self.session, Call(str, ()))), f"{self.session.name}-{uuid.uuid4().hex}"
             future = self._client.submit(answered, packed, key=key, pure=False, workers=[worker])
@@ -117,6 +122,10 @@ class _Known:
         for worker, (future, until) in list(self._asked.items()):
             if worker not in there:
                 del self._asked[worker]
+                self.refused[worker] = (
+                    f"worker {worker} ended when it was asked what results depend on there: can vsconstraints be "
+                    "imported there?"
+                )
             elif future.done() or time.monotonic() > until:
                 del self._asked[worker]
                 why = self._why_not(worker, future)
@@ -158,7 +167,7 @@ class _Cluster:
     def __init__(self, client: Any, address: str, known: _Known, function: Callable[..., Any]) -> None:
         self._client, self._address, self._known, self._function = client, address, known, function
         self._seen = 0.0
-        self._told = set(known.refused)
+        self._told = set(known.refused.values())
 
     def run(
         self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None, *, again: bool = True
@@ -218,9 +227,9 @@ class _Cluster:
         """How many calls each worker can answer at once; raises WorkersLost when there has been nobody for long."""
         with self._cluster_may_go():
             threads = self._known.threads()
-        for worker in self._known.refused.keys() - self._told:
-            self._told.add(worker)
-            warnings.warn(f"{self._known.refused[worker]}; it is given nothing", RuntimeWarning, stacklevel=3)
+        for why in set(self._known.refused.values()) - self._told:
+            self._told.add(why)
+            warnings.warn(f"{why}; it is given nothing", RuntimeWarning, stacklevel=3)
         if threads or self._known.waiting:
             self._seen = time.monotonic()
         elif time.monotonic() - self._seen > PATIENCE:
@@ -261,11 +270,11 @@ def _connected(address: str) -> Any:
         with _quiet():
             resolve_address(address)
             return Client(address, timeout=CONNECT, set_as_default=False, name="vsconstraints")
-    except (OSError, ValueError, ImportError) as error:  # ImportError: of the packages of a protocol
-        raise ConfigurationError(
-            f"no Dask scheduler answers at {address}: {error}; start one with `dask scheduler`, and give the address "
-            "that it prints"
-        ) from error
+    except (OSError, ValueError, RuntimeError, ImportError, TypeError) as error:  # of TLS without keys: the last
+        advice = "say in Dask's configuration where its keys are, see docs/clusters.md"
+        if not address.startswith("tls:"):
+            advice = "start one with `dask scheduler`, and give the address that it prints"
+        raise ConfigurationError(f"no Dask scheduler answers at {address}: {error}; {advice}") from error
 
 
 def _demand_alike(known: _Known, address: str) -> None:
