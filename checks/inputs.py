@@ -10,6 +10,7 @@ import numpy as np
 
 from vsconstraints.controllers import DEMANDS, RESOLVERS
 from vsconstraints.qp import solver_names
+from vsconstraints.row_checks import FARTHEST
 from vsconstraints.rows import OPTIONAL, Array, Rows, Task
 
 ROWS = ("phi", "Lg", "Lf", "switching_gain", "scale", *OPTIONAL)
@@ -40,7 +41,7 @@ def make_input(rng: np.random.Generator) -> Input:
     if kind < MALFORMED + LAID_OUT:
         rows = replace(rows, **{name: laid_out(rng, getattr(rows, name)) for name in ROWS})
         task = replace(task, **{name: laid_out(rng, getattr(task, name)) for name in TASK})
-    return Input(rows, task, sound=True)
+    return Input(rows, task, sound=not (rows.phi / FARTHEST > rows.scale).any())
 
 
 # --- finite numbers of matching shapes ---

@@ -154,10 +154,24 @@ def _citation(block: Block, folder: Path, names: dict[str, Any]) -> None:
     assert f"pages = {{{paper['start']}--{paper['end']}}}" in said
 
 
+def _dask(block: Block, folder: Path, names: dict[str, Any]) -> None:
+    """Settings of Dask; it knows every one of them."""
+    import dask
+    import distributed  # noqa: F401  # adds its own
+
+    def demand_known(settings: dict[str, Any], known: dict[str, Any]) -> None:
+        for name, value in settings.items():
+            assert name in known, name
+            if isinstance(value, dict):
+                demand_known(value, known[name])
+
+    demand_known(yaml.safe_load(block.code), dask.config.config)
+
+
 def _anything(arguments: list[str], folder: Path) -> None:
     """Nothing of ours to check."""
 
 
-RUN = {"python": _python, "toml": _toml, "xml": _markup, "sh": _shell, "bibtex": _citation}
-OTHERS = dict.fromkeys(("pytest", "dask"), _anything)
+RUN = {"python": _python, "toml": _toml, "xml": _markup, "sh": _shell, "yaml": _dask, "bibtex": _citation}
+OTHERS = dict.fromkeys(("pytest", "dask", "openssl"), _anything)
 COMMANDS = {"vsconstraints": _vsconstraints, "pip": _pip, "sphinx-build": _sphinx, **OTHERS}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,10 @@ from vsconstraints.calibration import read_calibration
 from vsconstraints.distortion import Distortion
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import Scenario
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from checks import calibrations
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -140,24 +147,24 @@ def test_points_are_where_ros_and_opencv_have_them_from_the_same_file(tmp_path: 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"camera_matrix": None}, "the key 'camera_matrix' is missing; there are .*camera_name"),
+        ({"camera_matrix": None}, "the key 'camera_matrix' is missing; K or k would be taken"),
         ({"image_width": None}, "the key 'image_width' is missing"),
-        ({"image_width": "wide"}, "image_width must be a positive number, not 'wide'"),
+        ({"image_width": "wide"}, "image_width must be a positive number of pixels, not 'wide'"),
         ({"image_height": True}, "image_height must be a positive number"),
         ({"image_height": 0}, "image_height must be a positive number"),
         ({"camera_matrix": matrix([1.0] * 9)}, r"camera_matrix must be \[F_u, 0, c_x, 0, F_v"),
         ({"camera_matrix": matrix([0.0] * 9)}, r"camera_matrix must be \[F_u, 0, c_x, 0, F_v"),
-        ({"camera_matrix": {"rows": 3, "cols": 3, "data": [1.0] * 8}}, "must have 3 × 3 finite numbers"),
+        ({"camera_matrix": {"rows": 3, "cols": 3, "data": [1.0] * 8}}, "3 × 3 finite numbers as data; it has 8"),
         ({"camera_matrix": {"data": [1.0] * 9}}, "camera_matrix must have rows, cols and data"),
-        ({"camera_matrix": {"rows": 3, "cols": 3, "data": ["a"] * 9}}, "camera_matrix must have rows, cols and data"),
+        ({"camera_matrix": {"rows": 3, "cols": 3, "data": ["a"] * 9}}, "3 × 3 finite numbers as data; it has 0"),
         ({"distortion_model": "thin_prism"}, "unknown distortion_model in .* 'thin_prism'.*plumb_bob"),
         ({"distortion_coefficients": matrix([0.1] * 3)}, "has 4 or 5 or 8 finite coefficients, not 3"),
         ({"distortion_coefficients": matrix([0.1] * 12)}, "has 4 or 5 or 8 finite coefficients, not 12"),
         ({"distortion_coefficients": matrix([float("nan")] * 5)}, "finite numbers"),
-        ({"binning_x": 2, "binning_y": 1}, r"fewer pixels \(binning_x = 2\): calibrate it as it is used"),
+        ({"binning_x": 2, "binning_y": 1}, r"fewer pixels \(binning_x = '2'\): calibrate it as it is used"),
         (
             {"roi": {"x_offset": 10, "y_offset": 0, "width": 320, "height": 480, "do_rectify": True}},
-            r"\(roi.x_offset = 10, roi.width = 320\)",
+            r"\(roi.x_offset = '10', roi.width = '320'\)",
         ),
         # the matrix is one of images twice as large
         (
@@ -182,10 +189,101 @@ def test_what_is_no_calibration_at_all_says_so(tmp_path: Path, text: str) -> Non
 
 def test_a_file_that_runs_code_is_not_obeyed(tmp_path: Path) -> None:
     (tmp_path / "camera.yaml").write_text("image_width: !!python/object/apply:os.getcwd []\n")
-    with pytest.raises(ConfigurationError, match="cannot read the calibration"):
-        read_calibration(tmp_path / "camera.yaml")
+    with pytest.raises(ConfigurationError, match="image_width must be a positive number of pixels, not a list"):
+        read_calibration(tmp_path / "camera.yaml", size=None)
     with pytest.raises(ConfigurationError, match=r"cannot read the calibration .*No such file"):
         read_calibration(tmp_path / "none.yaml")
+
+
+def test_mutated_files_are_read_or_refused_by_name(tmp_path: Path) -> None:
+    """A sample of ``python -m checks.calibrations``: no raw error, nothing run or opened, no content, in no time."""
+    found, outcomes = calibrations.findings(1, range(1000), tmp_path)
+    assert found == []
+    assert set(outcomes) == {"read", "refused"}
+    assert min(outcomes.values()) > 50
+
+
+def test_the_fuzz_sees_what_it_looks_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def opens(path: Path) -> Exception:
+        Path(__file__).read_bytes()
+        return ConfigurationError("fine")
+
+    def waits(path: Path) -> Exception:
+        time.sleep(0.2)
+        return ConfigurationError("fine")
+
+    watch = calibrations.Watch()
+    monkeypatch.setattr(calibrations, "LIMIT", 0.1)
+    for misbehaves, word in (
+        (lambda path: ConfigurationError("fine"), ""),
+        (lambda path: ConfigurationError(f"it says {calibrations.SECRET}"), "says too much"),
+        (lambda path: ValueError("month must be in 1..12"), "ValueError"),
+        (lambda path: eval("ConfigurationError('fine')"), "did more"),
+        (opens, "did more"),
+        (waits, "took 0.2"),
+    ):
+
+        def reads(path: Path, does: Any = misbehaves) -> None:
+            raise does(path)
+
+        monkeypatch.setattr(calibrations.Camera, "from_calibration", reads)
+        wrong = calibrations.judge(tmp_path, watch)[1]
+        assert wrong.startswith(word) if word else wrong == ""
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"image_width": float("inf")}, "image_width must be a positive number of pixels, not '.inf'"),
+        ({"image_width": "1e400"}, "image_width must be a positive number of pixels, not '1e400'"),
+        ({"image_width": 1e9}, "image_width must be a positive number of pixels, not '1000000000.0'"),
+        ({"distortion_model": ["plumb_bob"]}, "distortion_model must be a name, not a list"),
+        ({"fisheye_model": "maybe", "distortion_model": None}, "fisheye_model must be 0 or 1, not 'maybe'"),
+        ({"image_width": "x" * 300}, "image_width must be a positive number of pixels, not a long text"),
+    ],
+)
+def test_values_that_no_camera_has(tmp_path: Path, change: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigurationError, match=words):
+        read_calibration(written(tmp_path / "camera.yaml", ros(**change)))
+
+
+def test_files_are_bounded(tmp_path: Path) -> None:
+    file = written(tmp_path / "camera.yaml", ros())
+    sound = file.read_text()
+    os.mkfifo(tmp_path / "fifo")
+    for text, words in (
+        (calibrations.BOMB + sound, "line 2 has an alias"),
+        (sound + "more: " + "[" * 11 + "]" * 11, "is nested deeper than 10 levels"),
+        (sound + "more: [" + "1, " * 100_000 + "]", "it is larger than 250000 bytes"),
+        (sound + "image_width: 1280\n", "line 56 has a key that is there already"),
+        (sound + "more: [", r"line \d+, column \d+: it is no YAML"),
+    ):
+        file.write_text(text)
+        begun = time.perf_counter()
+        with pytest.raises(ConfigurationError, match=words):
+            read_calibration(file)
+        assert time.perf_counter() - begun < 2.0
+    for special in ("/dev/zero", str(tmp_path / "fifo"), str(tmp_path)):
+        with pytest.raises(ConfigurationError, match="it is no file"):
+            read_calibration(special)
+    with pytest.raises(ConfigurationError, match="cannot read the calibration"):
+        read_calibration("nul\x00l")
+
+
+def test_no_content_of_another_file_is_shown(tmp_path: Path) -> None:
+    """A scenario that names any file as a calibration learns nothing of it."""
+    for text in (
+        "the root password is swordfish",
+        "- swordfish\n",
+        "password: swordfish\n",
+        "a: [swordfish",
+        "a: 'swordfish",
+    ):
+        (tmp_path / "shadow").write_text(text)
+        with pytest.raises(ConfigurationError) as no:
+            read_calibration(tmp_path / "shadow")
+        assert "swordfish" not in str(no.value)
+        assert "password" not in str(no.value)
 
 
 def test_a_calibration_for_another_image_size_is_refused(tmp_path: Path) -> None:

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
+import shutil
 import signal
 import socket
+import subprocess
+import sys
 import time
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
+import dask
 import pytest
+import yaml
 from distributed import LocalCluster
+from distributed.security import Security
 from typer.testing import CliRunner
 
+from documents import DOCS, blocks
 from vsconstraints.cli import app
 from vsconstraints.comparisons.metrics import TIMING_COLUMNS
 from vsconstraints.errors import ConfigurationError
@@ -22,6 +33,11 @@ from vsconstraints.evidence import cluster as near
 from vsconstraints.evidence.cluster import cluster
 from vsconstraints.evidence.task import Work
 from vsconstraints.runs.pool import DIED, Failure
+
+PAGE = list(blocks(DOCS / "clusters.md"))
+(SETTINGS,) = (block.code for block in PAGE if block.language == "yaml")
+(KEYS,) = (block.code for block in PAGE if "openssl" in block.code)
+"""Of the documentation's recipe: Dask's configuration, and how keys are made."""
 
 
 def told() -> dict[str, Any]:
@@ -135,4 +151,134 @@ def test_a_scheduler_without_workers() -> None:
         pytest.raises(ConfigurationError, match=r"has no worker; start one .* `dask worker tcp://"),
         cluster(local.scheduler_address, told),
     ):
+        pass
+
+
+# --- those that come later ---
+
+
+def told_by_environment() -> dict[str, Any]:
+    return {"code": os.environ.get("OTHER_CODE", "same")}
+
+
+def environment(number: int) -> tuple[int, str]:
+    time.sleep(0.1)
+    return number, os.environ.get("OTHER_CODE", "") + os.environ.get("GOOD_WORKER", "")
+
+
+@contextmanager
+def joining(address: str, folder: Path, **environment: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A Dask worker with an environment of its own, which is told where this module is."""
+    path = environment.pop("PYTHONPATH", "")
+    before = [path, str(Path(__file__).parent), *filter(None, sys.path)]
+    options = "--host", "127.0.0.1", "--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli.dask_worker", address, *options],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, before)), **environment},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def wait_for(what: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 120.0
+    while not what():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_workers_that_join_midway_with_other_code_are_given_nothing(scheduler: LocalCluster, tmp_path: Path) -> None:
+    """One that would give other results, and one on which nothing of this package can be imported; a third helps."""
+    broken = tmp_path / "broken" / "vsconstraints"
+    broken.mkdir(parents=True)
+    (broken / "__init__.py").write_text("raise ImportError('no such luck')")
+    address, found, said = scheduler.scheduler_address, [], list[str]()
+    there = len(scheduler.scheduler_info["workers"])
+    with cluster(address, told_by_environment) as workers, ExitStack() as stack:
+        for own in ({"OTHER_CODE": "older"}, {"PYTHONPATH": str(broken.parent)}, {"GOOD_WORKER": "good"}):
+            stack.enter_context(joining(address, tmp_path, **own))
+        wait_for(lambda: len(scheduler.scheduler_info["workers"]) == there + 3)
+        with workers(environment) as open_workers, warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            for key, answer in open_workers.run({i: (i,) for i in range(1000)}):
+                assert answer[0] == key
+                found.append(answer[1])
+                said = [str(warning.message) for warning in caught if warning.category is RuntimeWarning]
+                if len(said) == 2 and found.count("good") > 5 and len(found) > 50:
+                    break
+    assert set(found) == {"", "good"}
+    assert len(said) == 2
+    other, nothing = sorted(said, key=lambda text: "ended" in text)
+    assert re.search(
+        r"^worker \S+ would give other results: the package's source differs .*; it is given nothing$", other
+    )
+    assert re.search(r"^worker \S+ ended when it was asked .*; it is given nothing$", nothing)
+
+
+def test_calls_outlive_the_only_worker(tmp_path: Path) -> None:
+    """What it was at, and what it was sent ahead, is done by one that comes later."""
+    with LocalCluster(n_workers=0, processes=False, dashboard_address=":0", protocol="tcp", host="127.0.0.1") as local:
+        address = local.scheduler_address
+        with ExitStack() as stack:
+            first = stack.enter_context(joining(address, tmp_path, GOOD_WORKER="first"))
+            wait_for(lambda: len(local.scheduler_info["workers"]) == 1)
+            answers = {}
+            with cluster(address, told_by_environment) as workers, workers(environment) as open_workers:
+                for key, (_, who) in open_workers.run({i: (i,) for i in range(20)}):
+                    answers[key] = who
+                    if len(answers) == 3:
+                        first.kill()
+                        stack.enter_context(joining(address, tmp_path, GOOD_WORKER="second"))
+    assert sorted(answers) == list(range(20))
+    assert set(answers.values()) == {"first", "second"}
+
+
+# --- who may take part ---
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two authorities, ``own`` and ``foreign``, and a key that each has signed, made as the documentation says."""
+    folder = tmp_path_factory.mktemp("keys")
+    if shutil.which("openssl") is None:
+        pytest.skip("keys are made by openssl, which is not installed")
+    for name in ("own", "foreign"):
+        (folder / name).mkdir()
+        for command in KEYS.strip().splitlines():
+            subprocess.run(shlex.split(command), cwd=folder / name, check=True, capture_output=True)
+    return folder
+
+
+def tls(folder: Path) -> dict[str, Any]:
+    """The documentation's settings, with keys from this folder."""
+    text = SETTINGS.replace("/etc/dask/keys", str(folder))
+    return {"distributed": dask.config.merge(dask.config.get("distributed"), yaml.safe_load(text)["distributed"])}
+
+
+def test_only_who_has_a_key_takes_part(keys: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The documentation's recipe; a client without a key, or with one that another authority has signed, is refused."""
+    monkeypatch.setattr(near, "CONNECT", 2.0)
+    with (
+        dask.config.set(tls(keys / "own")),
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, protocol="tls", security=Security(), host="127.0.0.1",
+            dashboard_address=":0",
+        ) as local,
+    ):  # fmt: skip
+        address = local.scheduler_address
+        assert address.startswith("tls://127.0.0.1:")
+        with cluster(address, told) as workers, workers(pow) as open_workers:
+            assert dict(open_workers.run({0: (2, 5)})) == {0: 32}
+        refused = pytest.raises(ConfigurationError, match="no Dask scheduler answers")
+        with refused, cluster(address.replace("tls://", "tcp://"), told):
+            pass
+        with refused, dask.config.set(tls(keys / "foreign")), cluster(address, told):
+            pass
+    without = pytest.raises(ConfigurationError, match=r"no Dask scheduler answers at tls://.*: TLS .*docs/clusters")
+    with without, cluster(address, told):
         pass

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +136,7 @@ def test_columns_and_files_are_those_promised(stored: StoredComparison) -> None:
         assert arrays["active"].shape == (701, len(arrays["labels"]))
     for key in ("version", "git_commit", "command", "seed", "configuration", "machine", "packages"):
         assert key in stored.manifest
+    assert stored.manifest["loaded"].items() >= {name: version(name) for name in ("numpy", "pin", "numba")}.items()
     assert not list(stored.folder.rglob("*.part"))
 
 

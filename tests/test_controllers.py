@@ -294,6 +294,7 @@ def test_finite_numbers_whose_products_are_not_end_in_time(
     huge = size * np.where(np.arange(18).reshape(3, 6) % 2 == 0, 1.0, -1.0)
     whole = {"J": np.tile(huge, (2, 1)), "b": np.full(6, size), "Lg": huge}.get(what, np.full(3, size))
     rows = replace(rows, **{what: whole}) if hasattr(rows, what) else rows
+    rows = replace(rows, scale=whole) if what == "phi" else rows  # else it is refused
     task = replace(task, **{what: whole}) if hasattr(task, what) else task
     ready(name, options).command(*sound())  # compiling is not what is timed
     law = ready(name, options, (rows, task))
@@ -455,7 +456,7 @@ def test_slack_that_is_none_is_a_failure(slack: Any) -> None:
 
 def test_a_demand_beyond_floating_point_is_no_slack() -> None:
     rows, task = sound()
-    rows = replace(rows, phi=np.array([1e300, -1.0, -1.0]), Lg=np.zeros((3, 6)))
+    rows = replace(rows, phi=np.array([1e300, -1.0, -1.0]), Lg=np.zeros((3, 6)), scale=np.full(3, 1e300))
     command = HierarchicalQP(alpha=1e100).command(rows, task)
     assert (command.status, "finite numbers" in command.reason) == ("failed", True)
 

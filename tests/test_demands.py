@@ -476,9 +476,10 @@ def test_an_input_to_state_safe_barrier_is_exceeded_by_a_quarter_of_epsilon_d_sq
     exceeded = []
     for _ in range(500):
         Lg, phi, Lf, size = rng.normal(size=3), rng.normal(), rng.normal(), rng.uniform(0.1, 2.0)
-        c = asked(InputToStateSafeBarrier(5.0, 0.8), phi=phi, Lf=Lf, norm=float(np.linalg.norm(Lg)))
+        scale = rng.uniform(0.1, 10.0)
+        c = asked(InputToStateSafeBarrier(5.0, 0.8), phi=phi, Lf=Lf, norm=float(np.linalg.norm(Lg)), scale=scale)
         d = size * Lg / np.linalg.norm(Lg)
-        exceeded.append((Lf + c + Lg @ d + 5.0 * phi) / (0.8 * size**2 / 4.0))
+        exceeded.append((Lf + c + Lg @ d + 5.0 * phi) / (0.8 * scale * size**2 / 4.0))
     assert 0.95 < max(exceeded) <= 1.0 + 1e-12
 
 

@@ -1,5 +1,6 @@
 """What only some parts need: named with what installs it where it is missing, and not needed by a comparison."""
 
+import ast
 import subprocess
 import sys
 
@@ -8,6 +9,7 @@ import pytest
 from documents import ROOT
 from vsconstraints import extras
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.runs import machine
 from vsconstraints.scenarios.toml import read_toml
 
 
@@ -38,3 +40,21 @@ def test_a_comparison_needs_none_of_them() -> None:
         "import vsconstraints.cli, vsconstraints.comparisons, vsconstraints.reports, vsconstraints.listing"
     )
     subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
+
+
+def test_every_package_that_is_imported_is_in_some_identity() -> None:
+    """Of what the source imports, wherever it does: what is required, or told where a configuration uses it."""
+    found = set()
+    for path in (ROOT / "src").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Import):
+                found |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                found.add(str(node.module).partition(".")[0])
+    found -= {*sys.stdlib_module_names, "vsconstraints"}
+    known = {*machine.package_versions(), *machine.OUTPUT_ONLY}
+    required = {name for name in found if machine._loaded_version(name).partition(" ")[0].lower() in known}
+    extra = {module for one in extras.EXTRAS.values() for module in one.modules}
+    assert {"numpy", "pinocchio", "coal", "yaml"} <= required
+    # what only draws or shows, and dask, which is one with distributed
+    assert found - required - extra <= {"PIL", "mpl_toolkits", "trimesh", "IPython", "dask"}

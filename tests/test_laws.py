@@ -109,6 +109,38 @@ def made(demand: Demand, resolver: Any) -> Law:
     return law
 
 
+FORMS = ("define", pytest.param("command", marks=compiled))
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("factor", [1e-60, 1e-6, 1e6, 1e60])
+@pytest.mark.parametrize("demand", ASKING, ids=lambda demand: demand.name)
+def test_the_units_of_rows_change_no_law(demand: Demand, factor: float, form: str) -> None:
+    for seed in range(12):
+        rows, task = problem(seed, m=1 + seed % 5, k=1 + seed % 6)
+        lengths = ("phi", "Lg", "Lf", "switching_gain", "scale", "sigma", "sigma_dot")
+        other = replace(rows, **{name: factor * getattr(rows, name) for name in lengths})
+        expected, found = (getattr(made(demand, Hierarchy()), form)(asked, task) for asked in (rows, other))
+        assert found.status == expected.status, (seed, found.reason)
+        np.testing.assert_allclose(found.qdd, expected.qdd, rtol=1e-6, atol=1e-9)
+        assert found.active == expected.active
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("resolver", SHARING, ids=lambda resolver: resolver.name)
+@pytest.mark.parametrize("demand", [Switch(), Barrier(), Repulsion()], ids=lambda demand: demand.name)
+def test_rows_in_other_units_than_their_scale_are_refused_by_name(demand: Demand, resolver: Any, form: str) -> None:
+    """φ of 1e60 times the allowed range: no answer could be checked; and a φ that is as far inside harms nobody."""
+    rows, task = problem(3)
+    phi = np.array([-1.0, 1.0, -1.0, -1.0, 1.0])
+    law = made(demand, resolver)
+    with pytest.raises(
+        InvalidInput, match=r"beyond 1e\+30 times its scale: row\[1\] \(φ = 1\.0e\+60, scale .*row\[4\]"
+    ):
+        getattr(law, form)(replace(rows, phi=1e60 * phi), task)
+    assert getattr(law, form)(replace(rows, phi=np.full(5, -1e60)), task).status in ("ok", "relaxed", "rank-loss")
+
+
 @compiled
 @pytest.mark.parametrize(("demand", "resolver"), PAIRS)
 def test_every_law_answers_alike_in_both_forms(demand: Demand, resolver: Any) -> None:

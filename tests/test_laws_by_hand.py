@@ -444,9 +444,9 @@ def test_without_a_name_the_definition_asks_daqp() -> None:
 
 
 def test_demands_beyond_the_range_of_floating_point_have_no_answer() -> None:
-    """20 × 1e308 is no number: with a box that tracking leaves and without one, in either form."""
-    for law in (barrier(max_acceleration=1.0), barrier(), HierarchicalQP()):
-        command = answer(law, [{"phi": 1e308, "Lg": [0, 1]}])
+    """1e290 × 1e29 is no number: with a box that tracking leaves and without one, in either form."""
+    for law in (barrier(alpha=1e290, max_acceleration=1.0), barrier(alpha=1e290), HierarchicalQP(alpha=1e290)):
+        command = answer(law, [{"phi": 1e29, "Lg": [0, 1]}])
         gives(command, [0.0, 0.0], "", "failed")
         assert "SolverError: beyond the range of floating point" in command.reason
 

@@ -156,6 +156,45 @@ def test_a_law_that_fails_costs_its_own_runs(comparison: Comparison) -> None:
     assert "on purpose" in alone._repr_html_()
 
 
+class Quits(Tracking):
+    """Ends the process: where it is asked, before, or where it is copied."""
+
+    name = "quits"
+
+    def __init__(self, where: str) -> None:
+        super().__init__()
+        self.where = where
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        if self.where == "solve":
+            sys.exit("enough")
+        return super().solve(rows, task)
+
+    def reset(self, period: float | None = None) -> None:
+        if self.where == "reset":
+            sys.exit("enough")
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        if state["where"] == "copy":
+            sys.exit("enough")
+        self.__dict__.update(state)
+
+
+@pytest.mark.parametrize("where", ["solve", "reset"])
+def test_a_law_that_ends_its_process_ends_its_run_alone(where: str) -> None:
+    for scenario in ("example-2d-fov", Scenario.load("example-2d-fov").setup()):
+        found = run(scenario, Quits(where))
+        assert found.trajectory.status == "failed"
+        assert "SystemExit: enough" in found.trajectory.reason
+        assert "enough" in repr(found)
+        assert "failed" in found._repr_html_()
+
+
+def test_a_law_that_ends_its_process_where_it_is_copied_is_not_copied() -> None:
+    _, (note,) = specs_of([Quits("copy")])
+    assert "it cannot be sent to another one (SystemExit: enough)" in note
+
+
 def test_a_run_as_a_data_frame(sliding: NotebookRun) -> None:
     frame, run = sliding.to_dataframe(), sliding.trajectory
     assert frame.index.name == "t"

@@ -12,20 +12,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vsconstraints import provenance
+from vsconstraints import families, provenance
 from vsconstraints.comparisons import RunRecord, RunSpec, Suite, compare
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file, stored_run
 from vsconstraints.comparisons.runner import run_stored
 from vsconstraints.comparisons.tables import append_lines, read_table, write_table
 from vsconstraints.errors import ConfigurationError, StorageError
+from vsconstraints.evidence import Campaign
+from vsconstraints.evidence.identity import differences
+from vsconstraints.families import Family
 from vsconstraints.reports import write_report
 from vsconstraints.reports.drawing import Drawn, scenario_jobs, stored_runs
 from vsconstraints.reports.results import Results
+from vsconstraints.runs import machine
 from vsconstraints.runs.checksums import SUMS
 from vsconstraints.runs.machine import package_versions
+from vsconstraints.runs.spec import ControllerSpec
+from vsconstraints.tuning import Budget, Problem
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
+REAL_WORLD = Path(families.__file__).parent / "real-world" / "ur5.toml"
 
 LAW = """
 import os
@@ -247,6 +254,57 @@ def test_versions_and_the_form_that_runs_are_in_the_fingerprint(
     monkeypatch.setattr("vsconstraints.kernels.loaded", {"step": None})
     monkeypatch.setenv("VSCONSTRAINTS_COMPILE", "0")
     assert job.fingerprint != before
+
+
+def test_another_python_is_another_identity(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert package_versions()["Python"] == f"CPython {'.'.join(map(str, sys.version_info[:3]))}"
+    job = RunSpec("example-2d-fov")
+    before = job.fingerprint
+    monkeypatch.setattr(machine, "python_version", lambda: "CPython 3.99.0")
+    package_versions.cache_clear()
+    try:
+        assert job.fingerprint != before
+    finally:
+        monkeypatch.undo()
+        package_versions.cache_clear()
+
+
+def test_what_a_configuration_uses_is_in_its_identity(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Packages of which no other result depends: of images, of another engine, of a solver, of the tuner."""
+    nominal, images = RunSpec("ur5-fov"), RunSpec("ur5-images")
+    engine = RunSpec("ur5-fov", overrides={"plant": {"type": "mujoco"}})
+    solver = RunSpec("ur5-fov", ControllerSpec("hierarchical-qp", options={"solver": "clarabel"}))
+    campaign = Campaign.load().select(["planar-arm"], ["hierarchical-qp"], settings=["hierarchical-qp.solver=clarabel"])
+    real = replace(campaign, families=(Family.load("ur5"), Family.load(REAL_WORLD)))
+    tuning = Problem(replace(campaign, half="training"), Budget())
+
+    def identities() -> tuple[list[str], list[dict[str, object]]]:
+        found = [real.identity(family) for family in real.families]
+        return [spec.fingerprint for spec in (nominal, images, engine, solver)], [*found, tuning.configuration()]
+
+    before, tables = identities()
+    assert tables[0]["family"]["packages"] == {}  # type: ignore[index]
+    assert tables[1]["family"]["packages"].keys() == {"cv2", "pupil_apriltags"}  # type: ignore[index]
+    loaded = machine._loaded_version
+
+    for module, changed, said in (
+        ("cv2", [1], [1]),
+        ("pupil_apriltags", [1], [1]),
+        ("mujoco", [2], []),
+        ("optuna", [], [2]),
+        ("moocore", [], [2]),
+    ):
+        monkeypatch.setattr(machine, "_loaded_version", lambda name, its=module: "9" if name == its else loaded(name))
+        now, words = identities()
+        assert [i for i in range(4) if now[i] != before[i]] == changed, module
+        differing = {i: list(differences(tables[i], words[i])) for i in range(3) if tables[i] != words[i]}
+        assert list(differing) == said
+        assert all(module in text for texts in differing.values() for text in texts)
+    monkeypatch.setattr(machine, "_loaded_version", loaded)
+    monkeypatch.setattr(machine, "_version", lambda name: "9" if name == "clarabel" else "1")
+    now, words = identities()
+    assert [i for i in range(4) if now[i] != before[i]] == [3]
+    assert all("package clarabel" in next(differences(tables[i], words[i])) for i in range(3))
 
 
 def test_an_old_baseline_challenges_no_row(out: Path) -> None:

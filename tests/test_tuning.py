@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -25,7 +26,9 @@ from vsconstraints.tuning import Budget, Problem, Stage, Tuning, tune
 from vsconstraints.tuning import tune as tune_function
 from vsconstraints.tuning.evaluation import evaluating
 from vsconstraints.tuning.fronts import choose, front, hypervolume
+from vsconstraints.tuning.journal import Journal
 from vsconstraints.tuning.objectives import FAILED, OBJECTIVES, REFERENCE, Judged, Outcome, judged, outcome
+from vsconstraints.tuning.result import Asked
 from vsconstraints.tuning.search import Search, Searched
 
 LAWS = """
@@ -160,6 +163,58 @@ def test_taken_up_again_is_as_never_ended(tmp_path: Path, run: Any, until: int) 
     assert len(rest.asked) + kept == len(whole.asked)
     _, nothing = run(problem, tmp_path / "ended")
     assert nothing.asked == []
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Path:
+    """A journal with three settings."""
+    kept = Journal(tmp_path / "journal.jsonl")
+    for number in range(3):
+        kept.add(("law", f'{{"alpha": {number}}}'), Judged((0.1, 3.0, 1.0 / 3.0), 0.1 * number, 10, 9))
+    return tmp_path / "journal.jsonl"
+
+
+def test_a_journal_that_is_opened_is_never_written_again(journal: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only what follows the last whole line goes, by cutting it off: a full disk costs nothing that was kept."""
+    whole = journal.read_bytes()
+    for rest in (b"", b"{", b'{"law": "law", "opt', b"\x00" * 50, whole.splitlines()[0]):
+        journal.write_bytes(whole + rest)
+        before = journal.stat()
+        with monkeypatch.context() as full:
+            for writes in ("write_bytes", "write_text"):
+                full.setattr(Path, writes, lambda *_: pytest.fail("it was written again"))
+            kept = Journal(journal)
+        assert journal.read_bytes() == whole
+        assert journal.stat().st_ino == before.st_ino
+        assert kept["law", '{"alpha": 2}'] == Judged((0.1, 3.0, 1.0 / 3.0), 0.2, 10, 9)
+
+
+def test_every_damaged_bit_of_a_journal_is_told(journal: Path) -> None:
+    """The line is named, nothing is lost, and whoever deletes it goes on; a damaged end of it is evaluated again."""
+    whole = journal.read_bytes()
+    lines = whole.splitlines(keepends=True)
+    for at in range(len(lines[0])):
+        for bit in range(8):
+            damaged = bytes([whole[at] ^ 1 << bit])
+            journal.write_bytes(whole[:at] + damaged + whole[at + 1 :])
+            with pytest.raises(ConfigurationError, match=r"journal\.jsonl, line 1 is damaged \(\w+\): delete it"):
+                Journal(journal)
+            assert journal.stat().st_size == len(whole)
+    journal.write_bytes(b"".join(lines[1:]))
+    assert ("law", '{"alpha": 0}') not in Journal(journal)
+    for line in (b"\n", b"null\n", b"3\n", b"[" * 100_000 + b"\n", b"{}\n", b'{"checksum": 1}\n'):
+        journal.write_bytes(lines[0] + line + lines[2])
+        with pytest.raises(ConfigurationError, match="line 2 is damaged"):
+            Journal(journal)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "null", '{"evaluations": 3}', "[" * 100_000])
+def test_a_manifest_that_is_none_is_named(tmp_path: Path, run: Any, text: str) -> None:
+    problem = Problem(campaign(tmp_path), Budget(1, 1))
+    run(problem, tmp_path / "out")
+    (tmp_path / "out" / "manifest.json").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"manifest\.json cannot be read: it is no manifest of a tuning"):
+        run(problem, tmp_path / "out")
 
 
 def test_more_evaluations_go_on_from_fewer(tmp_path: Path, run: Any) -> None:
@@ -397,6 +452,33 @@ def test_the_chosen_point_by_hand() -> None:
     assert [objective.unit for objective in OBJECTIVES] == [0.1, 1.0, 0.1]
     assert front([]) == []
     assert hypervolume([]) == 0.0
+
+
+def test_ties_are_broken_alike_whatever_the_order() -> None:
+    """Of points as near the winner's values are the same in every order, and of equal points it is the first."""
+    # (0.1, 0, 0), (0, 1, 0) and (0, 0, 0.1) are as near to the ideal point in the objectives' units; each twice
+    points = [(0.1, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.1)] * 2
+    for order in itertools.permutations(range(6)):
+        shuffled = [points[i] for i in order]
+        expected = [i for i, point in enumerate(shuffled) if point not in shuffled[:i]]
+        assert front(shuffled) == expected
+        assert choose(shuffled) == shuffled.index((0.0, 0.0, 0.1))
+
+
+def test_the_order_in_which_evaluations_come_decides_nothing(tmp_path: Path) -> None:
+    problem = Problem(campaign(tmp_path, "[controllers.hierarchical-qp]"), Budget(4, 2))
+    worth = [(0.1, 1.0, 1.0), (0.0, 2.0, 1.0), (0.0, 2.0, 1.0), (0.1, 1.0, 1.0)]
+    found = [
+        (Asked(problem.laws[0], seed, number, {"alpha": 1.0 + seed + number}), Judged(worth[number], 0.0, 10, 10))
+        for seed in range(2)
+        for number in range(4)
+    ]
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        (tuned,) = Tuning.of(problem, [found[i] for i in rng.permutation(len(found))]).laws
+        assert tuned.chosen is not None
+        assert (tuned.chosen.asked.seed, tuned.chosen.asked.number) == (0, 1)
+        assert [(one.asked.seed, one.asked.number) for one in tuned.evaluations if one.on_front] == [(0, 0), (0, 1)]
 
 
 def test_infeasible_settings_teach_the_tuner() -> None:

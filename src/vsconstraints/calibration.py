@@ -2,12 +2,17 @@
 
 OpenCV is not needed to read them. Both count pixels by their centres; :class:`vsconstraints.camera.Camera` counts their
 edges, half a pixel more.
+
+Files come from anywhere: of YAML only tables, lists and texts are read, whatever their tags say, and within bounds.
+Messages name file and place, and show none of what another file than a calibration may hold.
 """
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +34,18 @@ NAMES = {
     "D": ("distortion_coefficients", "D", "d"),
 }
 """What is read, by its keys in files of OpenCV and ROS, and in a message of ROS as ``topic echo`` prints it."""
+
+MAX_BYTES, MAX_DEPTH = 250_000, 10
+"""How large a file may be, and how deep it may be nested: a calibration with all its views is far below."""
+
+MAX_SIDE = 1e5
+"""Longest side of an image [px]."""
+
+EMPTY = ("", "~", "null")
+"""Texts that stand for nothing."""
+
+MAX_SHOWN = 30
+"""Characters of a value that a message shows."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +94,9 @@ def read_calibration(path: str | Path, model: str | None = None, size: Vector2 |
     _demand_whole(table, size, where)
     K = _matrix(table, "K", where)
     if K.shape != (9,) or K[[1, 3, 6, 7]].any() or K[8] != 1.0 or (K[[0, 4]] <= 0.0).any():
+        given = shown(K.tolist()) if K.shape == (9,) else f"{len(K)} numbers"
         raise ConfigurationError(
-            f"{where}: {_key(table, 'K', where)} must be [F_u, 0, c_x, 0, F_v, c_y, 0, 0, 1], not {shown(K.tolist())}"
+            f"{where}: {_key(table, 'K', where)} must be [F_u, 0, c_x, 0, F_v, c_y, 0, 0, 1], not {given}"
         )
     principal_point = float(K[2]) + 0.5, float(K[5]) + 0.5
     if not all(0.0 < c < side for c, side in zip(principal_point, size, strict=True)):
@@ -93,24 +111,69 @@ def _table(path: Path, where: str) -> Mapping[str, Any]:
     import yaml  # only where there is such a file
 
     try:
-        text = path.read_text(encoding="utf-8")
-        # OpenCV 3 and 4 begin with "%YAML:1.0", which no other reader takes; its matrices are tables
-        lines = (line.replace("!!opencv-matrix", "") for line in text.splitlines() if not line.startswith("%YAML"))
+        text = _text(path)
+        _demand_plain(text)
         # a message that was printed ends with "---", after which comes nothing
-        table = next((one for one in yaml.safe_load_all("\n".join(lines)) if one is not None), None)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        documents = yaml.load_all(text, Loader=getattr(yaml, "CBaseLoader", yaml.BaseLoader))
+        table = next((one for one in documents if one), None)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise ConfigurationError(f"cannot read the calibration {where}{place}: it is no YAML") from None
+    except (OSError, ValueError) as error:
         raise ConfigurationError(f"cannot read the calibration {where}: {error}") from error
     if not isinstance(table, Mapping):
-        raise ConfigurationError(f"{where} is no calibration: it must be a table, not {shown(table)}")
+        raise ConfigurationError(f"{where} is no calibration: it must be a table")
     return table
+
+
+def _text(path: Path) -> str:
+    """A file without the line that begins those of OpenCV 3 and 4, ``%YAML:1.0``, which no other reader takes."""
+    if path.exists() and not path.is_file():
+        raise ValueError("it is no file")
+    with path.open("rb") as file:
+        data = file.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise ValueError(f"it is larger than {MAX_BYTES} bytes")
+    return re.sub(r"(?m)^%YAML.*$", "", data.decode("utf-8"))
+
+
+def _demand_plain(text: str) -> None:
+    """Raise ValueError for deep nesting, a key that is there twice, and aliases, by which a small file can be huge."""
+    import yaml
+
+    depth, nodes, keys = 0, 0, set()
+    for event in yaml.parse(text, Loader=getattr(yaml, "CBaseLoader", yaml.BaseLoader)):
+        place = f"line {event.start_mark.line + 1}"
+        if isinstance(event, yaml.DocumentStartEvent):
+            nodes, keys = 0, set()
+        elif isinstance(event, yaml.AliasEvent):
+            raise ValueError(f"{place} has an alias (*), which no calibration needs")
+        elif isinstance(event, yaml.NodeEvent) and depth == 1:
+            nodes += 1  # keys and values in turn
+            if nodes % 2 and isinstance(event, yaml.ScalarEvent):
+                if event.value in keys:
+                    raise ValueError(f"{place} has a key that is there already")
+                keys.add(event.value)
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > MAX_DEPTH:
+            raise ValueError(f"{place} is nested deeper than {MAX_DEPTH} levels")
+
+
+def _said(value: object) -> str:
+    """A value in a message: a short text, or what it is."""
+    if isinstance(value, str):
+        return shown(value) if len(value) <= MAX_SHOWN else "a long text"
+    return "a table" if isinstance(value, Mapping) else "a list" if isinstance(value, list) else "empty"
 
 
 def _key(table: Mapping[str, Any], what: str, where: str) -> str:
     """The key by which a file has something; raises ConfigurationError that names those it could have."""
     found = next((key for key in NAMES[what] if key in table), None)
     if found is None:
+        first, *others = NAMES[what]
         raise ConfigurationError(
-            f"{where}: the key {NAMES[what][0]!r} is missing; there are {', '.join(map(str, table))}"
+            f"{where}: the key {first!r} is missing; {' or '.join(others)} would be taken too"
             + (". Or say size_px = [WIDTH, HEIGHT] beside it" if what in ("width", "height") else "")
         )
     return found
@@ -125,11 +188,15 @@ def _size(table: Mapping[str, Any], where: str, told: Vector2 | None) -> tuple[f
 
 def _demand_whole(table: Mapping[str, Any], size: tuple[float, float], where: str) -> None:
     """Raise ConfigurationError where ROS's camera delivers other images than it was calibrated with."""
-    said = [f"{key} = {table[key]}" for key in ("binning_x", "binning_y") if table.get(key) not in (None, 0, 1)]
-    part = table.get("roi")
-    if isinstance(part, Mapping):
-        whole = {"x_offset": 0, "y_offset": 0, "width": size[0], "height": size[1]}
-        said += [f"roi.{key} = {part[key]}" for key in whole if part.get(key) not in (None, 0, whole[key])]
+    whole = {"binning_x": 1.0, "binning_y": 1.0}
+    part = {"x_offset": 0.0, "y_offset": 0.0, "width": size[0], "height": size[1]}
+    roi = table.get("roi")
+    said = [
+        f"{name}{key} = {_said(values[key])}"
+        for name, values, usual in (("", table, whole), ("roi.", roi if isinstance(roi, Mapping) else {}, part))
+        for key in usual
+        if key in values and values[key] not in EMPTY and _float(values[key]) not in (0.0, usual[key])
+    ]
     if said:
         raise ConfigurationError(
             f"{where}: the camera delivers a part of the image that it was calibrated with, or fewer pixels "
@@ -137,29 +204,46 @@ def _demand_whole(table: Mapping[str, Any], size: tuple[float, float], where: st
         )
 
 
+def _float(value: object) -> float:
+    """The number that a text is, also as YAML has it (``.inf``); NaN if it is none."""
+    try:
+        return float(re.sub(r"(?i)\.(?=inf|nan)", "", value)) if isinstance(value, str) else math.nan
+    except ValueError:
+        return math.nan
+
+
 def _number(table: Mapping[str, Any], what: str, where: str) -> float:
     key = _key(table, what, where)
-    value = table[key]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
-        raise ConfigurationError(f"{where}: {key} must be a positive number, not {shown(value)}")
-    return float(value)
+    value = _float(table[key])
+    if not 0.0 < value <= MAX_SIDE:
+        raise ConfigurationError(f"{where}: {key} must be a positive number of pixels, not {_said(table[key])}")
+    return value
 
 
 def _matrix(table: Mapping[str, Any], what: str, where: str) -> Array:
     """(rows × columns,) the numbers of a matrix, or of a list."""
     key = _key(table, what, where)
     value = table[key]
-    data = value.get("data") if isinstance(value, Mapping) else value
-    try:
-        numbers = np.array([] if data is None else data, dtype=np.float64).ravel()
-        counts = [int(value[name]) for name in ("rows", "cols")] if isinstance(value, Mapping) else [len(numbers), 1]
-    except (KeyError, TypeError, ValueError) as error:
-        raise ConfigurationError(f"{where}: {key} must have rows, cols and data, not {shown(value)}") from error
-    if len(numbers) != counts[0] * counts[1] or not np.isfinite(numbers).all():
+    is_table = isinstance(value, Mapping)
+    if is_table and not {"rows", "cols", "data"} <= value.keys():
+        raise ConfigurationError(f"{where}: {key} must have rows, cols and data")
+    numbers = np.array([_float(text) for text in _flat(value["data"] if is_table else value)])
+    rows, columns = (_float(value["rows"]), _float(value["cols"])) if is_table else (len(numbers), 1)
+    if len(numbers) != rows * columns or not np.isfinite(numbers).all():
+        finite = np.isfinite(numbers).sum()
         raise ConfigurationError(
-            f"{where}: {key} must have {counts[0]} × {counts[1]} finite numbers, not {shown(numbers.tolist())}"
+            f"{where}: {key} must have rows × cols = {rows:g} × {columns:g} finite numbers as data; it has {finite}"
         )
     return numbers
+
+
+def _flat(data: object) -> Iterator[object]:
+    """What a list, or a list of lists, holds; nothing where there is nothing."""
+    if isinstance(data, list):
+        for one in data:
+            yield from _flat(one)
+    elif data not in EMPTY:
+        yield data
 
 
 def _distortion(table: Mapping[str, Any], where: str, told: str | None) -> Distortion | None:
@@ -183,9 +267,15 @@ def _model(table: Mapping[str, Any], where: str) -> str | None:
     """Which lens a file says that it is about; None if it does not say."""
     if "distortion_model" in table:
         name = table["distortion_model"]
+        if not isinstance(name, str) or len(name) > MAX_SHOWN:
+            raise ConfigurationError(f"{where}: distortion_model must be a name, not {_said(name)}")
         if name not in ROS_MODELS:
-            raise unknown_name(f"distortion_model in {where}", str(name), ROS_MODELS)
+            raise unknown_name(f"distortion_model in {where}", name, ROS_MODELS)
         return ROS_MODELS[name]
     if "fisheye_model" in table:
-        return "fisheye" if table["fisheye_model"] else "brown-conrady"
+        said = {"0": "brown-conrady", "false": "brown-conrady", "1": "fisheye", "true": "fisheye"}
+        value = table["fisheye_model"]
+        if not isinstance(value, str) or value.lower() not in said:
+            raise ConfigurationError(f"{where}: fisheye_model must be 0 or 1, not {_said(value)}")
+        return said[value.lower()]
     return None

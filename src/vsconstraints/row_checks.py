@@ -10,6 +10,9 @@ from .rows import ARRAYS, BOX, GIVEN, OPTIONAL, Array, Rows, Task
 ROUNDING = 2.0**-53
 """Largest relative error of one operation in floating point."""
 
+FARTHEST = 1e30
+"""How many times its scale φ may be: a law that pushes in proportion has no answer long before."""
+
 
 def beyond_rounding(rows: Rows, qdd: Array) -> str:
     """Say which row cannot be told met from unmet at these accelerations, and how far outside it is; empty if none.
@@ -30,7 +33,7 @@ def beyond_rounding(rows: Rows, qdd: Array) -> str:
 
 
 def check(rows: Rows, task: Task) -> None:
-    """Raise InvalidInput unless shapes agree and every number is finite; names the row or entry at fault."""
+    """Raise InvalidInput unless shapes agree, all is finite and φ in reach; names the row or entry at fault."""
     if not (isinstance(rows, Rows) and isinstance(task, Task)):
         raise InvalidInput(f"a law needs Rows and a Task, not {shown(rows)} and {shown(task)}")
     if not (isinstance(rows.labels, tuple) and all(isinstance(label, str) for label in rows.labels)):
@@ -83,6 +86,13 @@ def check(rows: Rows, task: Task) -> None:
     if (rows.switching_gain <= 0.0).any() or (rows.scale <= 0.0).any():
         at = np.flatnonzero((rows.switching_gain <= 0.0) | (rows.scale <= 0.0))
         raise InvalidInput(f"switching gain and scale must be positive: {', '.join(rows.labels[i] for i in at)} is not")
+    if (rows.phi / FARTHEST > rows.scale).any():
+        at = np.flatnonzero(rows.phi / FARTHEST > rows.scale)
+        far = ", ".join(f"{rows.labels[i]} (φ = {rows.phi[i]:.1e}, scale {rows.scale[i]:.1e})" for i in at)
+        raise InvalidInput(
+            f"no law can compute with φ beyond {FARTHEST:g} times its scale: {far}. Give both in the same units, in "
+            "which the scale is the size of the allowed range"
+        )
 
 
 def _check_box(rows: Rows, n: int) -> None:

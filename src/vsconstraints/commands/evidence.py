@@ -55,7 +55,7 @@ def evidence(
     jobs: Jobs = None,
     cluster: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, whose workers make the runs: tcp://10.0.0.1:8786."),
+        typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, whose workers make the runs: tls://10.0.0.1:8786."),
     ] = None,
     keep: Annotated[
         str,

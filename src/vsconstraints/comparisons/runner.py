@@ -16,7 +16,7 @@ from ..provenance import Files, digests, imported, noted
 from ..runs.checksums import SUMS, TRAJECTORIES, add_sums, remove_changed, seal
 from ..runs.files import storing, write_json
 from ..runs.folder import MANIFEST, held
-from ..runs.machine import made_by
+from ..runs.machine import loaded_versions, made_by, used_versions
 from ..runs.pool import Failure, carry_out
 from ..runs.resources import run_limit
 from ..runs.signals import INTERRUPTS, signal_of
@@ -119,7 +119,8 @@ def compare(
         if not fresh:
             demand_nothing_lost(folder, suite)
         demand_arm_kept(folder, runs.values(), fresh)
-        manifest = {**made_by(command), "seed": suite.seed, "configuration": suite.resolved()}
+        resolved = suite.resolved()
+        manifest = {**made_by(command, used_versions(resolved)), "seed": suite.seed, "configuration": resolved}
         with storing("results", folder):
             (folder / TRAJECTORIES).mkdir(exist_ok=True)
             if fresh:
@@ -159,7 +160,7 @@ def compare(
         wall_time = time.perf_counter() - started
         compiled = Counter(bool(scores[key].result["compiled"]) for key in finished)
         manifest.update(wall_time_s=wall_time, runs=len(runs), finished=len(finished), stored_before=stored_before)
-        manifest.update(compiled={"compiled": compiled[True], "NumPy": compiled[False]})
+        manifest.update(compiled={"compiled": compiled[True], "NumPy": compiled[False]}, loaded=loaded_versions())
         with storing("results", folder):
             for (name, columns), lines in zip(TABLES.items(), _lines(suite, finished, scores), strict=True):
                 if finished or not (folder / name).exists():

@@ -6,7 +6,8 @@ import logging
 import pickle
 import time
 import uuid
-from collections import deque
+import warnings
+from collections import Counter, deque
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from queue import Empty, SimpleQueue
@@ -33,6 +34,12 @@ PER_THREAD = 3
 CHECK = 1.0
 """How often workers are counted that say nothing [s]."""
 
+SOON = 0.02
+"""How often it is looked whether workers have said that they give the same results, when nothing else goes on [s]."""
+
+MOST_LOST = 3
+"""So often a call may lose all workers that it was sent to, before it is taken to be the reason."""
+
 PATIENCE = 60.0
 """How long a cluster may be without any worker [s]: those that died may be started again."""
 
@@ -44,7 +51,8 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
     """The workers of a Dask scheduler, for as long as the ``with`` block lasts.
 
     Nothing is stored by workers: what calls come to is sent back. A worker that dies loses only what it was at, which
-    another one is given; one that comes later takes part.
+    another one is given. One that comes later takes part if it would give the same results; else it is given nothing,
+    and a warning says so.
 
     Parameters
     ----------
@@ -57,7 +65,7 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
     Raises
     ------
     ConfigurationError
-        if no scheduler answers there, it has no worker, or one of its workers would give other results.
+        if no scheduler answers there, it has no worker, or one of those that are there would give other results.
     WorkersLost
         if the scheduler or all workers go away.
     """
@@ -65,10 +73,11 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
     client = _connected(address)
     session = Session(f"vsconstraints-{uuid.uuid4().hex[:12]}", identity, identity())
     try:
-        _demand_alike(client, address, session)
+        known = _Known(client, session)
+        _demand_alike(known, address)
 
         def opened(function: Callable[..., Any]) -> AbstractContextManager[Workers]:
-            return nullcontext(_Cluster(client, address, session, function))
+            return nullcontext(_Cluster(client, address, known, function))
 
         yield opened
     finally:
@@ -79,54 +88,154 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
             client.close(timeout=CONNECT)
 
 
+class _Known:
+    """Which workers of a scheduler may be given calls: those that have said that they give the same results.
+
+    Attributes
+    ----------
+    alike
+        Addresses of those that may.
+    refused
+        Addresses of the others, and why.
+    session
+        Of this command.
+    """
+
+    def __init__(self, client: Any, session: Session) -> None:
+        self._client, self.session = client, session
+        self._asked: dict[str, tuple[Any, float]] = {}
+        self._there: set[str] = set()
+        self.alike: set[str] = set()
+        self.refused: dict[str, str] = {}
+
+    def threads(self) -> dict[str, int]:
+        """Threads of the workers that are there and may be given calls; others are asked, and their answers heard."""
+        there: dict[str, int] = self._client.nthreads()
+        for worker in there.keys() - self._there:  # another one may come to the address of one that is gone
+            self.alike.discard(worker)
+            self.refused.pop(worker, None)
+        self._there = set(there)
+        for worker in there.keys() - self.alike - self.refused.keys() - self._asked.keys():
+            packed, key = pickle.dumps((self.session, Call(str, ()))), f"{self.session.name}-{uuid.uuid4().hex}"
+            future = self._client.submit(answered, packed, key=key, pure=False, workers=[worker])
+            self._asked[worker] = future, time.monotonic() + BEGIN
+        for worker, (future, until) in list(self._asked.items()):
+            if worker not in there:
+                del self._asked[worker]
+                self.refused[worker] = (
+                    f"worker {worker} ended when it was asked what results depend on there: can vsconstraints be "
+                    "imported there?"
+                )
+            elif future.done() or time.monotonic() > until:
+                del self._asked[worker]
+                why = self._why_not(worker, future)
+                if why:
+                    self.refused[worker] = why
+                else:
+                    self.alike.add(worker)
+        return {worker: count for worker, count in there.items() if worker in self.alike}
+
+    @property
+    def waiting(self) -> bool:
+        """Whether workers have not yet answered."""
+        return bool(self._asked)
+
+    def refuse(self, found: Stranger) -> None:
+        """Give a worker nothing more, which has answered otherwise meanwhile."""
+        self.alike.discard(found.address)
+        self.refused[found.address] = self._described(found)
+
+    def _why_not(self, worker: str, future: Any) -> str:
+        if not future.done():
+            return f"worker {worker} said nothing for {BEGIN:g} s"
+        error = future.exception()
+        if error is not None:  # whatever went wrong there: for example, nothing of this package is installed
+            return f"worker {worker} cannot make runs: {described(error)}"
+        answer = unpacked(future.result())
+        return self._described(answer) if isinstance(answer, Stranger) else ""
+
+    def _described(self, found: Stranger) -> str:
+        if isinstance(found.identity, Failure):
+            return f"worker {found.address} cannot make runs: {found.identity.reason}"
+        what = in_words(list(differences(found.identity, self.session.expected)))
+        return f"worker {found.address} would give other results: {what} (there: the worker). Install the same there"
+
+
 class _Cluster:
     """Workers that are there."""
 
-    def __init__(self, client: Any, address: str, session: Session, function: Callable[..., Any]) -> None:
-        self._client, self._address, self._session, self._function = client, address, session, function
+    def __init__(self, client: Any, address: str, known: _Known, function: Callable[..., Any]) -> None:
+        self._client, self._address, self._known, self._function = client, address, known, function
         self._seen = 0.0
+        self._told = set(known.refused.values())
 
     def run(
         self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None, *, again: bool = True
     ) -> Iterator[tuple[Key, Any]]:
         waiting, limits = deque(calls), limits or {}
-        under_way: dict[Any, Key] = {}
+        under_way: dict[Any, tuple[Key, set[str]]] = {}
+        lost: Counter[Key] = Counter()
         done: SimpleQueue[Any] = SimpleQueue()
         self._seen = time.monotonic()
         try:
             while waiting or under_way:
-                room = PER_THREAD * self._threads() - len(under_way)
+                threads = self._threads()
+                for future, (key, workers) in list(under_way.items()):
+                    if workers.isdisjoint(threads):  # those that may have the call are all gone: others may have come
+                        del under_way[future]
+                        self._cancel([future])
+                        lost[key] += 1
+                        if lost[key] > MOST_LOST:
+                            yield key, Failure(DIED)
+                        else:
+                            waiting.append(key)
+                room = PER_THREAD * sum(threads.values()) - len(under_way)
                 for key in [waiting.popleft() for _ in range(min(room, len(waiting)))]:
                     call = Call(self._function, calls[key], limits.get(key), again)
                     try:
-                        packed = pickle.dumps((self._session, call))
+                        packed = pickle.dumps((self._known.session, call))
                     except Exception as error:  # own parts can raise anything when they are packed
                         yield key, Failure(f"it cannot be sent to a worker: {type(error).__name__}: {error}")
                         continue
-                    future = self._submit(packed)
-                    under_way[future] = key
+                    future = self._submit(packed, list(threads))
+                    under_way[future] = key, set(threads)
                     future.add_done_callback(done.put)
                 with suppress(Empty):
                     future = done.get(timeout=CHECK)
-                    yield under_way.pop(future), self._answer(future)
+                    if future in under_way:
+                        key, _ = under_way.pop(future)
+                        answer = self._answer(future)
+                        if isinstance(answer, Stranger):
+                            self._known.refuse(answer)
+                            waiting.appendleft(key)
+                        else:
+                            yield key, answer
         finally:
-            if under_way:
-                with suppress(Exception), _quiet():  # the cluster may be gone
-                    self._client.cancel(list(under_way))
+            self._cancel(list(under_way))
 
-    def _submit(self, packed: bytes) -> Any:
-        key = f"{self._session.name}-{uuid.uuid4().hex}"
-        with self._cluster_may_go():
-            return self._client.submit(answered, packed, key=key, pure=False)
+    def _cancel(self, futures: list[Any]) -> None:
+        if futures:
+            with suppress(Exception), _quiet():  # the cluster may be gone
+                self._client.cancel(futures)
 
-    def _threads(self) -> int:
-        """How many calls can be answered at once; raises WorkersLost when there has been nobody for long."""
+    def _submit(self, packed: bytes, workers: list[str]) -> Any:
+        key = f"{self._known.session.name}-{uuid.uuid4().hex}"
         with self._cluster_may_go():
-            threads = sum(map(int, self._client.nthreads().values()))
-        if threads:
+            return self._client.submit(answered, packed, key=key, pure=False, workers=workers)
+
+    def _threads(self) -> dict[str, int]:
+        """How many calls each worker can answer at once; raises WorkersLost when there has been nobody for long."""
+        with self._cluster_may_go():
+            threads = self._known.threads()
+        for why in set(self._known.refused.values()) - self._told:
+            self._told.add(why)
+            warnings.warn(f"{why}; it is given nothing", RuntimeWarning, stacklevel=3)
+        if threads or self._known.waiting:
             self._seen = time.monotonic()
         elif time.monotonic() - self._seen > PATIENCE:
-            raise WorkersLost(f"the scheduler at {self._address} has had no worker for {PATIENCE:g} s; {GOES_ON}")
+            raise WorkersLost(
+                f"the scheduler at {self._address} has had no worker that can be used for {PATIENCE:g} s; {GOES_ON}"
+            )
         return threads
 
     def _answer(self, future: Any) -> Any:
@@ -139,10 +248,7 @@ class _Cluster:
             return Failure(DIED)
         if error is not None:
             raise WorkersLost(f"a worker cannot make runs: {error!r}; {GOES_ON}")
-        answer = unpacked(packed)
-        if isinstance(answer, Stranger):
-            raise _stranger(answer, self._session)
-        return answer
+        return unpacked(packed)
 
     @contextmanager
     def _cluster_may_go(self) -> Iterator[None]:
@@ -164,44 +270,25 @@ def _connected(address: str) -> Any:
         with _quiet():
             resolve_address(address)
             return Client(address, timeout=CONNECT, set_as_default=False, name="vsconstraints")
-    except (OSError, ValueError, ImportError) as error:  # ImportError: of the packages of a protocol
-        raise ConfigurationError(
-            f"no Dask scheduler answers at {address}: {error}; start one with `dask scheduler`, and give the address "
-            "that it prints"
-        ) from error
+    except (OSError, ValueError, RuntimeError, ImportError, TypeError) as error:  # of TLS without keys: the last
+        advice = "say in Dask's configuration where its keys are, see docs/clusters.md"
+        if not address.startswith("tls:"):
+            advice = "start one with `dask scheduler`, and give the address that it prints"
+        raise ConfigurationError(f"no Dask scheduler answers at {address}: {error}; {advice}") from error
 
 
-def _demand_alike(client: Any, address: str, session: Session) -> None:
+def _demand_alike(known: _Known, address: str) -> None:
     """Raise ConfigurationError unless there are workers, and all would give the same results as this machine."""
-    workers = list(client.nthreads())
-    if not workers:
+    found = known.threads()
+    while known.waiting:
+        time.sleep(SOON)
+        found = known.threads()
+    for why in known.refused.values():
+        raise ConfigurationError(why)
+    if not found:
         raise ConfigurationError(
             f"the scheduler at {address} has no worker; start one or more on each machine with `dask worker {address}`"
         )
-    packed = pickle.dumps((session, Call(str, ())))
-    checks = {
-        worker: client.submit(answered, packed, key=f"{session.name}-{i}", pure=False, workers=[worker])
-        for i, worker in enumerate(workers)
-    }
-    deadline = time.monotonic() + BEGIN
-    for worker, future in checks.items():
-        try:
-            answer = unpacked(future.result(timeout=max(0.0, deadline - time.monotonic())))
-        except TimeoutError:
-            raise ConfigurationError(f"worker {worker} said nothing for {BEGIN:g} s") from None
-        except Exception as error:  # whatever went wrong there
-            raise ConfigurationError(f"worker {worker} cannot make runs: {described(error)}") from error
-        if isinstance(answer, Stranger):
-            raise _stranger(answer, session)
-
-
-def _stranger(found: Stranger, session: Session) -> ConfigurationError:
-    if isinstance(found.identity, Failure):
-        return ConfigurationError(f"worker {found.address} cannot make runs: {found.identity.reason}")
-    what = in_words(list(differences(found.identity, session.expected)))
-    return ConfigurationError(
-        f"worker {found.address} would give other results: {what} (there: the worker). Install the same there"
-    )
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from ..kernels import available
 from ..plugins import module_files
 from ..provenance import digest
 from ..runs.files import plain
-from ..runs.machine import code_hash, package_versions
+from ..runs.machine import code_hash, package_versions, used_versions
 from ..runs.spec import ControllerSpec
 from ..scenarios import Scenario
 
@@ -27,7 +27,7 @@ IN_WORDS = {"code": "the package's source", "version": "the package's version", 
 
 
 def of_code() -> Identity:
-    """Source, versions of the packages that results can depend on, and whether runs are compiled."""
+    """Source, versions of Python and of the packages that all results can depend on, and whether runs are compiled."""
     return {
         "version": __version__,
         "code": code_hash()[:16],
@@ -37,18 +37,23 @@ def of_code() -> Identity:
 
 
 def of_controllers(entries: Entries) -> Identity:
-    """Laws and their options, and what the files of own ones hold."""
-    return {entry.name: plain({"type": entry.law, **entry.options, **_files(entry)}) for entry in entries}
+    """Laws and their options, what the files of own ones hold, and which solvers they use."""
+    return {entry.name: plain({"type": entry.law, **entry.options, **_parts(entry)}) for entry in entries}
 
 
-def _files(entry: ControllerSpec) -> Identity:
-    return {f"file {path.name}": digest(path) for path in module_files([entry.law], entry.folder)}
+def _parts(entry: ControllerSpec) -> Identity:
+    files = {f"file {path.name}": digest(path) for path in module_files([entry.law], entry.folder)}
+    return files | {f"package {name}": found for name, found in used_versions(entry.options).items()}
 
 
 def of_family(family: Family) -> Identity:
-    """What a family says, and what the files that it names hold."""
+    """What a family says, what the files that it names hold, and which packages its conditions use."""
     files = Scenario(family.name, family.tables, family.folder).files
-    return {"tables": plain(family.tables), "files": {path.name: digest(path) for path in files}}
+    return {
+        "tables": plain(family.tables),
+        "files": {path.name: digest(path) for path in files},
+        "packages": used_versions(family.tables),
+    }
 
 
 def differences(there: Any, here: Any, key: str = "") -> Iterator[str]:

@@ -13,7 +13,7 @@ from ..runs.checksums import seal
 from ..runs.files import storing, write_json
 from ..runs.folder import MANIFEST, held, manifest_of
 from ..runs.keep import Keep, demand_keep
-from ..runs.machine import made_by
+from ..runs.machine import loaded_versions, made_by, used_versions
 from ..runs.pool import Failure
 from ..runs.signals import INTERRUPTS, signal_of
 from .campaign import Campaign
@@ -128,6 +128,7 @@ def collect(
             finished=progress.done,
             stored_before=stored,
             trajectories=kept,
+            loaded=loaded_versions(),
         )
         with storing("evidence", folder):
             write_json(folder / MANIFEST, manifest)
@@ -162,10 +163,11 @@ def _carry_out(tasks: Mapping[str, Batch], workers: Workers, store: Callable[[Ba
 
 
 def _manifest(campaign: Campaign, plan: Plan, command: Sequence[str]) -> dict[str, Any]:
+    configuration = campaign.resolved()
     return {
-        **made_by(command),
+        **made_by(command, used_versions(configuration)),
         "seed": campaign.seed,
         "shard": [plan.shard.number, plan.shard.of],
         "keep": plan.keep,
-        "configuration": campaign.resolved(),
+        "configuration": configuration,
     }

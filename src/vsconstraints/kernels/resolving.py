@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..row_checks import ROUNDING
+from ..row_checks import FARTHEST, ROUNDING
 from ..rows import Array
 from .compiler import in_place, inner
 from .laws import write_rates
@@ -37,6 +37,7 @@ def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
         law.squared[i] = dot(rows.Lg, i, rows.Lg, i, START, n)
         wrong |= out_of_range(law.squared[i])
         wrong |= not ((abs(phi[i]) < math.inf) & (abs(Lf[i]) < math.inf))
+        wrong |= phi[i] / FARTHEST > scale[i]
         wrong |= not ((gain[i] > 0.0) & (gain[i] < math.inf) & (scale[i] > 0.0) & (scale[i] < math.inf))
     return wrong == 0 and in_range(task.J) and finite(task.b)
 

@@ -185,7 +185,7 @@ def _packed(law: Controller) -> tuple[bytes, str]:
         else:
             packed = pickle.dumps(law)
         pickle.loads(packed)
-    except Exception as error:  # an own law may hold anything
+    except (Exception, SystemExit) as error:  # an own law may hold anything
         return b"", f"it cannot be sent to another one ({type(error).__name__}: {error})"
     if not by_value and IN_SESSION.encode() in packed:
         return b"", "it is defined in this session; pip install 'vsconstraints[notebooks]' to send it to others"

@@ -16,7 +16,7 @@ from ..errors import ConfigurationError, VsconstraintsError
 from ..kernels import available
 from ..plugins import module_files
 from ..scenarios import Scenario
-from .machine import code_hash, package_versions
+from .machine import code_hash, package_versions, used_versions
 from .resources import run_limit
 
 
@@ -168,7 +168,7 @@ class RunSpec:
             self.seed,
             __version__,
             code_hash(),
-            package_versions(),
+            {**package_versions(), **used_versions({**self.tables, "law": self.controller.options})},
             available(),
         )
         return hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()[:16]

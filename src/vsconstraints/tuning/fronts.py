@@ -8,6 +8,9 @@ import numpy as np
 
 from .objectives import REFERENCE, Point, scaled
 
+ROUNDING = 1e-12
+"""Distances that differ by less, relatively, are the same."""
+
 
 def front(points: Sequence[Point]) -> list[int]:
     """Where the points are that no other dominates; of equal ones the first."""
@@ -15,7 +18,9 @@ def front(points: Sequence[Point]) -> list[int]:
 
     if not points:
         return []
-    return [int(i) for i in np.flatnonzero(moocore.is_nondominated(np.array(points), keep_weakly=False))]
+    # which of equal points moocore leaves out differs from version to version
+    best = np.flatnonzero(moocore.is_nondominated(np.array(points), keep_weakly=True))
+    return sorted({points[i]: int(i) for i in best[::-1]}.values())
 
 
 def hypervolume(points: Sequence[Point], reference: Point = REFERENCE) -> float:
@@ -29,10 +34,12 @@ def hypervolume(points: Sequence[Point], reference: Point = REFERENCE) -> float:
 def choose(points: Sequence[Point]) -> int:
     """Which point is nearest to the ideal one: that with the least value of each objective on the front.
 
-    Distances are Euclidean, in the objectives' units, which are the same for all laws; of equal ones the first is
-    taken. ("Compromise programming": Zeleny 1973.)
+    Distances are Euclidean, in the objectives' units, which are the same for all laws. Of points as near as each other,
+    to rounding, the one with the least first objective is taken, then second, third; of equal ones the first.
+    ("Compromise programming": Zeleny 1973.)
     """
     best = front(points)
     on_front = scaled([points[i] for i in best])
     distance = np.linalg.norm(on_front - on_front.min(axis=0), axis=1)
-    return best[int(np.argmin(distance))]
+    nearest = np.flatnonzero(distance <= distance.min() * (1.0 + ROUNDING))
+    return min((best[i] for i in nearest), key=lambda i: (points[i], i))

@@ -11,6 +11,7 @@ from ..errors import ConfigurationError, shown
 from ..evidence import Campaign
 from ..evidence.identity import of_code, of_controllers, of_family
 from ..families import Drawn, Family
+from ..runs.machine import module_versions
 from ..runs.pool import Failure, carry_out
 from ..runs.spec import BASELINE, ControllerSpec
 from .objectives import OBJECTIVES
@@ -103,7 +104,7 @@ class Problem:
         campaign = self.campaign
         return {
             **of_code(),
-            "tuner": TUNER,
+            "tuner": {"name": TUNER, **module_versions(("optuna", "moocore"))},
             "objectives": [objective._asdict() for objective in OBJECTIVES],
             "seed": campaign.seed,
             "scenes": self.budget.scenes,

@@ -10,9 +10,9 @@ from ..errors import ConfigurationError
 from ..evidence.identity import differences, in_words
 from ..extras import demand
 from ..kernels import prepare
-from ..runs.files import plain, write_json
+from ..runs.files import plain, storing, write_json
 from ..runs.folder import MANIFEST, held
-from ..runs.machine import git_commit, machine
+from ..runs.machine import git_commit, loaded_versions, machine
 from .evaluation import Evaluator, evaluating
 from .journal import Journal, setting_key
 from .objectives import Judged
@@ -103,16 +103,16 @@ def _evaluate(asked: Sequence[Asked], journal: Journal, evaluator: Evaluator) ->
 def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
     """Say in the manifest what is tuned here; raise ConfigurationError if that is something else already."""
     path, here = folder / MANIFEST, plain(problem.configuration())
+    there = here
     try:
-        there = json.loads(path.read_text(encoding="utf-8"))
+        there = json.loads(path.read_text(encoding="utf-8"))["tuning"]
     except FileNotFoundError:
-        there = {}
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{path} cannot be read: {error}") from error
-    if there and there["tuning"] != here:
+        pass
+    except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
+        raise ConfigurationError(f"{path} cannot be read: it is no manifest of a tuning ({error})") from error
+    if there != here:
         raise ConfigurationError(
-            f"{folder} holds another tuning: {in_words(list(differences(there['tuning'], here)))}. Give another folder "
-            "with --out"
+            f"{folder} holds another tuning: {in_words(list(differences(there, here)))}. Give another folder with --out"
         )
     budget = problem.budget
     manifest = {
@@ -123,5 +123,7 @@ def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
         "command": list(command),
         "git_commit": git_commit(),
         "machine": machine(),
+        "loaded": loaded_versions(),
     }
-    write_json(path, manifest)
+    with storing("evaluations", folder):
+        write_json(path, manifest)

@@ -21,8 +21,8 @@ def robust_barrier(row: Row, alpha: float, disturbance: float) -> Any:
 
 @formula
 def input_to_state_safe_barrier(row: Row, alpha: float, epsilon: float) -> Any:
-    """−αφ − L_fφ − ‖L_gφ‖²/ε."""
-    return barrier(row, alpha) - row.norm * row.norm / epsilon
+    """−αφ − L_fφ − ‖L_gφ‖²/(ε × scale)."""
+    return barrier(row, alpha) - row.norm * (row.norm / row.scale) / epsilon
 
 
 @formula
@@ -63,18 +63,18 @@ class RobustBarrier(Barrier):
 
 @dataclass(frozen=True)
 class InputToStateSafeBarrier(Barrier):
-    """Every row demands −αφ − L_fφ − ‖L_gφ‖²/ε, so that φ leaves its bound by no more than disturbances are worth.
+    """Every row demands −αφ − L_fφ − ‖L_gφ‖²/(ε s), so that φ leaves its bound by no more than disturbances are worth.
 
-    Kolathaya and Ames (2019): with a disturbance ‖d_c‖ ≤ d, φ̇ ≤ −αφ + ε d²/4, so that φ stays below ε d²/(4α). Good
-    at: disturbances of unknown size. Bad at: rows of different units, whose ‖L_gφ‖² weigh differently, and the space,
-    of which it leaves ‖L_gφ‖²/(αε).
+    Kolathaya and Ames (2019), with φ/s as the barrier function, so that units of φ do not matter; s is the row's scale.
+    With a disturbance ‖d_c‖ ≤ d, φ̇ ≤ −αφ + ε s d²/4, so that φ stays below ε s d²/(4α). Good at: disturbances of
+    unknown size. Bad at: the space, of which it leaves ‖L_gφ‖²/(α ε s).
 
     Parameters
     ----------
     alpha
         Rate α [1/s].
     epsilon
-        ε [φ s³/rad²]: the smaller, the safer.
+        ε [s³/rad²]: the smaller, the safer.
     """
 
     epsilon: float = 1.0
