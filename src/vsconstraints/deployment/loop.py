@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -118,8 +118,8 @@ class _Run:
         Why the watchdog has taken over; empty if it has not.
     silent
         Whether the arm has not answered.
-    image_at
-        When the newest image with a marker was taken [s].
+    image_at, same_since
+        When the newest image with a marker was taken, and the first one that shows them where it does [s].
     """
 
     def __init__(self, job: Job, envelope: Envelope) -> None:
@@ -127,7 +127,8 @@ class _Run:
         self.job, self.setup, self.driver, self.bounds = job, setup, job.driver, job.supervision
         self.control, self.Ts = setup.control(), setup.Ts
         self.stream = Stream(job.driver, envelope, setup.q0, len(setup.scene.markers))
-        self.taken, self.silent, self.image_at = "", False, 0.0
+        self.control.plausible = job.supervision
+        self.taken, self.silent, self.image_at, self.same_since = "", False, 0.0, 0.0
         self.watchdog: Watchdog | None = None
         self.guardian: Guardian | None = None
         self._patience = max(job.supervision.hang_s, 5.0 * setup.Ts)
@@ -162,6 +163,7 @@ class _Run:
             missed=stream.missed,
             Ts=self.Ts,
             compiled=self._compiled(),
+            bounds=asdict(self.bounds),
             remarks=(
                 *stream.remarks(used(before, usage())),
                 *(eye.remarks() if isinstance(eye, SimulatedEye) else ()),
@@ -286,7 +288,8 @@ class _Run:
         with self._own_turn():
             stream.send(setpoint)
         times = due, late, rows_time, step_time, time.perf_counter() - started
-        stream.log(times, state, (measured.get("pixels"), measured.get("taken", np.nan)), guarded)
+        image = measured.get("pixels"), measured.get("taken", np.nan), self.control.innovation[:6].copy()
+        stream.log(times, state, image, guarded)
 
     def _check(self, state: Joints) -> None:
         """Raise Halt if the arm is not where it was sent."""
@@ -313,6 +316,9 @@ class _Run:
             pixels = None if seen.pixels is None else np.array(seen.pixels, dtype=np.float64)
             if seen.camera is not None or (pixels is not None and not np.isnan(pixels).any(axis=1).all()):
                 self.image_at = max(self.image_at, taken)
+                last = self.stream.periods[-1].pixels if self.stream.periods else None
+                if pixels is None or last is None or not np.array_equal(pixels, last):
+                    self.same_since = taken
                 given = {"pixels": pixels, "taken": taken, "depth": seen.depth, "camera": seen.camera}
         if t - self.image_at > self.bounds.image_s:
             raise Halt("failed", f"no image shows a marker since t = {self.image_at:.4g} s")
@@ -322,6 +328,11 @@ class _Run:
         """The law's command, and how long rows with task, and the law, took [s]; raises Halt if there is none."""
         started = time.perf_counter()
         evaluation = self.control.evaluate(t, q, qd, **measured)
+        doubts = self.control.doubts(evaluation)
+        if doubts:
+            since = measured.get("taken", self.same_since) - self.same_since
+            frozen = f"; images have not changed for {since:.3g} s, as if frozen" if since > self.Ts else ""
+            raise Halt("failed", f"{doubts}{frozen}")
         rows, task = evaluation.rows, evaluation.task
         ready = time.perf_counter()
         command = self.job.controller.command(rows, task)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import described
+from ..measurement import INNOVATIONS
 from ..order_filter import OrderFilter
 from ..rows import Array
 from .brake import Brake
@@ -31,6 +32,9 @@ SETTLING = 0.5
 
 HALTS = 3
 """How often an arm is told to stop by its own means, where it cannot be told."""
+
+NO_INNOVATION = np.full(len(INNOVATIONS), np.nan)
+"""Of periods in which nothing is compared with the model."""
 
 STILL = 0.01
 """Measured speed that is rest [rad/s or m/s]."""
@@ -224,7 +228,7 @@ class Stream:
         self,
         times: tuple[float, float, float, float, float],
         state: Joints,
-        image: tuple[Array | None, float] = (None, np.nan),
+        image: tuple[Array | None, float, Array] = (None, np.nan, NO_INNOVATION),
         guarded: bool = False,
         braking: bool = False,
     ) -> None:
@@ -241,6 +245,7 @@ class Stream:
                 sent_qd=sent.qd,
                 pixels=pixels,
                 taken=image[1],
+                innovation=image[2],
                 guarded=guarded,
                 braking=braking,
             )
