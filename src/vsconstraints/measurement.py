@@ -31,7 +31,7 @@ class Plausible:
     shape_share
         By how much the markers' pattern may differ from the predicted one in shape, as a share of its size.
     pose_m, pose_rad
-        How far a measured pose of the camera may be from that of the kinematics [m, rad].
+        How far a measured pose of the camera may be from that of the kinematics [m, rad]; it is as old as its image.
     image_s
         How old an image may be [s]: six periods of a camera of 30 Hz.
     speed_rad_s
@@ -40,8 +40,8 @@ class Plausible:
 
     image_share: float = 0.1
     shape_share: float = 0.5
-    pose_m: float = 0.1
-    pose_rad: float = 0.3
+    pose_m: float = 0.2
+    pose_rad: float = 0.4
     image_s: float = 0.2
     speed_rad_s: float = 1.0
 
@@ -188,18 +188,18 @@ def _explained(seen: Array, model: Array, camera: Camera) -> str:
     shape_seen, shape = seen - seen.mean(axis=0), model - model.mean(axis=0)
     order = np.linalg.norm(shape_seen[:, None] - shape, axis=2).argmin(axis=1)
     guesses = {
-        "the image is mirrored": model * (-1.0, 1.0),
-        "the image is mirrored top to bottom": model * (1.0, -1.0),
-        "the image is upside down": -model,
-        "pixels count from the image's corner": model + 0.5 * np.asarray(camera.size),
-        "these are no pixels": camera.normalised(model),
-        "the markers come in another order": model[order],
+        "a mirrored image": model * (-1.0, 1.0),
+        "an image mirrored top to bottom": model * (1.0, -1.0),
+        "an image upside down": -model,
+        "pixels counted from the image's corner": model + 0.5 * np.asarray(camera.size),
+        "coordinates in metres, or normalised, in place of pixels": camera.normalised(model),
+        "another order of the markers": model[order],
     }
     off = {what: float(np.abs(seen - there).max()) for what, there in guesses.items()}
     likely = min(off, key=lambda what: off[what])
     if off[likely] < 0.25 * np.abs(seen - model).max():
-        return f"as if {likely}"
-    return "a frozen image, a camera that was turned or moved, or a target that is elsewhere"
+        return f"it fits {likely}"
+    return "it fits a frozen image, a camera that was moved, or a target that is elsewhere"
 
 
 def numbers(value: object, shape: tuple[int, ...], what: str) -> Array:

@@ -68,6 +68,8 @@ class ArmLog:
         Sampling time [s].
     compiled
         Whether rows, task and law all ran compiled.
+    real_time
+        Whether time was the system's; otherwise it waited for the loop, which then misses nothing.
     bounds
         Beyond which the arm would have been braked, by name: see :class:`.Supervision`.
     """
@@ -82,6 +84,7 @@ class ArmLog:
     Ts: float
     compiled: bool = False
     remarks: tuple[str, ...] = field(default=())
+    real_time: bool = False
     bounds: Mapping[str, float] = field(default_factory=dict)
 
     def column(self, name: str) -> Array:
@@ -99,6 +102,17 @@ class ArmLog:
         columns = {name: self.column(name) for name in Period._fields}
         own = {
             name: getattr(self, name)
-            for name in ("ended", "cause", "signal", "stop", "at_rest", "missed", "Ts", "compiled", "bounds")
+            for name in (
+                "ended",
+                "cause",
+                "signal",
+                "stop",
+                "at_rest",
+                "missed",
+                "Ts",
+                "compiled",
+                "real_time",
+                "bounds",
+            )
         }
         write_arrays(path, {**columns, **own, "remarks": list(self.remarks), **facts})

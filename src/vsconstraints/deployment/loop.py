@@ -161,6 +161,7 @@ class _Run:
             at_rest=stream.stop[1],
             periods=stream.periods,
             missed=stream.missed,
+            real_time=not stream.clock.simulated,
             Ts=self.Ts,
             compiled=self._compiled(),
             bounds=asdict(self.bounds),
