@@ -179,7 +179,8 @@ def test_whatever_is_said_the_arm_stops(where: str, what: str, times: float) -> 
     assert fault.happened
     assert driver.moving > 0.1
     # one image without markers is no fault
-    assert log.ended == ("done" if (where, what) in (("camera", "nan"), ("camera", "nothing")) else "failed")
+    harmless = where == "camera" and what in ("nan", "nothing") and times == 1
+    assert log.ended == ("done" if harmless else "failed")
     assert_at_rest(driver.arm)
 
 
