@@ -7,6 +7,7 @@ from vsconstraints.constraints import ConstraintSet, FieldOfView, ForbiddenSpher
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.features import Goal, ImagePoints
+from vsconstraints.measurement import Plausible
 from vsconstraints.robots import ur5
 from vsconstraints.scene import Scene
 from vsconstraints.tracking import TrackingGains, VisualTask
@@ -47,7 +48,9 @@ desired = scene.camera_pose(start + np.array([0.1, 0.05, -0.05, 0.0, 0.05, 0.6])
 pixels = scene.project(desired)
 goal = Goal(0.0, pixels, camera.normalised(pixels), desired, scene.depth(desired))
 task = VisualTask(ImagePoints("mean"), [goal], TrackingGains(Kp0=10.0, Kp_slope=5.0))
-to_command = ControlStep(scene, ConstraintSet(constraints, scene), task).bind(SlidingMode())
+# the target may be seen farther from where the model has it than by default, a tenth of the image's height
+plausible = Plausible(image_share=0.2)
+to_command = ControlStep(scene, ConstraintSet(constraints, scene), task, plausible=plausible).bind(SlidingMode())
 
 world = World()
 for k in range(4000):
@@ -57,8 +60,9 @@ for k in range(4000):
         taken = t
     # markers that a detector did not find would be NaN; without pixels the model alone would predict the image
     now, command = to_command(t, world.q, world.qd, pixels=seen, depth=depth, taken=taken)
-    if command.status != "ok":
-        raise SystemExit(f"{command.status}: {command.reason}")
+    # a remark says what of the measurement cannot be right
+    if command.status != "ok" or command.remark:
+        raise SystemExit(f"{command.status}: {command.reason or command.remark}")
     world.move(command.qdd)
 off = np.abs(world.scene.project(world.scene.camera_pose(world.q)) - pixels).max()
 print(f"after {t:.1f} s the markers are within {off:.2f} px of the goal")

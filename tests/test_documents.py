@@ -120,7 +120,7 @@ def test_result_files_are_described_whole() -> None:
     described = {title: set(re.findall(r"`(\w+)`", _first_cells(body))) for title, body in sections.items()}
     stored = {field.name for kind in (Trajectory, RunRecord) for field in fields(kind)}
     in_facts = {"trajectory", "status", "reason", "fallbacks", "kinds", "units", "common", "Ts", "fingerprint"}
-    in_facts |= {"files", "compiled"}
+    in_facts |= {"files", "compiled", "missed"}
     assert described["`results.csv`"] == set(RESULT_COLUMNS)
     assert described["`constraints.csv`"] == set(CONSTRAINT_COLUMNS)
     assert described["Trajectories"] == stored - in_facts | {"facts"}

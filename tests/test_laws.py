@@ -128,7 +128,7 @@ def test_the_units_of_rows_change_no_law(demand: Demand, factor: float, form: st
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("resolver", SHARING, ids=lambda resolver: resolver.name)
-@pytest.mark.parametrize("demand", [Switch(), Barrier(), Repulsion()], ids=lambda demand: demand.name)
+@pytest.mark.parametrize("demand", [Switch(), Barrier(), RampRepulsion()], ids=lambda demand: demand.name)
 def test_rows_in_other_units_than_their_scale_are_refused_by_name(demand: Demand, resolver: Any, form: str) -> None:
     """φ of 1e60 times the allowed range: no answer could be checked; and a φ that is as far inside harms nobody."""
     rows, task = problem(3)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
 from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import SlidingMode
-from vsconstraints.errors import InvalidInput
+from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.formulas.innovation import image_innovation
 from vsconstraints.geometry import Pose
+from vsconstraints.measurement import Plausible
 from vsconstraints.scenarios import Scenario
 
 NAMES = ["experiment-2-ibvs", "ur5-image", "case-study-6r", "eye-to-hand-ibvs", "moving-target-unknown"]
@@ -112,6 +116,71 @@ def closed_loop(measured):
 def test_a_target_that_is_not_where_the_model_has_it_is_reached_only_with_the_camera():
     assert closed_loop(measured=False) > 20.0
     assert closed_loop(measured=True) < 0.5
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_both_forms_doubt_alike(name, monkeypatch):
+    """By how much a measurement is beside the model, in six ways, by hand: see vsconstraints.measurement."""
+    setup, compiled, defined = both_forms(name, monkeypatch)
+    q, qd, t = setup.q0, np.zeros(len(setup.q0)), 0.5
+    state = setup.scene.evaluate(t, q, qd)
+    turn = Pose(np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]), np.array([0.0, 0.3, 0.4]))
+    seen = state.pixels.position.copy()
+    seen[1] += (3.0, 4.0)
+    for step in (compiled, defined):
+        step.evaluate(t - 0.1, q, qd)
+        evaluation = step.evaluate(t, q, qd + 3.0, pixels=seen, taken=t - 0.05, camera=state.camera @ turn)
+        pixels, _, position, orientation, age, speed = step.innovation[:6]
+        moved = 0.05 * np.abs(setup.scene.evaluate(t, q, qd + 3.0).pixels.velocity).max()
+        assert abs(pixels - 5.0) < 1.5 * moved + 1e-6
+        np.testing.assert_allclose((position, orientation), (0.5, np.arccos(0.8)), rtol=1e-9)
+        # (3 rad/s)/2 for 0.1 s, of which a third is forgotten, over 0.2 s
+        np.testing.assert_allclose((age, speed), (0.05, 0.15 / 1.5 / 0.2), rtol=1e-9)
+        assert "0.5 m and 0.644 rad from where the joints have it" in step.doubts(evaluation)
+    np.testing.assert_allclose(compiled.innovation, defined.innovation, rtol=1e-7, atol=1e-9)
+    for step in (compiled, defined):
+        step.evaluate(t + 0.1, q, qd + 3.0)
+        assert not step.innovation[:5].any()
+        step.reset()
+        step.evaluate(t, q, qd + 50.0)
+        assert not step.innovation.any()
+
+
+def test_shape_by_hand():
+    """A square of side 2 seen mirrored is off by √2 of its size, one that is moved by nothing."""
+    square = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    assert image_innovation(square + 5.0, np.full((4, 2), 5.0) / 10.0, 10.0, 10.0) == pytest.approx((50**0.5, 0.0))
+    mirrored = square * (-1.0, 1.0)
+    assert image_innovation(mirrored, (mirrored - square) / (10.0, 20.0), 10.0, 20.0) == pytest.approx((2.0, 2**0.5))
+    assert image_innovation(square[:1], 0.1 * square[:1], 10.0, 10.0) == pytest.approx((2**0.5, 0.0))
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_loop_of_ones_own_is_told(compiled, monkeypatch):
+    setup, *steps = both_forms("ur5-image", monkeypatch)
+    step = steps[0 if compiled else 1]
+    q, qd, to_command = setup.q0, np.zeros(6), step.bind(SlidingMode())
+    seen, right = setup.scene.glance(q)[0], setup.scene.glance(q)[0] + 1.0
+    for call in (to_command, lambda *state, **measured: step.command(SlidingMode(), *state, **measured)):
+        step.reset()
+        assert call(0.0, q, qd, pixels=right)[1].remark == ""
+        mirrored = call(0.002, q, qd, pixels=seen * (-1.0, 1.0))[1]
+        assert mirrored.status == "ok"
+        assert "from where the model predicts it" in mirrored.remark
+        assert "it fits a mirrored image" in mirrored.remark
+        assert call(0.004, q, qd)[1].remark == ""
+        assert call(10.0, q, qd, pixels=right, taken=0.0)[1].remark == "the image is 10 s old (allowed are 0.2 s)"
+        assert call(10.002, q, qd, pixels=right)[1].remark == ""
+        wrong = 100.0 * np.eye(6)[2]
+        fast = [call(10.004 + 0.002 * k, q, wrong)[1].remark for k in range(5)]
+        assert fast[-1].startswith("the speed of joint 3 is ")
+    step.plausible = Plausible(image_share=10.0, shape_share=10.0)
+    step.reset()
+    assert step.command(SlidingMode(), 0.0, q, qd, pixels=seen * (-1.0, 1.0))[1].remark == ""
+    again = pickle.loads(pickle.dumps(step))
+    assert again.plausible == step.plausible
+    with pytest.raises(ConfigurationError, match="image_share must be positive, not 0"):
+        Plausible(image_share=0.0)
 
 
 BAD = {

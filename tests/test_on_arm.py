@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -60,6 +60,7 @@ from vsconstraints.limits import ActuatorLimits
 from vsconstraints.measurement import Measurement
 from vsconstraints.order_filter import OrderFilter
 from vsconstraints.rows import Array, Command, Rows, Task
+from vsconstraints.runs import folder
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
 
@@ -350,6 +351,107 @@ def test_a_camera_can_tell_its_pose_alone() -> None:
     assert np.abs(elsewhere.column("sent_q") - straight.column("sent_q")).max() > 1e-3
 
 
+Eyes = Callable[[float, Array], Array]
+
+
+def shown(eye: Eyes, setup: Setup = SETUP, **bounds: float) -> ArmLog:
+    """A run whose images are right but for what the eye makes of them."""
+
+    def newest(t: float, q: Array) -> Measurement:
+        return Measurement(eye(t, setup.scene.glance(q)[0]), None, t)
+
+    return on("simulated://", eye=newest, setup=setup, supervision=Supervision(**bounds))
+
+
+HALF = 0.5 * np.asarray(SETUP.scene.camera.size)
+
+
+@pytest.mark.parametrize(
+    ("eye", "told"),
+    [
+        (lambda t, seen: seen * (-1.0, 1.0), "it fits a mirrored image"),
+        (lambda t, seen: -seen, "it fits an image upside down"),
+        (lambda t, seen: seen + HALF, "it fits pixels counted from the image's corner"),
+        (lambda t, seen: seen[[1, 0, 2, 3]], "it fits another order of the markers"),
+        (lambda t, seen: seen[[1, 2, 3, 0]], "it fits another order of the markers"),
+        (
+            lambda t, seen: SETUP.scene.camera.normalised(seen),
+            "it fits coordinates in metres, or normalised, in place of pixels",
+        ),
+        (lambda t, seen: seen + np.array([0.0, 60.0]), "a camera that was moved, or a target that is elsewhere"),
+    ],
+)
+def test_an_image_that_cannot_be_right_moves_nothing(eye: Eyes, told: str) -> None:
+    log = shown(eye)
+    assert log.ended == "failed"
+    assert log.cause.startswith("t = 0 s: marker ")
+    assert told in log.cause
+    assert not log.column("sent_qd").any()
+
+
+def test_an_image_that_becomes_wrong_brakes_and_is_named() -> None:
+    """Frozen from 0.1 s on; the arm goes on until a marker should be beyond the bound, which is told with the log."""
+    frozen: list[Array] = []
+
+    def eye(t: float, seen: Array) -> Array:
+        if t >= 0.1:
+            frozen.append(seen)
+            return frozen[0]
+        return seen
+
+    log = shown(eye, setup=replace(SETUP, duration=1.0), image_share=0.05)
+    assert "images have not changed for" in log.cause
+    assert "as if frozen" in log.cause
+    assert "(allowed are 24 px and 50 %)" in log.cause
+    assert_stopped(log)
+    image = log.column("innovation")[~log.braking, 0]
+    # the first ones were right, and the one that ended the run is not in the log
+    assert image[:50].max() < 1e-6
+    assert 20.0 < image.max() <= 24.0
+    assert log.bounds["image_share"] == 0.05
+    patient = shown(eye, setup=replace(SETUP, duration=0.3), image_share=10.0, shape_share=10.0)
+    assert patient.ended == "done"
+
+
+def test_images_that_are_too_old_are_not_used() -> None:
+    """Newer ones come in between, so that there is always one that is new enough."""
+
+    def eye(t: float, q: Array) -> Measurement:
+        old = round(t / Ts) % 2 == 1 and t > 0.1
+        return Measurement(SETUP.scene.glance(SETUP.q0 if old else q)[0], None, 0.0 if old else t)
+
+    log = on("simulated://", eye=eye, supervision=Supervision(image_s=0.09))
+    assert log.cause.startswith("t = 0.102 s: ")
+    assert "the image is 0.102 s old (allowed are 0.09 s)" in log.cause
+    assert_stopped(log)
+
+
+def test_a_pose_that_cannot_be_right_brakes() -> None:
+    camera_pose = SETUP.scene.camera_pose
+    by = Pose(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
+    log = on("simulated://", eye=lambda t, q: Measurement(camera=camera_pose(q, t) @ by))
+    assert " m and 3.14 rad from where the joints have it" in log.cause
+    far = Pose(np.eye(3), np.array([0.0, 0.25, 0.0]))
+    log = on("simulated://", eye=lambda t, q: Measurement(camera=far @ camera_pose(q, t)))
+    assert "the camera is measured 0.25 m and " in log.cause
+
+
+@pytest.mark.parametrize("wrong", [lambda qd: qd + 100.0, lambda qd: 57.3 * qd, lambda qd: 0.0 * qd])
+def test_a_joint_speed_that_cannot_be_right_brakes(wrong: Any) -> None:
+    driver = driver_for("simulated://", SETUP)
+    read, begun = driver.read, []
+
+    def mistaken() -> Joints:
+        state = read()
+        begun.append(state.t)
+        return state._replace(qd=wrong(state.qd)) if 0.05 < state.t < 0.2 else state
+
+    driver.read = mistaken  # type: ignore[method-assign]
+    log = run_on_arm(Job(SETUP, HierarchicalQP(), driver, supervision=replace(FAST, speed_rad_s=0.2)))[1]
+    assert "rad/s from the change of its measured positions (allowed are 0.2)" in log.cause
+    assert_stopped(log)
+
+
 @pytest.mark.parametrize(
     ("fault", "told", "streamed"),
     [
@@ -577,6 +679,28 @@ def stand_in_server(fault: Fault = "none") -> tuple[str, Any]:
     arm = StandIn(SETUP.q0, StandInLimits(own.q_min, own.q_max, 10.0 * own.qd_max, 100.0 * own.acceleration), Ts, 2.0)
     port, end = in_thread(arm, Behaviour(fault, 0.0))
     return f"loopback://127.0.0.1:{port}", end
+
+
+def test_missed_periods_of_a_real_loop_are_a_column(tmp_path: Path) -> None:
+    """The law is quick: what else keeps the loop waiting counts, too."""
+
+    def eye(t: float, q: Array) -> Measurement:
+        time.sleep(0.02 if 0.02 < t < 0.04 else 0.0)
+        return Measurement(SETUP.scene.glance(q)[0], None, t)
+
+    address, end = stand_in_server()
+    setup = replace(SETUP, duration=0.08)
+    log = on(f"{address}?patience=5", eye=eye, setup=setup, supervision=Supervision(late_s=10.0, hang_s=10.0))
+    end()
+    assert log.missed >= 1
+    log = replace(log, missed=17)  # what the law took cannot be as many by chance
+    suite = Suite.load().select(["ur5-fov"], ["hierarchical-qp"], settings=["scenario.duration=0.08"])
+    with folder.held(tmp_path, "a comparison"):
+        record.store(tmp_path, suite, setup, log, "loopback://")
+    line = next(line for line in StoredComparison.load(tmp_path).results if line["controller"] == "hierarchical-qp")
+    assert int(line["missed_periods"]) == 17
+    assert log.real_time
+    assert not on("simulated://", setup=setup).real_time
 
 
 def test_a_period_that_is_much_too_late_ends_in_a_braked_stop() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +12,12 @@ import numpy as np
 from .constraints import Constraint, ConstraintSet
 from .errors import InvalidInput
 from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
+from .formulas.innovation import slip
 from .formulas.limits import joint_box
 from .geometry import Pose
 from .kernels import load
 from .limits import NO_LIMITS, ActuatorLimits
-from .measurement import Measurement
+from .measurement import Measurement, Plausible, doubts_of, innovation
 from .model import Believe, Model, Present, Spoil
 from .renamed import renamed
 from .rows import Array, BoolArray, Command
@@ -50,6 +52,9 @@ class ControlStep:
     limits, period
         What the actuators can do, and the sampling period T_s [s]: rows then state the box of q̈ that is left at each
         sample. It depends on the command before, at first zero: see :meth:`commanded`.
+    plausible
+        How far what is measured may be from what the model predicts: beyond it :meth:`doubts` and ``Command.remark``
+        say so.
 
     Attributes
     ----------
@@ -61,6 +66,9 @@ class ControlStep:
         Whether something moves that controllers are not told of.
     last_command
         (n,) q̈_c of the sample before, as the step was told.
+    innovation
+        (7,) how far what was measured for the last sample is from the model, see
+        :data:`vsconstraints.measurement.INNOVATIONS`, and the greatest ratio of that to what is plausible.
 
     Raises
     ------
@@ -77,14 +85,18 @@ class ControlStep:
         known: bool = False,
         limits: ActuatorLimits = NO_LIMITS,
         period: float | None = None,
+        plausible: Plausible | None = None,
     ) -> None:
         self.scene, self.constraints, self.visual_task = scene, constraints, task
         self.not_compiled, self.known = "", known
         self.believes = not known and constraints.has_unknown_motion(scene)
         n = scene.robot.n
         self._now: tuple[Array, Array, Array] = np.zeros(1), np.zeros(n), np.zeros(n)
-        self._correction = np.zeros((len(scene.markers), 2))
+        self._correction: Array = np.zeros((len(scene.markers), 2))
         self.last_command: Array = np.zeros(n)
+        self._slip: Array = np.full(n, np.nan)
+        self.innovation: Array = np.zeros(7)
+        self._bounds: Array = np.zeros(6)
         self._given = limits, period
         self._limits = limits.arrays(scene.robot, period) if limits.any else None
         self._packed: Packed | None = None
@@ -93,13 +105,38 @@ class ControlStep:
         packing, self._kernels = load("packing"), load("step")
         if packing is None or self._kernels is None:
             self.not_compiled = "there is no compiler"
-            return
-        try:
-            self._packed = packing.Packed(scene, constraints, task, known, self._limits)
-            step = self._packed.step
-            self._now, self.last_command = (step.time, step.q, step.qd), step.last_command
-        except packing.NotCompiled as reason:
-            self.not_compiled = str(reason)
+        else:
+            try:
+                self._packed = packing.Packed(scene, constraints, task, known, self._limits)
+                step = self._packed.step
+                self._now, self.last_command = (step.time, step.q, step.qd), step.last_command
+                self.innovation, self._bounds, self._slip = step.innovation, step.bounds, step.slip
+                self._correction = step.correction
+            except packing.NotCompiled as reason:
+                self.not_compiled = str(reason)
+        self.plausible = plausible or Plausible()
+
+    @property
+    def plausible(self) -> Plausible:
+        """How far what is measured may be from what the model predicts."""
+        return self._plausible
+
+    @plausible.setter
+    def plausible(self, plausible: Plausible) -> None:
+        self._plausible = plausible
+        self._bounds[:] = plausible.bounds(self.scene.camera)
+
+    def doubts(self, evaluation: Evaluation) -> str:
+        """What of the last measurement cannot be right, as its evaluation shows it; empty if all of it can."""
+        if not self.innovation[6] > 1.0:
+            return ""
+        camera, seen = self.scene.camera, evaluation.pixels
+        return doubts_of(self.innovation, self._bounds, camera, seen, self._correction, self._slip)
+
+    def doubted(self, evaluation: Evaluation, command: Command) -> Command:
+        """The command, with a remark that says so."""
+        said = self.doubts(evaluation)
+        return replace(command, remark="; ".join(filter(None, (command.remark, said)))) if said else command
 
     @property
     def in_numpy(self) -> tuple[Constraint, ...]:
@@ -111,14 +148,16 @@ class ControlStep:
     def __getstate__(self) -> dict[str, Any]:
         """What it is made of, and what it remembers; the compiled form is made again where it is needed."""
         memory = None if self._packed is None else self._packed.remembered()
-        made = {name: getattr(self, name) for name in ("scene", "constraints", "visual_task", "known", "_correction")}
+        names = "scene", "constraints", "visual_task", "known", "plausible", "_correction"
+        made = {name: getattr(self, name) for name in names}
         return {**made, "given": self._given, "last_command": self.last_command.copy(), "memory": memory}
 
     def __setstate__(self, made: dict[str, Any]) -> None:
         scene, constraints, task, (limits, period) = (
             made[name] for name in ("scene", "constraints", "visual_task", "given")
         )
-        self.__init__(scene, constraints, task, known=made["known"], limits=limits, period=period)  # type: ignore[misc]
+        options = {"known": made["known"], "limits": limits, "period": period, "plausible": made["plausible"]}
+        self.__init__(scene, constraints, task, **options)  # type: ignore[misc]
         self._correction[:], self.last_command[:] = made["_correction"], made["last_command"]
         if self._packed is not None and made["memory"] is not None:
             self._packed.recall(made["memory"])
@@ -126,7 +165,8 @@ class ControlStep:
     def reset(self) -> None:
         """Forget the last sample."""
         self.visual_task.reset()
-        self._correction[:] = self.last_command[:] = 0.0
+        self._correction[:] = self.last_command[:] = self.innovation[:] = 0.0
+        self._slip[:] = np.nan
         if self._packed is not None:
             self._packed.reset()
 
@@ -187,7 +227,7 @@ class ControlStep:
     def _evaluated(self, t: float, q: Array, qd: Array, measured: Measurement | None) -> Evaluation:
         packed = self._packed
         if packed is None:
-            return self.define(self._state(t, q, qd, measured))
+            return self._defined(t, q, qd, measured)
         before = packed.remembered() if packed.others else []
         if measured is not None:
             packed.measure(measured)
@@ -198,10 +238,10 @@ class ControlStep:
             refused = self._kernels.evaluate_step(packed.address, t, q, qd)
         if refused:
             # what cannot be evaluated is told by the definition
-            return self.define(self._state(t, q, qd, measured))
+            return self._defined(t, q, qd, measured)
         if packed.others:
             try:
-                state = self._state(t, q, qd, measured)
+                state = self._believed(self.scene.evaluate(*self._checked(t, q, qd)), measured)
                 for constraint, rows, points in packed.others:
                     packed.insert(rows, constraint, constraint.rows(state, points))
             except BaseException:
@@ -210,8 +250,13 @@ class ControlStep:
                 raise
         return CompiledEvaluation(packed, self.constraints, packed.out.copy())
 
-    def _state(self, t: float, q: Array, qd: Array, measured: Measurement | None = None) -> State:
-        state = self.scene.evaluate(*self._checked(t, q, qd))
+    def _defined(self, t: float, q: Array, qd: Array, measured: Measurement | None) -> Evaluation:
+        model = self.scene.evaluate(*self._checked(t, q, qd))
+        evaluation = self.define(self._believed(model, measured))
+        self.innovation[:] = innovation(measured, model, self.scene.camera, self._correction, self._slip, self._bounds)
+        return evaluation
+
+    def _believed(self, state: State, measured: Measurement | None) -> State:
         if measured is not None:
             return measured.believed(self.scene, state, self._correction)
         return self.scene.believed(state) if self.believes else state
@@ -291,6 +336,8 @@ class ControlStep:
     def define(self, state: State) -> Evaluation:
         """The NumPy form, from a state, which may be a believed one."""
         t, q, qd = self._now
+        moved, mean_speed = state.robot.q - q, 0.5 * (state.robot.qd + qd)
+        self._slip[:] = slip(self._slip, moved, mean_speed, state.t - t[0])
         t[:], q[:], qd[:] = state.t, state.robot.q, state.robot.qd
         rows, sigma = self.constraints.rows(state)
         if self._limits is not None:

@@ -31,7 +31,7 @@ def in_two_calls(control: ControlStep, controller: Controller) -> StateToCommand
         evaluation = control.evaluate(t, q, qd, **measured)
         command = controller.command(evaluation.rows, evaluation.task)
         control.commanded(command.qdd)
-        return evaluation, command
+        return evaluation, control.doubted(evaluation, command)
 
     return in_two
 
@@ -52,6 +52,7 @@ def in_one_call(control: ControlStep, controller: Controller) -> StateToCommand 
     both = partial(entry(kernels.command), packed.address, law.address, law.answer)
     refused, answer, copied = kernels.REFUSED, law.command, step.out.copy
     constraints, unknown = control.constraints, np.full(size.M, np.nan)
+    innovation, doubted = control.innovation, control.doubted
     undistort, in_two = undistortion(control.scene.camera, size.M), in_two_calls(control, controller)
 
     def in_one(
@@ -89,7 +90,7 @@ def in_one_call(control: ControlStep, controller: Controller) -> StateToCommand 
         if command is None:
             command = controller.command(evaluation.rows, evaluation.task)
             control.commanded(command.qdd)
-        return evaluation, command
+        return evaluation, doubted(evaluation, command) if innovation[6] > 1.0 else command
 
     return in_one
 

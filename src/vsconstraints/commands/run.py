@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 DRY = "simulated://"
 
-UNWATCHED = "nothing of the arm's own is known to its driver, and where Python itself is held nothing brakes it"
+UNWATCHED = "nothing of the arm's own is known to its driver"
 
 
 def run(

@@ -80,6 +80,8 @@ class RunRecord:
         Identifies what was run: scenario, controller, trial, seed and code.
     files
         What it was made from besides: own modules, data, meshes, with hashes of what they held.
+    missed
+        How many periods the loop itself has missed, where time was real: on an arm. None in a simulation.
     """
 
     trajectory: Trajectory
@@ -95,6 +97,7 @@ class RunRecord:
     Ts: float
     fingerprint: str
     files: Files = field(default_factory=dict)
+    missed: int | None = None
 
     @in_one_line
     def __repr__(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal, NamedTuple
 from urllib.parse import parse_qsl, urlsplit
@@ -99,8 +99,7 @@ class Driver(ABC):
     takes
         What is sent.
     watchdog
-        What the arm does by itself where the loop falls silent, in words; empty if nothing is known of it. Only this
-        stops an arm where Python itself is held.
+        What the arm does by itself where the loop falls silent, in words; empty if nothing is known of it.
     """
 
     real: ClassVar[bool] = True
@@ -136,6 +135,15 @@ class Driver(ABC):
 
         It may be called by another thread while a call has not returned. Raises ArmError if the arm cannot be told.
         """
+
+    def stopper(self) -> Callable[[], None] | None:
+        """What stops the arm as :meth:`halt` does, from another process; asked for once the arm is reached.
+
+        It is pickled and, where this process ends or falls silent, called in one that shares nothing with it: so it has
+        a connection of its own, and raises ArmError if the arm cannot be told. None where there is no such way: then
+        only the arm itself can stop where Python is held.
+        """
+        return None
 
     @abstractmethod
     def close(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -23,7 +23,8 @@ class Period(NamedTuple):
     ``scheduled`` and ``late`` are when it was to begin, and how much later it did; ``rows_time`` and ``step_time`` what
     rows with task, and the law, took; ``busy`` the whole period's work. ``q`` and ``qd`` are measured, ``sent_q`` and
     ``sent_qd`` where the arm is to be at the end. ``pixels`` (M, 2) is what was measured, NaN without an image;
-    ``taken`` when.
+    ``taken`` when; ``innovation`` (6,) how far what was measured is from the model's prediction, see
+    :data:`vsconstraints.measurement.INNOVATIONS`.
     """
 
     scheduled: float
@@ -38,6 +39,7 @@ class Period(NamedTuple):
     sent_qd: Array
     pixels: Array
     taken: float
+    innovation: Array
     guarded: bool
     braking: bool
 
@@ -66,6 +68,10 @@ class ArmLog:
         Sampling time [s].
     compiled
         Whether rows, task and law all ran compiled.
+    real_time
+        Whether time was the system's; otherwise it waited for the loop, which then misses nothing.
+    bounds
+        Beyond which the arm would have been braked, by name: see :class:`.Supervision`.
     """
 
     ended: Ended
@@ -78,6 +84,8 @@ class ArmLog:
     Ts: float
     compiled: bool = False
     remarks: tuple[str, ...] = field(default=())
+    real_time: bool = False
+    bounds: Mapping[str, float] = field(default_factory=dict)
 
     def column(self, name: str) -> Array:
         """(N, …) one field of all periods."""
@@ -94,6 +102,17 @@ class ArmLog:
         columns = {name: self.column(name) for name in Period._fields}
         own = {
             name: getattr(self, name)
-            for name in ("ended", "cause", "signal", "stop", "at_rest", "missed", "Ts", "compiled")
+            for name in (
+                "ended",
+                "cause",
+                "signal",
+                "stop",
+                "at_rest",
+                "missed",
+                "Ts",
+                "compiled",
+                "real_time",
+                "bounds",
+            )
         }
         write_arrays(path, {**columns, **own, "remarks": list(self.remarks), **facts})

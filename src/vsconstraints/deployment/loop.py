@@ -6,8 +6,8 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,12 +21,16 @@ from ..simulation import Setup
 from ..simulation.loop import loses_rank
 from .driver import ArmError, Driver, Joints
 from .envelope import Envelope
+from .guardian import Guardian
 from .images import Eye, SimulatedEye
 from .log import ArmLog, Ended
 from .realtime import usage, used
 from .start import demand_start
 from .stream import Stream
 from .supervision import Requests, Supervision, Watchdog, requests_noted
+
+GUARDED = 2.0
+"""How much longer than the watchdog the guardian waits."""
 
 REHEARSALS = 3
 """How often a law is asked before the arm moves: what is done for the first time takes longer."""
@@ -100,7 +104,9 @@ def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
         setup = demand_start(setup, driver.read(), job.supervision, job.from_arm)
         return setup, _Run(replace(job, setup=setup), envelope).carry_out()
     finally:
-        driver.close()
+        # the arm stands by now: what its driver still raises must not cost the log
+        with suppress(BaseException):
+            driver.close()
 
 
 class _Run:
@@ -112,8 +118,8 @@ class _Run:
         Why the watchdog has taken over; empty if it has not.
     silent
         Whether the arm has not answered.
-    image_at
-        When the newest image with a marker was taken [s].
+    image_at, same_since
+        When the newest image with a marker was taken, and the first one that shows them where it does [s].
     """
 
     def __init__(self, job: Job, envelope: Envelope) -> None:
@@ -121,8 +127,10 @@ class _Run:
         self.job, self.setup, self.driver, self.bounds = job, setup, job.driver, job.supervision
         self.control, self.Ts = setup.control(), setup.Ts
         self.stream = Stream(job.driver, envelope, setup.q0, len(setup.scene.markers))
-        self.taken, self.silent, self.image_at = "", False, 0.0
+        self.control.plausible = job.supervision
+        self.taken, self.silent, self.image_at, self.same_since = "", False, 0.0, 0.0
         self.watchdog: Watchdog | None = None
+        self.guardian: Guardian | None = None
         self._patience = max(job.supervision.hang_s, 5.0 * setup.Ts)
         self._rehearse()
 
@@ -140,7 +148,7 @@ class _Run:
     def carry_out(self) -> ArmLog:
         """All periods, and the stop."""
         stream, before, eye = self.stream, usage(), self.job.eye
-        with requests_noted() as requests, self._watched(requests):
+        with requests_noted() as requests, self._guarded(), self._watched(requests):
             ended, cause = self._periods(requests)
             with stream.turn:
                 if not self.taken:
@@ -153,8 +161,10 @@ class _Run:
             at_rest=stream.stop[1],
             periods=stream.periods,
             missed=stream.missed,
+            real_time=not stream.clock.simulated,
             Ts=self.Ts,
             compiled=self._compiled(),
+            bounds=asdict(self.bounds),
             remarks=(
                 *stream.remarks(used(before, usage())),
                 *(eye.remarks() if isinstance(eye, SimulatedEye) else ()),
@@ -171,6 +181,20 @@ class _Run:
         return law is not None
 
     @contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """A process of its own looks meanwhile, where time is real and it can stop the arm."""
+        stop = None if self.stream.clock.simulated else self.driver.stopper()
+        if stop is None:
+            yield
+            return
+        self.guardian = Guardian(stop, GUARDED * self._patience)
+        try:
+            yield
+        finally:
+            said, (how, at_rest) = self.guardian.end(self.stream.safe), self.stream.stop
+            self.stream.stop = "; ".join(filter(None, (said, how))), at_rest
+
+    @contextmanager
     def _watched(self, requests: Requests) -> Iterator[None]:
         """A watchdog looks meanwhile, where time is real."""
         if self.stream.clock.simulated:
@@ -185,7 +209,7 @@ class _Run:
                 signal.pthread_kill(ours.ident, signal.SIGINT)
 
         self.watchdog = Watchdog(self._patience, take_over)
-        self.watchdog.heard(self.bounds.begin_s)
+        self._alive(self.bounds.begin_s)
         self.watchdog.start()
         try:
             yield
@@ -198,15 +222,17 @@ class _Run:
         self.taken = f"the loop has not gone on for {1e3 * waited:g} ms"
         free = self.stream.turn.acquire(timeout=self._patience)
         try:
-            self.stream.bring_to_rest(not free, lambda: None)
+            self.stream.bring_to_rest(not free, self._alive)
         finally:
             if free:
                 self.stream.turn.release()
 
-    def _alive(self) -> None:
-        """Tell the watchdog."""
+    def _alive(self, more: float = 0.0) -> None:
+        """Tell the watchdog and the guardian; it may take so much more time than usual until this is said again."""
         if self.watchdog is not None:
-            self.watchdog.heard()
+            self.watchdog.heard(more)
+        if self.guardian is not None:
+            self.guardian.heard(more)
 
     @contextmanager
     def _own_turn(self) -> Iterator[None]:
@@ -246,6 +272,8 @@ class _Run:
         self._alive()
         if late > self.bounds.late_s:
             raise Halt("failed", f"the period began {1e3 * late:.3g} ms late")
+        if self.guardian is not None and self.guardian.lost:
+            raise Halt("failed", "the process that would stop the arm in place of this one has ended")
         started = time.perf_counter()
         with self._own_turn():
             state = self.driver.read()
@@ -261,7 +289,8 @@ class _Run:
         with self._own_turn():
             stream.send(setpoint)
         times = due, late, rows_time, step_time, time.perf_counter() - started
-        stream.log(times, state, (measured.get("pixels"), measured.get("taken", np.nan)), guarded)
+        image = measured.get("pixels"), measured.get("taken", np.nan), self.control.innovation[:6].copy()
+        stream.log(times, state, image, guarded)
 
     def _check(self, state: Joints) -> None:
         """Raise Halt if the arm is not where it was sent."""
@@ -286,8 +315,11 @@ class _Run:
             if not taken <= t + 1e-6:  # but for rounding; also what is no number
                 raise Halt("failed", f"an image was taken at {taken:.6g} s, which is not yet: by another clock?")
             pixels = None if seen.pixels is None else np.array(seen.pixels, dtype=np.float64)
-            if seen.camera is not None or (pixels is not None and np.isfinite(pixels).all(axis=1).any()):
+            if seen.camera is not None or (pixels is not None and not np.isnan(pixels).any(axis=1).all()):
                 self.image_at = max(self.image_at, taken)
+                last = self.stream.periods[-1].pixels if self.stream.periods else None
+                if pixels is None or last is None or not np.array_equal(pixels, last):
+                    self.same_since = taken
                 given = {"pixels": pixels, "taken": taken, "depth": seen.depth, "camera": seen.camera}
         if t - self.image_at > self.bounds.image_s:
             raise Halt("failed", f"no image shows a marker since t = {self.image_at:.4g} s")
@@ -297,6 +329,11 @@ class _Run:
         """The law's command, and how long rows with task, and the law, took [s]; raises Halt if there is none."""
         started = time.perf_counter()
         evaluation = self.control.evaluate(t, q, qd, **measured)
+        doubts = self.control.doubts(evaluation)
+        if doubts:
+            since = measured.get("taken", self.same_since) - self.same_since
+            frozen = f"; images have not changed for {since:.3g} s, as if frozen" if since > self.Ts else ""
+            raise Halt("failed", f"{doubts}{frozen}")
         rows, task = evaluation.rows, evaluation.task
         ready = time.perf_counter()
         command = self.job.controller.command(rows, task)

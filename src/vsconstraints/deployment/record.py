@@ -167,7 +167,9 @@ def store(
         trajectory = trajectory_of(setup, log, where)
         record = RunRecord.of(setup, trajectory, spec.fingerprint)
     # as a run that is there, which a comparison takes as it is
-    replace(record, files=digests(spec.files)).save(run_file(folder, *spec.key))
+    replace(record, files=digests(spec.files), missed=log.missed if log.real_time else None).save(
+        run_file(folder, *spec.key)
+    )
     return trajectory, compare_runs(suite, folder, workers=1, command=command)
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import described
+from ..measurement import INNOVATIONS
 from ..order_filter import OrderFilter
 from ..rows import Array
 from .brake import Brake
@@ -28,6 +29,12 @@ MOST_SILENCES = 3
 
 SETTLING = 0.5
 """How long after the last setpoint of a stop an arm may still move [s]."""
+
+HALTS = 3
+"""How often an arm is told to stop by its own means, where it cannot be told."""
+
+NO_INNOVATION = np.full(len(INNOVATIONS), np.nan)
+"""Of periods in which nothing is compared with the model."""
 
 STILL = 0.01
 """Measured speed that is rest [rad/s or m/s]."""
@@ -63,6 +70,8 @@ class Stream:
         Held by the thread that speaks to the arm.
     stop
         How the arm came to rest, in words, and whether setpoints brought it there.
+    safe
+        Whether it is at rest, or has taken it that it is to stop.
     """
 
     def __init__(self, driver: Driver, envelope: Envelope, q: Array, markers: int) -> None:
@@ -73,7 +82,7 @@ class Stream:
         self._no_image, self._sent_at = np.full((markers, 2), np.nan), np.inf
         self.periods: list[Period] = []
         self.missed, self.shift, self.begun = 0, 0.0, 0.0
-        self.turn, self.stop = threading.Lock(), ("", False)
+        self.turn, self.stop, self.safe = threading.Lock(), ("", False), False
 
     def begin(self) -> None:
         """The first period begins now."""
@@ -129,22 +138,29 @@ class Stream:
         alive
             Called in each period.
         """
-        trouble = ""
-        if not by_arm:
-            try:
-                self.stop = self._stream_stop(alive), True
-                return
-            except Exception as error:  # also a driver's own mistake must not keep the arm from being told to stop
-                trouble = f"while braking, {_said(error)}; "
+        trouble, self.safe = "", False
         try:
-            self.driver.halt(float(self.envelope.acceleration.min()))
-            self.stop = f"{trouble}told to stop by its own means", False
-        except Exception as error:  # as above: then it is said
-            self.stop = (
-                f"{trouble}IT COULD NOT BE TOLD TO STOP ({_said(error)}): its own watchdog, or the emergency stop, "
-                "must do so",
-                False,
-            )
+            if not by_arm:
+                self.stop, self.safe = (self._stream_stop(alive), True), True
+        except BaseException as error:  # whatever a driver raises, SystemExit too, the arm is to be told to stop
+            trouble = f"while braking, {_said(error)}; "
+        finally:
+            if not self.safe:
+                self._halt(trouble)
+
+    def _halt(self, trouble: str) -> None:
+        """Have the arm stop by its own means."""
+        for _ in range(HALTS):
+            try:
+                self.driver.halt(float(self.envelope.acceleration.min()))
+                self.stop, self.safe = (f"{trouble}told to stop by its own means", False), True
+                return
+            except BaseException as error:  # as above: then it is said
+                self.stop = (
+                    f"{trouble}IT COULD NOT BE TOLD TO STOP ({_said(error)}): its own watchdog, or the emergency stop, "
+                    "must do so",
+                    False,
+                )
 
     def _stream_stop(self, alive: Callable[[], None]) -> str:
         """Send setpoints until the arm is seen to be at rest; how that went. Raises ArmError."""
@@ -212,7 +228,7 @@ class Stream:
         self,
         times: tuple[float, float, float, float, float],
         state: Joints,
-        image: tuple[Array | None, float] = (None, np.nan),
+        image: tuple[Array | None, float, Array] = (None, np.nan, NO_INNOVATION),
         guarded: bool = False,
         braking: bool = False,
     ) -> None:
@@ -229,11 +245,12 @@ class Stream:
                 sent_qd=sent.qd,
                 pixels=pixels,
                 taken=image[1],
+                innovation=image[2],
                 guarded=guarded,
                 braking=braking,
             )
         )
 
 
-def _said(error: Exception) -> str:
+def _said(error: BaseException) -> str:
     return str(error) if isinstance(error, ArmError) else described(error)

@@ -13,12 +13,13 @@ from types import FrameType
 import numpy as np
 
 from ..errors import ConfigurationError
+from ..measurement import Plausible
 from ..runs.signals import SIGNALS
 
 
 @dataclass(frozen=True)
-class Supervision:
-    """Bounds beyond which the arm is braked.
+class Supervision(Plausible):
+    """Bounds beyond which the arm is braked; those of :class:`.Plausible` are of what is measured.
 
     Attributes
     ----------
@@ -36,7 +37,7 @@ class Supervision:
         How long the loop may say nothing before another thread brakes the arm [s]; five periods if that is longer. An
         arm's own watchdog should wait longer, or it comes first.
     image_s
-        How old the newest image with a marker may be [s].
+        How old an image may be, and the newest one with a marker [s].
     """
 
     start_rad: float = 0.02
@@ -45,7 +46,6 @@ class Supervision:
     late_s: float = 0.02
     begin_s: float = 2.0
     hang_s: float = 0.05
-    image_s: float = 0.5
 
     def __post_init__(self) -> None:
         for field in fields(self):

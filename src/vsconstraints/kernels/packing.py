@@ -113,6 +113,7 @@ class Packed:
         last["goal"], last["time"] = -1, 0.0
         for array in others:
             array[:] = 0.0
+        self.step.slip[:] = np.nan
 
     def insert(self, rows: slice, constraint: Constraint, block: RowBlock) -> None:
         """Write the rows of a constraint in NumPy between the compiled ones.

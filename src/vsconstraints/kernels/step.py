@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..formulas.image import image_motion
+from ..formulas.innovation import MEMORY, image_innovation, slip
 from ..formulas.limits import JointLimits, joint_box
 from ..formulas.motion import carried, relative_twist, target_pose
+from ..formulas.poses import angle
 from ..formulas.vectors import (
     Vector,
     along_with,
@@ -63,9 +67,17 @@ def place_camera(address: int, t: float) -> None:
     put(origin, step.eye[0].origin)
     put_matrix(target_R, step.target_R)
     put(target_t, step.target_t)
+    R, origin = transposed_product(target_R, R), turned_back(target_R, minus(origin, target_t))
     if not step.measurement[0].pose_given:
-        put_matrix(transposed_product(target_R, R), step.camera_R)
-        put(turned_back(target_R, minus(origin, target_t)), step.camera_t)
+        put_matrix(R, step.camera_R)
+        put(origin, step.camera_t)
+        return
+    off = difference = 0.0
+    for i in range(3):
+        off += (step.camera_t[i] - origin[i]) ** 2
+        for j in range(3):
+            difference += (step.camera_R[i, j] - R[i][j]) ** 2
+    step.innovation[2], step.innovation[3] = math.sqrt(off), angle(difference)
 
 
 @in_place
@@ -141,6 +153,23 @@ def see(address: int, i: int, t: float) -> bool:
 
 
 @in_place
+def write_innovation(address: int, t: float) -> None:
+    """Write how far what is measured is from the model; what is measured of the camera's pose is written by then."""
+    step = thaw(address)
+    innovation, measurement, camera = step.innovation, step.measurement[0], step.camera[0]
+    innovation[0] = innovation[1] = innovation[4] = innovation[5] = innovation[6] = 0.0
+    if measurement.given:
+        innovation[0], innovation[1] = image_innovation(step.pixels, step.correction, camera.focal[0], camera.focal[1])
+        innovation[4] = t - measurement.time
+    if not measurement.pose_given:
+        innovation[2] = innovation[3] = 0.0
+    for j in range(len(step.slip)):
+        innovation[5] = max(innovation[5], abs(step.slip[j]) / MEMORY)
+    for i in range(len(step.bounds)):
+        innovation[6] = max(innovation[6], innovation[i] / step.bounds[i])
+
+
+@in_place
 def write_box(address: int, j: int) -> None:
     """Write what a joint's limits leave of its acceleration."""
     step = thaw(address)
@@ -166,6 +195,8 @@ def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
     for i in range(n):
         if not (np.isfinite(q[i]) and np.isfinite(qd[i])):
             return False
+        mean_speed = 0.5 * (qd[i] + step.qd[i])
+        step.slip[i] = slip(step.slip[i], q[i] - step.q[i], mean_speed, t - step.time[0])
         step.q[i], step.qd[i] = q[i], qd[i]
     step.time[0] = t
     move(address, q, qd)
@@ -174,6 +205,7 @@ def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
     for i in range(len(step.seen)):
         if not see(address, i, t):
             return False
+    write_innovation(address, t)
     for i in range(len(step.places)):
         point, spot = step.robot_points[i], step.places[i]
         r = turned(matrix(step.bodies[point.body].R), vector(point.offset))

@@ -160,6 +160,9 @@ class Step(NamedTuple):
     measurement, measured, correction
         What a detector says, if anything: (1,) MEASUREMENT, (M, 3) pixels and Z, NaN where it says nothing; (M, 2) by
         how much a marker was last seen beside where the model has it, in normalised coordinates.
+    slip, bounds, innovation
+        How far what is measured is from the model: (n,) see :func:`vsconstraints.formulas.innovation.slip`; (6,) bounds
+        of what :data:`vsconstraints.measurement.INNOVATIONS` names; (7,) that, and its greatest ratio to its bounds.
     J_point, partial, drift
         Scratch: (3, n) the Jacobian of a point; (k,) ∂s/∂t, and s̈ when q̈ = 0.
     rows, task, pixels, points, camera_R, camera_t
@@ -202,6 +205,9 @@ class Step(NamedTuple):
     measurement: Records
     measured: Array
     correction: Array
+    slip: Array
+    bounds: Array
+    innovation: Array
     J_point: Array
     partial: Array
     drift: Array
@@ -304,6 +310,9 @@ class Size:
             measurement=zeros(1, MEASUREMENT),
             measured=zeros((M, 3)),
             correction=zeros((M, 2)),
+            slip=zeros(n),
+            bounds=np.full(6, np.inf),
+            innovation=zeros(7),
             J_point=zeros((3, n)),
             partial=zeros(k),
             drift=zeros(k),

@@ -24,6 +24,11 @@ def rows_time(record: RunRecord) -> float:
 
 
 def missed_periods(record: RunRecord) -> float:
-    """Samples that took longer than a period, without the first; NaN where there is no other."""
+    """Samples that took longer than a period, without the first; NaN where there is no other.
+
+    On an arm, periods that its loop missed: there the law's time is not all that a period has room for.
+    """
+    if record.missed is not None:
+        return record.missed
     both = record.trajectory.step_time[1:] * 1e6 + record.trajectory.rows_time[1:] * 1e6
     return int((both > 1e6 * record.Ts).sum()) if len(both) else np.nan

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -72,16 +73,7 @@ class LoopbackArm(Driver):
         if port is None:
             port, self._end = (in_thread if self.simulated_time else in_process)(*self._made)
         self._where = (self.address.host or "127.0.0.1", port)
-        self._connection = self._connected()
-
-    def _connected(self) -> socket.socket:
-        try:
-            connection = socket.create_connection(self._where, max(self._patience, 1.0))
-        except OSError as error:
-            raise ArmError(f"no arm answers at {self._where[0]}, port {self._where[1]}: {error}") from error
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.settimeout(self._patience)
-        return connection
+        self._connection = connected(self._where, self._patience)
 
     def read(self) -> Joints:
         """Ask where the joints are."""
@@ -94,28 +86,15 @@ class LoopbackArm(Driver):
     def _ask(self, kind: int, q: Array, qd: Array) -> Joints:
         if self._connection is None:
             raise ArmError("the connection to the arm is closed")
-        return self._asked(self._connection, kind, q, qd)
-
-    def _asked(self, connection: socket.socket, kind: int, q: Array, qd: Array) -> Joints:
-        count = length_of(self.n, True)
-        try:
-            connection.sendall(message(kind, 0.0, q, qd))
-            data = receive(connection, count)
-        except TimeoutError as error:
-            raise ArmError(f"the arm has not answered within {1e3 * self._patience:g} ms") from error
-        except OSError as error:
-            raise ArmError(f"the connection to the arm broke: {error}") from error
-        if len(data) < count:
-            raise ArmError("the arm closed the connection")
-        said, t, q, qd, text = read_message(data, self.n)
-        if said == STOPPED and kind != HALT:
-            raise ArmError(f"the arm stopped by itself: {text}")
-        return Joints(t, q, qd)
+        return answered(self._connection, self._patience, kind, q, qd)
 
     def halt(self, deceleration: float) -> None:
         """Tell the arm through a connection of its own, since another one may not be answered."""
-        with self._connected() as another:
-            self._asked(another, HALT, self._nothing, self._nothing)
+        self.stopper()()
+
+    def stopper(self) -> Callable[[], None]:
+        """The same from another process."""
+        return partial(halt, self._where, self._patience, self.n)
 
     def close(self) -> None:
         """Close the connection, and end the server that was started."""
@@ -124,6 +103,42 @@ class LoopbackArm(Driver):
         self._connection = None
         self._end()
         self._end = _nothing
+
+
+def connected(where: tuple[str, int], patience: float) -> socket.socket:
+    """A connection whose answers may take so long [s]; raises ArmError."""
+    try:
+        connection = socket.create_connection(where, max(patience, 1.0))
+    except OSError as error:
+        raise ArmError(f"no arm answers at {where[0]}, port {where[1]}: {error}") from error
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connection.settimeout(patience)
+    return connection
+
+
+def answered(connection: socket.socket, patience: float, kind: int, q: Array, qd: Array) -> Joints:
+    """What the arm answers to a message; raises ArmError."""
+    n = len(q)
+    count = length_of(n, True)
+    try:
+        connection.sendall(message(kind, 0.0, q, qd))
+        data = receive(connection, count)
+    except TimeoutError as error:
+        raise ArmError(f"the arm has not answered within {1e3 * patience:g} ms") from error
+    except OSError as error:
+        raise ArmError(f"the connection to the arm broke: {error}") from error
+    if len(data) < count:
+        raise ArmError("the arm closed the connection")
+    said, t, q, qd, text = read_message(data, n)
+    if said == STOPPED and kind != HALT:
+        raise ArmError(f"the arm stopped by itself: {text}")
+    return Joints(t, q, qd)
+
+
+def halt(where: tuple[str, int], patience: float, n: int) -> None:
+    """Stop the arm of n joints there; raises ArmError."""
+    with connected(where, patience) as connection:
+        answered(connection, patience, HALT, np.zeros(n), np.zeros(n))
 
 
 def _nothing() -> None:

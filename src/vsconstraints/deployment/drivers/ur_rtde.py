@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -157,6 +158,10 @@ class UrRtde(Driver):
         """Stop the arm's program by its dashboard server: the arm then brakes by itself, as hard as it is set to."""
         self._tried("stop", self._dashboard.stop)
 
+    def stopper(self) -> Callable[[], None]:
+        """The same from another process, by a connection of its own."""
+        return partial(stop_program, self.address.host)
+
     def close(self) -> None:
         """Leave servo or speed mode, and disconnect."""
         control, receive, dashboard = self._control, self._receive, self._dashboard
@@ -186,3 +191,15 @@ class UrRtde(Driver):
     def _done(what: str, accepted: object) -> None:
         if accepted is False:
             raise ArmError(f"the arm did not take {what}")
+
+
+def stop_program(host: str) -> None:
+    """Stop what an arm runs, which then brakes by itself; raises ArmError."""
+    import dashboard_client
+
+    try:
+        dashboard = dashboard_client.DashboardClient(host)
+        dashboard.connect()
+        dashboard.stop()
+    except Exception as error:  # the package raises what its C++ code throws
+        raise ArmError(f"stop: {error}") from error

@@ -1,0 +1,113 @@
+"""``python -m checks.plausible [SCENES]``: how often a right measurement is doubted, and how soon a wrong one.
+
+Scenes of every family are run with the noise, delays and calibration errors that it has, and their measured images are
+held against the kinematics as on an arm: see :class:`vsconstraints.measurement.Plausible`, whose defaults are what the
+printed numbers allow. Then the same images are shown mirrored, permuted, frozen and so on. The exit code is 1 if a
+right image is doubted.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from vsconstraints.camera import Camera
+from vsconstraints.controllers import HierarchicalQP
+from vsconstraints.errors import SceneError
+from vsconstraints.families import Family, families
+from vsconstraints.measurement import INNOVATIONS, Measurement, Plausible, innovation
+from vsconstraints.pose_estimate import estimated_pose
+from vsconstraints.rows import Array
+from vsconstraints.simulation import Setup, Trajectory, simulate
+
+CONDITIONS = dict.fromkeys(families(), "disturbed")
+"""Families, and the condition whose sensors are wrong as those of a cell are."""
+
+EVERY = 10
+"""Samples between two that are looked at."""
+
+FAULTS: dict[str, Callable[[Array, Array, Camera], Array]] = {
+    "right": lambda seen, first, camera: seen,
+    "mirrored": lambda seen, first, camera: seen * (-1.0, 1.0),
+    "upside down": lambda seen, first, camera: -seen,
+    "from the corner": lambda seen, first, camera: seen + 0.5 * np.asarray(camera.size),
+    "in metres": lambda seen, first, camera: camera.normalised(seen),
+    "two markers exchanged": lambda seen, first, camera: seen[[1, 0, *range(2, len(seen))]],
+    "frozen": lambda seen, first, camera: first,
+}
+"""What becomes of right pixels (M, 2), the first of which were others."""
+
+
+def innovations(setup: Setup, run: Trajectory) -> dict[str, Array]:
+    """(N, 7) of every ``EVERY``-th sample for each fault: as :func:`vsconstraints.measurement.innovation` has them."""
+    sensor, disturbances, Ts = setup.sensor(), setup.disturbances, setup.Ts
+    sensor.images(len(run.t))
+    scene, every = sensor.believed, round((disturbances.image_period or Ts) / Ts)
+    camera, M = scene.camera, len(scene.markers)
+    bounds, slip, half = Plausible().bounds(camera), np.zeros(scene.robot.n), 0.5 * np.asarray(camera.size)
+    first = None
+    corrections = {name: np.zeros((M, 2)) for name in FAULTS}
+    found: dict[str, list[Array]] = {name: [] for name in FAULTS}
+    for k in range(len(run.t)):
+        t, seen = float(run.t[k]), sensor._image(run.features_px[k])
+        first = seen if first is None else first
+        if k % EVERY:
+            continue
+        inside = (np.abs(seen) <= half).all(axis=1)
+        try:
+            model = scene.evaluate(t, run.q[k], run.qd[k])
+        except SceneError:  # the believed camera sees less
+            break
+        taken = max((k // every - disturbances.delay) * every, 0) * Ts
+        pose = estimated_pose(scene.markers, camera.normalised(seen), model.camera) if inside.all() else None
+        for name, wrong in FAULTS.items():
+            shown = wrong(np.where(inside[:, None], seen, np.nan), first, camera)
+            measured = Measurement(shown, None, taken, pose).checked(M, t)
+            measured.believed(scene, model, corrections[name])
+            found[name].append(innovation(measured, model, camera, corrections[name], slip, bounds))
+    return {name: np.array(each) for name, each in found.items()}
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print the greatest innovations of right images, then when wrong ones are doubted."""
+    scenes = int(arguments[0]) if arguments else 20
+    doubted = runs = samples = 0
+    print(f"family, condition: {', '.join(INNOVATIONS[:5])}: greatest (the 99.9 % quantile)")
+    delays: dict[str, list[float]] = {name: [] for name in FAULTS if name != "right"}
+    for family, condition in CONDITIONS.items():
+        found = []
+        for number in range(scenes):
+            drawn = Family.load(family).scene(number, half="training")
+            if not drawn.found:
+                continue
+            setup = drawn.setup(condition)
+            run = simulate(setup, HierarchicalQP())
+            off = innovations(setup, run)
+            found.append(off["right"])
+            runs, doubted = runs + 1, doubted + bool((off["right"][:, 6] > 1.0).any())
+            for name, kept in delays.items():
+                beyond = off[name][:, 6] > 1.0
+                kept.append(setup.Ts * EVERY * float(np.argmax(beyond)) if beyond.any() else np.inf)
+        all_of = np.concatenate(found)
+        samples += len(all_of)
+        cells = ", ".join(
+            f"{most:.3g} ({usual:.3g})"
+            for most, usual in zip(all_of[:, :5].max(axis=0), np.quantile(all_of[:, :5], 0.999, axis=0), strict=True)
+        )
+        print(f"{family}, {condition}: {cells}", flush=True)
+    print(f"{Plausible()}")
+    rare = 1.0 - 0.05 ** (1.0 / max(runs, 1))
+    print(f"right images are doubted in {doubted} of {runs} runs, of {samples} samples", end="")
+    print(f": with none, in less than {100.0 * rare:.2g} % (95 %)" if not doubted else "")
+    for name, kept in delays.items():
+        times = np.array(kept)
+        at_once, never = int((times == 0.0).sum()), int(np.isinf(times).sum())
+        print(f"{name}: doubted before anything moves in {at_once}, never in {never} of {len(kept)} runs; ", end="")
+        print(f"median {np.median(times):.3g} s")
+    return int(doubted > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,328 @@
+"""Whatever fails, and however, an arm that never stops by itself is at rest in the end: 148 faults and more."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vsconstraints.controllers import Controller, HierarchicalQP
+from vsconstraints.deployment import Address, ArmError, ArmLog, Driver, Envelope, Job, Joints, Supervision, run_on_arm
+from vsconstraints.deployment.guardian import Guardian
+from vsconstraints.deployment.server import Behaviour, in_thread
+from vsconstraints.deployment.stand_in import StandIn, StandInLimits
+from vsconstraints.deployment.stream import HALTS, Stream
+from vsconstraints.errors import ConfigurationError
+from vsconstraints.measurement import Measurement
+from vsconstraints.rows import Array, Command, Rows, Task
+from vsconstraints.scenarios import Scenario
+
+SETUP = Scenario.load("ur5-fov").with_override("duration", 0.3).with_override("on_hidden_markers", "continue").setup()
+AT = 40
+"""In which period it happens: the arm moves by then."""
+
+
+def endless() -> StandIn:
+    """An arm that goes on as it was sent for ever."""
+    own = Envelope.of(SETUP.scene.robot, SETUP.limits, SETUP.Ts)
+    return StandIn(SETUP.q0, StandInLimits(own.q_min, own.q_max, own.qd_max, own.acceleration), SETUP.Ts, 1e9)
+
+
+class Fault:
+    """Happens where it is asked for, from a call on, so many times."""
+
+    def __init__(self, where: str, happens: Callable[[Any], Any], times: float = 1, at: int = AT) -> None:
+        self.where, self.happens, self.times, self.at = where, happens, times, at
+        self.calls, self.happened = 0, 0
+
+    def __call__(self, where: str, value: Any = None) -> Any:
+        """The value, or what becomes of it."""
+        if where != self.where:
+            return value
+        self.calls += 1
+        if self.calls < self.at or self.happened >= self.times:
+            return value
+        self.happened += 1
+        return self.happens(value)
+
+
+class Faulty(Driver):
+    """The endless arm in simulated time, whose calls fail."""
+
+    real = False
+    simulated_time = True
+
+    def __init__(self, fault: Fault) -> None:
+        super().__init__(Address("faulty"), SETUP)
+        self.fault, self.arm, self.moving = fault, endless(), 0.0
+
+    def connect(self) -> None:
+        self.fault("connect")
+
+    def begin(self) -> None:
+        self.fault("begin")
+
+    def read(self) -> Joints:
+        return Joints(self.arm.t, *self.fault("read", self.arm.state()))
+
+    def send(self, q: Array, qd: Array) -> None:
+        self.fault("send")
+        self.arm.take(q, qd)
+        self.arm.advance(self.period)
+        self.moving = max(self.moving, float(np.abs(self.arm.state()[1]).max()))
+
+    def halt(self, deceleration: float) -> None:
+        self.fault("halt")
+        self.arm.stop("halted")
+
+    def close(self) -> None:
+        self.fault("close")
+
+
+class Law(Controller):
+    """The hierarchical QP; its call number ``AT`` fails."""
+
+    name = "faulty"
+
+    def __init__(self, fault: Fault) -> None:
+        self._law, self._fault = HierarchicalQP(), fault
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        command = self._law.solve(rows, task)
+        command.qdd = self._fault("law", command.qdd)
+        return command
+
+
+def run(fault: Fault) -> tuple[Faulty, ArmLog]:
+    driver = Faulty(fault)
+
+    def eye(t: float, q: Array) -> Measurement | None:
+        pixels = fault("camera", SETUP.scene.glance(q)[0])
+        return None if pixels is None else Measurement(pixels, None, t)
+
+    return driver, run_on_arm(Job(SETUP, Law(fault), driver, eye))[1]
+
+
+def assert_at_rest(arm: StandIn) -> None:
+    """It is, or has been told to stop by its own means."""
+    arm.advance(1.0)
+    assert np.abs(arm.state()[1]).max() < 1e-12
+
+
+def raising(kind: type[BaseException]) -> Callable[[Any], Any]:
+    def happens(value: Any) -> Any:
+        raise kind("a fault")
+
+    return happens
+
+
+class OwnExit(BaseException):
+    """Not even an exception of Python's."""
+
+
+KINDS = (RuntimeError, ArmError, MemoryError, SystemExit, KeyboardInterrupt, GeneratorExit, OwnExit)
+WHERE = ("begin", "read", "send", "halt", "close", "law", "camera", "log")
+RAISED = [(where, kind, again) for where, kind, again in itertools.product(WHERE, KINDS, (1, np.inf))]
+
+
+@pytest.mark.parametrize(
+    ("where", "kind", "times"), RAISED, ids=[f"{where}-{kind.__name__}-{times}" for where, kind, times in RAISED]
+)
+def test_whatever_is_raised_the_arm_stops(
+    where: str, kind: type[BaseException], times: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fault = Fault(where, raising(kind), times, at=1 if where in ("begin", "halt", "close") else AT)
+    if where == "halt":
+        # of what cannot be told at all only a process of its own could tell it
+        fault.times = min(times, HALTS - 1)
+        monkeypatch.setattr(Stream, "_stream_stop", raising(kind))
+    log_period = Stream.log
+
+    def log(stream: Stream, *arguments: Any, **options: Any) -> None:
+        fault("log")
+        log_period(stream, *arguments, **options)
+
+    monkeypatch.setattr(Stream, "log", log)
+    driver, log_of_run = run(fault)
+    assert fault.happened
+    assert driver.moving > 0.1 or where == "begin"
+    assert log_of_run.ended == ("done" if where in ("halt", "close") else "failed")
+    assert log_of_run.at_rest or log_of_run.stop.endswith("told to stop by its own means")
+    assert_at_rest(driver.arm)
+
+
+NUMBERS: dict[str, Callable[[Any], Any]] = {
+    "nan": lambda value: np.nan * np.asarray(value),
+    "infinite": lambda value: np.inf * np.ones_like(value),
+    "shape": lambda value: np.asarray(value)[..., :1],
+    "nothing": lambda value: None,
+    "text": lambda value: "six joints",
+}
+
+
+@pytest.mark.parametrize("times", [1, np.inf])
+@pytest.mark.parametrize("what", NUMBERS)
+@pytest.mark.parametrize("where", ["read", "law", "camera"])
+def test_whatever_is_said_the_arm_stops(where: str, what: str, times: float) -> None:
+    fault = Fault(where, NUMBERS[what], times)
+    driver, log = run(fault)
+    assert fault.happened
+    assert driver.moving > 0.1
+    # one image without markers is no fault
+    harmless = where == "camera" and what in ("nan", "nothing") and times == 1
+    assert log.ended == ("done" if harmless else "failed")
+    assert_at_rest(driver.arm)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("where", ["begin", "read", "send", "law", "camera"])
+def test_whenever_a_signal_comes_the_arm_stops(where: str, number: signal.Signals) -> None:
+    fault = Fault(where, lambda value: [value, os.kill(os.getpid(), number)][0], at=1 if where == "begin" else AT)
+    driver, log = run(fault)
+    assert (log.ended, log.signal) == ("stopped", number)
+    assert_at_rest(driver.arm)
+
+
+def test_a_handler_that_others_set_does_not_keep_the_arm_from_its_stop() -> None:
+    """A library in the loop that makes Ctrl-C an exception again, in the middle of the stop too."""
+
+    def interrupt(value: Any) -> Any:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        os.kill(os.getpid(), signal.SIGINT)
+        return value
+
+    driver, log = run(Fault("read", interrupt, np.inf))
+    assert log.stop.startswith("while braking, KeyboardInterrupt")
+    assert_at_rest(driver.arm)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_raised_before_the_first_setpoint_moves_nothing(kind: type[BaseException]) -> None:
+    fault = Fault("connect", raising(kind), at=1)
+    driver = Faulty(fault)
+    with pytest.raises(kind):
+        run_on_arm(Job(SETUP, HierarchicalQP(), driver))
+    assert driver.arm.t == 0.0
+
+
+# --- what no exception tells of: the process is gone, or does not go on ---
+
+
+@contextmanager
+def served() -> Iterator[tuple[StandIn, int]]:
+    """The endless arm behind a socket."""
+    arm = endless()
+    # setpoints come late on a slow machine
+    arm.limits.qd_max[:], arm.limits.acceleration[:] = 100.0, 1e4
+    port, end = in_thread(arm, Behaviour())
+    yield arm, port
+    end()
+
+
+VICTIM = Path(__file__).with_name("arm_victim.py")
+HARD = [
+    *itertools.product(("law", "camera", "read", "send"), ("exit", "killed", "crash", "suspended", "held")),
+    # where a stop can still be streamed, it is
+    *itertools.product(("read", "send"), ("held in the end", "interrupted")),
+]
+
+
+def assert_guarded(where: str, what: str) -> None:
+    """The arm is told to stop, though the process that ran the loop is in no state to."""
+    with served() as (arm, port):
+        words = [sys.executable, str(VICTIM), where, what, str(port)]
+        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            until = time.monotonic() + 120.0
+            while not arm.stopped and time.monotonic() < until and process.poll() is None:
+                time.sleep(0.01)
+            for _ in range(500):  # it is told after the process has gone
+                if arm.stopped:
+                    break
+                time.sleep(0.01)
+            moved = np.abs(arm.state()[0] - SETUP.q0).max()
+            process.kill()
+            output = process.communicate()[1]
+        assert arm.stopped == "halted", output
+        assert moved > 1e-4
+        assert_at_rest(arm)
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize(("where", "what"), HARD)
+def test_an_arm_stops_whatever_becomes_of_the_process(where: str, what: str) -> None:
+    assert_guarded(where, what)
+
+
+@pytest.mark.parametrize(("where", "what"), [("send", "held"), ("law", "exit")])
+def test_an_arm_stops_where_python_is_held_or_gone(where: str, what: str) -> None:
+    assert_guarded(where, what)
+
+
+class Told:
+    """Stops nothing, but leaves a file."""
+
+    def __init__(self, path: Path, fails: int = 0) -> None:
+        self.path, self.fails = path, fails
+
+    def __call__(self) -> None:
+        self.fails -= 1
+        if self.fails >= 0:
+            raise SystemExit("no route")
+        self.path.touch()
+
+
+@pytest.mark.parametrize(
+    ("safe", "fails", "said"),
+    [
+        (True, 0, ""),
+        (False, 2, "the loop has ended, and a process of its own told the arm to stop by its own means"),
+        (False, 3, "the loop has ended, and a process of its own COULD NOT TELL THE ARM TO STOP (SystemExit: no route"),
+    ],
+)
+def test_a_guardian_is_told_that_all_is_well(safe: bool, fails: int, said: str, tmp_path: Path) -> None:
+    guardian = Guardian(Told(tmp_path / "told", fails), 60.0)
+    guardian.heard()
+    assert not guardian.lost
+    assert guardian.end(safe).startswith(said)
+    assert (tmp_path / "told").exists() == (not safe and fails < 3)
+
+
+def test_a_guardian_that_is_gone_or_cannot_begin_is_told(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="cannot be given to another process"):
+        Guardian(lambda: None, 1.0)
+    guardian = Guardian(Told(tmp_path / "told"), 60.0)
+    guardian.heard()
+    os.kill(guardian._process.pid, signal.SIGKILL)
+    guardian._process.wait()
+    guardian.heard()
+    assert guardian.lost
+    assert guardian.end(True) == ""
+
+
+def test_a_loop_whose_guardian_is_gone_brakes(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard = Guardian.heard
+
+    def once(guardian: Guardian, more: float = 0.0) -> None:
+        guardian._process.kill()
+        guardian._process.wait()
+        heard(guardian, more)
+
+    monkeypatch.setattr(Guardian, "heard", once)
+    with served() as (arm, port):
+        from vsconstraints.deployment import driver_for
+
+        driver = driver_for(f"loopback://127.0.0.1:{port}?patience=20", SETUP)
+        patient = Supervision(late_s=10.0, hang_s=10.0)
+        log = run_on_arm(Job(SETUP, HierarchicalQP(), driver, supervision=patient))[1]
+        assert "the process that would stop the arm in place of this one has ended" in log.cause
+        assert_at_rest(arm)
