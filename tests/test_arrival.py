@@ -125,7 +125,9 @@ def test_where_it_is_not_known(arm: tuple[Setup, np.ndarray]) -> None:
 def test_arms_with_a_joint_too_many_and_targets_that_move_have_none(name: str, known: bool) -> None:
     scene = Family.load(name).scene(1)
     assert math.isfinite(scene.least_time) == known
-    assert scene.duration == pytest.approx(scene.tables["nominal"]["duration"])
+    stated = scene.tables["nominal"]["duration"]
+    # of the longest run: where the target moves, none goes on
+    assert scene.duration == pytest.approx(stated) if name == "moving" else scene.duration > stated
     assert not scene.too_far
 
 

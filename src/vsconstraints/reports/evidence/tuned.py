@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...errors import ConfigurationError, one_line
+from ...evidence.parquet import UNREADABLE
 from ..markdown import plain, table
 from ..numbers import DASH, number
 from .drawing import shown
@@ -56,10 +58,8 @@ def _fronts(material: Material) -> str:
     folder = material.tuning
     if folder is None or not (folder / EVALUATIONS).is_file():
         return ""
-    import pandas as pd
-
-    evaluations = pd.read_parquet(folder / EVALUATIONS)
-    volumes = pd.read_parquet(folder / HYPERVOLUMES) if (folder / HYPERVOLUMES).is_file() else None
+    evaluations = _read(folder / EVALUATIONS, {"law", "chosen", "options", "feasible"})
+    volumes = _read(folder / HYPERVOLUMES, {"law", "hypervolume"}) if (folder / HYPERVOLUMES).is_file() else None
     laws = list(dict.fromkeys(evaluations["law"].astype(str)))
     lines = []
     for law in laws:
@@ -76,6 +76,19 @@ def _fronts(material: Material) -> str:
     header = ["law", "evaluations", "feasible", "hypervolume", "setting taken over"]
     figure = shown(material, FRONTS, evaluations, laws)
     return "\n\n".join(part for part in (text, table(header, lines), figure) if part)
+
+
+def _read(path: Path, columns: set[str]) -> pd.DataFrame:
+    """A table of a tuning; raises ConfigurationError if it cannot be read."""
+    import pandas as pd
+
+    try:
+        found = pd.read_parquet(path)
+    except UNREADABLE as error:
+        raise ConfigurationError(f"{path} cannot be read: {one_line(str(error))}") from error
+    if missing := columns.difference(found.columns):
+        raise ConfigurationError(f"{path} cannot be read: it has no column {min(missing)}")
+    return found
 
 
 def _volume(volumes: pd.DataFrame | None, law: str) -> str:
