@@ -20,6 +20,31 @@ settings.register_profile(
 settings.load_profile("repeatable")
 
 
+SLOW = {
+    "test_benchmarks",
+    "test_cli",
+    "test_cluster",
+    "test_compiler",
+    "test_first_five_minutes",
+    "test_mutated",
+    "test_notebooks",
+    "test_pool",
+    "test_replay_in_a_browser",
+    "test_reproduction",
+    "test_signals",
+    "test_signals_held",
+    "test_studies",
+}
+"""Files whose tests start processes, compile from nothing or simulate for minutes: half of the time of all tests."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of slow files."""
+    for item in items:
+        if item.path.stem in SLOW:
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs and figures are made by calls: starting processes takes longer than what tests ask of them."""

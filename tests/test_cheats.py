@@ -35,7 +35,6 @@ def best_of(results: Results, name: str) -> list[str]:
     return [line for line in lines if line.startswith(f"| {name} ") and "**" in line]
 
 
-@pytest.mark.xfail(strict=True, reason="speed rows may be outside by T_s u⁺ until violations are strict for all laws")
 def test_who_overspeeds_by_less_than_a_switching_step_does_not_succeed(tmp_path: Path) -> None:
     scene = Scenario.load("case-study-6r").with_override("constraints.2.switching_gain", 30.0)
     laws = ["hierarchical-qp", Overspeeds()]
@@ -43,7 +42,6 @@ def test_who_overspeeds_by_less_than_a_switching_step_does_not_succeed(tmp_path:
     assert not any(map(clean, results.all_runs("Overspeeds")))
 
 
-@pytest.mark.xfail(strict=True, reason="utilization is averaged over held samples, not while tracking alone is outside")
 def test_who_bounces_uses_little_of_the_space(tmp_path: Path) -> None:
     """A third of the image is unused on average, while the only sample that is held is near the boundary."""
     found = compare(Bounces(), "example-2d-fov", workers=0, out=tmp_path / "results", progress=False)

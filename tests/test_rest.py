@@ -15,7 +15,7 @@ from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import (
     CONTROLLERS,
     Demand,
-    Governor,
+    Scaling,
     HierarchicalQP,
     Law,
     Resolver,
@@ -126,7 +126,7 @@ def test_what_saturation_scales_is_the_task_and_not_the_rest(form: str) -> None:
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("resolver", [one for one in SHARING if not isinstance(one, Governor | Saturation)], ids=repr)
+@pytest.mark.parametrize("resolver", [one for one in SHARING if not isinstance(one, Scaling | Saturation)], ids=repr)
 def test_it_moves_the_origin_of_accelerations(resolver: Resolver, form: str) -> None:
     """q̈ − q̈₀ is the answer to the demands less L_gφ q̈₀ and the task less J q̈₀.
 
