@@ -13,9 +13,12 @@ from vsconstraints.runs import machine
 from vsconstraints.scenarios.toml import read_toml
 
 
-def test_what_is_installed_is_not_complained_of() -> None:
-    for name in extras.EXTRAS:
-        extras.demand(name)
+@pytest.mark.parametrize("name", extras.EXTRAS)
+def test_what_is_installed_is_not_complained_of(name: str) -> None:
+    if name in ("physics", "ur-rtde"):  # which have no wheels for some machines
+        for module in extras.EXTRAS[name].modules:
+            pytest.importorskip(module)
+    extras.demand(name)
 
 
 def test_what_is_missing_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
