@@ -61,6 +61,5 @@ class Slow(Law):
 
 
 law = Slow(fault)
-law._fault = fault
 patient = Supervision(late_s=10.0, hang_s=0.15, following_rad=10.0)
 run_on_arm(Job(SETUP, law, driver, eye, supervision=patient))

@@ -1,4 +1,4 @@
-"""Whatever fails, and however, an arm that never stops by itself is at rest in the end: 148 faults and more."""
+"""Whatever fails, and however, an arm that never stops by itself is at rest in the end: more than 170 faults."""
 
 from __future__ import annotations
 
@@ -17,11 +17,22 @@ import numpy as np
 import pytest
 
 from vsconstraints.controllers import Controller, HierarchicalQP
-from vsconstraints.deployment import Address, ArmError, ArmLog, Driver, Envelope, Job, Joints, Supervision, run_on_arm
+from vsconstraints.deployment import (
+    Address,
+    ArmError,
+    ArmLog,
+    Driver,
+    Envelope,
+    Job,
+    Joints,
+    Supervision,
+    driver_for,
+    run_on_arm,
+    stream,
+)
 from vsconstraints.deployment.guardian import Guardian
 from vsconstraints.deployment.server import Behaviour, in_thread
 from vsconstraints.deployment.stand_in import StandIn, StandInLimits
-from vsconstraints.deployment.stream import HALTS, Stream
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.measurement import Measurement
 from vsconstraints.rows import Array, Command, Rows, Task
@@ -144,15 +155,15 @@ def test_whatever_is_raised_the_arm_stops(
     fault = Fault(where, raising(kind), times, at=1 if where in ("begin", "halt", "close") else AT)
     if where == "halt":
         # of what cannot be told at all only a process of its own could tell it
-        fault.times = min(times, HALTS - 1)
-        monkeypatch.setattr(Stream, "_stream_stop", raising(kind))
-    log_period = Stream.log
+        fault.times = min(times, stream.HALTS - 1)
+        monkeypatch.setattr(stream, "Brake", lambda *arguments: raising(kind)(None))
+    log_period = stream.Stream.log
 
-    def log(stream: Stream, *arguments: Any, **options: Any) -> None:
+    def log(line: stream.Stream, *arguments: Any, **options: Any) -> None:
         fault("log")
-        log_period(stream, *arguments, **options)
+        log_period(line, *arguments, **options)
 
-    monkeypatch.setattr(Stream, "log", log)
+    monkeypatch.setattr(stream.Stream, "log", log)
     driver, log_of_run = run(fault)
     assert fault.happened
     assert driver.moving > 0.1 or where == "begin"
@@ -302,8 +313,8 @@ def test_a_guardian_that_is_gone_or_cannot_begin_is_told(tmp_path: Path) -> None
         Guardian(lambda: None, 1.0)
     guardian = Guardian(Told(tmp_path / "told"), 60.0)
     guardian.heard()
-    os.kill(guardian._process.pid, signal.SIGKILL)
-    guardian._process.wait()
+    os.kill(guardian.process.pid, signal.SIGKILL)
+    guardian.process.wait()
     guardian.heard()
     assert guardian.lost
     assert guardian.end(True) == ""
@@ -313,14 +324,12 @@ def test_a_loop_whose_guardian_is_gone_brakes(monkeypatch: pytest.MonkeyPatch) -
     heard = Guardian.heard
 
     def once(guardian: Guardian, more: float = 0.0) -> None:
-        guardian._process.kill()
-        guardian._process.wait()
+        guardian.process.kill()
+        guardian.process.wait()
         heard(guardian, more)
 
     monkeypatch.setattr(Guardian, "heard", once)
     with served() as (arm, port):
-        from vsconstraints.deployment import driver_for
-
         driver = driver_for(f"loopback://127.0.0.1:{port}?patience=20", SETUP)
         patient = Supervision(late_s=10.0, hang_s=10.0)
         log = run_on_arm(Job(SETUP, HierarchicalQP(), driver, supervision=patient))[1]

@@ -47,6 +47,8 @@ class Guardian:
 
     Attributes
     ----------
+    process
+        The other one.
     lost
         Whether it has ended by itself.
 
@@ -59,10 +61,10 @@ class Guardian:
     def __init__(self, stop: Callable[[], None], patience: float) -> None:
         self.patience, self.lost = patience, False
         pipe, words = subprocess.PIPE, [sys.executable, "-c", CODE]
-        self._process = subprocess.Popen(words, stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True)
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._to, self._from = self._process.stdin, self._process.stdout
+        self.process = subprocess.Popen(words, stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True)
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self._to, self._from = self.process.stdin, self.process.stdout
         try:
             self._to.write(pickle.dumps(sys.path) + pickle.dumps(stop))
             answer = self._from.read(1) if select.select([self._from], [], [], START_S)[0] else b""
@@ -91,10 +93,10 @@ class Guardian:
         with suppress(OSError):
             self._to.close()
         try:
-            self._process.wait(END_S)
+            self.process.wait(END_S)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+            self.process.kill()
+            self.process.wait()
         with self._from:
             return self._from.read().decode(errors="replace").strip()
 
