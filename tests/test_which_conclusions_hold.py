@@ -71,7 +71,8 @@ def test_a_conclusion_holds_is_reversed_or_cannot_be_told() -> None:
     assert over.other.low == pytest.approx(-over.first.high)
     said = {one.condition: one.text for one in held(made_up)}
     assert said["over"] == (
-        "Of 1 conclusion on pairs of laws that hold without disturbances, 0 hold in the condition over, 1 is reversed, "
+        "By the strict standard, of 1 conclusion on pairs of laws that hold without disturbances, 0 hold in the "
+        "condition over, 1 is reversed, "
         "and of 0 it cannot be told (20 scenes of 1 family). Reversed: a before b by success."
     )
     assert said["short"].endswith(
@@ -81,7 +82,7 @@ def test_a_conclusion_holds_is_reversed_or_cannot_be_told() -> None:
     assert [line.split(" | ")[3:] for line in text.splitlines() if line.startswith("| a ")] == [
         ["holds, 60.0 %", "**reversed**, −60.0 %", "not told", "too few |"]
     ]
-    assert "### Violation: a row is left\n\nWithout disturbances, no law is told from another one." in text
+    assert "### Violation: a row is violated, strictly\n\nWithout disturbances, no law is told from another one." in text
 
 
 def test_what_is_not_told_without_disturbances_is_no_conclusion() -> None:
