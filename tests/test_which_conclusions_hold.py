@@ -82,7 +82,7 @@ def test_a_conclusion_holds_is_reversed_or_cannot_be_told() -> None:
     assert [line.split(" | ")[3:] for line in text.splitlines() if line.startswith("| a ")] == [
         ["holds, 60.0 %", "**reversed**, −60.0 %", "not told", "too few |"]
     ]
-    assert "### Violation: a row is violated, strictly\n\nWithout disturbances, no law is told from another one." in text
+    assert "a row is violated, strictly\n\nWithout disturbances, no law is told from another one." in text
 
 
 def test_what_is_not_told_without_disturbances_is_no_conclusion() -> None:
