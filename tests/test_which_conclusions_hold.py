@@ -74,7 +74,8 @@ def test_a_conclusion_holds_is_reversed_or_is_inconclusive() -> None:
     assert over.other.low == pytest.approx(-over.first.high)
     said = {one.condition: one.text for one in held(made_up)}
     assert said["over"].startswith(
-        "Of 1 conclusion on pairs of laws without disturbances, in the condition over none hold, 1 is reversed and "
+        "By the strict standard, of 1 conclusion on pairs of laws without disturbances, in the condition over none "
+        "hold, 1 is reversed and "
         "none are inconclusive (20 scenes of 1 family). Reversed: a before b by success. A reversal of success is "
         "found with 80 % power from "
     )
@@ -89,7 +90,9 @@ def test_a_conclusion_holds_is_reversed_or_is_inconclusive() -> None:
     assert [line.split(" | ")[3:] for line in text.splitlines() if line.startswith("| a ")] == [
         ["holds, 60.0 %", "**reversed**, −60.0 %", "inconclusive", "inconclusive |"]
     ]
-    assert "### Violation: a row is left\n\nWithout disturbances, no two laws differ significantly." in text
+    assert (
+        "### Violation: a row is violated, strictly\n\nWithout disturbances, no two laws differ significantly." in text
+    )
 
 
 def test_what_is_not_told_without_disturbances_is_no_conclusion() -> None:
