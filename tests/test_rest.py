@@ -15,11 +15,11 @@ from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import (
     CONTROLLERS,
     Demand,
-    Scaling,
     HierarchicalQP,
     Law,
     Resolver,
     Saturation,
+    Scaling,
     SlidingMode,
     Tracking,
     make_controller,
