@@ -142,7 +142,7 @@ def _demand_plain(text: str) -> None:
     """Raise ValueError for deep nesting, a key that is there twice, and aliases, by which a small file can be huge."""
     import yaml
 
-    depth, nodes, keys = 0, 0, set()
+    depth, nodes, keys = 0, 0, set[str]()
     for event in yaml.parse(text, Loader=getattr(yaml, "CBaseLoader", yaml.BaseLoader)):
         place = f"line {event.start_mark.line + 1}"
         if isinstance(event, yaml.DocumentStartEvent):
