@@ -45,8 +45,16 @@ def stored(folder: Path, runs: list[Line], values: dict[int, float] | None = Non
     scenes = evidence.scenes.assign(values=[json.dumps(one) for one in drawn])
     for name, table in (("runs", evidence.runs), ("rows", evidence.rows), ("scenes", scenes)):
         (folder / name).mkdir()
+        facts = {
+            "family": "planar-arm",
+            "scenes": scenes["scene"].tolist(),
+            "identity": {"controllers": evidence.manifest["configuration"]["controllers"], "family": {"tables": {}}},
+            "machine": {},
+            "runs": len(runs),
+            "seconds": 1.0,
+        }
         part = parquet.table(TABLES[name], table.to_dict("records"))
-        parquet.write(folder / name / "part-planar-arm.parquet", part, {})
+        parquet.write(folder / name / "part-planar-arm.parquet", part, facts)
     return folder
 
 

@@ -56,7 +56,7 @@ def test_every_package_that_is_imported_is_in_some_identity() -> None:
                 found.add(str(node.module).partition(".")[0])
     found -= {*sys.stdlib_module_names, "vsconstraints"}
     known = {*machine.package_versions(), *machine.OUTPUT_ONLY}
-    required = {name for name in found if machine._loaded_version(name).partition(" ")[0].lower() in known}
+    required = {name for name in found if machine.module_version(name).partition(" ")[0].lower() in known}
     extra = {module for one in extras.EXTRAS.values() for module in one.modules}
     assert {"numpy", "pinocchio", "coal", "yaml"} <= required
     # what only draws or shows, and dask, which is one with distributed

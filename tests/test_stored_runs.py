@@ -285,7 +285,7 @@ def test_what_a_configuration_uses_is_in_its_identity(monkeypatch: pytest.Monkey
     before, tables = identities()
     assert tables[0]["family"]["packages"] == {}  # type: ignore[index]
     assert tables[1]["family"]["packages"].keys() == {"cv2", "pupil_apriltags"}  # type: ignore[index]
-    loaded = machine._loaded_version
+    loaded = machine.module_version
 
     for module, changed, said in (
         ("cv2", [1], [1]),
@@ -294,14 +294,14 @@ def test_what_a_configuration_uses_is_in_its_identity(monkeypatch: pytest.Monkey
         ("optuna", [], [2]),
         ("moocore", [], [2]),
     ):
-        monkeypatch.setattr(machine, "_loaded_version", lambda name, its=module: "9" if name == its else loaded(name))
+        monkeypatch.setattr(machine, "module_version", lambda name, its=module: "9" if name == its else loaded(name))
         now, words = identities()
         assert [i for i in range(4) if now[i] != before[i]] == changed, module
         differing = {i: list(differences(tables[i], words[i])) for i in range(3) if tables[i] != words[i]}
         assert list(differing) == said
         assert all(module in text for texts in differing.values() for text in texts)
-    monkeypatch.setattr(machine, "_loaded_version", loaded)
-    monkeypatch.setattr(machine, "_version", lambda name: "9" if name == "clarabel" else "1")
+    monkeypatch.setattr(machine, "module_version", loaded)
+    monkeypatch.setattr(machine, "version", lambda name: "9" if name == "clarabel" else "1")
     now, words = identities()
     assert [i for i in range(4) if now[i] != before[i]] == [3]
     assert all("package clarabel" in next(differences(tables[i], words[i])) for i in range(3))

@@ -163,8 +163,9 @@ def arm(folder: Path) -> Seen:
     """Random messages to the server, and its answers: it moves a stand-in, on this machine alone, and that is all."""
     n = 2
     rest = StandInLimits(-np.ones(n), np.ones(n), np.ones(n), np.ones(n))
-    server = Server(StandIn(np.zeros(n), rest, 0.01), Behaviour(simulated_time=True))
-    assert server._listening.getsockname()[0] == "127.0.0.1"
+    with watched() as began:
+        server = Server(StandIn(np.zeros(n), rest, 0.01), Behaviour(simulated_time=True))
+    assert began.network == {"(('127.0.0.1', 0),)"}
     thread = threading.Thread(target=server.serve, daemon=True)
     thread.start()
     rng = np.random.default_rng(0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from urllib.parse import quote
 
+from ..comparisons.record import run_file
 from ..comparisons.suite import BASELINE
 from ..errors import ConfigurationError, described
 from ..replay import ReplayRun, write_replay
@@ -63,5 +64,6 @@ def _run(results: Results, scenario: str, law: str) -> ReplayRun:
     """A stored run; raises ConfigurationError if it is not there any more."""
     stored, record = results.stored, results.stored.run(scenario, law, TRIAL_SHOWN)
     if record is None:
-        raise ConfigurationError(f"the trajectory of {law} is missing or damaged")
+        file = run_file(stored.folder, scenario, law, TRIAL_SHOWN)
+        raise ConfigurationError(f"the trajectory {file.name} is missing or damaged")
     return of_record(stored, stored.scenarios[scenario], law, TRIAL_SHOWN, record)

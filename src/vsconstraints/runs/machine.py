@@ -89,10 +89,11 @@ def used_versions(tables: Mapping[str, Any]) -> dict[str, str]:
 
 def module_versions(modules: Iterable[str]) -> dict[str, str]:
     """Versions of modules, which are loaded for it, each with the distribution that it comes from."""
-    return {name: _loaded_version(name) for name in modules}
+    return {name: module_version(name) for name in modules}
 
 
-def _loaded_version(name: str) -> str:
+def module_version(name: str) -> str:
+    """The version of one module, after the name of its distribution."""
     try:
         module = import_module(name)
     except ImportError:
