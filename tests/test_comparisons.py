@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from dataclasses import fields, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -17,10 +17,11 @@ import pytest
 
 from vsconstraints.comparisons import ControllerSpec, RunRecord, StoredComparison, Suite, compare, score
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, TIMING_COLUMNS
-from vsconstraints.comparisons.record import run_file, stored_run
+from vsconstraints.comparisons.record import FACTS, SHAPES, run_file, stored_run
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.errors import ConfigurationError, InvalidInput, VsconstraintsError
 from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation import Trajectory
 
 # The columns that DESIGN promises to other people's scripts: changing them breaks those scripts.
 PROMISED_RESULTS = [
@@ -424,3 +425,8 @@ def test_even_an_exit_inside_a_run_ends_that_run_only(tmp_path: Path) -> None:
     lines = compare(suite, tmp_path / "out", workers=1).scores
     assert lines["example-2d-fov", "leaves", 0].result["reason"] == "SystemExit: 3 (leaves.py, line 5)"
     assert lines["example-2d-fov", "sliding-mode", 0].result["status"] == "unfinished"
+
+
+def test_everything_that_a_record_holds_is_checked_when_it_is_read() -> None:
+    held = {field.name for kind in (Trajectory, RunRecord) for field in fields(kind)} - {"trajectory"}
+    assert held == {*SHAPES, *FACTS}

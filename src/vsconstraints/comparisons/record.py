@@ -35,8 +35,9 @@ SHAPES = {
     "camera_position": "N3",
     "features_px": "NM2",
     "points": "Np3",
+    "goal_begins": "g",
 }
-"""Axes of the arrays of a record: samples N, joints n, rows m, features k, markers M, robot points p."""
+"""Axes of the arrays of a record: samples N, joints n, rows m, features k, markers M, robot points p, goals g."""
 
 FLAGS = ("active", "saturated", "settled")
 FACTS: dict[str, Any] = {
@@ -45,7 +46,8 @@ FACTS: dict[str, Any] = {
     "compiled": bool,
     "files": dict,
     "Ts": float,
-    "last_goal_time": (int, float),
+    "common": int,
+    "missed": (int, type(None)),
 }
 """Arrays that are no numbers, and what else a record holds."""
 

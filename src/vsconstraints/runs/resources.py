@@ -50,10 +50,10 @@ def available_memory() -> float:
 def most_samples(tables: Mapping[str, Any]) -> float:
     """How many samples a run of a scenario may leave; without a bound where its tables hold no numbers.
 
-    A run on an arm also holds the periods of its stop, which takes no longer than another run.
+    It may last three times the scenario's duration until it settles, and on an arm it also holds the periods of its stop.
     """
     try:
-        return 1000.0 + 2.0 * float(tables["duration"]) / float(tables["sampling_time"])
+        return 1000.0 + 4.0 * float(tables["duration"]) / float(tables["sampling_time"])
     except (KeyError, TypeError, ValueError, ArithmeticError):  # a family may draw them
         return math.inf
 
