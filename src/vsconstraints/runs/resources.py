@@ -50,7 +50,7 @@ def available_memory() -> float:
 def most_samples(tables: Mapping[str, Any]) -> float:
     """How many samples a run of a scenario may leave; without a bound where its tables hold no numbers.
 
-    It may last three times the scenario's duration until it settles, and on an arm it also holds the periods of its stop.
+    It may take three durations until it settles, and on an arm it also holds the periods of its stop.
     """
     try:
         return 1000.0 + 4.0 * float(tables["duration"]) / float(tables["sampling_time"])
