@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+# `nohup`, and shells that start something in the background, ignore signals, and what is started inherits that
+for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, handler)
 
 # the same examples on every run and machine: a failure is repeatable, and slowness is none
 settings.register_profile(
@@ -30,6 +36,7 @@ SLOW = {
     "test_notebooks",
     "test_pool",
     "test_replay_in_a_browser",
+    "test_arm_faults",
     "test_reproduction",
     "test_signals",
     "test_signals_held",

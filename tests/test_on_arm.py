@@ -519,7 +519,12 @@ def test_commands_beyond_the_arm_are_brought_to_its_limits() -> None:
     assert_stopped(log)
 
 
-def test_a_loop_that_hangs_is_braked_by_the_watchdog() -> None:
+@pytest.mark.parametrize("interrupt", [signal.default_int_handler, signal.SIG_IGN], ids=["heard", "ignored"])
+def test_a_loop_that_hangs_is_braked_by_the_watchdog(interrupt: Any, request: pytest.FixtureRequest) -> None:
+    """Also where a shell has started it in the background, which ignores Ctrl-C."""
+    before = signal.signal(signal.SIGINT, interrupt)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
+
     def hang(command: Command) -> Command:
         while True:  # until the watchdog ends it
             time.sleep(0.005)

@@ -27,7 +27,7 @@ from .log import ArmLog, Ended
 from .realtime import usage, used
 from .start import demand_start
 from .stream import Stream
-from .supervision import Requests, Supervision, Watchdog, requests_noted
+from .supervision import TAKE_OVER, Requests, Supervision, Watchdog, requests_noted
 
 GUARDED = 2.0
 """How much longer than the watchdog the guardian waits."""
@@ -206,7 +206,7 @@ class _Run:
             self._take_over()
             requests.raising = TakenOver
             if ours is threading.main_thread() and ours.ident is not None:
-                signal.pthread_kill(ours.ident, signal.SIGINT)
+                signal.pthread_kill(ours.ident, TAKE_OVER)
 
         self.watchdog = Watchdog(self._patience, take_over)
         self._alive(self.bounds.begin_s)

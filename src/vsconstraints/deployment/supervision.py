@@ -53,6 +53,10 @@ class Supervision(Plausible):
                 raise ConfigurationError(f"{field.name} must be positive, not {getattr(self, field.name)}")
 
 
+TAKE_OVER = signal.SIGUSR1
+"""With which the watchdog ends a hanging call in the main thread: no shell ignores it, as some do Ctrl-C's."""
+
+
 class Requests:
     """Signals that asked for a stop.
 
@@ -96,7 +100,7 @@ def requests_noted() -> Iterator[Requests]:
     if threading.current_thread() is not threading.main_thread():
         yield noted  # signals are the main thread's
         return
-    handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    handlers = {number: signal.getsignal(number) for number in (*SIGNALS, TAKE_OVER)}
     # those that are ignored stay so; those that were not set by Python could not be set again
     before = {number: own for number, own in handlers.items() if own not in (signal.SIG_IGN, None)}
     for number in before:
