@@ -423,7 +423,7 @@ def test_even_an_exit_inside_a_run_ends_that_run_only(tmp_path: Path) -> None:
     )
     suite = Suite.load(tmp_path / "s.toml").select(settings=["scenario.duration=0.1"])
     lines = compare(suite, tmp_path / "out", workers=1).scores
-    assert lines["example-2d-fov", "leaves", 0].result["reason"] == "SystemExit: 3 (leaves.py, line 5)"
+    assert lines["example-2d-fov", "leaves", 0].result["reason"] == "t = 0 s: SystemExit: 3 (leaves.py, line 5)"
     assert lines["example-2d-fov", "sliding-mode", 0].result["status"] == "unfinished"
 
 

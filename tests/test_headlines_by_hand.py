@@ -20,6 +20,7 @@ from vsconstraints.reports.results import Results
 from vsconstraints.reports.scenario_section import metric_table
 from vsconstraints.reports.summary import MOST_COLUMNS, law_table, summary
 from vsconstraints.scenarios import Scenario
+from vsconstraints.simulation.separation import UNSOLVABLE
 
 TOLERATED = ("0.01 %", "0.1 %", "1 %", "2 %", "5 %", "10 %")
 WINNERS = "among the controllers that converged and violated no row"
@@ -312,6 +313,11 @@ def test_scenarios_that_nobody_solves_are_named_and_those_nobody_ran_are_not() -
     assert findings(results_of(lines))[-1] == (
         "Nobody converged without violating a row in [of one law](#scenario-of%20one%20law) and "
         "[of both](#scenario-of%20both)."
+    )
+    closed = f"at rest; marker 1 is closed off: {UNSOLVABLE}"
+    walled = [result(name, "walled", status="trapped", reason=closed) for name in ("a", "b")]
+    assert findings(results_of(walled))[-1].endswith(
+        "in [walled](#scenario-walled) (nobody could: constraints close off a marker from its goal)."
     )
     solved = findings(results_of(lines[:2]))
     # one law alone is clean there, and better than nobody

@@ -22,6 +22,7 @@ from vsconstraints.kernels.structures import DONE, RELAXED_ROWS, RELAXED_SHORT, 
 from vsconstraints.qp import FALLBACKS, Answer, Infeasible, make_solver
 from vsconstraints.qp.daqp_solver import DaqpSolver
 from vsconstraints.qp.registry import NATIVE
+from vsconstraints.row_checks import FARTHEST
 from vsconstraints.rows import Rows, Task
 
 SOLVERS = ("auto", "daqp", "proxqp", "osqp", "quadprog", "clarabel")
@@ -539,11 +540,16 @@ def test_the_command_is_always_finite_and_fails_only_where_rows_cannot_be_checke
 
 
 @given(exponents=st.tuples(*[st.sampled_from([-300, -160, 0, 160, 300])] * 4), seed=st.integers(0, 100))
-def test_numbers_beyond_the_range_fail_with_a_reason_and_never_raise(exponents, seed):
+def test_numbers_beyond_the_range_fail_with_a_reason_or_are_refused(exponents, seed):
     rng = np.random.default_rng(seed)
     a, c, j, b = (10.0**exponent for exponent in exponents)
     rows = Rows(c * rng.normal(size=3), a * rng.normal(size=(3, 2)), np.zeros(3), np.ones(3), ("a", "b", "c"))
-    command = HierarchicalQP().command(rows, Task(j * rng.normal(size=(2, 2)), b * rng.normal(size=2)))
+    task = Task(j * rng.normal(size=(2, 2)), b * rng.normal(size=2))
+    if (rows.phi > FARTHEST).any():
+        with pytest.raises(InvalidInput, match="no law can compute with φ beyond"):
+            HierarchicalQP().command(rows, task)
+        return
+    command = HierarchicalQP().command(rows, task)
     assert np.isfinite(command.qdd).all()
     if command.status == "failed":
         assert command.reason

@@ -188,7 +188,7 @@ def test_an_arm_retreats_as_the_free_camera_does() -> None:
 
 @pytest.mark.parametrize("robot", ["", "ur5-"])
 def test_the_local_minimum_traps_the_current_matrix_only(robot: str) -> None:
-    trapped = run(f"{robot}local-minimum-current", Tracking(), duration=12.0, sampling_time=0.01)
+    trapped = run(f"{robot}local-minimum-current", Tracking(), duration=16.0, sampling_time=0.01)
     assert trapped.status == "trapped"
     assert trapped.camera_error[-1, 1] > 1.5
     for matrix in ("desired", "mean"):

@@ -144,6 +144,7 @@ class At:
 
     t: float
     qd: tuple[float, float] = (0.0, 0.0)
+    q: tuple[float, float] = (0.0, 0.0)
 
     @property
     def robot(self) -> At:

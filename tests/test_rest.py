@@ -267,8 +267,8 @@ def test_tracking_alone_comes_to_rest_and_leaves_the_image_alone() -> None:
 @pytest.mark.parametrize("law", [name for name in CONTROLLERS if name not in ("tracking", "law", "predictive")])
 def test_every_law_that_converges_leaves_the_arm_at_rest(law: str) -> None:
     run = simulate(panda(), make_controller(law))
-    assert run.status in ("converged", "unfinished")
-    assert np.abs(run.qd[-1]).max() < 0.01 or run.status == "unfinished"
+    assert run.status in ("converged", "slow", "unfinished")
+    assert np.abs(run.qd[-1]).max() < 0.01 or run.status != "converged"
     if law in ("sliding-mode", "hierarchical-qp", "cbf-filter", "boundary-layer", "implicit-switch", "super-twisting"):
         assert run.status == "converged"
 
@@ -283,7 +283,7 @@ def test_a_running_elbow_is_not_converged() -> None:
     assert max(run.camera_error[-1]) < 0.005
     assert run.status == scores.status == "unfinished"
     assert "still moving, the fastest joint at" in run.reason
-    assert not setup.reached(run.camera_error, run.feature_error_px, run.qd)[-100:].any()
+    assert not setup.reached(run.t, run.camera_error, run.feature_error_px, run.qd)[-100:].any()
 
 
 def test_where_the_target_moves_so_do_the_joints() -> None:

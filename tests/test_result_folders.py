@@ -200,7 +200,9 @@ def test_a_lock_ends_with_its_process(holder: subprocess.Popen[str], tmp_path: P
 STUB = """#!/bin/sh
 name=$(basename "$0")
 case "$name $*" in
-  "python3 -m venv "*) mkdir -p "$3/bin" && touch "$3/bin/activate" ;;
+  "python3 -m venv "*)
+    mkdir -p "$3/bin" && touch "$3/bin/activate"
+    for tool in ruff pip; do ln -s "$0" "$3/bin/$tool"; done ;;
   "vsconstraints compare"*) mkdir -p vsconstraints-results && echo new > vsconstraints-results/report.md ;;
   "vsconstraints reproduce"*) mkdir -p vsconstraints-paper && echo new > vsconstraints-paper/report.md ;;
 esac
@@ -225,6 +227,7 @@ def test_the_gate_leaves_a_developers_results_alone(tmp_path: Path) -> None:
     for arguments in (["init", "-q"], ["add", "-A"], ["commit", "-q", "-m", "all"]):
         subprocess.run([*git, *arguments], check=True, env={**os.environ, "GIT_CONFIG_GLOBAL": "/dev/null"})
     environment = {**os.environ, "PATH": f"{stubs}:/usr/bin:/bin", "CALLS": str(tmp_path / "calls")}
+    environment["FULL"] = "yes"
     done = subprocess.run(
         ["bash", str(checkout / ".ci/run")], env=environment, capture_output=True, text=True, timeout=60, cwd=tmp_path
     )

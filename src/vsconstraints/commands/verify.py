@@ -20,7 +20,8 @@ def verify(
     """
     from ..runs.folder import kind_of
 
-    kind = kind_of(folder)
+    # a manifest that cannot be read says of nothing what it is
+    kind = kind_of(folder) or ("a comparison" if (folder / "results.csv").is_file() else None)
     if kind is None or kind == "a tuning":
         raise ConfigurationError(f"{folder} holds no comparison and no campaign")
     whole, problems = _evidence(folder) if kind == "evidence" else _comparison(folder)

@@ -9,6 +9,7 @@ from urllib.parse import quote
 from ..comparisons.metrics import METRICS, NEGLIGIBLE, TOLERANT, Metric
 from ..comparisons.suite import BASELINE
 from ..readable import counted
+from ..simulation.separation import UNSOLVABLE
 from .best import shown
 from .markdown import bold, bullets, code, enumeration
 from .numbers import FORMATS, median, number, of_length
@@ -54,10 +55,17 @@ def _findings(results: Results) -> list[str]:
     if nobody:
         found.append(
             "Nobody converged without violating a row in "
-            + enumeration(some([f"[{name}](#{anchor(name)})" for name in nobody]))
+            + enumeration(some([f"[{name}](#{anchor(name)}){_why(results, name)}" for name in nobody]))
             + "."
         )
     return found
+
+
+def _why(results: Results, scenario: str) -> str:
+    """That nobody could, where that is known."""
+    reasons = [line["reason"] for name in results.competitors for line in results.runs(scenario, name)]
+    closed = reasons and all(UNSOLVABLE in reason for reason in reasons)
+    return " (nobody could: constraints close off a marker from its goal)" if closed else ""
 
 
 def _clean_runs(results: Results, name: str) -> str:

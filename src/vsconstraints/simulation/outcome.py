@@ -82,7 +82,7 @@ def _time_to_go(setup: Setup, loop: Loop, since: IntArray) -> float:
         error = kept.feature_error[since] / tolerance[2]
     half = len(error) // 2
     pace = (error[:half].mean() - error[half:].mean()) / (0.5 * len(error) * setup.Ts) if half else 0.0
-    return float((error[-1] - 1.0) / pace) if pace > 0.0 else np.inf
+    return float((error[-1] - 1.0) / pace) if pace > 0.0 and error[-1] > 1.0 else np.inf
 
 
 def settling_times(

@@ -24,6 +24,10 @@ AROUND = 2.0
 """How much larger than the image the area is that is filled, where no field of view bounds it."""
 
 
+UNSOLVABLE = "no law can bring it there without violating one"
+"""How the sentence about a marker that is closed off from a goal ends."""
+
+
 def separated_markers(setup: Setup) -> list[str]:
     """One sentence for each marker whose pixels at the start and at a goal are in different parts of the allowed area.
 
@@ -46,7 +50,7 @@ def separated_markers(setup: Setup) -> list[str]:
         closed = [number for number in range(1, len(part)) if part[0] and part[number] not in (0, part[0])]
         found += [
             f"marker {i + 1} starts in a part of the image of {size:.0f} px² that its constraints close off from "
-            f"goal {number}: no law can bring it there without violating one"
+            f"goal {number}: {UNSOLVABLE}"
             for number in closed
         ]
     return found

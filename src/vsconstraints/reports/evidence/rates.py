@@ -18,8 +18,8 @@ from .opening import success_cells
 from .standing import Standing, standing
 from .words import Share, of_scenes, percentage, where
 
-ENDINGS = ("slow", "trapped", "unfinished", "aborted", "failed")
-"""How runs end that do not converge."""
+ENDINGS = (("slow",), ("trapped",), ("unfinished",), ("failed", "aborted"))
+"""How runs end that do not converge, those in one column together."""
 
 FAMILIES = 6
 """A table shows no more families than this; of several tables each shows as many, or one more."""
@@ -60,10 +60,10 @@ def _together(material: Material, one: Standing) -> str:
     lines = []
     for law, cell in zip(one.laws, success_cells(one, one.laws), strict=True):
         statuses = runs[runs["controller"] == law]["status"]
-        endings = [str(int((statuses == ending).sum())) for ending in ENDINGS]
+        endings = [str(int(statuses.isin(ending).sum())) for ending in ENDINGS]
         lines.append([law, cell, *success_cells(tolerant, [law]), _violated(material, kept, law), *endings])
     text = f"{of_scenes(one.scenes, one.families)}; success and violated in per cent, the others in runs."
-    header = ["law", "success", f"at {of_length(TOLERANT)}", "violated", *ENDINGS]
+    header = ["law", "success", f"at {of_length(TOLERANT)}", "violated", *map(" or ".join, ENDINGS)]
     return f"{text}\n\n{table(header, lines)}\n\n{_by_tolerance(material, one)}"
 
 
