@@ -31,16 +31,20 @@ SLOW = {
     "test_cli",
     "test_cluster",
     "test_compiler",
+    "test_difference",
+    "test_figures",
     "test_first_five_minutes",
     "test_mutated",
     "test_notebooks",
     "test_pool",
     "test_replay_in_a_browser",
+    "test_report_pages",
     "test_arm_faults",
     "test_reproduction",
     "test_signals",
     "test_signals_held",
     "test_studies",
+    "test_tuning",
 }
 """Files whose tests start processes, compile from nothing or simulate for minutes: half of the time of all tests."""
 
