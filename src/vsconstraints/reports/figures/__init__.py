@@ -25,8 +25,8 @@ ENDINGS = Figure(
 OVERVIEW = Figure(
     "trade-off",
     "utilization against acceleration variation",
-    "Each small marker is one run that converged: how much of the allowed space it used while tracking alone is outside, "
-    "and how much its command chattered. The lower right corner is best. Each controller's "
+    "Each small marker is one run that converged: how much of the allowed space it used while tracking alone is "
+    "outside, and how much its command chattered. The lower right corner is best. Each controller's "
     "run that is nearest to its medians is large. Hollow: a row was violated.",
     draw_trade_off,
 )
