@@ -48,7 +48,7 @@ _seen: list[Seen] = []
 
 
 def _note(event: str, arguments: tuple[Any, ...]) -> None:
-    for seen in _seen:
+    for seen in _seen or ():  # None once the interpreter ends
         if event == "open" and isinstance(arguments[0], (str, os.PathLike)):
             _, mode, flags = arguments
             writes = any(letter in mode for letter in "wax+") if mode else flags & (os.O_WRONLY | os.O_RDWR)
