@@ -66,7 +66,10 @@ def test_damage_costs_no_more_than_what_it_hit(
         shutil.rmtree(copied.folder)
 
 
-KINDS = dict.fromkeys(("", ".json", ".csv", ".md", ".html"), "tables") | {".npz": "trajectories", ".png": "figures"}
+KINDS = dict.fromkeys(("", ".json", ".csv", ".md", ".html", ".sha256"), "tables") | {
+    ".npz": "trajectories",
+    ".png": "figures",
+}
 
 
 def refused(code: int, said: str) -> bool:
