@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 from matplotlib.axis import Axis
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from vsconstraints.figures import looks
+from vsconstraints.reports.plots import looks
 
 from .part import Part
 

@@ -7,15 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from vsconstraints import Camera, Robot
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import Constraint, ConstraintSet, FieldOfView, JointRange, JointSpeed
-from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode
-from vsconstraints.features import CameraPose, Goal, ImagePoints
-from vsconstraints.geometry import Pose
 from vsconstraints.robots import viper_s650
+from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Rows, Task
-from vsconstraints.scene import Scene
-from vsconstraints.tracking import TrackingGains, VisualTask
+from vsconstraints.vision.features import CameraPose, Goal, ImagePoints
+from vsconstraints.vision.scene import Scene
+from vsconstraints.vision.tracking import TrackingGains, VisualTask
 
 from .part import Effort, Part, Table, digits
 from .timing import compare

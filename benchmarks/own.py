@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vsconstraints.compiled import load
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import (
     Circle,
     Constraint,
@@ -18,17 +20,15 @@ from vsconstraints.constraints import (
     Occlusion,
     PointConstraint,
 )
-from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import SlidingMode
-from vsconstraints.kernels import load
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scene import Scene
+from vsconstraints.vision.scene import Scene
 
 from .part import Effort, Part, Table, digits, microseconds
 from .timing import UNIT, Subject, each_call, in_turn
 
 if TYPE_CHECKING:
-    from vsconstraints.kernels.packing import Packed
+    from vsconstraints.compiled.packing import Packed
 
 TEXT = """
 The UR5 with a single constraint, once built in and then as a user would write it: a formula for the value and its

@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from vsconstraints import __version__
+from vsconstraints.comparisons.runs.machine import git_commit, machine, package_versions
 from vsconstraints.reports.markdown import plain, table
-from vsconstraints.runs.machine import git_commit, machine, package_versions
 
 from .figures import draw
 from .part import Part, Table

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from vsconstraints.evidence import TABLES, parquet
+from vsconstraints.comparisons.evidence import TABLES, parquet
 
 PLANTED = "planted:Planted"
 """Code that runs if anything imports it: the folder in which it is stands in every place that names one."""

@@ -16,16 +16,16 @@ import numpy as np
 
 from vsconstraints import Camera
 from vsconstraints.comparisons import Suite
-from vsconstraints.features import CameraPose
-from vsconstraints.geometry import Pose, distance
-from vsconstraints.images.board import Board
-from vsconstraints.images.detectors import DETECTORS
-from vsconstraints.images.rendering import Renderer
-from vsconstraints.images.settings import ImageSettings
-from vsconstraints.images.sighting import sight
+from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
+from vsconstraints.vision.features import CameraPose
+from vsconstraints.vision.images.board import Board
+from vsconstraints.vision.images.detectors import DETECTORS
+from vsconstraints.vision.images.rendering import Renderer
+from vsconstraints.vision.images.settings import ImageSettings
+from vsconstraints.vision.images.sighting import sight
 
 SCENES = ("ur5-images", "ur5-image")
 POSES = 60

@@ -10,8 +10,8 @@ import numpy as np
 
 from vsconstraints.controllers import DEMANDS, RESOLVERS
 from vsconstraints.qp import solver_names
-from vsconstraints.row_checks import FARTHEST
 from vsconstraints.rows import OPTIONAL, Array, Rows, Task
+from vsconstraints.rows.checks import FARTHEST
 
 ROWS = ("phi", "Lg", "Lf", "switching_gain", "scale", *OPTIONAL)
 TASK = ("J", "b", "error", "error_rate")

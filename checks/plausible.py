@@ -1,7 +1,7 @@
 """``python -m checks.plausible [SCENES]``: how often a right measurement is doubted, and how soon a wrong one.
 
 Scenes of every family are run with the noise, delays and calibration errors that it has, and their measured images are
-held against the kinematics as on an arm: see :class:`vsconstraints.measurement.Plausible`, whose defaults are what the
+held against the kinematics as on an arm: see :class:`.Plausible`, whose defaults are what the
 printed numbers allow. Then the same images are shown mirrored, permuted, frozen and so on. The exit code is 1 if a
 right image is doubted.
 """
@@ -13,14 +13,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from vsconstraints.camera import Camera
 from vsconstraints.controllers import HierarchicalQP
 from vsconstraints.errors import SceneError
-from vsconstraints.families import Family, families
-from vsconstraints.measurement import INNOVATIONS, Measurement, Plausible, innovation
-from vsconstraints.pose_estimate import estimated_pose
 from vsconstraints.rows import Array
+from vsconstraints.scenarios.families import Family, families
 from vsconstraints.simulation import Setup, Trajectory, simulate
+from vsconstraints.vision.camera import Camera
+from vsconstraints.vision.measurement import INNOVATIONS, Measurement, Plausible, innovation
+from vsconstraints.vision.pose_estimate import estimated_pose
 
 CONDITIONS = dict.fromkeys(families(), "disturbed")
 """Families, and the condition whose sensors are wrong as those of a cell are."""
@@ -41,7 +41,7 @@ FAULTS: dict[str, Callable[[Array, Array, Camera], Array]] = {
 
 
 def innovations(setup: Setup, run: Trajectory) -> dict[str, Array]:
-    """(N, 7) of every ``EVERY``-th sample for each fault: as :func:`vsconstraints.measurement.innovation` has them."""
+    """(N, 7) of every ``EVERY``-th sample for each fault: as :func:`.innovation` has them."""
     sensor, disturbances, Ts = setup.sensor(), setup.disturbances, setup.Ts
     sensor.images(len(run.t))
     scene, every = sensor.believed, round((disturbances.image_period or Ts) / Ts)

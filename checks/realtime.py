@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vsconstraints.controllers import HierarchicalQP
-from vsconstraints.deployment import (
+from vsconstraints.arms import (
     ArmError,
     Driver,
     Job,
@@ -26,9 +25,10 @@ from vsconstraints.deployment import (
     real_time,
     run_on_arm,
 )
-from vsconstraints.deployment.driver import Address
-from vsconstraints.deployment.record import punctuality
-from vsconstraints.deployment.timing import LATENESS
+from vsconstraints.arms.driver import Address
+from vsconstraints.arms.record import punctuality
+from vsconstraints.arms.timing import LATENESS
+from vsconstraints.controllers import HierarchicalQP
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup

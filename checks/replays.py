@@ -10,8 +10,8 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 
-from vsconstraints.replay import replay_html
-from vsconstraints.replay.asked import asked_for
+from vsconstraints.reports.replay import replay_html
+from vsconstraints.reports.replay.asked import asked_for
 from vsconstraints.scenarios import shipped_scenarios
 
 LAWS = ("tracking", "sliding-mode")

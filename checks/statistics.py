@@ -19,7 +19,7 @@ import numpy as np
 import pandas
 from scipy.stats import norm
 
-from vsconstraints.statistics import Rate, compare_laws, difference_interval, median, paired, rate_of
+from vsconstraints.comparisons.statistics import Rate, compare_laws, difference_interval, median, paired, rate_of
 
 EXACT = 0.94
 """What exact intervals may be found to do, which hold the truth in 95 % or more: of four thousand repetitions, three

@@ -30,18 +30,18 @@ from typing import Any
 import numpy as np
 import typer
 
-from vsconstraints.commands.verify import verify
+from vsconstraints.cli.verify import verify
 from vsconstraints.comparisons import StoredComparison, Suite, compare
+from vsconstraints.comparisons.difference.difference import Question, difference
+from vsconstraints.comparisons.evidence import TABLES, Campaign, Evidence, Plan, collect, merge
+from vsconstraints.comparisons.evidence.folder import stored_files as files_of_campaign
 from vsconstraints.comparisons.folder import stored_files as files_of_comparison
 from vsconstraints.comparisons.record import SHAPES
-from vsconstraints.difference.difference import Question, difference
+from vsconstraints.comparisons.runs.checksums import SUMS, digests, write_sums
 from vsconstraints.errors import VsconstraintsError
-from vsconstraints.evidence import TABLES, Campaign, Evidence, Plan, collect, merge
-from vsconstraints.evidence.folder import stored_files as files_of_campaign
-from vsconstraints.replay.asked import asked_for
 from vsconstraints.reports import write_report
 from vsconstraints.reports.evidence import replay, write_evidence_report
-from vsconstraints.runs.checksums import SUMS, digests, write_sums
+from vsconstraints.reports.replay.asked import asked_for
 
 from .damage import MEANT, PLAIN
 

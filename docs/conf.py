@@ -70,24 +70,25 @@ other_packages = (
 )
 nitpick_ignore_regex = [
     ("py:.*", rf"({'|'.join(other_packages)})(\..*)?"),
-    ("py:.*", r"vsconstraints\.kernels\..*"),  # compiled when imported, and defined by what they stand for
+    # compiled when imported, and defined by what they stand for
+    ("py:.*", r"vsconstraints\.compiled\.(?!control_step|state_to_command|evaluation|model).*"),
 ]
 nitpick_ignore = [
     ("py:class", "Path"),
-    ("py:class", "Packed"),  # of vsconstraints.kernels, named for type checkers only
+    ("py:class", "Packed"),  # of vsconstraints.compiled, named for type checkers only
     ("py:class", "dict[str"),  # aliases of types with a comma in them
     ("py:class", "tuple[int | None"),
-    ("py:class", "vsconstraints.plugins.Base"),  # type variables
-    ("py:class", "vsconstraints.runs.keep.Line"),
-    ("py:class", "vsconstraints.runs.pool.Key"),
-    ("py:class", "vsconstraints.evidence.workers.Key"),
+    ("py:class", "vsconstraints.plugins.classes.Base"),  # type variables
+    ("py:class", "vsconstraints.comparisons.runs.keep.Line"),
+    ("py:class", "vsconstraints.comparisons.runs.pool.Key"),
+    ("py:class", "vsconstraints.comparisons.evidence.workers.Key"),
     ("py:class", "vsconstraints.formulas.F"),
-    ("py:class", "vsconstraints.renamed.Made"),
+    ("py:class", "vsconstraints.plugins.renamed.Made"),
     ("py:class", "vsconstraints.controllers.named.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
     ("py:class", "vsconstraints.reports.evidence.material.Worked"),
     ("py:class", "ArrayLike"),  # of NumPy, where other names are there for type checkers only
     ("py:func", "superellipse"),  # in docstrings of formulas, where classes of other modules have them as theirs
     ("py:class", "Triangles"),  # an array of whole numbers
-    ("py:class", "LawArrays"),  # of vsconstraints.kernels, as above
+    ("py:class", "LawArrays"),  # of vsconstraints.compiled, as above
 ]

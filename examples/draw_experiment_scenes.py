@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from vsconstraints.geometry import Pose
-from vsconstraints.robot import Robot
+from vsconstraints.robots.geometry import Pose
+from vsconstraints.robots.robot import Robot
 from vsconstraints.rows import Array, BoolArray
 from vsconstraints.scenarios import Scenario
 

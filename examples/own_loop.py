@@ -3,14 +3,14 @@
 import numpy as np
 
 from vsconstraints import Camera, RobotPoint
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import ConstraintSet, FieldOfView, ForbiddenSphere, JointSpeed, robot_points
-from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import SlidingMode
-from vsconstraints.features import Goal, ImagePoints
-from vsconstraints.measurement import Plausible
 from vsconstraints.robots import ur5
-from vsconstraints.scene import Scene
-from vsconstraints.tracking import TrackingGains, VisualTask
+from vsconstraints.vision.features import Goal, ImagePoints
+from vsconstraints.vision.measurement import Plausible
+from vsconstraints.vision.scene import Scene
+from vsconstraints.vision.tracking import TrackingGains, VisualTask
 
 Ts = 0.002
 robot, camera = ur5(), Camera(focal_px=(600.0, 600.0), size_px=(640.0, 480.0))

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from test_arm_faults import SETUP, Fault, Law
-from vsconstraints.deployment import Job, Supervision, driver_for, run_on_arm
-from vsconstraints.measurement import Measurement
+from vsconstraints.arms import Job, Supervision, driver_for, run_on_arm
+from vsconstraints.vision.measurement import Measurement
 
 where, what, port = sys.argv[1:]
 HOUR = 3_600_000_000

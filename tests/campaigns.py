@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from vsconstraints.evidence import TABLES, TIMING, Campaign, Evidence
+from vsconstraints.comparisons.evidence import TABLES, TIMING, Campaign, Evidence
 
 FAMILY = """
 extends = "example-2d-fast"

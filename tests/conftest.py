@@ -72,5 +72,5 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
             on_answer(key, answers[key])
         return answers
 
-    for module in ("comparisons", "reproduction"):
+    for module in ("comparisons", "paper"):
         monkeypatch.setattr(f"vsconstraints.{module}.runner.carry_out", carry_out)

@@ -17,10 +17,10 @@ import yaml
 
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
+from vsconstraints.comparisons.evidence import Campaign
 from vsconstraints.controllers import Tracking
-from vsconstraints.evidence import Campaign
-from vsconstraints.families import Family
 from vsconstraints.scenarios import Scenario
+from vsconstraints.scenarios.families import Family
 from vsconstraints.scenarios.toml import read_toml
 from vsconstraints.simulation import simulate
 

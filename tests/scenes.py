@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 
 from vsconstraints import Camera, Robot
+from vsconstraints.compiled.model import Prediction, Present
+from vsconstraints.compiled.samples import mark_acting
+from vsconstraints.compiled.structures import RowArrays
 from vsconstraints.constraints import Constraint, robot_points
 from vsconstraints.constraints.curves import SHAPES
-from vsconstraints.features import Goal
-from vsconstraints.geometry import Pose
-from vsconstraints.kernels.samples import mark_acting
-from vsconstraints.kernels.structures import RowArrays
-from vsconstraints.model import Prediction, Present
-from vsconstraints.motion import Motion, TargetMotion
 from vsconstraints.robots import READY_MADE
+from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array, Rows, Task
 from vsconstraints.scenarios.constraint_types import make_constraint
-from vsconstraints.scene import Scene, State
+from vsconstraints.vision.features import Goal
+from vsconstraints.vision.motion import Motion, TargetMotion
+from vsconstraints.vision.scene import Scene, State
 
 
 def acting(phi: list[float], slowed: list[float], gain: list[float], scale: list[float]) -> list[bool]:
@@ -60,7 +60,7 @@ class Straight:
         self.labels, self.K, self.acceleration = rows.labels, np.zeros(len(rows.labels)), np.full(n, np.inf)
 
     def along(self, t: Array, q: Array, qd: Array) -> Prediction:
-        """See :class:`vsconstraints.model.Model`."""
+        """See :class:`vsconstraints.compiled.model.Model`."""
         rows, task = self.rows, self.task
         J, b, Lg, Lf = (np.stack([part] * len(t)) for part in (task.J, task.b, rows.Lg, rows.Lf))
         with np.errstate(over="ignore", invalid="ignore"):

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vsconstraints.controllers import Controller, HierarchicalQP
-from vsconstraints.deployment import (
+from vsconstraints.arms import (
     Address,
     ArmError,
     ArmLog,
@@ -30,13 +29,14 @@ from vsconstraints.deployment import (
     run_on_arm,
     stream,
 )
-from vsconstraints.deployment.guardian import Guardian
-from vsconstraints.deployment.server import Behaviour, in_thread
-from vsconstraints.deployment.stand_in import StandIn, StandInLimits
+from vsconstraints.arms.guardian import Guardian
+from vsconstraints.arms.server import Behaviour, in_thread
+from vsconstraints.arms.stand_in import StandIn, StandInLimits
+from vsconstraints.controllers import Controller, HierarchicalQP
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.measurement import Measurement
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
+from vsconstraints.vision.measurement import Measurement
 
 SETUP = Scenario.load("ur5-fov").with_override("duration", 0.3).with_override("on_hidden_markers", "continue").setup()
 AT = 40

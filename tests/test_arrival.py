@@ -17,10 +17,10 @@ from typer.testing import CliRunner
 
 from vsconstraints.cli import app
 from vsconstraints.controllers import HierarchicalQP
-from vsconstraints.families import Family
-from vsconstraints.families.arrival import least_time, rest_to_rest
-from vsconstraints.families.placements import Ends
-from vsconstraints.limits import ActuatorLimits
+from vsconstraints.robots.limits import ActuatorLimits
+from vsconstraints.scenarios.families import Family
+from vsconstraints.scenarios.families.arrival import least_time, rest_to_rest
+from vsconstraints.scenarios.families.placements import Ends
 from vsconstraints.simulation import Setup, score_run
 
 POSITIVE = st.floats(0.05, 20.0)

@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from checks.bands import LAWS, bands, order
 
-from vsconstraints.kernels import available
+from vsconstraints.compiled import available
 
 
 @pytest.mark.skipif(not available(), reason="there is no compiler: this would take minutes")

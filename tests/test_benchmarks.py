@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from vsconstraints.compiled import available
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import ConstraintSet
-from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import SlidingMode
-from vsconstraints.kernels import available
 from vsconstraints.scenarios import Scenario, shipped_scenarios
-from vsconstraints.scene import Scene
 from vsconstraints.simulation import simulate
+from vsconstraints.vision.scene import Scene
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))

@@ -14,10 +14,10 @@ import pytest
 import yaml
 
 from vsconstraints import Camera
-from vsconstraints.calibration import read_calibration
-from vsconstraints.distortion import Distortion
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import Scenario
+from vsconstraints.vision.calibration import read_calibration
+from vsconstraints.vision.distortion import Distortion
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 

@@ -8,9 +8,9 @@ import pytest
 from scenes import camera, random_scene, robot
 from vsconstraints import Camera
 from vsconstraints.errors import ConfigurationError, InvalidInput, SceneError
-from vsconstraints.geometry import Pose
+from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array
-from vsconstraints.scene import MINIMUM_DEPTH, Scene, interaction_matrix
+from vsconstraints.vision.scene import MINIMUM_DEPTH, Scene, interaction_matrix
 
 
 def project_from_corner(eye: Camera, points: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, Told, at, during, found, gives
-from vsconstraints.reproduction.claims import case_study
+from vsconstraints.paper.claims import case_study
 from vsconstraints.rows import Array
 
 LONG = 0.1 * np.arange(121)

@@ -9,7 +9,7 @@ import pytest
 
 from cheats import CHEATS, TUNNEL, Bounces, Cheat, Crawls, Exits, Overspeeds, Tunnels
 from vsconstraints.controllers import HierarchicalQP
-from vsconstraints.notebooks import compare
+from vsconstraints.reports.notebooks import compare
 from vsconstraints.reports.results import Results, clean
 from vsconstraints.reports.scenario_section import metric_table
 from vsconstraints.reports.summary import law_table

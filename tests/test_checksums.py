@@ -20,12 +20,12 @@ from documents import ROOT
 from test_evidence import HERE
 from vsconstraints.cli import app
 from vsconstraints.comparisons import StoredComparison, Suite, compare, keep_trajectories
+from vsconstraints.comparisons.evidence import TABLES, Campaign, Evidence, Shard, collect, merge, parquet
+from vsconstraints.comparisons.evidence import folder as folders
+from vsconstraints.comparisons.runs.checksums import SUMS, recorded, seal
+from vsconstraints.comparisons.runs.folder import manifest_of
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.evidence import TABLES, Campaign, Evidence, Shard, collect, merge, parquet
-from vsconstraints.evidence import folder as folders
 from vsconstraints.reports import write_report
-from vsconstraints.runs.checksums import SUMS, recorded, seal
-from vsconstraints.runs.folder import manifest_of
 
 sys.path.insert(0, str(ROOT))
 
@@ -49,7 +49,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Path]:
     folder = tmp_path_factory.mktemp("parts")
     small = campaign(folder, scenes=4)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("vsconstraints.evidence.task.LEAST_TASKS", 1)
+        patch.setattr("vsconstraints.comparisons.evidence.task.LEAST_TASKS", 1)
         for i in (1, 2):
             collect(small, folder / str(i), replace(HERE, shard=Shard(i, 2), keep="first"))
     return small, folder

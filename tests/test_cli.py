@@ -13,10 +13,10 @@ import pytest
 
 import vsconstraints
 from vsconstraints.cli import GROUPS
-from vsconstraints.commands.terminal import console, errors
+from vsconstraints.cli.terminal import console, errors
 from vsconstraints.comparisons.tables import read_table
+from vsconstraints.compiled import available
 from vsconstraints.controllers import CONTROLLERS
-from vsconstraints.kernels import available
 from vsconstraints.scenarios import shipped_scenarios
 
 MAIN = [sys.executable, "-W", "error", "-c", "from vsconstraints.cli import main; main()"]

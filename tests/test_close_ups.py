@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from vsconstraints.comparisons import RunRecord
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
-from vsconstraints.figures.image import Plane
 from vsconstraints.reports.figures.close_up import CloseUp, close_up, comes_here
 from vsconstraints.reports.figures.tracks import NOBODY, draw_tracks
 from vsconstraints.reports.figures.view import View
+from vsconstraints.reports.plots.image import Plane
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 

@@ -26,13 +26,13 @@ from typer.testing import CliRunner
 
 from documents import DOCS, blocks
 from vsconstraints.cli import app
+from vsconstraints.comparisons.evidence import Campaign, Evidence, Part, Plan, collect, scored
+from vsconstraints.comparisons.evidence import cluster as near
+from vsconstraints.comparisons.evidence.cluster import cluster
+from vsconstraints.comparisons.evidence.task import Work
 from vsconstraints.comparisons.metrics import TIMING_COLUMNS
+from vsconstraints.comparisons.runs.pool import DIED, Failure
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.evidence import Campaign, Evidence, Part, Plan, collect, scored
-from vsconstraints.evidence import cluster as near
-from vsconstraints.evidence.cluster import cluster
-from vsconstraints.evidence.task import Work
-from vsconstraints.runs.pool import DIED, Failure
 
 PAGE = list(blocks(DOCS / "clusters.md"))
 (SETTINGS,) = (block.code for block in PAGE if block.language == "yaml")

@@ -10,6 +10,8 @@ import pytest
 
 from scenes import WORLDS, build_constraint, constraint_tables, random_scene, robot, robot_names, slope
 from vsconstraints import RobotPoint
+from vsconstraints.compiled import available
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import (
     Collision,
     Constraint,
@@ -21,16 +23,14 @@ from vsconstraints.constraints import (
     PointConstraint,
     SelfCollision,
 )
-from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.features import Goal, ImagePoints
-from vsconstraints.kernels import available
-from vsconstraints.motion import Motion
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import CONSTRAINTS, Scenario
-from vsconstraints.scene import Scene
-from vsconstraints.tracking import TrackingGains, VisualTask
+from vsconstraints.vision.features import Goal, ImagePoints
+from vsconstraints.vision.motion import Motion
+from vsconstraints.vision.scene import Scene
+from vsconstraints.vision.tracking import TrackingGains, VisualTask
 
 pytestmark = pytest.mark.skipif(not available(), reason="there is no compiler here")
 

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from scenes import random_scene, robot
 from vsconstraints import Robot
+from vsconstraints.compiled import available
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import ConstraintSet, Manipulability
-from vsconstraints.control_step import ControlStep
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.features import Goal, ImagePoints
-from vsconstraints.kernels import available
 from vsconstraints.rows import Array
-from vsconstraints.scene import Scene
-from vsconstraints.tracking import TrackingGains, VisualTask
+from vsconstraints.vision.features import Goal, ImagePoints
+from vsconstraints.vision.scene import Scene
+from vsconstraints.vision.tracking import TrackingGains, VisualTask
 
 pytestmark = pytest.mark.skipif(not available(), reason="there is no compiler here")
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from vsconstraints import kernels
+from vsconstraints import compiled as kernels
 
 SCRIPT = """
 import sys, numpy as np
@@ -75,7 +75,7 @@ def test_compilation_that_numba_is_told_to_leave_out_is_left_out(tmp_path):
 
 @pytest.mark.parametrize("cut", ["nbi", "nbc"])
 def test_a_compiled_file_that_was_cut_short_is_made_again(tmp_path, cut):
-    code = "from vsconstraints import kernels; assert kernels.load('polylines')"
+    code = "from vsconstraints import compiled as kernels; assert kernels.load('polylines')"
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "VSCONSTRAINTS_COMPILE": "alone"}
     for _ in range(3):
         done = subprocess.run(
@@ -110,7 +110,7 @@ def temporary(*arguments, dir=None, **options):
 
 # whoever tests may be one to whom every file can be written
 os.access, tempfile.TemporaryFile = access, temporary
-from vsconstraints import kernels
+from vsconstraints import compiled as kernels
 assert kernels.load("polylines") is not None
 """
 
@@ -119,7 +119,7 @@ def test_a_filled_cache_that_cannot_be_written_is_used(tmp_path):
     """As of an image that one user builds and another one runs."""
     cache = tmp_path / "cache"
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "VSCONSTRAINTS_COMPILE": "alone"}
-    fill = "from vsconstraints import kernels; assert kernels.load('polylines')"
+    fill = "from vsconstraints import compiled as kernels; assert kernels.load('polylines')"
     subprocess.run([sys.executable, "-c", fill], env=environment, check=True, capture_output=True, timeout=300)
 
     def files():
@@ -148,8 +148,8 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
     package = Path(kernels.__file__).parents[1]
     files = {file.relative_to(package).with_suffix("").as_posix() for file in compiler.sources()}
     types = {"rows"}
-    for kernel in (package / "kernels").glob("*.py"):
-        assert f"kernels/{kernel.stem}" in files
+    for kernel in (package / "compiled").glob("*.py"):
+        assert f"compiled/{kernel.stem}" in files
         if kernel.stem in ("packing", "cameras", "compiler", "constraint_parts"):
             continue
         for node in ast.walk(ast.parse(kernel.read_text(encoding="utf-8"))):
@@ -165,7 +165,7 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
 def test_a_second_process_compiles_what_may_be_needed_next(tmp_path):
     """Here one needs the search alone; the second process begins with the laws, and ends with the first."""
     code = (
-        "import sys, time; from pathlib import Path; from vsconstraints import kernels; kernels.load('polylines')\n"
+        "import sys, time; from pathlib import Path; from vsconstraints.compiled import load; load('polylines')\n"
         "while sys.argv[1:] and not any(Path(sys.argv[1]).glob('task_priority-*/**/*.nbi')): time.sleep(0.2)"
     )
     for name, variables in (("alone", {"VSCONSTRAINTS_COMPILE": "alone"}), ("together", {})):
@@ -197,7 +197,7 @@ def test_code_that_was_not_used_for_long_is_removed(tmp_path, monkeypatch):
 
 def test_of_several_that_need_a_function_one_compiles_it(tmp_path):
     """The others wait: a lock of one folder is not held twice."""
-    compiler = pytest.importorskip("vsconstraints.kernels.compiler")
+    compiler = pytest.importorskip("vsconstraints.compiled.compiler")
     order = []
 
     def other():

@@ -38,11 +38,11 @@ from vsconstraints.constraints import (
     robot_points,
 )
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.geometry import Pose
-from vsconstraints.motion import Motion
+from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import CONSTRAINTS
-from vsconstraints.scene import Scene, State
+from vsconstraints.vision.motion import Motion
+from vsconstraints.vision.scene import Scene, State
 
 SQUARE = Camera((500.0, 500.0), (512, 512))
 WIDE = Camera((710.1, 709.8), (640, 480))

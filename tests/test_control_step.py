@@ -12,26 +12,19 @@ import pytest
 
 from scenes import WORLDS, build_constraint, constraint_tables, random_configuration, random_scene, robot, robot_names
 from vsconstraints import Robot
-from vsconstraints.constraints import (
-    Collision,
-    Constraint,
-    ConstraintSet,
-    Manipulability,
-    RowBlock,
-    SelfCollision,
-)
-from vsconstraints.control_step import ControlStep
+from vsconstraints.compiled import available
+from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.compiled.evaluation import Evaluation
+from vsconstraints.constraints import Collision, Constraint, ConstraintSet, Manipulability, RowBlock, SelfCollision
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
 from vsconstraints.errors import InvalidInput, SceneError
-from vsconstraints.evaluation import Evaluation
-from vsconstraints.features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
-from vsconstraints.kernels import available
-from vsconstraints.motion import Motion
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import CONSTRAINTS, Scenario, shipped_scenarios
-from vsconstraints.scene import Scene, State
 from vsconstraints.simulation import Setup, simulate
-from vsconstraints.tracking import TrackingGains, VisualTask
+from vsconstraints.vision.features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
+from vsconstraints.vision.motion import Motion
+from vsconstraints.vision.scene import Scene, State
+from vsconstraints.vision.tracking import TrackingGains, VisualTask
 
 REGIONS = tuple(f"forbidden-{shape}" for shape in ("sphere", "half-space", "box", "cylinder", "capsule"))
 COMPILED = ("field-of-view", "occlusion", "joint-range", "joint-speed", *REGIONS, "manipulability")
@@ -164,7 +157,7 @@ def test_every_angle_of_rotation(angle: float, axis: tuple[float, float, float])
     scene, q, qd = random_scene(arm, rng)
     import pinocchio as pin
 
-    from vsconstraints.geometry import Pose
+    from vsconstraints.robots.geometry import Pose
 
     there = scene.camera_pose(q)
     for whole in (angle, 0.97 * angle):
@@ -413,7 +406,7 @@ def test_views_without_their_compiled_form_are_those_of_the_scene(monkeypatch: p
     t, q = np.linspace(0.0, 1.0, 3), setup.q0 + np.linspace(0.0, 0.02, 3)[:, None]
     step = ControlStep(setup.scene, setup.constraints, setup.task)
     expected = step.views(t, q)
-    monkeypatch.setattr("vsconstraints.control_step.load", lambda name: None)
+    monkeypatch.setattr("vsconstraints.compiled.control_step.load", lambda name: None)
     for found, wanted in zip(
         ControlStep(setup.scene, setup.constraints, setup.task).views(t, q), expected, strict=True
     ):

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenes import Straight
+from vsconstraints.compiled.model import Model
 from vsconstraints.controllers import (
     CONTROLLERS,
     DEMANDS,
@@ -29,7 +30,6 @@ from vsconstraints.controllers import (
 from vsconstraints.controllers.base import restart
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
 from vsconstraints.formulas.curves import superellipse
-from vsconstraints.model import Model
 from vsconstraints.rows import Array, Command, Rows, Status, Task
 
 VARIANTS: dict[str, list[dict[str, Any]]] = {

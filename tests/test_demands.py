@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenes import second_slope, slope
-from vsconstraints.control_step import ControlStep
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.controllers import (
     DEMANDS,
     Barrier,

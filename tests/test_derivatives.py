@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import vsconstraints.features
-import vsconstraints.robot
-import vsconstraints.scene
+import vsconstraints.robots.robot
+import vsconstraints.vision.features
+import vsconstraints.vision.scene
 from scenes import (
     NOW,
     SHAPE_PARAMETERS,
@@ -44,13 +44,13 @@ from vsconstraints.constraints import (
 from vsconstraints.constraints.base import PositionConstraint
 from vsconstraints.constraints.curves import SHAPES, Shape
 from vsconstraints.constraints.forbidden_region import RegionAroundAxis
-from vsconstraints.features import FEATURES, Feature, Goal, ImagePoints
-from vsconstraints.geometry import Pose
-from vsconstraints.kinematics import Kinematics
-from vsconstraints.motion import Motion
+from vsconstraints.robots.geometry import Pose
+from vsconstraints.robots.kinematics import Kinematics
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import CONSTRAINTS
-from vsconstraints.scene import PointMotion, Scene
+from vsconstraints.vision.features import FEATURES, Feature, Goal, ImagePoints
+from vsconstraints.vision.motion import Motion
+from vsconstraints.vision.scene import PointMotion, Scene
 
 STATES = 6
 
@@ -449,7 +449,7 @@ def negated(function):
 
 
 def evaluate_with(**factors: float):
-    original = vsconstraints.robot.KinematicsEvaluator.__call__
+    original = vsconstraints.robots.robot.KinematicsEvaluator.__call__
 
     def evaluate(self, q: Array, qd: Array) -> Kinematics:
         now = original(self, q, qd)
@@ -469,24 +469,24 @@ def evaluate_with(**factors: float):
     ],
 )
 def test_a_slip_in_the_kinematics_is_noticed(factors, check, monkeypatch) -> None:
-    monkeypatch.setattr(vsconstraints.robot.KinematicsEvaluator, "__call__", evaluate_with(**factors))
+    monkeypatch.setattr(vsconstraints.robots.robot.KinematicsEvaluator, "__call__", evaluate_with(**factors))
     with pytest.raises(AssertionError):
         check("ur5")
 
 
 def test_a_slip_in_the_interaction_matrix_is_noticed(monkeypatch) -> None:
-    right = vsconstraints.scene.interaction_matrix
+    right = vsconstraints.vision.scene.interaction_matrix
     signs = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
-    monkeypatch.setattr(vsconstraints.scene, "interaction_matrix", lambda xy, Z: right(xy, Z) * signs)
+    monkeypatch.setattr(vsconstraints.vision.scene, "interaction_matrix", lambda xy, Z: right(xy, Z) * signs)
     with pytest.raises(AssertionError, match="pixels: J"):
         check_image("ur5")
 
 
 def test_a_slip_in_the_rotation_vectors_rate_is_noticed(monkeypatch) -> None:
     # the sign of the middle term of L_θu for ω in the fixed frame: the slip that eq. (44) invites
-    right = vsconstraints.features.rotation_vector_rate
+    right = vsconstraints.vision.features.rotation_vector_rate
     monkeypatch.setattr(
-        vsconstraints.features,
+        vsconstraints.vision.features,
         "rotation_vector_rate",
         lambda w, omega: tuple(np.array(part).T for part in right(w, omega)),
     )

@@ -13,12 +13,12 @@ from typer.testing import CliRunner
 
 from vsconstraints.cli import app, main
 from vsconstraints.comparisons import StoredComparison, Suite, compare
+from vsconstraints.comparisons.difference import difference
+from vsconstraints.comparisons.difference.changes import changes
+from vsconstraints.comparisons.difference.difference import Question
+from vsconstraints.comparisons.difference.page import page, verdict
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, METRICS, RESULT_COLUMNS, TIMING_COLUMNS
 from vsconstraints.comparisons.tables import write_table
-from vsconstraints.difference import difference
-from vsconstraints.difference.changes import changes
-from vsconstraints.difference.difference import Question
-from vsconstraints.difference.page import page, verdict
 from vsconstraints.errors import ConfigurationError
 
 LAWS = ("tracking", "one", "two")

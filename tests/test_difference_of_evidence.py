@@ -12,13 +12,13 @@ import pytest
 from campaigns import campaign
 from made_evidence import frame, made, run
 from test_evidence import HERE
+from vsconstraints.comparisons.difference import difference
+from vsconstraints.comparisons.difference.difference import Question
+from vsconstraints.comparisons.difference.page import page, verdict
+from vsconstraints.comparisons.evidence import TABLES, Campaign, collect, parquet
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.tables import write_table
-from vsconstraints.difference import difference
-from vsconstraints.difference.difference import Question
-from vsconstraints.difference.page import page, verdict
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.evidence import TABLES, Campaign, collect, parquet
 
 SCENES = 60
 Line = dict[str, Any]

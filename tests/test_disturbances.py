@@ -15,15 +15,15 @@ from scipy.spatial.transform import Rotation
 from scenes import NOW, random_scene, robot
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.geometry import Pose, distance
-from vsconstraints.motion import Motion, TargetMotion
-from vsconstraints.order_filter import OrderFilter
+from vsconstraints.robots.geometry import Pose, distance
+from vsconstraints.robots.order_filter import OrderFilter
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
 from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.plant import Actuation, Plant
 from vsconstraints.simulation.sensing import Sensor, estimated_pose
+from vsconstraints.vision.motion import Motion, TargetMotion
 
 REFUSED = (ConfigurationError, InvalidInput)
 

@@ -10,22 +10,22 @@ import pytest
 
 from scenes import random_configuration, robot
 from vsconstraints import Camera
+from vsconstraints.compiled import available, load
+from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.compiled.model import Model
+from vsconstraints.compiled.structures import Step, frozen
 from vsconstraints.constraints import ConstraintSet, FieldOfView, RowBlock
-from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode
 from vsconstraints.errors import SceneError
-from vsconstraints.features import Goal, ImagePoints
-from vsconstraints.geometry import Pose, distance
-from vsconstraints.kernels import available, load
-from vsconstraints.kernels.structures import Step, frozen
-from vsconstraints.model import Model
+from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scene import Scene, State
 from vsconstraints.simulation import Setup, score_run, simulate
 from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.sensing import Sensor
-from vsconstraints.tracking import TrackingGains, VisualTask
+from vsconstraints.vision.features import Goal, ImagePoints
+from vsconstraints.vision.scene import Scene, State
+from vsconstraints.vision.tracking import TrackingGains, VisualTask
 
 pytestmark = pytest.mark.skipif(not available(), reason="there is no compiler here")
 

@@ -13,9 +13,9 @@ import pinocchio as pin
 import pytest
 
 from vsconstraints import Robot
+from vsconstraints.compiled.structures import frozen
 from vsconstraints.controllers import HierarchicalQP, SlidingMode
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.kernels.structures import frozen
 from vsconstraints.reports.figures.disturbance import draw_disturbance
 from vsconstraints.reports.figures.view import View
 from vsconstraints.robots import ready_made

@@ -16,10 +16,7 @@ import pandas as pd
 import pytest
 
 from campaigns import assert_same, campaign, tables
-from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN, Score, score
-from vsconstraints.comparisons.record import RunRecord
-from vsconstraints.errors import ConfigurationError, StorageError
-from vsconstraints.evidence import (
+from vsconstraints.comparisons.evidence import (  # fmt: skip
     KEYS,
     TABLES,
     TIMING,
@@ -33,12 +30,15 @@ from vsconstraints.evidence import (
     processes,
     scored,
     worker,
-)  # fmt: skip
-from vsconstraints.evidence import folder as folders
-from vsconstraints.evidence.task import Work
-from vsconstraints.runs.checksums import SUMS
-from vsconstraints.runs.pool import Failure
-from vsconstraints.runs.spec import ControllerSpec
+)
+from vsconstraints.comparisons.evidence import folder as folders
+from vsconstraints.comparisons.evidence.task import Work
+from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN, Score, score
+from vsconstraints.comparisons.record import RunRecord
+from vsconstraints.comparisons.runs.checksums import SUMS
+from vsconstraints.comparisons.runs.pool import Failure
+from vsconstraints.comparisons.runs.spec import ControllerSpec
+from vsconstraints.errors import ConfigurationError, StorageError
 from vsconstraints.simulation import simulate
 
 
@@ -185,7 +185,7 @@ def test_shards_merged_and_processes_give_the_same(
     assert (merged.scenes, merged.runs) == (6, 36)
     assert_same(tables(out), tables(tmp_path / "merged"))
     # scenes that are there twice, but the same, count once, however they are split
-    monkeypatch.setattr("vsconstraints.evidence.task.LEAST_TASKS", 2)
+    monkeypatch.setattr("vsconstraints.comparisons.evidence.task.LEAST_TASKS", 2)
     collect(small, tmp_path / "large", HERE)
     assert len(folders.shard_names(tmp_path / "large")) == 2
     merge(tmp_path / "twice", [tmp_path / "2", tmp_path / "large", out])
@@ -248,11 +248,11 @@ def test_batches_of_another_size_are_gone_on_with(
 ) -> None:
     """What was stored by twos goes on by threes, and the other way round: nothing is lost or twice."""
     small, out = whole
-    monkeypatch.setattr("vsconstraints.evidence.task.LEAST_TASKS", 1)
-    monkeypatch.setattr("vsconstraints.evidence.task.RUNS_OF_TASK", before)
+    monkeypatch.setattr("vsconstraints.comparisons.evidence.task.LEAST_TASKS", 1)
+    monkeypatch.setattr("vsconstraints.comparisons.evidence.task.RUNS_OF_TASK", before)
     collect(replace(small, scenes=4), tmp_path, HERE)
     assert len(folders.shard_names(tmp_path)) == ceil(4 / (before // 6))
-    monkeypatch.setattr("vsconstraints.evidence.task.RUNS_OF_TASK", after)
+    monkeypatch.setattr("vsconstraints.comparisons.evidence.task.RUNS_OF_TASK", after)
     assert collect(small, tmp_path, HERE).progress.stored_before == 4
     assert_same(tables(out), tables(tmp_path))
 

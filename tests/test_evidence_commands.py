@@ -15,17 +15,17 @@ from documents import ROOT
 from test_evidence import here
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
+from vsconstraints.comparisons.evidence import Campaign, parquet
+from vsconstraints.comparisons.evidence.columns import Column
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.evidence import Campaign, parquet
-from vsconstraints.evidence.columns import Column
-from vsconstraints.families import Family, families
+from vsconstraints.scenarios.families import Family, families
 
 
 @pytest.fixture(autouse=True)
 def _here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("vsconstraints.evidence.processes", lambda asked: here)
+    monkeypatch.setattr("vsconstraints.comparisons.evidence.processes", lambda asked: here)
     # reports have tests of their own
-    monkeypatch.setattr("vsconstraints.commands.evidence.evidence_report", lambda folder, figures: folder / "report.md")
+    monkeypatch.setattr("vsconstraints.cli.evidence.evidence_report", lambda folder, figures: folder / "report.md")
     monkeypatch.chdir(tmp_path)
 
 

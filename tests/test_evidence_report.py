@@ -13,16 +13,16 @@ import pytest
 
 from documents import DOCS, blocks
 from made_evidence import drawn_runs, frame, made, run
+from vsconstraints.comparisons.evidence import Batch, Campaign, scored
 from vsconstraints.comparisons.metrics import score
+from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.evidence import Batch, Campaign, scored
-from vsconstraints.families import Family
-from vsconstraints.figures import looks
 from vsconstraints.reports.evidence import replay
 from vsconstraints.reports.evidence.material import Material
 from vsconstraints.reports.evidence.report import write_report_of
 from vsconstraints.reports.evidence.singles import telling
-from vsconstraints.runs.spec import ControllerSpec
+from vsconstraints.reports.plots import looks
+from vsconstraints.scenarios.families import Family
 
 WIDEST = 8
 

@@ -13,7 +13,7 @@ import pytest
 from scipy.stats import beta, norm
 
 from made_evidence import drawn_runs, frame, made, run
-from vsconstraints.evidence import Campaign
+from vsconstraints.comparisons.evidence import Campaign
 from vsconstraints.reports.evidence.answers import answers, best, calmest
 from vsconstraints.reports.evidence.material import Material
 from vsconstraints.reports.evidence.opening import opening

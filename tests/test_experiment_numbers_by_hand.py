@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, found
-from vsconstraints.reproduction.claims import experiments
-from vsconstraints.reproduction.claims.erroneous_gradients import (
+from vsconstraints.comparisons.runs.spec import RunSpec
+from vsconstraints.paper.claims import experiments
+from vsconstraints.paper.claims.erroneous_gradients import (
     CASES,
     Difference,
     in_unselected,
     little_speed_difference,
     very_similar,
 )
-from vsconstraints.reproduction.verdicts import NotMeasured
-from vsconstraints.runs.spec import RunSpec
-from vsconstraints.studies import StudyResult
+from vsconstraints.paper.studies import StudyResult
+from vsconstraints.paper.verdicts import NotMeasured
 
 OTHER = "fov[marker 3]"
 MADE_UP = experiments.Experiment("made up", RunSpec("s"), "fov")

@@ -7,9 +7,9 @@ import sys
 import pytest
 
 from documents import ROOT
-from vsconstraints import extras
+from vsconstraints.comparisons.runs import machine
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.runs import machine
+from vsconstraints.plugins import extras
 from vsconstraints.scenarios.toml import read_toml
 
 
@@ -40,7 +40,7 @@ def test_a_comparison_needs_none_of_them() -> None:
     hidden = sorted({module for extra in extras.EXTRAS.values() for module in extra.modules})
     program = (
         f"import sys; sys.modules.update(dict.fromkeys({hidden!r}))\n"
-        "import vsconstraints.cli, vsconstraints.comparisons, vsconstraints.reports, vsconstraints.listing"
+        "import vsconstraints.cli, vsconstraints.comparisons, vsconstraints.reports, vsconstraints.cli.listing"
     )
     subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
 

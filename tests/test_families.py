@@ -24,12 +24,12 @@ from vsconstraints.comparisons.metrics import score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.families import HALVES, Drawn, Family, Reason, families
-from vsconstraints.families.distributions import DISTRIBUTIONS
-from vsconstraints.families.drawing import Streams, drawn, merged, parsed
-from vsconstraints.families.inverse_kinematics import inverse_kinematics
-from vsconstraints.families.summary import summarised
 from vsconstraints.robots import READY_MADE
+from vsconstraints.scenarios.families import HALVES, Drawn, Family, Reason, families
+from vsconstraints.scenarios.families.distributions import DISTRIBUTIONS
+from vsconstraints.scenarios.families.drawing import Streams, drawn, merged, parsed
+from vsconstraints.scenarios.families.inverse_kinematics import inverse_kinematics
+from vsconstraints.scenarios.families.summary import summarised
 from vsconstraints.simulation import simulate
 
 BY_HAND = """
@@ -334,7 +334,7 @@ def test_the_same_scene_in_another_process_and_in_any_order() -> None:
     here = {number: told(family.scene(number, seed=5)) for number in (2, 0, 1)}
     code = (
         "import sys; sys.path.insert(0, 'tests')\n"
-        "from test_families import told\nfrom vsconstraints.families import Family\n"
+        "from test_families import told\nfrom vsconstraints.scenarios.families import Family\n"
         "print(told(Family.load('planar-arm').scene(2, seed=5)))"
     )
     there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()

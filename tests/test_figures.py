@@ -17,7 +17,11 @@ from PIL import Image
 
 from vsconstraints.comparisons import RunRecord, Suite
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.figures import (
+from vsconstraints.reports.drawing import remove_stale
+from vsconstraints.reports.figures.tracks import draw_tracks
+from vsconstraints.reports.figures.trade_off import typical
+from vsconstraints.reports.figures.view import View
+from vsconstraints.reports.plots import (
     WIDTH,
     Figure,
     Sheet,
@@ -30,14 +34,10 @@ from vsconstraints.figures import (
     plain,
     shortened,
 )
-from vsconstraints.figures.decimate import extremes, window_means, zigzag
-from vsconstraints.figures.image import Plane
-from vsconstraints.figures.sheet import DPI, FOOT
-from vsconstraints.figures.style import OWN_COLOURS
-from vsconstraints.reports.drawing import remove_stale
-from vsconstraints.reports.figures.tracks import draw_tracks
-from vsconstraints.reports.figures.trade_off import typical
-from vsconstraints.reports.figures.view import View
+from vsconstraints.reports.plots.decimate import extremes, window_means, zigzag
+from vsconstraints.reports.plots.image import Plane
+from vsconstraints.reports.plots.sheet import DPI, FOOT
+from vsconstraints.reports.plots.style import OWN_COLOURS
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 
@@ -87,7 +87,7 @@ def test_a_figure_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 def test_tables_of_figures_load_no_matplotlib() -> None:
     code = (
-        "import sys, vsconstraints.reports.figures, vsconstraints.reproduction.figures, vsconstraints.studies\n"
+        "import sys, vsconstraints.reports.figures, vsconstraints.paper.figures, vsconstraints.paper.studies\n"
         "print(sorted({'matplotlib', 'PIL', 'mpl_toolkits'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

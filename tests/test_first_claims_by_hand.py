@@ -11,11 +11,11 @@ import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, found, verdict
 from vsconstraints.comparisons.run import Run
-from vsconstraints.reproduction import verdicts
-from vsconstraints.reproduction.claims import first_example, general
-from vsconstraints.reproduction.verdicts import CLAIMS, Claim, Finding, claim, judged, shown_intervals
+from vsconstraints.comparisons.runs.spec import RunSpec
+from vsconstraints.paper import verdicts
+from vsconstraints.paper.claims import first_example, general
+from vsconstraints.paper.verdicts import CLAIMS, Claim, Finding, claim, judged, shown_intervals
 from vsconstraints.rows import Array
-from vsconstraints.runs.spec import RunSpec
 
 # --- verdicts ---
 

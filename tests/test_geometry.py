@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from scenes import rotation_matrix, slope
 from vsconstraints.errors import InvalidInput
 from vsconstraints.formulas.rotation import turn_by
-from vsconstraints.geometry import Pose, distance, rotation_vector, rotation_vector_rate, skew, vector
+from vsconstraints.robots.geometry import Pose, distance, rotation_vector, rotation_vector_rate, skew, vector
 from vsconstraints.rows import Array
 
 PI = np.pi

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vsconstraints.control_step import ControlStep
+from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.compiled.model import Model
 from vsconstraints.controllers import GoalGovernor, Tracking, make_controller
 from vsconstraints.controllers.response import response
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.features import CameraPose, Goal, ImagePoints
 from vsconstraints.formulas.tracking import retargeted
-from vsconstraints.model import Model
 from vsconstraints.rows import Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
-from vsconstraints.tracking import VisualTask
+from vsconstraints.vision.features import CameraPose, Goal, ImagePoints
+from vsconstraints.vision.tracking import VisualTask
 
 SHORT = np.full(8, 0.02)
 

@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from vsconstraints import Camera
 from vsconstraints.errors import ConfigurationError, InvalidInput, VsconstraintsError
-from vsconstraints.geometry import Pose, distance
 from vsconstraints.robots import ur5
+from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scene import Scene
+from vsconstraints.vision.scene import Scene
 
 CAMERA_IN_TIP = Pose(Rotation.from_rotvec([0.1, -0.2, 1.5]).as_matrix(), np.array([0.02, 0.07, -0.05]))
 EYE = Camera((600.0, 600.0), (640.0, 480.0))

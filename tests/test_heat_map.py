@@ -9,9 +9,9 @@ import pytest
 from matplotlib import rc_context
 from matplotlib.collections import QuadMesh
 
-from vsconstraints.figures import WIDTH, Figure
-from vsconstraints.figures.style import STYLE
 from vsconstraints.reports.figures.heat_map import COLOURS, HeatMap, draw_heat_map
+from vsconstraints.reports.plots import WIDTH, Figure
+from vsconstraints.reports.plots.style import STYLE
 
 
 def made(r: int, c: int, name: str = "law") -> HeatMap:

@@ -13,17 +13,17 @@ from hypothesis.extra import numpy as arrays
 from scipy.optimize import nnls
 
 from oracle import KINDS, Problem, lexicographic_optimum, random_problem
+from vsconstraints.compiled import load
+from vsconstraints.compiled.structures import DONE, RELAXED_ROWS, RELAXED_SHORT, SHORT
 from vsconstraints.controllers import HierarchicalQP, Tracking
 from vsconstraints.controllers.least_norm import least_norm
 from vsconstraints.controllers.resolvers.hierarchy import Hierarchy, row_weights
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
-from vsconstraints.kernels import load
-from vsconstraints.kernels.structures import DONE, RELAXED_ROWS, RELAXED_SHORT, SHORT
 from vsconstraints.qp import FALLBACKS, Answer, Infeasible, make_solver
 from vsconstraints.qp.daqp_solver import DaqpSolver
 from vsconstraints.qp.registry import NATIVE
-from vsconstraints.row_checks import FARTHEST
 from vsconstraints.rows import Rows, Task
+from vsconstraints.rows.checks import FARTHEST
 
 SOLVERS = ("auto", "daqp", "proxqp", "osqp", "quadprog", "clarabel")
 COMPILED = load("hierarchical_qp") is not None

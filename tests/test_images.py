@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from vsconstraints import Camera
-from vsconstraints.distortion import Distortion
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.geometry import Pose, distance
-from vsconstraints.images.board import Board
-from vsconstraints.images.detectors import DETECTORS, Detector, Pixels, Tags, roomy
-from vsconstraints.images.rendering import Renderer
-from vsconstraints.images.settings import ImageSettings
-from vsconstraints.images.sighting import Sighting, board_pose, sight
+from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.rows import Array
+from vsconstraints.vision.distortion import Distortion
+from vsconstraints.vision.images.board import Board
+from vsconstraints.vision.images.detectors import DETECTORS, Detector, Pixels, Tags, roomy
+from vsconstraints.vision.images.rendering import Renderer
+from vsconstraints.vision.images.settings import ImageSettings
+from vsconstraints.vision.images.sighting import Sighting, board_pose, sight
 
 SIDE = 0.14
 MARKERS = 0.5 * SIDE * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])

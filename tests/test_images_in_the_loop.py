@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vsconstraints.commands.frames import frames as command
+from vsconstraints.cli.frames import frames as command
 from vsconstraints.comparisons.suite import demand_variety
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.frames import FOREIGN, OWN, frames, marked, write_frames
-from vsconstraints.geometry import distance
-from vsconstraints.images.detectors import Pixels
-from vsconstraints.images.settings import ImageSettings
+from vsconstraints.reports.frames import FOREIGN, OWN, frames, marked, write_frames
+from vsconstraints.robots.geometry import distance
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scene import State
 from vsconstraints.simulation import Setup, Trajectory, simulate
 from vsconstraints.simulation.photographer import Photographer
 from vsconstraints.simulation.seeing import ImageSensor
+from vsconstraints.vision.images.detectors import Pixels
+from vsconstraints.vision.images.settings import ImageSettings
+from vsconstraints.vision.scene import State
 
 
 def made(duration: float = 0.2, scene: str = "ur5-images", **settings: Any) -> Setup:
@@ -313,7 +313,7 @@ def test_sensors_that_cannot_be(change: dict[str, Any], message: str) -> None:
 
 
 def test_without_the_extra_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vsconstraints.extras.find_spec", lambda module: None)
+    monkeypatch.setattr("vsconstraints.plugins.extras.find_spec", lambda module: None)
     with pytest.raises(ConfigurationError, match=r"needs cv2, pupil_apriltags: pip install 'vsconstraints\[images\]'"):
         made()
     with pytest.raises(ConfigurationError, match='no images without sensor = "images"'):

@@ -10,7 +10,7 @@ import pytest
 from vsconstraints.comparisons import Suite
 from vsconstraints.comparisons.metrics import score
 from vsconstraints.comparisons.run import perform
-from vsconstraints.kernels import available
+from vsconstraints.compiled import available
 
 SUITE = Suite.load(Path(__file__).parents[1] / "comparisons" / "implicit-switch.toml")
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from oracle import KINDS, random_problem
-from vsconstraints import kernels
+from vsconstraints import compiled as kernels
 from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking
 from vsconstraints.controllers.compiled import CompiledLaw
 from vsconstraints.errors import InvalidInput

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from test_kernels import agree, agree_hierarchy, conditioned
-from vsconstraints import kernels
+from vsconstraints import compiled as kernels
 from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking
 from vsconstraints.rows import Rows, Task
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from vsconstraints.compiled import load
 from vsconstraints.controllers import (
     DEMANDS,
     NAMED,
@@ -38,7 +39,6 @@ from vsconstraints.controllers.demands import ImplicitSwitchWithDrift, Nothing
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas import formula
 from vsconstraints.formulas.row import Row
-from vsconstraints.kernels import load
 from vsconstraints.rows import Array, Command, Rows, Task
 
 compiled = pytest.mark.skipif(load("laws") is None, reason="there is no compiler")

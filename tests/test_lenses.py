@@ -12,16 +12,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from vsconstraints import Camera
+from vsconstraints.compiled import available, load
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import FieldOfView, Trace
-from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import SlidingMode, Tracking
-from vsconstraints.distortion import MODELS, Distortion
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas import lenses
-from vsconstraints.kernels import available, load
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
+from vsconstraints.vision.distortion import MODELS, Distortion
 
 LENSES = {
     "barrel": Distortion("brown-conrady", (-0.3, 0.1, 1e-3, -5e-4)),
@@ -282,7 +282,7 @@ def test_a_run_that_meets_the_boundary_keeps_every_marker_on_the_sensor(name: st
 def test_measured_pixels_are_undistorted_before_the_law(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Told what is on the sensor, a step does as one without distortion does that is told ideal pixels."""
     if not compiled:
-        monkeypatch.setattr("vsconstraints.control_step.load", lambda name: None)
+        monkeypatch.setattr("vsconstraints.compiled.control_step.load", lambda name: None)
     lens = LENSES["barrel"]
     one, other = distorted("ur5-image", lens), distorted("ur5-image", None)
     eye, q, qd = one.scene.camera, one.q0, one.qd0 + 0.1
@@ -306,7 +306,7 @@ def test_a_measured_pixel_that_cannot_be_undistorted_is_refused(
     compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not compiled:
-        monkeypatch.setattr("vsconstraints.control_step.load", lambda name: None)
+        monkeypatch.setattr("vsconstraints.compiled.control_step.load", lambda name: None)
     setup = distorted("ur5-image", None)
     eye = replace(setup.scene.camera, distortion=Distortion("brown-conrady", (-2.0, 0.0, 0.0, 0.0)))
     scene = type(setup.scene)(setup.scene.robot, eye, setup.scene.markers)

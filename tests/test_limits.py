@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from vsconstraints import Robot
-from vsconstraints.control_step import ControlStep
+from vsconstraints.compiled import available
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas.limits import JointLimits, actuator_box, joint_box, stopping
-from vsconstraints.kernels import available
-from vsconstraints.limits import NO_LIMITS, ActuatorLimits
 from vsconstraints.robots import panda, planar_3r, ur5
+from vsconstraints.robots.limits import NO_LIMITS, ActuatorLimits
 from vsconstraints.rows import Command
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import score_run, simulate

@@ -10,12 +10,12 @@ import pytest
 
 from vsconstraints.controllers import Controller, SlidingMode
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.motion import Motion, TargetMotion
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scene import Scene
 from vsconstraints.simulation import simulate
 from vsconstraints.simulation.line_of_sight import LinesOfSight
+from vsconstraints.vision.motion import Motion, TargetMotion
+from vsconstraints.vision.scene import Scene
 
 ARM = """
 <robot name="swing">

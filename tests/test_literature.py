@@ -11,8 +11,8 @@ import pytest
 from scenes import rotation_matrix
 from vsconstraints.comparisons import Suite
 from vsconstraints.controllers import Controller, SlidingMode, Tracking
-from vsconstraints.geometry import Pose
 from vsconstraints.robots import free_camera
+from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Trajectory, simulate

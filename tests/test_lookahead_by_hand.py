@@ -14,17 +14,17 @@ import numpy as np
 import pytest
 
 from scenes import Straight
+from vsconstraints.compiled.model import Model, Prediction, Present
 from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range, goal_governor, predictive
 from vsconstraints.controllers.condensed import Lookahead, cost, limits, look_ahead
 from vsconstraints.controllers.horizon import Horizon, stopping_time
 from vsconstraints.controllers.predictive import Plan
 from vsconstraints.controllers.response import Response, response
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
-from vsconstraints.model import Model, Prediction, Present
 from vsconstraints.qp.lexicographic import PULLING
 from vsconstraints.qp.penalised import Penalised
 from vsconstraints.rows import UNKNOWN, Array, Command, Rows, Task
-from vsconstraints.tracking import Rest
+from vsconstraints.vision.tracking import Rest
 
 K = np.array([0.5, 0.0])
 

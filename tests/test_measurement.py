@@ -1,4 +1,4 @@
-"""What a camera has measured goes into the step, compiled and in NumPy: see vsconstraints.measurement."""
+"""What a camera has measured goes into the step, compiled and in NumPy: see vsconstraints.vision.measurement."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import pickle
 import numpy as np
 import pytest
 
-from vsconstraints.control_step import ControlStep
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas.innovation import image_innovation
-from vsconstraints.geometry import Pose
-from vsconstraints.measurement import Plausible
+from vsconstraints.robots.geometry import Pose
 from vsconstraints.scenarios import Scenario
+from vsconstraints.vision.measurement import Plausible
 
 NAMES = ["experiment-2-ibvs", "ur5-image", "case-study-6r", "eye-to-hand-ibvs", "moving-target-unknown"]
 PARTS = ("pixels", "error", "sigma", "camera_R", "camera_t")
@@ -26,7 +26,7 @@ def both_forms(name, monkeypatch):
     assert compiled.not_compiled == ""
     other = Scenario.load(name).setup()
     with monkeypatch.context() as patch:
-        patch.setattr("vsconstraints.control_step.load", lambda name: None)
+        patch.setattr("vsconstraints.compiled.control_step.load", lambda name: None)
         defined = ControlStep(other.scene, other.constraints, other.task)
     assert defined.not_compiled
     return setup, compiled, defined
@@ -120,7 +120,7 @@ def test_a_target_that_is_not_where_the_model_has_it_is_reached_only_with_the_ca
 
 @pytest.mark.parametrize("name", NAMES)
 def test_both_forms_doubt_alike(name, monkeypatch):
-    """By how much a measurement is beside the model, in six ways, by hand: see vsconstraints.measurement."""
+    """By how much a measurement is beside the model, in six ways, by hand: see vsconstraints.vision.measurement."""
     setup, compiled, defined = both_forms(name, monkeypatch)
     q, qd, t = setup.q0, np.zeros(len(setup.q0)), 0.5
     state = setup.scene.evaluate(t, q, qd)

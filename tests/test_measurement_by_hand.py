@@ -9,10 +9,10 @@ import pytest
 
 from scenes import random_scene, robot
 from vsconstraints.errors import InvalidInput
-from vsconstraints.geometry import Pose
-from vsconstraints.measurement import Measurement
+from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array
-from vsconstraints.scene import Scene, State
+from vsconstraints.vision.measurement import Measurement
+from vsconstraints.vision.scene import Scene, State
 
 T = 2.0
 

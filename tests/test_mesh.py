@@ -9,7 +9,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from vsconstraints.figures.mesh import PLATE, Mesh
+from vsconstraints.reports.plots.mesh import PLATE, Mesh
 
 
 def picture(mesh: Mesh, elevation: float = 20.0, azimuth: float = 30.0) -> Any:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vsconstraints.control_step import ControlStep
+from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.compiled.model import Model, Prediction
 from vsconstraints.controllers import Controller, SlidingMode, Tracking
 from vsconstraints.errors import SceneError
-from vsconstraints.model import Model, Prediction
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, verdict
-from vsconstraints.reproduction.claims import case_study, erroneous_gradients, every_scene
-from vsconstraints.reproduction.claims.erroneous_gradients import CASES, in_unselected
-from vsconstraints.reproduction.verdicts import CLAIMS, NotMeasured
+from vsconstraints.paper.claims import case_study, erroneous_gradients, every_scene
+from vsconstraints.paper.claims.erroneous_gradients import CASES, in_unselected
+from vsconstraints.paper.studies import StudyResult
+from vsconstraints.paper.verdicts import CLAIMS, NotMeasured
 from vsconstraints.rows import Array
-from vsconstraints.studies import StudyResult
 
 
 def study(**numbers: float) -> StudyResult:
@@ -403,7 +403,7 @@ class Timed(Told):
 def test_12a(step: float, rows: float, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of T_s = 10 ms, the first sample apart; a few slow ones do not matter."""
     monkeypatch.setattr(
-        "vsconstraints.reproduction.claims.moving_and_time.ControlStep", lambda *_: SimpleNamespace(not_compiled="")
+        "vsconstraints.paper.claims.moving_and_time.ControlStep", lambda *_: SimpleNamespace(not_compiled="")
     )
     step_time = at({0: 1.0, 1: 1.0, 2: 1.0}, step)
     assert verdict("12a", Timed(step_time=step_time, rows_time=at({0: 1.0}, rows))) == expected

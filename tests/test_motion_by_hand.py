@@ -14,13 +14,13 @@ import pytest
 from vsconstraints import Robot
 from vsconstraints.constraints import JointRange
 from vsconstraints.errors import InvalidInput
-from vsconstraints.features import Feature, FeatureMotion, Goal
-from vsconstraints.geometry import rotation_vector_rate
-from vsconstraints.order_filter import OrderFilter
+from vsconstraints.robots.geometry import rotation_vector_rate
+from vsconstraints.robots.order_filter import OrderFilter
 from vsconstraints.rows import Array
 from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.plant import Plant
-from vsconstraints.tracking import TrackingGains, VisualTask
+from vsconstraints.vision.features import Feature, FeatureMotion, Goal
+from vsconstraints.vision.tracking import TrackingGains, VisualTask
 
 # --- a period of 0.1 s ---
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, found, verdict
-from vsconstraints.reproduction.claims import moving_and_time
+from vsconstraints.paper.claims import moving_and_time
 from vsconstraints.rows import Array
 
 

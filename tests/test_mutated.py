@@ -10,9 +10,9 @@ import pytest
 
 import mutated
 from vsconstraints.comparisons import Suite, compare
+from vsconstraints.comparisons.runs.checksums import SUMS
 from vsconstraints.errors import VsconstraintsError
 from vsconstraints.reports import write_report
-from vsconstraints.runs.checksums import SUMS
 from vsconstraints.scenarios import Scenario
 
 LONGEST = 3000

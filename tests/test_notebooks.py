@@ -22,16 +22,17 @@ from typer.testing import CliRunner
 
 import vsconstraints
 from documents import ROOT
-from vsconstraints import compare, comparisons, replay, run
+from vsconstraints import compare, comparisons, run
 from vsconstraints.cli import app
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, TIMING_COLUMNS
+from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.controllers import CONTROLLERS, Controller, HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.notebooks import Comparison, NotebookRun, laws, progress
-from vsconstraints.notebooks.laws import InstanceSpec, spec_of, specs_of
+from vsconstraints.reports import replay
+from vsconstraints.reports.notebooks import Comparison, NotebookRun, laws, progress
+from vsconstraints.reports.notebooks.laws import InstanceSpec, spec_of, specs_of
 from vsconstraints.rows import Command, Rows, Task
-from vsconstraints.runs.spec import ControllerSpec
 from vsconstraints.scenarios import Scenario
 
 SHORT = Scenario.load("example-2d-fov").with_override("duration", 3.5)

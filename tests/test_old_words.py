@@ -10,11 +10,11 @@ import pytest
 from vsconstraints import Camera
 from vsconstraints.constraints import Curve, ForbiddenSphere, Hyperellipse, link_points
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.kinematics import RobotPoint
 from vsconstraints.robots import ur5
+from vsconstraints.robots.kinematics import RobotPoint
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Tolerances
-from vsconstraints.tracking import TrackingGains
+from vsconstraints.vision.tracking import TrackingGains
 
 CHANGED = """extends = "example-2d-fov"
 [task]

@@ -22,12 +22,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
-from vsconstraints.cli import app
-from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.comparisons.folder import demand_arm_kept, demand_nothing_lost
-from vsconstraints.comparisons.record import run_file, stored_run
-from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, make_controller
-from vsconstraints.deployment import (
+from vsconstraints.arms import (
     Address,
     ArmError,
     ArmLog,
@@ -47,22 +42,27 @@ from vsconstraints.deployment import (
     stream,
     trajectory_of,
 )
-from vsconstraints.deployment.brake import Brake, deceleration
-from vsconstraints.deployment.clock import RealClock
-from vsconstraints.deployment.drivers import ur_rtde
-from vsconstraints.deployment.drivers.loopback import LoopbackArm
-from vsconstraints.deployment.images import SimulatedEye
-from vsconstraints.deployment.server import Behaviour, Fault, Server, in_thread
-from vsconstraints.deployment.stand_in import PATIENCE, StandIn, StandInLimits
+from vsconstraints.arms.brake import Brake, deceleration
+from vsconstraints.arms.clock import RealClock
+from vsconstraints.arms.drivers import ur_rtde
+from vsconstraints.arms.drivers.loopback import LoopbackArm
+from vsconstraints.arms.images import SimulatedEye
+from vsconstraints.arms.server import Behaviour, Fault, Server, in_thread
+from vsconstraints.arms.stand_in import PATIENCE, StandIn, StandInLimits
+from vsconstraints.cli import app
+from vsconstraints.comparisons import StoredComparison, Suite, compare
+from vsconstraints.comparisons.folder import demand_arm_kept, demand_nothing_lost
+from vsconstraints.comparisons.record import run_file, stored_run
+from vsconstraints.comparisons.runs import folder
+from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, make_controller
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.geometry import Pose
-from vsconstraints.limits import ActuatorLimits
-from vsconstraints.measurement import Measurement
-from vsconstraints.order_filter import OrderFilter
+from vsconstraints.robots.geometry import Pose
+from vsconstraints.robots.limits import ActuatorLimits
+from vsconstraints.robots.order_filter import OrderFilter
 from vsconstraints.rows import Array, Command, Rows, Task
-from vsconstraints.runs import folder
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
+from vsconstraints.vision.measurement import Measurement
 
 Ts = 0.002
 UR5 = Scenario.load("ur5-fov").with_override("duration", 0.3).with_override("on_hidden_markers", "continue")
@@ -468,7 +468,7 @@ def test_an_arm_that_fails_is_stopped(fault: Fault, told: str, streamed: bool, m
         made.append(arm)
         return in_thread(arm, behaviour)
 
-    monkeypatch.setattr("vsconstraints.deployment.drivers.loopback.in_thread", kept)
+    monkeypatch.setattr("vsconstraints.arms.drivers.loopback.in_thread", kept)
     log = on(f"loopback://?time=simulated&fault={fault}&at=0.12&patience={0.3 if fault == 'stall' else 5.0}")
     assert log.ended == "failed"
     assert told in log.cause
@@ -486,7 +486,7 @@ def test_an_arm_that_cannot_be_told_is_said_loudly(monkeypatch: pytest.MonkeyPat
     def lost(self: Any, deceleration: float) -> None:
         raise ArmError("no route to the arm")
 
-    monkeypatch.setattr("vsconstraints.deployment.drivers.loopback.LoopbackArm.halt", lost)
+    monkeypatch.setattr("vsconstraints.arms.drivers.loopback.LoopbackArm.halt", lost)
     log = on("loopback://?time=simulated&patience=5&fault=drop&at=0.1")
     assert "IT COULD NOT BE TOLD TO STOP (no route to the arm)" in log.stop
     assert not log.at_rest

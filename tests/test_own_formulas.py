@@ -8,7 +8,7 @@ import pytest
 from vsconstraints.constraints import Circle, Curve, ForbiddenSphere, ImageConstraint
 from vsconstraints.controllers import Controller
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.plugins import imported_class
+from vsconstraints.plugins.classes import imported_class
 
 
 def half(u, v, r):

@@ -15,7 +15,7 @@ import pytest
 
 from scenes import robot
 from vsconstraints.controllers import SlidingMode
-from vsconstraints.geometry import distance
+from vsconstraints.robots.geometry import distance
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, intervals, simulate

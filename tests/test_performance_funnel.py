@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from scenes import camera, robot
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import ConstraintSet, PerformanceFunnel, Trace
-from vsconstraints.control_step import ControlStep
 from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking, make_controller
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.features import Goal
-from vsconstraints.geometry import Pose
+from vsconstraints.robots.geometry import Pose
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scene import Scene
 from vsconstraints.simulation import simulate
+from vsconstraints.vision.features import Goal
+from vsconstraints.vision.scene import Scene
 
 GAINS = {"K": 0.2, "switching_gain": 1.0, "final": 0.1, "decay": 0.5}
 

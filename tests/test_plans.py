@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsconstraints import kernels
+from vsconstraints import compiled as kernels
 from vsconstraints.formulas import plans as as_they_are
 
 FORMS = ["as they are", "compiled"]
@@ -18,7 +18,7 @@ def loops(request: pytest.FixtureRequest):
         return as_they_are
     if not kernels.available():
         pytest.skip("there is no compiler")
-    from vsconstraints.kernels import plans
+    from vsconstraints.compiled import plans
 
     return plans
 

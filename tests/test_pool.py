@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from processes import left_over, marked, needs_proc, with_mark
-from vsconstraints.runs import resources
-from vsconstraints.runs.pool import DIED, Failure, Pool
+from vsconstraints.comparisons.runs import resources
+from vsconstraints.comparisons.runs.pool import DIED, Failure, Pool
 
 
 def do(what: str, file: str = "") -> object:
@@ -108,7 +108,8 @@ def _interrupted_at_the_first_answer() -> None:
 def test_processes_that_cannot_start_are_an_error_and_no_endless_loop(tmp_path: Path) -> None:
     script = tmp_path / "unguarded.py"
     script.write_text(
-        "from vsconstraints.runs.pool import Pool\nwith Pool(abs, 1) as p:\n    print(dict(p.run({1: (1,)})))"
+        "from vsconstraints.comparisons.runs.pool import Pool\n"
+        "with Pool(abs, 1) as p:\n    print(dict(p.run({1: (1,)})))"
     )
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=300)
     assert done.returncode == 1
@@ -148,7 +149,7 @@ def test_processes_end_with_their_parent_whatever_ends_it(tmp_path: Path, number
 def test_no_more_processes_than_cores_that_may_be_used() -> None:
     code = (
         "import os; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\n"
-        "from vsconstraints.runs.resources import cores, process_count\n"
+        "from vsconstraints.comparisons.runs.resources import cores, process_count\n"
         "print(cores(), process_count(), process_count(64))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from scenes import Straight
-from vsconstraints.control_step import ControlStep
+from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.compiled.model import Model
 from vsconstraints.controllers import HierarchicalQP, PredictiveControl, Tracking, condensed, predictive
 from vsconstraints.controllers.horizon import Horizon
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.model import Model
 from vsconstraints.rows import Array, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate

@@ -12,15 +12,15 @@ from typer.testing import CliRunner, Result
 
 from test_line_of_sight import swing
 from vsconstraints.cli import app
-from vsconstraints.control_step import ControlStep
-from vsconstraints.figures.arm import bars_of
-from vsconstraints.figures.image import Plane
-from vsconstraints.figures.mesh import Mesh
-from vsconstraints.geometry import distance
-from vsconstraints.preview import FIGURE, Preview, lines
-from vsconstraints.preview.obstacles import add_obstacles
-from vsconstraints.preview.space import IN_VIEW, Places, viewpoint_of
+from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.reports.plots.arm import bars_of
+from vsconstraints.reports.plots.image import Plane
+from vsconstraints.reports.plots.mesh import Mesh
+from vsconstraints.reports.preview import FIGURE, Preview, lines
+from vsconstraints.reports.preview.obstacles import add_obstacles
+from vsconstraints.reports.preview.space import IN_VIEW, Places, viewpoint_of
 from vsconstraints.robots import ready_made
+from vsconstraints.robots.geometry import distance
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 
 UR5 = "ur5-fov"

@@ -584,7 +584,7 @@ def test_badly_scaled_rows_lose_accuracy_only_as_rounding_demands(decades, accur
 def compiled_least_violation():
     """The compiled form, called as the other is."""
     numba = pytest.importorskip("numba")
-    from vsconstraints.kernels.least_violation import least_violation as kernel
+    from vsconstraints.compiled.least_violation import least_violation as kernel
 
     @numba.njit(error_model="numpy")
     def descend(A, c, weights, box, x):

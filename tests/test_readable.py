@@ -9,13 +9,13 @@ from scenes import arm_with_prismatic_joints
 from vsconstraints import Camera, Robot
 from vsconstraints.constraints import ImageConstraint
 from vsconstraints.controllers import CONTROLLERS, Controller, HierarchicalQP, SlidingMode
-from vsconstraints.distortion import Distortion
-from vsconstraints.geometry import Pose
 from vsconstraints.robots import READY_MADE
+from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.scenarios.scenario import shipped_scenarios
 from vsconstraints.simulation import score_run, simulate
+from vsconstraints.vision.distortion import Distortion
 
 LONGEST = 180
 

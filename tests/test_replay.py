@@ -23,22 +23,22 @@ from vsconstraints import Robot
 from vsconstraints.cli import app
 from vsconstraints.comparisons import RunRecord, Suite, compare
 from vsconstraints.comparisons.record import run_file
+from vsconstraints.comparisons.runs.checksums import SUMS
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.figures.arm import bars_of
-from vsconstraints.figures.image import Plane
-from vsconstraints.replay import ReplayRun, film, page, replay_html, write_film, write_replay
-from vsconstraints.replay.asked import asked_for
-from vsconstraints.replay.frames import ACTS, MOST, OFF, OUTSIDE, Frames, lights
-from vsconstraints.replay.image import image_data
-from vsconstraints.replay.lamps import lamps_of, things_of
-from vsconstraints.replay.solids import MOST_TRIANGLES, Links, Solid, links_of
-from vsconstraints.replay.space import THINNER, Arm
-from vsconstraints.replay.viewpoint import common_viewpoint, standpoint
 from vsconstraints.reports import write_report
+from vsconstraints.reports.plots.arm import bars_of
+from vsconstraints.reports.plots.image import Plane
+from vsconstraints.reports.replay import ReplayRun, film, page, replay_html, write_film, write_replay
+from vsconstraints.reports.replay.asked import asked_for
+from vsconstraints.reports.replay.frames import ACTS, MOST, OFF, OUTSIDE, Frames, lights
+from vsconstraints.reports.replay.image import image_data
+from vsconstraints.reports.replay.lamps import lamps_of, things_of
+from vsconstraints.reports.replay.solids import MOST_TRIANGLES, Links, Solid, links_of
+from vsconstraints.reports.replay.space import THINNER, Arm
+from vsconstraints.reports.replay.viewpoint import common_viewpoint, standpoint
 from vsconstraints.reports.replays import telling_laws
 from vsconstraints.robots import ready_made
-from vsconstraints.runs.checksums import SUMS
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 

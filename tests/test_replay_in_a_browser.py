@@ -10,10 +10,10 @@ import pytest
 
 from browser import NAMES, Page, browser, program
 from vsconstraints.controllers import SlidingMode, Tracking
-from vsconstraints.figures.image import Plane
-from vsconstraints.figures.style import OWN_COLOURS
-from vsconstraints.replay import ReplayRun, write_replay
-from vsconstraints.replay.frames import ACTS, OUTSIDE, Frames
+from vsconstraints.reports.plots.image import Plane
+from vsconstraints.reports.plots.style import OWN_COLOURS
+from vsconstraints.reports.replay import ReplayRun, write_replay
+from vsconstraints.reports.replay.frames import ACTS, OUTSIDE, Frames
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 

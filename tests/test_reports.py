@@ -23,18 +23,18 @@ from scenes import of_depth
 from vsconstraints.comparisons import RunRecord, StoredComparison, Suite, compare
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
+from vsconstraints.comparisons.runs.checksums import SUMS
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.figures import Figure, looks
 from vsconstraints.reports import drawing, groups, scenario_section, write_report
 from vsconstraints.reports.best import Cell, comparable, marked
 from vsconstraints.reports.figures import FIGURES
 from vsconstraints.reports.groups import MOST, grouped
 from vsconstraints.reports.markdown import code, plain, table
 from vsconstraints.reports.numbers import error, number, over_trials, percent
+from vsconstraints.reports.plots import Figure, looks
 from vsconstraints.reports.results import Results
 from vsconstraints.reports.rows_shown import MOST_LANES, MOST_PHI, acting_in, lane_rows, lanes_left_out, phi_rows
-from vsconstraints.runs.checksums import SUMS
 
 COMPETITORS = ("sliding-mode", "potential-field")
 

@@ -16,25 +16,25 @@ import pytest
 
 from vsconstraints.comparisons import RunRecord
 from vsconstraints.comparisons.run import Run, kept_run, perform
+from vsconstraints.comparisons.runs.spec import RunSpec
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.features import CameraPose
-from vsconstraints.figures import Figure
 from vsconstraints.formulas.rotation import rotation_vector_rate
-from vsconstraints.geometry import skew
-from vsconstraints.order_filter import OrderFilter
-from vsconstraints.reproduction import CLAIMS, all_claims, report, reproduce, runner
-from vsconstraints.reproduction.claims.erroneous_gradients import Difference
-from vsconstraints.reproduction.figures import FIGURES, planar
-from vsconstraints.reproduction.reconstructed import reconstructed
-from vsconstraints.reproduction.report import TOPICS, differences
-from vsconstraints.reproduction.verdicts import TEXTS, VERDICTS, Claim, Finding, claim
+from vsconstraints.paper import CLAIMS, all_claims, report, reproduce, runner
+from vsconstraints.paper.claims.erroneous_gradients import Difference
+from vsconstraints.paper.figures import FIGURES, planar
+from vsconstraints.paper.reconstructed import reconstructed
+from vsconstraints.paper.report import TOPICS, differences
+from vsconstraints.paper.studies import StudyResult
+from vsconstraints.paper.studies.points import Numbers, under
+from vsconstraints.paper.verdicts import TEXTS, VERDICTS, Claim, Finding, claim
+from vsconstraints.reports.plots import Figure
+from vsconstraints.robots.geometry import skew
+from vsconstraints.robots.order_filter import OrderFilter
 from vsconstraints.rows import Array
-from vsconstraints.runs.spec import RunSpec
 from vsconstraints.scenarios import shipped_scenarios
 from vsconstraints.simulation import simulate
-from vsconstraints.studies import StudyResult
-from vsconstraints.studies.points import Numbers, under
+from vsconstraints.vision.features import CameraPose
 
 WORST_FIRST = ("not measured", "does not hold", "holds partly", "holds")
 
@@ -544,7 +544,7 @@ def test_without_half_of_its_rotation_the_error_follows_another_polynomial(
         L = L - left_out * skew(np.array(w))
         return L @ np.array(omega), L, L_dot
 
-    monkeypatch.setattr("vsconstraints.features.rotation_vector_rate", changed)
+    monkeypatch.setattr("vsconstraints.vision.features.rotation_vector_rate", changed)
     (spec,) = CLAIMS["5j"].needs
     assert isinstance(spec, RunSpec)
     setup = spec.load().with_override("duration", 1.0).setup()

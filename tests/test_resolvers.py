@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from test_laws import problem
-from vsconstraints.control_step import ControlStep
+from vsconstraints.compiled import load
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.controllers import (
     Additive,
     Barrier,
@@ -31,7 +32,6 @@ from vsconstraints.controllers import (
 )
 from vsconstraints.errors import ConfigurationError, InvalidInput, VsconstraintsError
 from vsconstraints.formulas.projection import opening
-from vsconstraints.kernels import load
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate

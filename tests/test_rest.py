@@ -11,7 +11,8 @@ import pytest
 
 from oracle import Problem, lexicographic_optimum
 from test_laws import ASKING, PAIRS, SHARING, made, problem
-from vsconstraints.control_step import ControlStep
+from vsconstraints.compiled import load
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.controllers import (
     CONTROLLERS,
     Demand,
@@ -25,14 +26,13 @@ from vsconstraints.controllers import (
     make_controller,
 )
 from vsconstraints.errors import InvalidInput, VsconstraintsError
-from vsconstraints.features import CameraPose, ImagePoints
 from vsconstraints.formulas import formula
 from vsconstraints.formulas.row import Row
-from vsconstraints.kernels import load
 from vsconstraints.rows import UNKNOWN, Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import Setup, score_run, simulate
-from vsconstraints.tracking import Rest, VisualTask
+from vsconstraints.vision.features import CameraPose, ImagePoints
+from vsconstraints.vision.tracking import Rest, VisualTask
 
 FORMS = ["define", *(["compute"] if load("laws") is not None else [])]
 

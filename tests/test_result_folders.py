@@ -16,10 +16,10 @@ import pytest
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.folder import demand_nothing_lost
 from vsconstraints.comparisons.metrics import RESULT_COLUMNS
+from vsconstraints.comparisons.runs.folder import LOCK, Kind, held
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report
-from vsconstraints.runs.folder import LOCK, Kind, held
 
 ROOT = Path(__file__).parent.parent
 MAIN = [sys.executable, "-W", "error", "-c", "from vsconstraints.cli import main; main()"]

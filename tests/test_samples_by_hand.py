@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from vsconstraints.formulas.limits import JointLimits
-from vsconstraints.kernels.samples import (
+from vsconstraints.compiled.samples import (
     Goals,
     Kept,
     Loop,
@@ -20,7 +19,8 @@ from vsconstraints.kernels.samples import (
     mark_acting,
     score,
 )
-from vsconstraints.kernels.structures import Answer, RowArrays, TaskArrays
+from vsconstraints.compiled.structures import Answer, RowArrays, TaskArrays
+from vsconstraints.formulas.limits import JointLimits
 from vsconstraints.rows import Array
 
 NONE = np.empty(0)

@@ -17,19 +17,19 @@ from documents import DOCS, blocks, reader_folder, run
 from vsconstraints import Camera, Robot
 from vsconstraints.constraints import Curve
 from vsconstraints.constraints.curves import SHAPES
-from vsconstraints.distortion import Distortion
-from vsconstraints.features import FEATURES
-from vsconstraints.geometry import Pose
-from vsconstraints.images.settings import ImageSettings
-from vsconstraints.kinematics import RobotPoint
-from vsconstraints.limits import ActuatorLimits
-from vsconstraints.motion import Motion
+from vsconstraints.robots.geometry import Pose
+from vsconstraints.robots.kinematics import RobotPoint
+from vsconstraints.robots.limits import ActuatorLimits
 from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, build, cameras, constraint_types, goals
 from vsconstraints.scenarios.reading import parameters, placed
 from vsconstraints.simulation import Setup, Tolerances
 from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.dynamics import ArmDynamics, Friction, Payload, Rods
-from vsconstraints.tracking import Rest, TrackingGains, VisualTask
+from vsconstraints.vision.distortion import Distortion
+from vsconstraints.vision.features import FEATURES
+from vsconstraints.vision.images.settings import ImageSettings
+from vsconstraints.vision.motion import Motion
+from vsconstraints.vision.tracking import Rest, TrackingGains, VisualTask
 
 PAGE = DOCS / "scenarios.md"
 SHARED = ("`constraints`", "Forbidden regions", "Distances between bodies")

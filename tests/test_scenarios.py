@@ -14,12 +14,12 @@ import pytest
 
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.features import FEATURES
-from vsconstraints.geometry import Pose, distance
 from vsconstraints.robots import READY_MADE
+from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, Scenario, shipped_scenarios
 from vsconstraints.scenarios.scenario import MOST_EXTENDED
 from vsconstraints.simulation import simulate
+from vsconstraints.vision.features import FEATURES
 
 REFUSED = (ConfigurationError, InvalidInput)
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, found, verdict
-from vsconstraints.reproduction.claims import every_scene
+from vsconstraints.paper.claims import every_scene
+from vsconstraints.paper.studies import StudyResult
 from vsconstraints.rows import Array
-from vsconstraints.studies import StudyResult
 
 NAMES = [spec.name for spec in every_scene.SCENES]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vsconstraints.compiled import load
 from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking, compiled
 from vsconstraints.controllers.base import Controller
-from vsconstraints.kernels import load
 from vsconstraints.rows import Rows, Task
 
 pytestmark = pytest.mark.skipif(load("laws") is None, reason="there is no compiler")

@@ -15,11 +15,11 @@ from pathlib import Path
 import pytest
 
 from processes import MAIN, left_over, marked, needs_proc
-from vsconstraints.commands.terminal import note_processes
+from vsconstraints.cli.terminal import note_processes
+from vsconstraints.comparisons.runs import resources
 from vsconstraints.comparisons.tables import read_table
-from vsconstraints.runs import resources
-from vsconstraints.studies import RunSummary, run_studies
-from vsconstraints.studies.shrinking_region import ShrinkingRegion
+from vsconstraints.paper.studies import RunSummary, run_studies
+from vsconstraints.paper.studies.shrinking_region import ShrinkingRegion
 
 pytestmark = needs_proc
 

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from vsconstraints import Camera, Robot
-from vsconstraints.distortion import Distortion
-from vsconstraints.geometry import Pose
-from vsconstraints.images.detectors import DETECTORS
-from vsconstraints.images.sighting import sight
-from vsconstraints.images.silhouettes import BEFORE, NEAR, clipped, covered
+from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array, BoolArray
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scene import Scene
 from vsconstraints.simulation.line_of_sight import LinesOfSight
 from vsconstraints.simulation.opaque import Opaque, corners
+from vsconstraints.vision.distortion import Distortion
+from vsconstraints.vision.images.detectors import DETECTORS
+from vsconstraints.vision.images.sighting import sight
+from vsconstraints.vision.images.silhouettes import BEFORE, NEAR, clipped, covered
+from vsconstraints.vision.scene import Scene
 
 PINHOLE = Camera((200.0, 210.0), (160.0, 120.0), (83.0, 57.0))
 BENT = Camera(

@@ -14,14 +14,14 @@ import pytest
 from vsconstraints.constraints import Trace
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput, SceneError
-from vsconstraints.features import FeatureMotion
-from vsconstraints.geometry import distance
+from vsconstraints.robots.geometry import distance
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import Setup, Tolerances, Trajectory, intervals, simulate
 from vsconstraints.simulation.disturbances import Disturbances
 from vsconstraints.simulation.plant import Plant
-from vsconstraints.tracking import TrackingMemory
+from vsconstraints.vision.features import FeatureMotion
+from vsconstraints.vision.tracking import TrackingMemory
 
 START = [0.3179, -1.5414, 1.2426, -1.826, 0.4289, 0.0633]
 GOAL = [0.2, -1.4, 1.1, -1.7, 0.5, 0.0]

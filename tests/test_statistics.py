@@ -14,8 +14,7 @@ import statsmodels.stats.proportion as proportion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.statistics import (
+from vsconstraints.comparisons.statistics import (
     Rate,
     detectable,
     difference_interval,
@@ -34,6 +33,7 @@ from vsconstraints.statistics import (
     verdict,
     with_interval,
 )
+from vsconstraints.errors import ConfigurationError, InvalidInput
 
 # Demšar 2006, Table 6: AUC of C4.5, C4.5+m, C4.5+cf, C4.5+m+cf on 14 data sets. In "voting" the paper ranks two equal
 # printed values 2 and 3, from digits that it does not print.

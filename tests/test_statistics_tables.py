@@ -19,8 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from checks import statistics as simulated
 
 from vsconstraints.comparisons.metrics import METRICS, RESULT_COLUMNS
-from vsconstraints.errors import ConfigurationError
-from vsconstraints.statistics import (
+from vsconstraints.comparisons.statistics import (
     OUTCOMES,
     compare_laws,
     costs,
@@ -31,7 +30,8 @@ from vsconstraints.statistics import (
     rate_of,
     rates,
 )
-from vsconstraints.statistics.judged import resolution
+from vsconstraints.comparisons.statistics.judged import resolution
+from vsconstraints.errors import ConfigurationError
 
 SCENES = 8
 

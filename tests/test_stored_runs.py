@@ -12,24 +12,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vsconstraints import families, provenance
 from vsconstraints.comparisons import RunRecord, RunSpec, Suite, compare
+from vsconstraints.comparisons.evidence import Campaign
+from vsconstraints.comparisons.evidence.identity import differences
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file, stored_run
 from vsconstraints.comparisons.runner import run_stored
+from vsconstraints.comparisons.runs import machine
+from vsconstraints.comparisons.runs.checksums import SUMS
+from vsconstraints.comparisons.runs.machine import package_versions
+from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.comparisons.tables import append_lines, read_table, write_table
+from vsconstraints.comparisons.tuning import Budget, Problem
 from vsconstraints.errors import ConfigurationError, StorageError
-from vsconstraints.evidence import Campaign
-from vsconstraints.evidence.identity import differences
-from vsconstraints.families import Family
+from vsconstraints.plugins import provenance
 from vsconstraints.reports import write_report
 from vsconstraints.reports.drawing import Drawn, scenario_jobs, stored_runs
 from vsconstraints.reports.results import Results
-from vsconstraints.runs import machine
-from vsconstraints.runs.checksums import SUMS
-from vsconstraints.runs.machine import package_versions
-from vsconstraints.runs.spec import ControllerSpec
-from vsconstraints.tuning import Budget, Problem
+from vsconstraints.scenarios import families
+from vsconstraints.scenarios.families import Family
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 REAL_WORLD = Path(families.__file__).parent / "real-world" / "ur5.toml"
@@ -251,7 +252,7 @@ def test_versions_and_the_form_that_runs_are_in_the_fingerprint(
     (tmp_path / "law.py").write_text(law())
     (job,) = jobs(tmp_path)
     before = job.fingerprint
-    monkeypatch.setattr("vsconstraints.kernels.loaded", {"step": None})
+    monkeypatch.setattr("vsconstraints.compiled.loaded", {"step": None})
     monkeypatch.setenv("VSCONSTRAINTS_COMPILE", "0")
     assert job.fingerprint != before
 

@@ -7,9 +7,9 @@ from math import inf, nan
 import pytest
 
 from told import NO, PARTLY, YES
-from vsconstraints.reproduction.verdicts import CLAIMS, Finding
-from vsconstraints.studies import StudyResult
-from vsconstraints.studies.points import Numbers
+from vsconstraints.paper.studies import StudyResult
+from vsconstraints.paper.studies.points import Numbers
+from vsconstraints.paper.verdicts import CLAIMS, Finding
 
 ONE, OTHER = "example-2d-fov", "case-study-6r"
 

@@ -12,10 +12,9 @@ import pytest
 from PIL import Image
 
 from vsconstraints.comparisons.run import perform
+from vsconstraints.comparisons.runs.spec import ControllerSpec, RunSpec
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.runs.spec import ControllerSpec, RunSpec
-from vsconstraints.scenarios import Scenario
-from vsconstraints.studies import (
+from vsconstraints.paper.studies import (
     STUDIES,
     RunSummary,
     Study,
@@ -29,11 +28,12 @@ from vsconstraints.studies import (
     shrinking_region,
     switching_gain,
 )
-from vsconstraints.studies.experiment_scenes import EXPERIMENTS, kept_scenes
-from vsconstraints.studies.laws import LAWS, scaled_gains
-from vsconstraints.studies.pareto import front, not_kept, unused
-from vsconstraints.studies.summary import clearance_distance, gains, joint_distance, pixel_distance
-from vsconstraints.studies.unselected_experiments import compared, counted, why_not
+from vsconstraints.paper.studies.experiment_scenes import EXPERIMENTS, kept_scenes
+from vsconstraints.paper.studies.laws import LAWS, scaled_gains
+from vsconstraints.paper.studies.pareto import front, not_kept, unused
+from vsconstraints.paper.studies.summary import clearance_distance, gains, joint_distance, pixel_distance
+from vsconstraints.paper.studies.unselected_experiments import compared, counted, why_not
+from vsconstraints.scenarios import Scenario
 
 
 @pytest.fixture(scope="module")

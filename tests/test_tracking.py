@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from scenes import random_goal, random_scene, robot, slope
-from vsconstraints.control_step import ControlStep
+from vsconstraints.compiled import load
+from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.features import CameraPose, Feature, Goal, ImagePoints
 from vsconstraints.formulas.tracking import held_gains, held_rest, resting
-from vsconstraints.kernels import load
-from vsconstraints.references import MinimumJerk
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scene import Scene, State
 from vsconstraints.simulation import simulate
-from vsconstraints.tracking import TrackingGains, VisualTask
+from vsconstraints.vision.features import CameraPose, Feature, Goal, ImagePoints
+from vsconstraints.vision.references import MinimumJerk
+from vsconstraints.vision.scene import Scene, State
+from vsconstraints.vision.tracking import TrackingGains, VisualTask
 
 FEATURES = [CameraPose(), ImagePoints()]
 

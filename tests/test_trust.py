@@ -21,18 +21,18 @@ from documents import ROOT
 from test_evidence import HERE
 from vsconstraints.cli import app
 from vsconstraints.comparisons import StoredComparison, Suite, compare
+from vsconstraints.comparisons.evidence import Evidence, collect, merge
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
+from vsconstraints.comparisons.runs.checksums import SUMS
+from vsconstraints.comparisons.runs.files import write_arrays
 from vsconstraints.comparisons.tables import read_table, write_table
 from vsconstraints.errors import ConfigurationError, VsconstraintsError
-from vsconstraints.evidence import Evidence, collect, merge
-from vsconstraints.notebooks.comparison import Comparison
-from vsconstraints.replay import write_replay
-from vsconstraints.replay.asked import asked_for
 from vsconstraints.reports import write_report
 from vsconstraints.reports.evidence import replay, write_evidence_report
+from vsconstraints.reports.notebooks.comparison import Comparison
 from vsconstraints.reports.page import page_of
-from vsconstraints.runs.checksums import SUMS
-from vsconstraints.runs.files import write_arrays
+from vsconstraints.reports.replay import write_replay
+from vsconstraints.reports.replay.asked import asked_for
 
 sys.path.insert(0, str(ROOT))
 

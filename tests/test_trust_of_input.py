@@ -20,12 +20,12 @@ from documents import DOCS
 from test_calibration import ros, written
 from test_urdf import TETRAHEDRON
 from vsconstraints import Camera, Robot
+from vsconstraints.arms.server import Behaviour, Server, length
+from vsconstraints.arms.stand_in import StandIn, StandInLimits
 from vsconstraints.comparisons import Suite
-from vsconstraints.deployment.server import Behaviour, Server, length
-from vsconstraints.deployment.stand_in import StandIn, StandInLimits
+from vsconstraints.comparisons.tuning.journal import Journal
+from vsconstraints.comparisons.tuning.objectives import Judged
 from vsconstraints.errors import VsconstraintsError
-from vsconstraints.tuning.journal import Journal
-from vsconstraints.tuning.objectives import Judged
 
 NETWORK = ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.sendto", "urllib.Request")
 PROCESSES = ("os.system", "os.exec", "os.posix_spawn", "os.fork", "subprocess.Popen")

@@ -15,21 +15,21 @@ import numpy as np
 import pandas
 import pytest
 
+from vsconstraints.comparisons.evidence import Campaign
+from vsconstraints.comparisons.runs.spec import ControllerSpec
+from vsconstraints.comparisons.tuning import Budget, Problem, Stage, Tuning, tune
+from vsconstraints.comparisons.tuning import tune as tune_function
+from vsconstraints.comparisons.tuning.evaluation import evaluating
+from vsconstraints.comparisons.tuning.fronts import choose, front, hypervolume
+from vsconstraints.comparisons.tuning.journal import Journal
+from vsconstraints.comparisons.tuning.objectives import FAILED, OBJECTIVES, REFERENCE, Judged, Outcome, judged, outcome
+from vsconstraints.comparisons.tuning.result import Asked
+from vsconstraints.comparisons.tuning.search import Search, Searched
 from vsconstraints.controllers import make_controller
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.evidence import Campaign
-from vsconstraints.families import Family
 from vsconstraints.rows import Array
-from vsconstraints.runs.spec import ControllerSpec
+from vsconstraints.scenarios.families import Family
 from vsconstraints.scenarios.toml import read_toml
-from vsconstraints.tuning import Budget, Problem, Stage, Tuning, tune
-from vsconstraints.tuning import tune as tune_function
-from vsconstraints.tuning.evaluation import evaluating
-from vsconstraints.tuning.fronts import choose, front, hypervolume
-from vsconstraints.tuning.journal import Journal
-from vsconstraints.tuning.objectives import FAILED, OBJECTIVES, REFERENCE, Judged, Outcome, judged, outcome
-from vsconstraints.tuning.result import Asked
-from vsconstraints.tuning.search import Search, Searched
 
 LAWS = """
 [controllers.sliding-mode]

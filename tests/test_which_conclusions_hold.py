@@ -16,11 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from made_evidence import drawn_runs, frame, made, run
-from vsconstraints.evidence import Evidence
+from vsconstraints.comparisons.evidence import Evidence
+from vsconstraints.comparisons.statistics import detectable, simultaneous
 from vsconstraints.reports.evidence.holding import conclusions, held, holding, powers
 from vsconstraints.reports.evidence.material import Material
 from vsconstraints.reports.evidence.pairs import MEASURES, PairVerdict
-from vsconstraints.statistics import detectable, simultaneous
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 

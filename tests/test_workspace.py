@@ -35,7 +35,7 @@ from vsconstraints.constraints.bodies import disabled_pairs, mesh
 from vsconstraints.constraints.surfaces import surface, triangles
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.geometry import Pose
+from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate

@@ -9,15 +9,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from test_disturbed_loop import assert_same, in_numpy
-from vsconstraints.control_step import ControlStep
+from vsconstraints.compiled import available
+from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.compiled.model import Model
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.geometry import Pose, distance
-from vsconstraints.kernels import available
-from vsconstraints.model import Model
+from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.scenarios import Scenario
-from vsconstraints.scene import Scene
 from vsconstraints.simulation import Setup, simulate
+from vsconstraints.vision.scene import Scene
 
 LENS = {"model": "brown-conrady", "coefficients": [-0.28, 0.1, 0.0007, -0.0004]}
 FISHEYE = {"model": "fisheye", "coefficients": [-0.02, 0.01, -0.005, 0.001]}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vsconstraints.reproduction.verdicts import CLAIMS, Finding
+from vsconstraints.paper.verdicts import CLAIMS, Finding
 from vsconstraints.rows import Array
 
 TS = 0.01

@@ -18,11 +18,11 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/reports/best.py",
         "src/vsconstraints/reports/headlines.py",
         "src/vsconstraints/reports/summary.py",
-        "src/vsconstraints/kernels/samples.py",
+        "src/vsconstraints/compiled/samples.py",
     ),
     "verdicts": (
-        "src/vsconstraints/reproduction/verdicts.py",
-        "src/vsconstraints/reproduction/claims",
+        "src/vsconstraints/paper/verdicts.py",
+        "src/vsconstraints/paper/claims",
     ),
     "laws": (
         "src/vsconstraints/controllers/sliding_mode.py",
@@ -37,8 +37,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/controllers/hierarchical_qp.py",
         "src/vsconstraints/simulation/plant.py",
         "src/vsconstraints/simulation/gradient_error.py",
-        "src/vsconstraints/order_filter.py",
-        "src/vsconstraints/tracking.py",
+        "src/vsconstraints/robots/order_filter.py",
+        "src/vsconstraints/vision/tracking.py",
     ),
     "lookahead": (
         "src/vsconstraints/controllers/predictive.py",
@@ -49,9 +49,9 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "formulas": (
         "src/vsconstraints/formulas",
-        "src/vsconstraints/measurement.py",
+        "src/vsconstraints/vision/measurement.py",
     ),
-    "statistics": ("src/vsconstraints/statistics",),
+    "statistics": ("src/vsconstraints/comparisons/statistics",),
 }
 
 

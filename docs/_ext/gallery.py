@@ -14,7 +14,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from vsconstraints.controllers import make_controller
-from vsconstraints.preview import FIGURE, Preview
+from vsconstraints.reports.preview import FIGURE, Preview
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate
 
@@ -54,7 +54,7 @@ class Gallery(SphinxDirective):
 
 def write_replay(scenario: Scenario, path: Path) -> None:
     """Simulate a scenario with the laws, and write what a browser shows of it."""
-    from vsconstraints.replay import ReplayRun, write_replay
+    from vsconstraints.reports.replay import ReplayRun, write_replay
 
     setup = scenario.setup()
     write_replay([ReplayRun(law, setup, simulate(setup, make_controller(law))) for law in LAWS], path)

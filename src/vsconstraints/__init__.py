@@ -4,16 +4,22 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .camera import Camera
-    from .kinematics import RobotPoint
-    from .notebooks import compare, run
-    from .robot import Robot
+    from .reports.notebooks import compare, run
+    from .robots.kinematics import RobotPoint
+    from .robots.robot import Robot
+    from .vision.camera import Camera
 
 __version__ = "0.1.0"
 
 __all__ = ["Camera", "Robot", "RobotPoint", "__version__", "compare", "run"]
 
-_PLACES = {"Camera": "camera", "Robot": "robot", "RobotPoint": "kinematics", "compare": "notebooks", "run": "notebooks"}
+_PLACES = {
+    "Camera": "vision.camera",
+    "Robot": "robots.robot",
+    "RobotPoint": "robots.kinematics",
+    "compare": "reports.notebooks",
+    "run": "reports.notebooks",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from vsconstraints.kernels import prepare
+from vsconstraints.compiled import prepare
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -17,11 +17,11 @@ import pandas as pd
 import pytest
 
 from processes import left_over, marked, needs_proc
+from vsconstraints.comparisons.evidence import Campaign, Evidence, Part, Plan, Progress, collect, scored
+from vsconstraints.comparisons.evidence.cluster import cluster
+from vsconstraints.comparisons.evidence.task import Work
 from vsconstraints.comparisons.metrics import TIMING_COLUMNS
 from vsconstraints.errors import WorkersLost
-from vsconstraints.evidence import Campaign, Evidence, Part, Plan, Progress, collect, scored
-from vsconstraints.evidence.cluster import cluster
-from vsconstraints.evidence.task import Work
 
 pytestmark = [pytest.mark.faults, needs_proc]
 

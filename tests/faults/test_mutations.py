@@ -11,8 +11,8 @@ from commands import Command, suite
 import mutated
 from test_mutated import outcomes, start
 from vsconstraints.comparisons import Suite
+from vsconstraints.comparisons.runs.checksums import SUMS
 from vsconstraints.reports import write_report
-from vsconstraints.runs.checksums import SUMS
 
 pytestmark = pytest.mark.faults
 

@@ -1,10 +1,10 @@
 """Comparisons: suites, the runner, scores, and what is stored."""
 
-from ..runs.spec import ControllerSpec, RunSpec
 from .keeping import keep_trajectories
 from .metrics import DEFINITIONS, score
 from .record import RunRecord
 from .runner import Finished, compare
+from .runs.spec import ControllerSpec, RunSpec
 from .stored import StoredComparison
 from .suite import Suite
 

@@ -11,9 +11,9 @@ from typing import Any
 
 from ..controllers import CONTROLLERS, controller_class
 from ..errors import ConfigurationError, shown, unknown_name
-from ..runs.spec import BASELINE, ControllerSpec
 from ..scenarios.reading import Table, checked, demand_table
 from ..scenarios.toml import parse_toml
+from .runs.spec import BASELINE, ControllerSpec
 
 LONGEST_NAME = 100
 """Bytes that the name of a scenario or controller may have; files are named after both."""

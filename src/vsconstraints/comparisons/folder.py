@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError
-from ..runs.checksums import TRAJECTORIES, demand_unchanged
-from ..runs.files import plain
-from ..runs.folder import MANIFEST, manifest_of
-from ..runs.spec import RunSpec
 from .record import stored_run
+from .runs.checksums import TRAJECTORIES, demand_unchanged
+from .runs.files import plain
+from .runs.folder import MANIFEST, manifest_of
+from .runs.spec import RunSpec
 from .suite import Suite
 
 ARM_LOG = Path("arm", "log.npz")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import StorageError
-from ..runs.checksums import seal
-from ..runs.keep import Keep, Kinds, kept_lines
 from .folder import ON_ARM, stored_files
 from .metrics import RESULT_COLUMNS
 from .record import run_file
+from .runs.checksums import seal
+from .runs.keep import Keep, Kinds, kept_lines
 from .tables import read_table
 
 KINDS = Kinds(("scenario", "controller"), "trial", "scenario")

@@ -12,14 +12,14 @@ from typing import Any, get_args
 import numpy as np
 
 from ..errors import one_line
-from ..provenance import Files, digests
-from ..readable import in_one_line
+from ..plugins.provenance import Files, digests
 from ..rows import Array, BoolArray
-from ..runs.checksums import TRAJECTORIES
-from ..runs.files import MOST_EXPANDED, read_arrays, write_arrays
-from ..runs.spec import RunSpec
+from ..rows.readable import in_one_line
 from ..simulation import Setup, Trajectory
 from ..simulation.trajectory import Outcome
+from .runs.checksums import TRAJECTORIES
+from .runs.files import MOST_EXPANDED, read_arrays, write_arrays
+from .runs.spec import RunSpec
 
 SAMPLE_MEMORY = 65_536.0
 """Bytes that a sample may take: thousands of rows and robot points."""

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from ..constraints import Constraint
-from ..plugins import beside
+from ..plugins.classes import beside
 from ..rows import Array
-from ..runs.spec import RunSpec
 from ..simulation import Setup, Trajectory, intervals, simulate, until_settled
 from .metrics import Score, score
 from .record import RunRecord
+from .runs.spec import RunSpec
 
 MERGE = 0.6
 """Times at which a row acts that are closer than this are one interval [s]: in a sliding mode φ crosses zero again

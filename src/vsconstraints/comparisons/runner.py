@@ -10,21 +10,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..compiled import prepare
 from ..errors import described
-from ..kernels import prepare
-from ..provenance import Files, digests, imported, noted
-from ..runs.checksums import SUMS, TRAJECTORIES, add_sums, remove_changed, seal
-from ..runs.files import storing, write_json
-from ..runs.folder import MANIFEST, held
-from ..runs.machine import loaded_versions, made_by, used_versions
-from ..runs.pool import Failure, carry_out
-from ..runs.resources import run_limit
-from ..runs.signals import INTERRUPTS, signal_of
-from ..runs.spec import BASELINE, RunSpec
+from ..plugins.provenance import Files, digests, imported, noted
 from .folder import demand_arm_kept, demand_nothing_lost, stored_files
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, Score, score
 from .record import RunRecord, run_file, stored_run
 from .run import perform
+from .runs.checksums import SUMS, TRAJECTORIES, add_sums, remove_changed, seal
+from .runs.files import storing, write_json
+from .runs.folder import MANIFEST, held
+from .runs.machine import loaded_versions, made_by, used_versions
+from .runs.pool import Failure, carry_out
+from .runs.resources import run_limit
+from .runs.signals import INTERRUPTS, signal_of
+from .runs.spec import BASELINE, RunSpec
 from .suite import Suite
 from .tables import append_lines, write_table
 
@@ -92,11 +92,11 @@ def compare(
     folder
         Where to; made if it is not there.
     workers
-        Number of processes at most; see :func:`vsconstraints.runs.resources.process_count`. 0 for this one, which also
+        Number of processes at most; see :func:`.process_count`. 0 for this one, which also
         runs what no other can.
     limit
         How long a run may take [s]; by its number of samples if None
-        (:func:`vsconstraints.runs.resources.run_limit`).
+        (:func:`vsconstraints.comparisons.runs.resources.run_limit`).
     fresh
         Whether to run again what is stored, and to replace another comparison.
     command

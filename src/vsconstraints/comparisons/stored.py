@@ -10,16 +10,16 @@ from typing import Any, TypeVar
 
 from ..controllers import CONTROLLERS, make_controller
 from ..errors import ConfigurationError, VsconstraintsError, shown
-from ..plugins import code_named, untrusted
-from ..runs.checksums import demand_inside, demand_unchanged
-from ..runs.folder import manifest_of, read_manifest
-from ..runs.resources import most_samples
+from ..plugins.classes import code_named, untrusted
 from ..scenarios import SHIPPED, Scenario
 from ..scenarios.reading import Table, checked, demand_table, made, parameters
 from .entries import demand_stored_names
 from .folder import stored_files
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from .record import RunRecord, run_file
+from .runs.checksums import demand_inside, demand_unchanged
+from .runs.folder import manifest_of, read_manifest
+from .runs.resources import most_samples
 from .tables import read_table
 
 Part = TypeVar("Part")

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError, VsconstraintsError
-from ..plugins import beside
-from ..runs.spec import BASELINE, ControllerSpec, RunSpec
+from ..plugins.classes import beside
 from ..scenarios import Scenario
 from ..scenarios.reading import Table, made
 from ..scenarios.toml import read_toml
@@ -26,6 +25,7 @@ from .entries import (
     with_baseline,
     with_option,
 )
+from .runs.spec import BASELINE, ControllerSpec, RunSpec
 from .variants import scenarios_of
 
 MOST_RUNS = 100_000

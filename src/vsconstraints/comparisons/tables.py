@@ -14,9 +14,9 @@ from typing import Any, get_args
 import numpy as np
 
 from ..errors import ConfigurationError, shown
-from ..runs.files import replaced
 from ..simulation.trajectory import Outcome
 from .metrics import METRICS, ROW_METRICS, RUN
+from .runs.files import replaced
 
 csv.field_size_limit(sys.maxsize)  # labels of many rows together can be long
 

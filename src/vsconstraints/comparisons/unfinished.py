@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import ConfigurationError
-from ..runs.spec import RunSpec
+from .runs.spec import RunSpec
 
 
 def kept_file(folder: Path, spec: RunSpec, what: str = "record") -> Path:

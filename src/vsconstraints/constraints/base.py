@@ -1,7 +1,7 @@
 """What a constraint is, and how its value and gradient become rows.
 
 A constraint gives σ ≤ 0 and ∂σ/∂y in the coordinates y it is about: marker pixels, robot points or joints. The
-chain rule to joint space is here for all constraints, and compiled in :mod:`vsconstraints.kernels.constraint_rows`:
+chain rule to joint space is here for all constraints, and compiled in :mod:`vsconstraints.compiled.constraint_rows`:
 
     φ = σ + K σ̇,  σ̇ = g·ẏ,  L_gφ = K g J,  L_fφ = g·ẏ + K (g·J̇q̇ + ẏᵀ H ẏ),   g = ∂σ/∂y, H = ∂²σ/∂y²
 """
@@ -17,11 +17,11 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 
 from ..errors import ConfigurationError, InvalidInput, shown
-from ..kinematics import RobotPoint
-from ..motion import Motion
-from ..readable import amount, enumerated, in_one_line
+from ..robots.kinematics import RobotPoint
 from ..rows import Array, IntArray
-from ..scene import PointMotion, Scene, State
+from ..rows.readable import amount, enumerated, in_one_line
+from ..vision.motion import Motion
+from ..vision.scene import PointMotion, Scene, State
 from . import by_formula
 from .by_formula import Formula, Frame
 from .form import Form

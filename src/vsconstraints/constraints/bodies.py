@@ -12,10 +12,10 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ConfigurationError
-from ..geometry import Pose, Vector3, vector
-from ..meshes import mesh_files
-from ..renamed import renamed
-from ..robot import Robot
+from ..plugins.renamed import renamed
+from ..robots.geometry import Pose, Vector3, vector
+from ..robots.meshes import mesh_files
+from ..robots.robot import Robot
 from .base import demand_positive
 from .link_points import FIXED, segments
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import contourpy
 import numpy as np
 
+from ..compiled import load
 from ..formulas import polylines
-from ..kernels import load
 from ..rows import Array
 
 STEP = 1.0

@@ -11,9 +11,9 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ConfigurationError, SceneError, unknown_name
-from ..robot import Robot
+from ..robots.robot import Robot
 from ..rows import Array
-from ..scene import Scene, State
+from ..vision.scene import Scene, State
 from .base import Constraint, RowBlock, Trace, demand_margin, demand_positive
 from .bodies import Body, disabled_pairs
 from .by_formula import differences_along

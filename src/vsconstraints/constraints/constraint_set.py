@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, InvalidInput
-from ..kinematics import RobotPoint
-from ..readable import counted, enumerated, in_one_line
+from ..robots.kinematics import RobotPoint
 from ..rows import Array, Rows
-from ..scene import Scene, State
+from ..rows.readable import counted, enumerated, in_one_line
+from ..vision.scene import Scene, State
 from .base import Constraint, RowBlock, Trace
 from .joint_constraint import SpeedConstraint
 

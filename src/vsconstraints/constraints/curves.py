@@ -12,8 +12,8 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import curves as formulas
-from ..geometry import Vector2, vector
-from ..renamed import renamed
+from ..plugins.renamed import renamed
+from ..robots.geometry import Vector2, vector
 from ..rows import Array
 from . import by_formula
 from .by_formula import Formula, Frame

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..camera import Camera
-from ..distortion import MODELS
 from ..errors import ConfigurationError
 from ..formulas import curves as formulas
 from ..rows import Array
+from ..vision.camera import Camera
+from ..vision.distortion import MODELS
 from .base import Trace, demand_positive
 from .by_formula import Formula
 from .image_constraint import ImageConstraint

@@ -9,9 +9,9 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..formulas import regions as formulas
 from ..formulas.regions import SMALL
-from ..geometry import Pose, Vector3, vector
-from ..kinematics import RobotPoint
-from ..renamed import renamed
+from ..plugins.renamed import renamed
+from ..robots.geometry import Pose, Vector3, vector
+from ..robots.kinematics import RobotPoint
 from .forbidden_region import ForbiddenRegion, frame_along
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..formulas.regions import SMALL
-from ..geometry import Pose, Vector3, vector
-from ..kinematics import RobotPoint
-from ..renamed import renamed
+from ..plugins.renamed import renamed
+from ..robots.geometry import Pose, Vector3, vector
+from ..robots.kinematics import RobotPoint
 from ..rows import Array
 from .base import demand_margin, demand_positive
 from .point_constraint import PointConstraint

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..formulas import regions as formulas
-from ..geometry import Pose, Vector3, vector
-from ..kinematics import RobotPoint
-from ..renamed import renamed
+from ..plugins.renamed import renamed
+from ..robots.geometry import Pose, Vector3, vector
+from ..robots.kinematics import RobotPoint
 from ..rows import Array
 from .base import demand_positive
 from .forbidden_region import ForbiddenRegion

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from ..motion import Motion
 from ..rows import Array, IntArray
+from ..vision.motion import Motion
 from .by_formula import Frame
 
 
@@ -16,7 +16,7 @@ class Form(NamedTuple):
     Attributes
     ----------
     rows
-        Module of :mod:`vsconstraints.kernels` that makes such rows.
+        Module of :mod:`vsconstraints.compiled` that makes such rows.
     formulas
         Elementwise functions that it makes them of.
     parameters

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..rows import Array
-from ..scene import PointMotion, Scene, State
+from ..vision.scene import PointMotion, Scene, State
 from . import by_formula
 from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_positive
 from .boundary import Polylines, zero_lines

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..rows import Array
-from ..scene import Scene, State
+from ..vision.scene import Scene, State
 from .base import Constraint, RowBlock, Trace, to_first_order
 from .by_formula import differences_along
 from .form import Form

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import ConfigurationError, shown
-from ..geometry import Numbers
-from ..robot import Robot
+from ..robots.geometry import Numbers
+from ..robots.robot import Robot
 from ..rows import Array
-from ..scene import Scene
+from ..vision.scene import Scene
 from .base import demand_numbers
 from .joint_constraint import JointConstraint
 

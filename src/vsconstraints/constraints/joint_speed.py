@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import ConfigurationError
-from ..geometry import Numbers
-from ..robot import Robot
+from ..robots.geometry import Numbers
+from ..robots.robot import Robot
 from ..rows import Array
-from ..scene import Scene
+from ..vision.scene import Scene
 from .joint_constraint import SpeedConstraint
 from .joint_range import OfJoints, limit_array, select_limits
 

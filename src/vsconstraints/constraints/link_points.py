@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ..decomposition import svd
 from ..errors import ConfigurationError, unknown_name
-from ..kinematics import RobotPoint
-from ..renamed import renamed
-from ..robot import Robot
+from ..plugins.renamed import renamed
+from ..qp.decomposition import svd
+from ..robots.kinematics import RobotPoint
+from ..robots.robot import Robot
 from ..rows import Array
 from .base import demand_positive
 from .surfaces import surface

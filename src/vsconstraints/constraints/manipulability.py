@@ -1,6 +1,6 @@
 """The arm stays away from singular configurations: section 4.3.6.
 
-Singular values are LAPACK's; :mod:`vsconstraints.kernels.manipulability_rows`, where it cannot be called, finds them by
+Singular values are LAPACK's; :mod:`.manipulability_rows`, where it cannot be called, finds them by
 rotations. ``test_arms_of_every_shape`` in ``tests/test_compiled_manipulability.py`` holds the pair together.
 """
 
@@ -10,13 +10,13 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ..decomposition import svd
 from ..errors import ConfigurationError, unknown_name
 from ..formulas.manipulability import SINGULAR
-from ..geometry import skew
-from ..robot import Robot
+from ..qp.decomposition import svd
+from ..robots.geometry import skew
+from ..robots.robot import Robot
 from ..rows import Array
-from ..scene import Scene, State
+from ..vision.scene import Scene, State
 from .base import Constraint, RowBlock, Trace, demand_positive
 from .form import Form
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import ConfigurationError
-from ..features import CameraPose, Goal
 from ..formulas.features import pose_error
 from ..formulas.funnel import funnel
 from ..formulas.tracking import goal_at
 from ..rows import Array, IntArray
-from ..scene import Scene, State
+from ..vision.features import CameraPose, Goal
+from ..vision.scene import Scene, State
 from .base import Constraint, RowBlock, Trace, demand_numbers, demand_positive
 from .form import Form
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import ConfigurationError
-from ..kinematics import RobotPoint
-from ..renamed import renamed
+from ..plugins.renamed import renamed
+from ..robots.kinematics import RobotPoint
 from ..rows import Array
-from ..scene import PointMotion, Scene, State
+from ..vision.scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, demand_positive, to_first_order
 from .form import Form
 

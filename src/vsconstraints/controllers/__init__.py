@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
-from ..plugins import beside, imported_class
+from ..plugins.classes import beside, imported_class
 from .base import Controller
 from .demands import DEMANDS, Barrier, BoundaryLayer, Demand, Firas, ImplicitSwitch, RampRepulsion, Switch
 from .goal_governor import GoalGovernor
@@ -19,17 +19,7 @@ from .named import NAMED, Pair
 from .potential_field import PotentialField
 from .predictive import PredictiveControl
 from .ranges import Choices, Range, ranges_of
-from .resolvers import (
-    RESOLVERS,
-    Additive,
-    Filter,
-    Hierarchy,
-    Priority,
-    Projection,
-    Resolver,
-    Saturation,
-    Scaling,
-)
+from .resolvers import RESOLVERS, Additive, Filter, Hierarchy, Priority, Projection, Resolver, Saturation, Scaling
 from .sliding_mode import SlidingMode
 from .tracking import Tracking
 

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, get_args
 import numpy as np
 
 from ..errors import SolverError, shown
-from ..readable import in_one_line
-from ..row_checks import beyond_rounding, check
 from ..rows import Array, BoolArray, Command, Rows, Status, Task, keep_box
+from ..rows.checks import beyond_rounding, check
+from ..rows.readable import in_one_line
 from .ranges import Declared
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..compiled.model import Model
     from .compiled import BoundLaw
 
 
@@ -99,7 +99,7 @@ class Controller(ABC):
     def reset(self, period: float | None = None) -> None:
         """Forget everything kept between calls (warm starts); a law without memory has nothing to do.
 
-        A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a :class:`vsconstraints.model.Model`, which gives
+        A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a :class:`.Model`, which gives
         rows and task of states to come. Control steps and simulations give it one; no other law has one made.
 
         Parameters

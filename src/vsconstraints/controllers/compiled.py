@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..kernels import entry, load
+from ..compiled import entry, load
 from ..rows import ARRAYS, UNKNOWN, Array, BoolArray, Command, IntArray, Rows, Task, keep_box
 
 if TYPE_CHECKING:
-    from ..kernels.structures import LawArrays
+    from ..compiled.structures import LawArrays
     from .law import Law
 
 BOOL, COUNT, EMPTY = np.dtype(np.bool_), np.dtype(np.int64), np.empty
@@ -52,7 +52,7 @@ class CompiledLaw:
         self.address = int(self._frozen.ctypes.data)
 
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
-        """The function that answers, of :mod:`vsconstraints.kernels.laws`, and what it takes before its outputs."""
+        """The function that answers, of :mod:`vsconstraints.compiled.laws`, and what it takes before its outputs."""
         phi, gain, scale, box = rows.phi, rows.switching_gain, rows.scale, (rows.qdd_min, rows.qdd_max)
         if self.whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
             known = rows.sigma, rows.sigma_dot, rows.K, gain, scale, *box
@@ -140,7 +140,7 @@ class BoundLaw:
     arrays
         The law as compiled loops take it, with ``slack`` (m,) or (0,) and ``count`` (1,) of iterations.
     answer
-        Where compiled code finds what it writes: see :class:`vsconstraints.kernels.structures.Answer`.
+        Where compiled code finds what it writes: see :class:`vsconstraints.compiled.structures.Answer`.
     """
 
     __slots__ = (

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import lapack
 
+from ..compiled import load
+from ..compiled.model import Prediction
 from ..formulas import plans
-from ..kernels import load
-from ..model import Prediction
 from ..qp.penalised import Cost
 from ..rows import UNKNOWN, Array, IntArray, Rows, Task
-from ..tracking import Rest
+from ..vision.tracking import Rest
 from .horizon import Horizon, Instants
 
 

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..compiled.model import Model
 from ..errors import ConfigurationError, InvalidInput, shown
 from ..formulas.tracking import retargeted
-from ..model import Model
 from ..rows import Array, Command, Rows, Task
 from .base import Controller, restart
 from .least_norm import RANK_TOLERANCE, least_norm

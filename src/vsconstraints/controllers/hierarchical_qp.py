@@ -38,7 +38,7 @@ class HierarchicalQP(Law):
     alpha
         Rate α of the barrier [1/s].
     solver
-        ``"auto"``: the dual active-set method of :mod:`vsconstraints.kernels.least_distance`, compiled together with
+        ``"auto"``: the dual active-set method of :mod:`vsconstraints.compiled.least_distance`, compiled together with
         all of this law, and where there is no compiler ``"daqp"``. Or the name of a QP solver, see
         :func:`vsconstraints.qp.solver_names`. If its answer fails the check of the optimality conditions, others are
         asked (:data:`vsconstraints.qp.FALLBACKS`) and the command says so.

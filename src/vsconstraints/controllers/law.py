@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled.structures import ASK
 from ..errors import ConfigurationError, InvalidInput, SolverError, shown
 from ..formulas.row import Row, asked_for
-from ..kernels.structures import ASK
 from ..qp import SolverChain
 from ..rows import OPTIONAL, UNKNOWN, Array, BoolArray, Command, Rows, Task, in_box, keep_box
 from .base import Controller

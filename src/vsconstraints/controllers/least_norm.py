@@ -1,7 +1,7 @@
 """The task alone: of all q̈ that track best the nearest to q̈₀, the command of every law whose rows do not act.
 
 Ranks are decided by singular values, which LAPACK gives; compiled code proves full rank by reflections where it can,
-which is faster: :mod:`vsconstraints.kernels.least_squares`. ``test_every_law_answers_alike_in_both_forms`` in
+which is faster: :mod:`vsconstraints.compiled.least_squares`. ``test_every_law_answers_alike_in_both_forms`` in
 ``tests/test_laws.py`` holds the pair together.
 """
 
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..decomposition import svd
+from ..qp.decomposition import svd
 from ..rows import UNKNOWN, Array, Task
 
 RANK_TOLERANCE = 1e-6

@@ -8,8 +8,8 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ..compiled.model import Model, Prediction, Present
 from ..errors import InvalidInput, SolverError, shown
-from ..model import Model, Prediction, Present
 from ..qp import SolverChain
 from ..qp.lexicographic import PULLING, ZERO_GRADIENT
 from ..qp.penalised import Penalised, penalised

@@ -1,6 +1,6 @@
 """How tracking answers to a reference that stands still: what is predicted to decide whether it may be moved there.
 
-In NumPy a model is asked sample after sample; :mod:`vsconstraints.kernels.response` asks the compiled step, in one
+In NumPy a model is asked sample after sample; :mod:`vsconstraints.compiled.response` asks the compiled step, in one
 loop. ``test_responses_alike_in_both_forms`` in ``tests/test_goal_governor.py`` holds the pair together.
 """
 
@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..compiled import load
+from ..compiled.model import Model
 from ..errors import InvalidInput, SceneError
 from ..formulas.tracking import held_gains, held_rest, retargeted
-from ..kernels import load
-from ..model import Model
 from ..rows import Array
 from .compiled import SCRATCH
 from .least_norm import RANK_TOLERANCE, least_norm

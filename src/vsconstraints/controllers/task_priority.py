@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..decomposition import norm, svd
+from ..qp.decomposition import norm, svd
 from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import UNKNOWN, Array, BoolArray, Command, Rows, Task
 from .least_norm import track
@@ -19,7 +19,7 @@ def resolve(
     pure rounding. The rank of A₁ is therefore decided on A₁; the null space is spanned by an orthonormal basis Z; and
     A₂Z is cut relative to the largest singular value of A₂.
 
-    This and :func:`vsconstraints.kernels.least_squares.resolve` are a pair: here singular values by LAPACK, there
+    This and :func:`vsconstraints.compiled.least_squares.resolve` are a pair: here singular values by LAPACK, there
     reflections, which compiled code can do on its own arrays. ``test_every_law_answers_alike_in_both_forms`` in
     ``tests/test_laws.py`` holds it together.
 

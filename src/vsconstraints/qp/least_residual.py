@@ -1,6 +1,6 @@
 """Level 2 of the hierarchy by itself: the least residual of the task among points that rows allow.
 
-Compiled in :mod:`vsconstraints.kernels.least_residual`; see :mod:`vsconstraints.qp.lexicographic`.
+Compiled in :mod:`vsconstraints.compiled.least_residual`; see :mod:`vsconstraints.qp.lexicographic`.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..decomposition import norm, svd
 from ..rows import Array, BoolArray
+from .decomposition import norm, svd
 
 REACHED = 1e-12
 """A step that changes the residual by less than this fraction of its terms is none."""

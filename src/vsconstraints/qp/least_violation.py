@@ -1,6 +1,6 @@
 """Level 1 of the hierarchy: the points that violate rows least, found exactly.
 
-Compiled in :mod:`vsconstraints.kernels.least_violation`; see :mod:`vsconstraints.qp.lexicographic`.
+Compiled in :mod:`vsconstraints.compiled.least_violation`; see :mod:`vsconstraints.qp.lexicographic`.
 """
 
 from __future__ import annotations

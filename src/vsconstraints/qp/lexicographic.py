@@ -1,6 +1,6 @@
 """Strict priorities between rows and a quadratic cost: the least violation first, then the least cost.
 
-For QP solvers with names, and where there is no compiler; :mod:`vsconstraints.kernels.hierarchy`, which says why there
+For QP solvers with names, and where there is no compiler; :mod:`vsconstraints.compiled.hierarchy`, which says why there
 are two, is the compiled one of the pair. ``test_the_two_descents_agree`` in ``tests/test_kernels.py`` holds them
 together.
 """
@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..decomposition import svd
 from ..errors import SolverError
 from ..rows import Array, BoolArray
 from .chain import SolverChain, Verified
+from .decomposition import svd
 from .least_distance import least_distance
 from .least_residual import least_residual
 from .least_violation import least_violation

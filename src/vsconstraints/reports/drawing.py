@@ -11,15 +11,15 @@ from pathlib import Path, PurePath
 from ..comparisons import RunRecord
 from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
-from ..figures import FORMATS, PNG, Formats
-from ..runs.pool import Failure, carry_out
-from ..runs.resources import most_samples, process_count
+from ..comparisons.runs.pool import Failure, carry_out
+from ..comparisons.runs.resources import most_samples, process_count
 from ..scenarios import Scenario
 from ..simulation import Setup
 from .figures import DISTURBANCE, ENDINGS, FIGURES, OVERVIEW, View
 from .figures.trade_off import shown_runs
 from .groups import Group
 from .picture import picture
+from .plots import FORMATS, PNG, Formats
 from .results import Results
 from .rows_shown import acting_in, lane_rows, phi_rows
 

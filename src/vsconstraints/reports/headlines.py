@@ -8,7 +8,7 @@ from urllib.parse import quote
 
 from ..comparisons.metrics import METRICS, NEGLIGIBLE, TOLERANT, Metric
 from ..comparisons.suite import BASELINE
-from ..readable import counted
+from ..rows.readable import counted
 from ..simulation.separation import UNSOLVABLE
 from .best import shown
 from .markdown import bold, bullets, code, enumeration

@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from ..comparisons.runs.files import replaced
 from ..errors import StorageError
-from ..runs.files import replaced
 from .markdown import cells_of
 
 FOLDER = "tables"

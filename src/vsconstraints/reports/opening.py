@@ -8,7 +8,7 @@ from pathlib import PurePath
 
 from ..comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ..comparisons.suite import BASELINE
-from ..readable import counted
+from ..rows.readable import counted
 from ..scenarios import Scenario
 from .headlines import some
 from .markdown import bold, enumeration, plain
@@ -87,7 +87,7 @@ def _challenge(results: Results) -> str:
 
 def _ranking(results: Results, clean: Mapping[str, int], standard: str) -> str:
     """Who converged without violating a row, by a standard, and how often; of several trials with exact intervals."""
-    from ..statistics import rate_of, rate_text
+    from ..comparisons.statistics import rate_of, rate_text
 
     by_count: dict[tuple[int, int], list[str]] = defaultdict(list)
     for name, good in clean.items():

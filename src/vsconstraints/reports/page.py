@@ -10,7 +10,7 @@ from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING
 
-from ..runs.files import replaced
+from ..comparisons.runs.files import replaced
 from .markdown import PAGE, page_widths
 
 if TYPE_CHECKING:

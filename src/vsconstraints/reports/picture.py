@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..figures import Figure, Formats
+from .plots import Figure, Formats
 
 
 def picture(figure: Figure, folder: Path, formats: Formats, *needed: object, suffix: str = "", remark: str = "") -> str:

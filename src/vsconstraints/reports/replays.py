@@ -8,10 +8,10 @@ from urllib.parse import quote
 from ..comparisons.record import run_file
 from ..comparisons.suite import BASELINE
 from ..errors import ConfigurationError, described
-from ..replay import ReplayRun, write_replay
-from ..replay.asked import of_record
 from .drawing import TRIAL_SHOWN, Drawn
 from .markdown import code
+from .replay import ReplayRun, write_replay
+from .replay.asked import of_record
 from .results import Line, Results, clean
 
 FOLDER = "replays"

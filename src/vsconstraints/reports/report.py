@@ -8,10 +8,9 @@ from functools import partial
 from pathlib import Path
 
 from ..comparisons import StoredComparison
+from ..comparisons.runs.folder import held
 from ..errors import StorageError
-from ..extras import demand
-from ..figures import PNG, Formats
-from ..runs.folder import held
+from ..plugins.extras import demand
 from .closing import closing
 from .drawing import Drawn, draw_all, draw_endings, draw_overview, remove_stale, scenario_jobs
 from .failures import failures
@@ -19,6 +18,7 @@ from .headlines import findings
 from .opening import opening
 from .outcomes import outcomes
 from .page import write_pages
+from .plots import PNG, Formats
 from .replays import add_replays
 from .results import Results
 from .scenario_section import scenarios_section

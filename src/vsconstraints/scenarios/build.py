@@ -10,25 +10,25 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from ..camera import Camera
 from ..constraints import ConstraintSet, robot_points
 from ..constraints.base import demand_positive
 from ..errors import ConfigurationError, unknown_name
-from ..features import FEATURES
-from ..geometry import Pose, Vector3
-from ..images.settings import SENSORS, ImageSettings
-from ..limits import NO_LIMITS, ActuatorLimits
-from ..motion import Motion, TargetMotion
-from ..robot import Robot
-from ..robots import ready_made
+from ..robots.catalogue import ready_made
+from ..robots.geometry import Pose, Vector3
+from ..robots.limits import NO_LIMITS, ActuatorLimits
+from ..robots.robot import Robot
 from ..rows import Array
-from ..scene import Scene
 from ..simulation import Setup, Tolerances
 from ..simulation.disturbances import Disturbances
 from ..simulation.dynamics import PLANTS, ArmDynamics
 from ..simulation.plant import Actuation
 from ..simulation.sensing import believed_camera
-from ..tracking import TrackingGains, VisualTask
+from ..vision.camera import Camera
+from ..vision.features import FEATURES
+from ..vision.images.settings import SENSORS, ImageSettings
+from ..vision.motion import Motion, TargetMotion
+from ..vision.scene import Scene
+from ..vision.tracking import TrackingGains, VisualTask
 from .cameras import make_camera
 from .constraint_types import make_constraint
 from .goals import make_goal

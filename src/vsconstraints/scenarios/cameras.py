@@ -10,9 +10,9 @@ from typing import Annotated, Any
 
 import msgspec
 
-from ..camera import Camera
 from ..errors import ConfigurationError, InvalidInput, shown
-from ..geometry import Pose, Vector3
+from ..robots.geometry import Pose, Vector3
+from ..vision.camera import Camera
 from .reading import Table, demand_known, demand_table, made, parameters
 
 Vector4 = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
@@ -25,7 +25,7 @@ SAID = ("focal_px", "principal_point_px", "distortion")
 
 @dataclass(frozen=True)
 class Places:
-    """Keys of a camera's table of which one says where it is: see :meth:`vsconstraints.camera.Camera.mounted`."""
+    """Keys of a camera's table of which one says where it is: see :meth:`.mounted`."""
 
     camera_in_tip: Table | None = None
     tip_in_camera: Table | None = None

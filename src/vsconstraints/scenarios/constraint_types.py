@@ -10,7 +10,6 @@ import coal
 import msgspec
 import numpy as np
 
-from ..camera import Camera
 from ..constraints import (
     Body,
     Collision,
@@ -37,12 +36,13 @@ from ..constraints import (
 from ..constraints.base import PositionConstraint
 from ..constraints.curves import SHAPES, Shape
 from ..errors import ConfigurationError, VsconstraintsError, described, shown
-from ..features import Goal
-from ..geometry import Pose
-from ..kinematics import RobotPoint
-from ..motion import Motion
-from ..plugins import imported_class
-from ..robot import Robot
+from ..plugins.classes import imported_class
+from ..robots.geometry import Pose
+from ..robots.kinematics import RobotPoint
+from ..robots.robot import Robot
+from ..vision.camera import Camera
+from ..vision.features import Goal
+from ..vision.motion import Motion
 from .reading import (
     Given,
     Table,

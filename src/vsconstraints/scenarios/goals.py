@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera import Camera
 from ..errors import ConfigurationError, InvalidInput, SceneError, shown
-from ..features import Goal
-from ..geometry import Pose, Vector2
-from ..references import MinimumJerk
+from ..robots.geometry import Pose, Vector2
 from ..rows import Array
-from ..scene import MINIMUM_DEPTH, Scene
 from ..simulation.sensing import shown_to
+from ..vision.camera import Camera
+from ..vision.features import Goal
+from ..vision.references import MinimumJerk
+from ..vision.scene import MINIMUM_DEPTH, Scene
 from .reading import Table, made
 
 

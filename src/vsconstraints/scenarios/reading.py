@@ -18,8 +18,8 @@ import msgspec
 import numpy as np
 
 from ..errors import ConfigurationError, shown, unknown_name
-from ..geometry import Pose, Vector3
-from ..motion import Motion
+from ..robots.geometry import Pose, Vector3
+from ..vision.motion import Motion
 
 Table = dict[str, Any]
 """A table of a file, by its keys."""

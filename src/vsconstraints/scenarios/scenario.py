@@ -16,8 +16,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import ConfigurationError, VsconstraintsError, described, shown
-from ..meshes import mesh_files, mesh_folders
-from ..plugins import IN_SESSION, beside, code_named, module_files, untrusted
+from ..plugins.classes import IN_SESSION, beside, code_named, module_files, untrusted
+from ..robots.meshes import mesh_files, mesh_folders
 from ..simulation import Setup
 from .build import build
 from .cameras import not_said_again

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from ..features import CameraPose
-from ..kernels.samples import Goals, Kept, Loop, Running
-from ..kernels.structures import Answer, Size, Step
+from ..compiled.samples import Goals, Kept, Loop, Running
+from ..compiled.structures import Answer, Size, Step
+from ..vision.features import CameraPose
 from .plant import Plant
 from .setup import Setup
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..errors import InvalidInput
-from ..geometry import Vector3, vector
+from ..robots.geometry import Vector3, vector
 from ..rows import Array
 
 GRADIENT_SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)

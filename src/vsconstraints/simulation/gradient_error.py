@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..compiled import load
+from ..compiled.structures import Step
 from ..constraints import ConstraintSet, SpeedConstraint
 from ..errors import ConfigurationError, unknown_name
 from ..formulas.gradient_error import gradient_error
-from ..kernels import load
-from ..kernels.structures import Step
 from ..rows import Array, Rows
 from .disturbances import VISIBILITY, Disturbances
 

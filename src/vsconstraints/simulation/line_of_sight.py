@@ -11,7 +11,7 @@ import pinocchio as pin
 from ..constraints import Body, link_bodies
 from ..errors import ConfigurationError
 from ..rows import Array, BoolArray
-from ..scene import Scene
+from ..vision.scene import Scene
 
 THIN = 1e-6
 """Radius of a line of sight [m]."""

@@ -9,16 +9,16 @@ from time import perf_counter
 
 import numpy as np
 
+from ..compiled import load
+from ..compiled.evaluation import CompiledEvaluation
+from ..compiled.model import Model
+from ..compiled.samples import ALONE, LAW, MOVE, STEP, Loop, finish
+from ..compiled.structures import frozen
 from ..controllers import Controller
 from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
 from ..errors import SceneError, described
-from ..evaluation import CompiledEvaluation
-from ..kernels import load
-from ..kernels.samples import ALONE, LAW, MOVE, STEP, Loop, finish
-from ..kernels.structures import frozen
-from ..model import Model
 from ..rows import Rows, Task
 from .arrays import blank_step, make_loop, rest
 from .between import between_clearance

@@ -22,9 +22,9 @@ from ..constraints import (
 )
 from ..constraints.bodies import convex
 from ..errors import ConfigurationError
-from ..images.settings import OpaqueName
 from ..rows import Array
-from ..scene import Scene
+from ..vision.images.settings import OpaqueName
+from ..vision.scene import Scene
 from .line_of_sight import LinesOfSight
 
 POINTS = 300

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..features import CameraPose
+from ..compiled.samples import Loop
 from ..formulas.tracking import goals_at
-from ..geometry import Pose, distances
-from ..kernels.samples import Loop
+from ..robots.geometry import Pose, distances
 from ..rows import Array, IntArray
+from ..vision.features import CameraPose
 from .arrays import rest
 from .setup import Setup
 from .trajectory import Outcome

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..constraints import ConstraintSet
 from ..controllers import Tracking
-from ..scene import Scene
+from ..vision.scene import Scene
 from .disturbances import Disturbances
 from .loop import score_run
 from .setup import Setup

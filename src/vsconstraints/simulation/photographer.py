@@ -9,14 +9,14 @@ import numpy as np
 import pinocchio as pin
 
 from ..constraints import Constraint, Occlusion
-from ..geometry import Pose
-from ..images.board import Board
-from ..images.detectors import Pixels
-from ..images.rendering import Renderer
-from ..images.settings import ImageSettings
-from ..images.silhouettes import covered
+from ..robots.geometry import Pose
 from ..rows import Array, BoolArray
-from ..scene import Scene, State
+from ..vision.images.board import Board
+from ..vision.images.detectors import Pixels
+from ..vision.images.rendering import Renderer
+from ..vision.images.settings import ImageSettings
+from ..vision.images.silhouettes import covered
+from ..vision.scene import Scene, State
 from .opaque import Opaque
 
 

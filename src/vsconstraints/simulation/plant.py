@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import expm
 
+from ..compiled.samples import PlantArrays, hold
 from ..errors import InvalidInput
 from ..formulas.limits import JointLimits
-from ..kernels.samples import PlantArrays, hold
 from ..rows import Array, IntArray
 from .disturbances import Disturbances
 
@@ -28,9 +28,9 @@ class Plant:
     position control q̈ = (q_c − q)/τ² + 2 (q̇_c − q̇)/τ + d_c, or q = q_c.
 
     Commands beyond the actuators' limits, if any are stated, are brought to them: the loop does so
-    (:func:`vsconstraints.kernels.samples.saturate`).
+    (:func:`vsconstraints.compiled.samples.saturate`).
 
-    q_c is what an :class:`vsconstraints.order_filter.OrderFilter` gives, as a part of the state.
+    q_c is what an :class:`vsconstraints.robots.order_filter.OrderFilter` gives, as a part of the state.
 
     Attributes
     ----------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..control_step import ControlStep
+from ..compiled.control_step import ControlStep
 from ..controllers import Tracking
 from ..controllers.compiled import BoundLaw
 from .setup import Setup

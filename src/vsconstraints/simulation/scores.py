@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..kernels.samples import Loop
-from ..readable import amount, counted, in_one_line
+from ..compiled.samples import Loop
 from ..rows import Array
+from ..rows.readable import amount, counted, in_one_line
 from .outcome import settling_times
 from .setup import Setup
 from .trajectory import Outcome

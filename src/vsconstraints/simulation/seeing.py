@@ -10,14 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ConfigurationError, SceneError
-from ..geometry import Pose
-from ..images.board import Board
-from ..images.detectors import DETECTORS, Detector
-from ..images.settings import ImageSettings
-from ..images.sighting import Sighting, sight
-from ..measurement import Measurement
+from ..robots.geometry import Pose
 from ..rows import Array
-from ..scene import Scene, State
+from ..vision.images.board import Board
+from ..vision.images.detectors import DETECTORS, Detector
+from ..vision.images.settings import ImageSettings
+from ..vision.images.sighting import Sighting, sight
+from ..vision.measurement import Measurement
+from ..vision.scene import Scene, State
 from .disturbances import Disturbances
 from .photographer import Photographer
 from .sensing import Sensor

@@ -8,16 +8,16 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from ..camera import Camera
+from ..compiled import load
+from ..compiled.cameras import write_camera
+from ..compiled.images import Images, Lenses, Sensing, usable
+from ..compiled.structures import Scratch, Step
 from ..errors import ConfigurationError, SceneError
-from ..geometry import Pose
-from ..kernels import load
-from ..kernels.cameras import write_camera
-from ..kernels.images import Images, Lenses, Sensing, usable
-from ..kernels.structures import Scratch, Step
-from ..pose_estimate import estimated_pose
+from ..robots.geometry import Pose
 from ..rows import Array, BoolArray
-from ..scene import Scene, State
+from ..vision.camera import Camera
+from ..vision.pose_estimate import estimated_pose
+from ..vision.scene import Scene, State
 from .disturbances import Disturbances
 
 __all__ = ["Expectation", "Sensor", "believed_camera", "estimated_pose", "ideal_pixels", "shown_to"]

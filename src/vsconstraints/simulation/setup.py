@@ -8,19 +8,19 @@ from typing import Literal
 
 import numpy as np
 
+from ..compiled.control_step import ControlStep
 from ..constraints import ConstraintSet, Trace
-from ..control_step import ControlStep
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
-from ..features import CameraPose
 from ..formulas.poses import reached
 from ..formulas.tracking import goals_at
-from ..images.settings import ImageSettings
-from ..limits import NO_LIMITS, ActuatorLimits
-from ..readable import amount, counted, in_one_line
-from ..renamed import renamed
+from ..plugins.renamed import renamed
+from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import Array, BoolArray
-from ..scene import Scene
-from ..tracking import VisualTask
+from ..rows.readable import amount, counted, in_one_line
+from ..vision.features import CameraPose
+from ..vision.images.settings import ImageSettings
+from ..vision.scene import Scene
+from ..vision.tracking import VisualTask
 from .disturbances import Disturbances
 from .dynamics import ArmDynamics, DynamicPlant
 from .dynamics.plant import Start

@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from ..readable import amount, counted, in_one_line
 from ..rows import Array, BoolArray
+from ..rows.readable import amount, counted, in_one_line
 
 Outcome = Literal["converged", "slow", "trapped", "aborted", "failed", "unfinished"]
 """How a simulation ended.
@@ -49,7 +49,7 @@ class Trajectory:
     phi, sigma, clearance
         (N, m) as they are, also where a controller believes otherwise.
     active
-        (N, m) rows that hold the arm back: :func:`vsconstraints.kernels.samples.mark_acting`.
+        (N, m) rows that hold the arm back: :func:`vsconstraints.compiled.samples.mark_acting`.
     saturated
         (N,) whether the command is at a limit of the actuators.
     share_to_hold

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...readable import in_one_line
+from ...rows.readable import in_one_line
 from ..record import RunRecord
 from .measured import Measured
 from .table import METRICS, ROW_METRICS

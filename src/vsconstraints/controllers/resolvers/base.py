@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...kernels import load
-from ...kernels.structures import DONE
+from ...compiled import load
+from ...compiled.structures import DONE
 from ...qp import SolverChain
 from ...rows import Array, BoolArray, Command, Rows, Task
 from ..demands import Demand
@@ -36,7 +36,7 @@ class Resolver(ABC):
     name
         In reports.
     kernel
-        Module and name of its compiled form, see :class:`vsconstraints.kernels.structures.LawArrays`.
+        Module and name of its compiled form, see :class:`vsconstraints.compiled.structures.LawArrays`.
     otherwise
         Module and name of the compiled form that answers where this one does not, on the same options; None if there
         is none.

@@ -8,8 +8,8 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from ...compiled.structures import NEAREST, WEIGHED
 from ...errors import unknown_name
-from ...kernels.structures import NEAREST, WEIGHED
 from ...rows import Array, BoolArray, Rows
 from ..least_norm import LeastNorm
 from ..ranges import Choices, Declared, Range

@@ -10,9 +10,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...compiled.structures import DONE, RELAXED_ROWS, RELAXED_SHORT, SHORT, STRICT
 from ...errors import ConfigurationError, InvalidInput, SolverError, shown
 from ...formulas.row import BOUND
-from ...kernels.structures import DONE, RELAXED_ROWS, RELAXED_SHORT, SHORT, STRICT
 from ...qp import Cost, SolverChain, lexicographic
 from ...qp.lexicographic import MET, ZERO_GRADIENT
 from ...rows import Array, BoolArray, Command, Rows, Task
@@ -108,7 +108,7 @@ class Hierarchy(Resolver):
 
     @property
     def aim(self) -> int:
-        """What the levels below the rows are: one of those of :mod:`vsconstraints.kernels.structures`."""
+        """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.structures`."""
         return STRICT
 
     def near(self, rows: Rows, tracking: LeastNorm, c: Array) -> tuple[LeastNorm, BoolArray]:

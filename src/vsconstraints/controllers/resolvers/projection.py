@@ -1,6 +1,6 @@
 """Tracking, and pushes of the rows that leave the norm of the task's error alone: the large projection operator.
 
-It works on matrices of the rows that are held, decomposed by LAPACK; :mod:`vsconstraints.kernels.projection` works on
+It works on matrices of the rows that are held, decomposed by LAPACK; :mod:`vsconstraints.compiled.projection` works on
 arrays that are there beforehand. ``test_both_forms_agree_to_nine_digits`` in ``tests/test_resolvers.py`` holds the pair
 together.
 """

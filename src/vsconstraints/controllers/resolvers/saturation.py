@@ -1,6 +1,6 @@
 """Saturation in the null space: rows that would exceed their demands are held at them, one after another.
 
-It works on matrices of the rows that are held, decomposed by LAPACK; :mod:`vsconstraints.kernels.saturation` works on
+It works on matrices of the rows that are held, decomposed by LAPACK; :mod:`vsconstraints.compiled.saturation` works on
 arrays that are there beforehand. ``test_both_forms_agree_to_nine_digits`` in ``tests/test_resolvers.py`` holds the pair
 together.
 """

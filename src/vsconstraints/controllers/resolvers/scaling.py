@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...compiled.structures import SCALED
 from ...formulas.row import share
-from ...kernels.structures import SCALED
 from ...qp.lexicographic import ZERO_GRADIENT
 from ...rows import Array, BoolArray, Rows
 from ..demands import Demand

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ...comparisons.metrics import NEGLIGIBLE, TOLERANT
+from ...comparisons.runs.spec import BASELINE
+from ...comparisons.statistics import rate
 from ...controllers.demands import USES
-from ...readable import counted
-from ...runs.spec import BASELINE
-from ...statistics import rate
+from ...rows.readable import counted
 from ..markdown import bold, enumeration
 from ..numbers import number, of_length
 from .decisions import best_by

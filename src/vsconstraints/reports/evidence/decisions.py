@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...comparisons.metrics import NEGLIGIBLE, TOLERANT
-from ...statistics.judged import judged_metric
+from ...comparisons.statistics.judged import judged_metric
 from ..markdown import bold, enumeration, table
 from ..numbers import DASH, of_length
 from .material import Material

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ...figures import Figure
 from ..picture import picture
+from ..plots import Figure
 from .material import Material
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
-from ...readable import counted
-from ...runs.spec import BASELINE
+from ...comparisons.runs.spec import BASELINE
+from ...rows.readable import counted
 from ..challenges import FINER
 from ..failures import kind
 from ..markdown import code, enumeration, plain, table

@@ -7,8 +7,8 @@ from math import isfinite
 from statistics import median
 from typing import Any, NamedTuple
 
-from ...readable import counted
-from ...statistics import detectable, simultaneous
+from ...comparisons.statistics import detectable, simultaneous
+from ...rows.readable import counted
 from ..markdown import bold, bullets, enumeration, table
 from ..numbers import DASH
 from .material import SCENE, Material
@@ -84,7 +84,7 @@ class Power(NamedTuple):
         On which a pair is compared: median over the conclusions.
     detectable
         Share of scenes by which the law that was ahead must fall behind the other one, to be found with a chance of
-        :data:`POWER` (:func:`vsconstraints.statistics.detectable`); of success and violation the difference of rates.
+        :data:`POWER` (:func:`.detectable`); of success and violation the difference of rates.
         Infinite where nothing would be.
     """
 

@@ -9,16 +9,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ...figures import PNG, Formats
-from ...figures.style import TUNED
-from ...runs.spec import BASELINE
-from ...statistics.judged import OUTCOMES
+from ...comparisons.runs.spec import BASELINE
+from ...comparisons.statistics.judged import OUTCOMES
 from ..groups import uses
+from ..plots import PNG, Formats
+from ..plots.style import TUNED
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ...evidence import Evidence
+    from ...comparisons.evidence import Evidence
 
 Worked = TypeVar("Worked")
 

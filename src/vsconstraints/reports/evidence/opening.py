@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...comparisons.metrics import NEGLIGIBLE
-from ...readable import counted
+from ...rows.readable import counted
 from ..markdown import bold, bullets, plain, table
 from ..numbers import DASH, median, number, of_length
 from .answers import answers

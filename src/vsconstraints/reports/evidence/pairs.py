@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import Any, NamedTuple
 
-from ...readable import counted
-from ...statistics import compare_laws
+from ...comparisons.statistics import compare_laws
+from ...rows.readable import counted
 from ..numbers import number
 from .words import percentage
 
@@ -17,7 +17,7 @@ class Measure(NamedTuple):
     Attributes
     ----------
     name
-        Of an outcome or a metric of :mod:`vsconstraints.statistics`.
+        Of an outcome or a metric of :mod:`vsconstraints.comparisons.statistics`.
     words, title
         What sentences and headings call it.
     margin

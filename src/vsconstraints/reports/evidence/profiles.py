@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...statistics import costs, profile, ranks
+from ...comparisons.statistics import costs, profile, ranks
 from ..markdown import table
 from ..numbers import DASH, number
 from .drawing import shown

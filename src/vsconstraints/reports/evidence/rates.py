@@ -7,11 +7,11 @@ from math import ceil
 import numpy as np
 
 from ...comparisons.metrics import NEGLIGIBLE, TOLERANCES, TOLERANT
-from ...figures import Figure
-from ...statistics import rate
+from ...comparisons.statistics import rate
 from ..figures.heat_map import HeatMap, draw_heat_map
 from ..markdown import bold, table
 from ..numbers import DASH, of_length
+from ..plots import Figure
 from .drawing import shown
 from .material import Material
 from .opening import success_cells

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...comparisons import RunRecord
+from ...comparisons.evidence import Evidence
 from ...controllers import Controller, make_controller
 from ...errors import unknown_name
-from ...evidence import Evidence
-from ...plugins import untrusted
+from ...plugins.classes import untrusted
 from ...simulation import Setup, simulate, until_settled
 
 

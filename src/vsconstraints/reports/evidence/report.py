@@ -6,11 +6,11 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+from ...comparisons.evidence import Evidence
+from ...comparisons.runs.files import replaced
 from ...errors import ConfigurationError, StorageError
-from ...evidence import Evidence
-from ...figures import PNG, Formats
-from ...runs.files import replaced
 from ..page import write_pages
+from ..plots import PNG, Formats
 from .closing import closing
 from .decisions import decisions
 from .failing import failing

@@ -6,7 +6,7 @@ import json
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from ...readable import counted
+from ...rows.readable import counted
 from ..markdown import bullets, enumeration, plain, table
 from ..numbers import DASH
 from .material import Material

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ...figures import Figure
-from ...runs.spec import BASELINE
+from ...comparisons.runs.spec import BASELINE
 from ..figures import FIGURES, View
 from ..groups import MOST
 from ..markdown import enumeration, plain
+from ..plots import Figure
 from .drawing import shown
 from .material import Material
 from .replay import again, setup_of

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from ...statistics import distinguishable, mcnemar, rate, simultaneous
-from ...statistics.inputs import FEWEST
+from ...comparisons.statistics import distinguishable, mcnemar, rate, simultaneous
+from ...comparisons.statistics.inputs import FEWEST
 from .material import Material
 from .words import Share
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...comparisons.evidence.parquet import UNREADABLE
 from ...errors import ConfigurationError, one_line
-from ...evidence.parquet import UNREADABLE
 from ..markdown import plain, table
 from ..numbers import DASH, number
 from .drawing import shown

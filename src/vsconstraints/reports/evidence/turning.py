@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...readable import counted
+from ...rows.readable import counted
 from ..markdown import bold, enumeration, plain
 from .material import Material
 from .sentence import Sentence

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...readable import counted
-from ...statistics import Rate
+from ...comparisons.statistics import Rate
+from ...rows.readable import counted
 from ..markdown import plain
 from ..numbers import DASH
 

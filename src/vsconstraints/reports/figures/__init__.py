@@ -1,6 +1,6 @@
 """Figures of a report: two that show a whole comparison, and the table of those of each scenario."""
 
-from ...figures import Figure
+from ..plots import Figure
 from .acceleration import draw_acceleration
 from .disturbance import draw_disturbance
 from .endings import draw_endings

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...figures import Sheet, area, decades, extremes, line, logarithmic, window_means
+from ..plots import Sheet, area, decades, extremes, line, logarithmic, window_means
 from .view import View
 
 RANGE_BINS, MEAN_BINS = 300, 100

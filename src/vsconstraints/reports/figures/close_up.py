@@ -8,8 +8,8 @@ import numpy as np
 
 from ...comparisons import RunRecord
 from ...comparisons.metrics import NEGLIGIBLE
-from ...figures.image import Plane
 from ...rows import Array
+from ..plots.image import Plane
 from .view import View
 
 SHARE = 0.025

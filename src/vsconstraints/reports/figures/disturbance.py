@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ...figures import Sheet, area, decades, extremes, line, logarithmic
-from ...figures.style import FAINT
 from ...simulation.dynamics.equivalent import Equivalent
+from ..plots import Sheet, area, decades, extremes, line, logarithmic
+from ..plots.style import FAINT
 from .view import View
 
 BINS = 300

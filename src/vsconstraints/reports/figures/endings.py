@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from ...figures import Sheet
 from ..numbers import largest, median, number
+from ..plots import Sheet
 from ..results import Line, Results, clean, violated
 from .heat_map import HeatMap, draw_heat_map
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ...comparisons import RunRecord
-from ...features import ImagePoints
-from ...figures import INK, Sheet, decades, logarithmic, zigzag
-from ...figures.marks import note
 from ...rows import Array
+from ...vision.features import ImagePoints
+from ..plots import INK, Sheet, decades, logarithmic, zigzag
+from ..plots.marks import note
 from .view import View
 
 BINS = 300

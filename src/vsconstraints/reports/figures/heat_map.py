@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...figures import INK, WIDTH, Sheet, shortened
 from ...rows import Array
+from ..plots import INK, WIDTH, Sheet, shortened
 
 COLOURS = "RdYlBu"
 """From the worst to the best, of matplotlib: told apart by colour-blind readers, too."""

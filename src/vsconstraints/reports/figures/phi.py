@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.suite import BASELINE
-from ...figures import Sheet, area, band, decades, extremes, logarithmic, zero_line
-from ...figures.style import FAINT
 from ...simulation import intervals
+from ..plots import Sheet, area, band, decades, extremes, logarithmic, zero_line
+from ..plots.style import FAINT
 from .view import View
 
 PANEL = 1.0

@@ -9,10 +9,10 @@ import numpy as np
 from ...comparisons import RunRecord
 from ...comparisons.metrics import NEGLIGIBLE
 from ...comparisons.suite import BASELINE
-from ...figures import INK, WIDTH, Sheet, line, patch
-from ...figures.image import Plane, square, symbol, tracks
-from ...figures.style import FAINT
 from ...rows import BoolArray
+from ..plots import INK, WIDTH, Sheet, line, patch
+from ..plots.image import Plane, square, symbol, tracks
+from ..plots.style import FAINT
 from .close_up import CloseUp, close_up, comes_here, rows_in_image
 from .view import View
 

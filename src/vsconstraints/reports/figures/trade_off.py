@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from ...comparisons.suite import BASELINE
-from ...figures import WIDTH, Look, Sheet, darker, decades, logarithmic, looks, shortened
-from ...figures.image import symbol
 from ..numbers import median
+from ..plots import WIDTH, Look, Sheet, darker, decades, logarithmic, looks, shortened
+from ..plots.image import symbol
 from ..results import Line, Results
 
 LEAST_UNUSED = 1e-4

@@ -9,9 +9,9 @@ from typing import Any
 
 from ...comparisons import RunRecord
 from ...comparisons.suite import BASELINE
-from ...figures import Look, darker, line, looks, shortened, time_axis
-from ...figures.marks import widths
 from ...simulation import Setup
+from ..plots import Look, darker, line, looks, shortened, time_axis
+from ..plots.marks import widths
 
 
 @dataclass(frozen=True)

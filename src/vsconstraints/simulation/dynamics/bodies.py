@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from ...compiled import load
+from ...compiled.arm import BodyArrays
 from ...errors import ConfigurationError, InvalidInput, shown
-from ...geometry import Vector3, vector
-from ...kernels import load
-from ...kernels.arm import BodyArrays
-from ...robot import Robot
+from ...robots.geometry import Vector3, vector
+from ...robots.robot import Robot
 from ...rows import Array
 
 SINGULAR = 1e-9

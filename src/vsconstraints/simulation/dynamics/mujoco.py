@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...compiled.arm import Arm
+from ...compiled.arm_motion import know_motion, rub
 from ...errors import ConfigurationError, described
-from ...extras import demand
-from ...kernels.arm import Arm
-from ...kernels.arm_motion import know_motion, rub
-from ...robot import Robot
+from ...plugins.extras import demand
+from ...robots.robot import Robot
+from ...robots.urdf import UrdfSource
 from ...rows import Array
-from ...urdf import UrdfSource
 from .engine import PinocchioEngine
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class MujocoEngine(PinocchioEngine):
         self.model.dof_damping[:], self.model.dof_frictionloss[:] = 0.0, 0.0
 
     def move(self, arm: Arm, q: Array, qd: Array, command: Array) -> None:
-        """As :func:`vsconstraints.kernels.arm_motion.substep`; the torque is held."""
+        """As :func:`vsconstraints.compiled.arm_motion.substep`; the torque is held."""
         data, at, v_at = self.data, self._at, self._v_at
         rub(arm, qd)
         data.qpos[at], data.qvel[v_at] = q, qd

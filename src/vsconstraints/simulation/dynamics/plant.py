@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...compiled import load
+from ...compiled.arm import POSITION, SPEED, TORQUE, Arm, Drive, Engine, blank
+from ...compiled.arm_motion import BOUND, begin, drive_period
+from ...compiled.structures import frozen
 from ...errors import SceneError
 from ...formulas.limits import JointLimits
-from ...kernels import load
-from ...kernels.arm import POSITION, SPEED, TORQUE, Arm, Drive, Engine, blank
-from ...kernels.arm_motion import BOUND, begin, drive_period
-from ...kernels.structures import frozen
-from ...robot import Robot
+from ...robots.robot import Robot
 from ...rows import Array, IntArray
 from ..plant import Plant, without_limits
 from .bodies import Masses, body_arrays, demand_holding, demand_inertia, felt_inertia

@@ -10,7 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from ...errors import ConfigurationError, InvalidInput, shown, unknown_name
-from ...geometry import Vector3
+from ...robots.geometry import Vector3
 from ...rows import Array
 from .bodies import Payload, Rods
 

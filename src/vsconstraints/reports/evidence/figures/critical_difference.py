@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from ....figures import INK, WIDTH, Figure, Sheet, looks, shortened
-from ....statistics import Ranks
+from ....comparisons.statistics import Ranks
+from ...plots import INK, WIDTH, Figure, Sheet, looks, shortened
 
 LINE, BAR = 0.2, 0.1
 """Height of a name's line, and of a bar [in]."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ....figures import WIDTH, Figure, Sheet, darker, looks, shortened
-from ....figures.image import symbol
+from ...plots import WIDTH, Figure, Sheet, darker, looks, shortened
+from ...plots.image import symbol
 
 X, Y = ("unused", "unused space"), ("log_variation", "log₁₀ of acceleration variation")
 """Columns of the objectives that are shown, and what they are called; less of either is better."""

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....figures import Figure, Sheet, line, logarithmic, looks, shortened
-from ....figures.marks import widths
-from ....statistics import Profile
+from ....comparisons.statistics import Profile
+from ...plots import Figure, Sheet, line, logarithmic, looks, shortened
+from ...plots.marks import widths
 
 MOST_RATIO = 100.0
 """Ratios are drawn up to this one."""

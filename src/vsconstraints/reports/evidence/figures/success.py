@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ....figures import Figure, Sheet, darker, line, looks, shortened
-from ....figures.image import symbol
+from ...plots import Figure, Sheet, darker, line, looks, shortened
+from ...plots.image import symbol
 from ..standing import Standing
 from ..words import of_scenes, where
 

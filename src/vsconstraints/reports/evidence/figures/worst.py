@@ -10,12 +10,12 @@ import numpy as np
 
 from ....comparisons import RunRecord
 from ....comparisons.metrics import NEGLIGIBLE
-from ....figures import INK, WIDTH, Figure, Sheet, line, looks, shortened
-from ....figures.image import Plane, symbol, tracks
-from ....figures.sheet import rows_of
-from ....figures.style import FAINT
-from ....reports.figures.close_up import rows_in_image
 from ....simulation import Setup
+from ...figures.close_up import rows_in_image
+from ...plots import INK, WIDTH, Figure, Sheet, line, looks, shortened
+from ...plots.image import Plane, symbol, tracks
+from ...plots.sheet import rows_of
+from ...plots.style import FAINT
 
 COLUMNS = 3
 LEFT, GAP, TITLE = 0.45, 0.5, 0.42

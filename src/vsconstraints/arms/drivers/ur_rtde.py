@@ -1,0 +1,205 @@
+"""``ur-rtde://HOST``: arms of Universal Robots, by the package ur-rtde (``pip install 'vsconstraints[ur-rtde]'``)."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from functools import partial
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from ...errors import ConfigurationError
+from ...plugins.extras import demand
+from ...rows import Array
+from ...simulation import Setup
+from ..driver import Address, ArmError, Driver, Joints, Takes
+from ..envelope import Envelope
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+LEAST_PERIOD = 0.002
+"""Of an e-Series arm; a CB3 arm has 0.008 [s]."""
+
+WATCHDOG = 10.0
+"""Fewer setpoints a second than this, or than one in ten periods, and the arm's own program ends, which stops it."""
+
+STALE = 0.05
+"""The arm's clock may stand still for so long in what is read [s]."""
+
+MOST_ACCELERATION = 40.0
+"""What speedJ takes [rad/s²]."""
+
+FULL = 0.999
+"""Share of its speed at which the arm is not slowed down by its slider."""
+
+STOPPED_BY = {
+    2: "protective stop",
+    3: "recovery mode",
+    4: "safeguard stop",
+    5: "emergency stop of the system",
+    6: "emergency stop of the robot",
+    7: "emergency stop",
+    8: "violation of a safety limit",
+    9: "fault",
+    10: "stopped due to safety",
+}
+"""Safety status bits of RTDE with which an arm does not do what it is sent."""
+
+
+class UrRtde(Driver):
+    """An arm of Universal Robots at HOST, by the package ur-rtde; options: send, lookahead, gain.
+
+    ``send``
+        ``position`` (servoJ) or ``speed`` (speedJ).
+    ``lookahead``, ``gain``
+        Of servoJ: 0.03 to 0.2 s, and 100 to 2000. A longer one is smoother and later.
+
+    The order of the joints is that of the URDF: base, shoulder, elbow, wrist 1 to 3. Safety functions stay those of the
+    arm: this driver looks whether they have acted, and changes none of them.
+
+    The arm's own watchdog is started before the first setpoint, and every setpoint is what it waits for: servoJ and
+    speedJ are written to the register that it watches. The package's ``kickWatchdog`` writes there, too: *no command*,
+    which overwrites a setpoint of the same cycle before the arm has read it.
+    """
+
+    known = ("send", "lookahead", "gain")
+
+    def __init__(self, address: Address, setup: Setup) -> None:
+        super().__init__(address, setup)
+        demand("ur-rtde")
+        if not address.host:
+            raise ConfigurationError("ur-rtde:// needs the arm's address, as in ur-rtde://192.168.0.2")
+        if address.port is not None:
+            raise ConfigurationError(
+                f"an arm of Universal Robots has ports of its own: ur-rtde://{address.host}, without :{address.port}"
+            )
+        if self.n != 6:
+            raise ConfigurationError(f"an arm of Universal Robots has 6 joints, the scenario's robot {self.n}")
+        if self.period < LEAST_PERIOD - 1e-9:
+            raise ConfigurationError(
+                f"an arm of Universal Robots takes a setpoint every {1e3 * LEAST_PERIOD:g} ms at most, not every "
+                f"{1e3 * self.period:g} ms"
+            )
+        self.takes = cast(Takes, address.choice("send", ("position", "speed")))
+        self._lookahead, self._gain = address.number("lookahead", 0.03), address.number("gain", 1000.0)
+        if not 0.03 <= self._lookahead <= 0.2 or not 100.0 <= self._gain <= 2000.0:
+            raise ConfigurationError("servoJ takes a lookahead of 0.03 to 0.2 s and a gain of 100 to 2000")
+        least = Envelope.of(setup.scene.robot, setup.limits, setup.Ts).acceleration.min()
+        self._acceleration = min(float(least), MOST_ACCELERATION)
+        self._frequency = min(WATCHDOG, 0.1 / self.period)
+        self.watchdog = f"the arm's own, whose program ends after {1e3 / self._frequency:g} ms without a setpoint"
+        self._control: Any = None
+        self._receive: Any = None
+        self._dashboard: Any = None
+        self._seen = 0.0, 0
+
+    def connect(self) -> None:
+        """Reach the arm, and have it run the package's program."""
+        import dashboard_client
+        import rtde_control
+        import rtde_receive
+
+        host, rate = self.address.host, 1.0 / self.period
+        connecting = f"connect to {host}"
+        self._dashboard = self._tried(connecting, dashboard_client.DashboardClient, host)
+        self._tried(connecting, self._dashboard.connect)
+        self._receive = self._tried(connecting, rtde_receive.RTDEReceiveInterface, host, rate)
+        self._demand_safe()
+        slider = float(self._tried("getTargetSpeedFraction", self._receive.getTargetSpeedFraction))
+        if slider < FULL:
+            raise ArmError(
+                f"the arm's speed slider is at {100.0 * slider:.0f} %, with which it does not follow in time: set it "
+                "to 100 %, and slow down by the scenario's limits"
+            )
+        self._control = self._tried(connecting, rtde_control.RTDEControlInterface, host, rate)
+
+    def begin(self) -> None:
+        """Start the arm's watchdog: from now on it waits for setpoints.
+
+        The first one, to stay, returns once the arm is ready for others.
+        """
+        self._done("setWatchdog", self._tried("setWatchdog", self._control.setWatchdog, self._frequency))
+        q = self.read().q
+        self.send(q, np.zeros_like(q))
+
+    def read(self) -> Joints:
+        """Where the joints are."""
+        receive = self._receive
+        if not self._tried("isConnected", receive.isConnected):
+            raise ArmError("the connection to the arm broke")
+        self._demand_safe()
+        t = float(self._tried("getTimestamp", receive.getTimestamp))
+        since = self._seen[1] + 1 if t == self._seen[0] else 0
+        self._seen = t, since
+        if since * self.period > STALE:
+            raise ArmError(f"the arm has said nothing new for {1e3 * since * self.period:.0f} ms")
+        q, qd = self._tried("getActualQ", receive.getActualQ), self._tried("getActualQd", receive.getActualQd)
+        return Joints(t, np.array(q), np.array(qd))
+
+    def _demand_safe(self) -> None:
+        """Raise ArmError where a safety function of the arm has acted."""
+        bits = int(self._tried("getSafetyStatusBits", self._receive.getSafetyStatusBits))
+        acted = [name for bit, name in STOPPED_BY.items() if bits >> bit & 1]
+        if acted:
+            raise ArmError(f"the arm stopped by itself: {', '.join(acted)}")
+
+    def send(self, q: Array, qd: Array) -> None:
+        """Send a position or a speed; returns at once."""
+        control = self._control
+        if self.takes == "position":
+            # the second and third are not used by servoJ
+            sent = self._tried("servoJ", control.servoJ, q.tolist(), 0.0, 0.0, self.period, self._lookahead, self._gain)
+        else:
+            sent = self._tried("speedJ", control.speedJ, qd.tolist(), self._acceleration, self.period)
+        self._done("servoJ" if self.takes == "position" else "speedJ", sent)
+
+    def halt(self, deceleration: float) -> None:
+        """Stop the arm's program by its dashboard server: the arm then brakes by itself, as hard as it is set to."""
+        self._tried("stop", self._dashboard.stop)
+
+    def stopper(self) -> Callable[[], None]:
+        """The same from another process, by a connection of its own."""
+        return partial(stop_program, self.address.host)
+
+    def close(self) -> None:
+        """Leave servo or speed mode, and disconnect."""
+        control, receive, dashboard = self._control, self._receive, self._dashboard
+        self._control = self._receive = self._dashboard = None
+        # whatever is said here, the other parts are to be closed, too
+        if control is not None:
+            # of the tool [m/s²], as the package has it, or of the joints
+            by_position = self.takes == "position"
+            stop, how_hard = (control.servoStop, ()) if by_position else (control.speedStop, (self._acceleration,))
+            with suppress(Exception):
+                stop(*how_hard)
+            with suppress(Exception):
+                control.stopScript()
+        for part in (control, receive, dashboard):
+            if part is not None:
+                with suppress(Exception):
+                    part.disconnect()
+
+    @staticmethod
+    def _tried(what: str, call: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return call(*arguments)
+        except Exception as error:  # the package raises what its C++ code throws
+            raise ArmError(f"{what}: {error}") from error
+
+    @staticmethod
+    def _done(what: str, accepted: object) -> None:
+        if accepted is False:
+            raise ArmError(f"the arm did not take {what}")
+
+
+def stop_program(host: str) -> None:
+    """Stop what an arm runs, which then brakes by itself; raises ArmError."""
+    import dashboard_client
+
+    try:
+        dashboard = dashboard_client.DashboardClient(host)
+        dashboard.connect()
+        dashboard.stop()
+    except Exception as error:  # the package raises what its C++ code throws
+        raise ArmError(f"stop: {error}") from error

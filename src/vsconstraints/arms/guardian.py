@@ -1,0 +1,140 @@
+"""A process that stops the arm where this one no longer can: killed, suspended, or with its interpreter held."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import select
+import signal
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+
+from ..comparisons.runs.signals import SIGNALS
+from ..errors import ConfigurationError, described
+
+ATTEMPTS = 3
+"""How often an arm is told to stop, where it cannot be told."""
+
+START_S, END_S = 60.0, 10.0
+"""How long the process may take to be ready, while the arm stands, and to end [s]."""
+
+HEARD = struct.Struct("<d")
+"""A message: for how many seconds it may be the last one; negative if the arm is at rest."""
+
+CODE = """
+import pickle, sys
+sys.path[:] = pickle.load(sys.stdin.buffer)
+from vsconstraints.deployment.guardian import watch
+watch()
+"""
+
+
+class Guardian:
+    """Stops an arm from a process of its own, unless it is told at least that often that all is well.
+
+    It has its own connection to the arm and nothing in common with this process, whose end it sees as silence. Signals
+    of the terminal do not reach it.
+
+    Parameters
+    ----------
+    stop
+        What stops the arm: see :meth:`.Driver.stopper`.
+    patience
+        For how long it may hear nothing [s].
+
+    Attributes
+    ----------
+    process
+        The other one.
+    lost
+        Whether it has ended by itself.
+
+    Raises
+    ------
+    ConfigurationError
+        if the process cannot be started, or cannot use ``stop``.
+    """
+
+    def __init__(self, stop: Callable[[], None], patience: float) -> None:
+        self.patience, self.lost = patience, False
+        pipe, words = subprocess.PIPE, [sys.executable, "-c", CODE]
+        self.process = subprocess.Popen(words, stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True)
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self._to, self._from = self.process.stdin, self.process.stdout
+        try:
+            self._to.write(pickle.dumps(sys.path) + pickle.dumps(stop))
+            answer = self._from.read(1) if select.select([self._from], [], [], START_S)[0] else b""
+        except (OSError, pickle.PicklingError, AttributeError) as error:
+            self.end(True)
+            raise ConfigurationError(f"what stops the arm cannot be given to another process: {error}") from error
+        if answer != b"+":
+            self.end(True)
+            raise ConfigurationError("the process that would stop the arm does not start: its error is above")
+        # where it no longer reads, this process must not wait for it
+        os.set_blocking(self._to.fileno(), False)
+
+    def heard(self, more: float = 0.0) -> None:
+        """All is well, and it may take so much more time than usual [s] until this is said again."""
+        try:
+            # nothing is written, nor raised, where the pipe is full
+            self.lost = self.lost or not self._to.write(HEARD.pack(self.patience + more))
+        except OSError:
+            self.lost = True
+
+    def end(self, safe: bool) -> str:
+        """End it; what it has done, if anything. Unless the arm is ``safe``, it is told to stop now."""
+        with suppress(OSError):
+            if safe:
+                self._to.write(HEARD.pack(-1.0))
+        with suppress(OSError):
+            self._to.close()
+        try:
+            self.process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        with self._from:
+            return self._from.read().decode(errors="replace").strip()
+
+
+def watch() -> None:
+    """What the process does: wait for messages and, where they fail to come, tell the arm to stop."""
+    for number in (*SIGNALS, signal.SIGPIPE):
+        signal.signal(number, signal.SIG_IGN)
+    stop = pickle.load(sys.stdin.buffer)
+    os.write(1, b"+")
+    patience: float | None = None
+    while select.select([0], [], [], patience)[0]:
+        messages = os.read(0, 1 << 16)
+        if not messages and patience is None:  # nothing was sent to the arm yet
+            return
+        if not messages:
+            _tell(f"the loop has ended, and a process of its own {_stopped(stop)}")
+            return
+        (patience,) = HEARD.unpack(messages[-HEARD.size :])
+        if not patience >= 0.0:
+            return
+    _tell(f"the loop has said nothing for {1e3 * (patience or 0.0):g} ms, and a process of its own {_stopped(stop)}")
+
+
+def _stopped(stop: Callable[[], None]) -> str:
+    """Stop the arm; how that went."""
+    said = ""
+    for _ in range(ATTEMPTS):
+        try:
+            stop()
+            return "told the arm to stop by its own means"
+        except BaseException as error:  # a driver's own mistake must not keep the arm from being told again
+            said = described(error)
+    return f"COULD NOT TELL THE ARM TO STOP ({said})"
+
+
+def _tell(text: str) -> None:
+    """To the process that is watched, and to whoever started it, as far as they are there."""
+    for file in (1, 2):
+        with suppress(OSError):
+            os.write(file, f"{text}\n".encode())

@@ -1,0 +1,347 @@
+"""The control loop on an arm: state and image → law → limits → setpoint, supervised; every way out brakes."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..controllers import Controller
+from ..controllers.base import restart
+from ..errors import ConfigurationError, SceneError, described, shown
+from ..rows import Array, Command
+from ..simulation import Setup
+from ..simulation.loop import loses_rank
+from ..vision.measurement import Measurement
+from .driver import ArmError, Driver, Joints
+from .envelope import Envelope
+from .guardian import Guardian
+from .images import Eye, SimulatedEye
+from .log import ArmLog, Ended
+from .realtime import usage, used
+from .start import demand_start
+from .stream import Stream
+from .supervision import TAKE_OVER, Requests, Supervision, Watchdog, requests_noted
+
+GUARDED = 2.0
+"""How much longer than the watchdog the guardian waits."""
+
+REHEARSALS = 3
+"""How often a law is asked before the arm moves: what is done for the first time takes longer."""
+
+
+class Halt(Exception):
+    """The run ends, for this reason: the arm is to be braked."""
+
+    def __init__(self, ended: Ended, cause: str) -> None:
+        super().__init__(cause)
+        self.ended: Ended = ended
+
+
+class TakenOver(BaseException):
+    """The watchdog speaks to the arm now. No law's own `except Exception` may keep it."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is run on an arm.
+
+    Attributes
+    ----------
+    setup
+        The scenario's; it starts at its q0.
+    controller
+        What commands.
+    driver
+        What speaks to the arm.
+    eye
+        What sees; None where the image is predicted from the joints.
+    supervision
+        When the arm is braked.
+    from_arm
+        Whether to start where the arm stands, and not near the scenario's start alone.
+    """
+
+    setup: Setup
+    controller: Controller
+    driver: Driver
+    eye: Eye | None = None
+    supervision: Supervision = field(default_factory=Supervision)
+    from_arm: bool = False
+
+
+def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
+    """Run a law on an arm for the scenario's duration, or until anything is wrong; the arm is at rest at the end.
+
+    Returns
+    -------
+    tuple
+        The setup with the start that the arm had, and the log.
+
+    Raises
+    ------
+    ConfigurationError
+        before anything moves: if the arm stands elsewhere or moves, cannot start there, or its accelerations are not
+        limited; if images would be rendered where time is real.
+    ArmError
+        if the arm cannot be reached.
+    """
+    driver, setup = job.driver, job.setup
+    envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
+    if isinstance(job.eye, SimulatedEye) and job.eye.renders and not driver.simulated_time:
+        raise ConfigurationError(
+            "images are rendered only where time is simulated, since that takes longer than a period: let images be "
+            "predicted (--images model) or one's own, or give simulated:// or loopback://?time=simulated as the arm"
+        )
+    try:
+        driver.connect()
+        setup = demand_start(setup, driver.read(), job.supervision, job.from_arm)
+        return setup, _Run(replace(job, setup=setup), envelope).carry_out()
+    finally:
+        # the arm stands by now: what its driver still raises must not cost the log
+        with suppress(BaseException):
+            driver.close()
+
+
+class _Run:
+    """One run; the thread that runs it speaks to the arm, unless the watchdog has taken over.
+
+    Attributes
+    ----------
+    taken
+        Why the watchdog has taken over; empty if it has not.
+    silent
+        Whether the arm has not answered.
+    image_at, same_since
+        When the newest image with a marker was taken, and the first one that shows them where it does [s].
+    """
+
+    def __init__(self, job: Job, envelope: Envelope) -> None:
+        setup = job.setup
+        self.job, self.setup, self.driver, self.bounds = job, setup, job.driver, job.supervision
+        self.control, self.Ts = setup.control(), setup.Ts
+        self.stream = Stream(job.driver, envelope, setup.q0, len(setup.scene.markers))
+        self.control.plausible = job.supervision
+        self.taken, self.silent, self.image_at, self.same_since = "", False, 0.0, 0.0
+        self.watchdog: Watchdog | None = None
+        self.guardian: Guardian | None = None
+        self._patience = max(job.supervision.hang_s, 5.0 * setup.Ts)
+        self._rehearse()
+
+    def _rehearse(self) -> None:
+        """Compile and load all that a period needs, without the arm; raises ConfigurationError where the law fails."""
+        restart(self.job.controller, self.Ts, self.control.model)
+        try:
+            for _ in range(REHEARSALS):
+                self._ask(0.0, self.setup.q0, np.zeros_like(self.setup.q0), {})
+        except Halt as halt:
+            raise ConfigurationError(f"{self.job.controller.name} has no command at the start: {halt}") from halt
+        self.control.reset()
+        restart(self.job.controller, self.Ts, self.control.model)
+
+    def carry_out(self) -> ArmLog:
+        """All periods, and the stop."""
+        stream, before, eye = self.stream, usage(), self.job.eye
+        with requests_noted() as requests, self._guarded(), self._watched(requests):
+            ended, cause = self._periods(requests)
+            with stream.turn:
+                if not self.taken:
+                    stream.bring_to_rest(self.silent, self._alive)
+        return ArmLog(
+            ended=ended,
+            cause=cause,
+            signal=requests.signal,
+            stop=stream.stop[0],
+            at_rest=stream.stop[1],
+            periods=stream.periods,
+            missed=stream.missed,
+            real_time=not stream.clock.simulated,
+            Ts=self.Ts,
+            compiled=self._compiled(),
+            bounds=asdict(self.bounds),
+            remarks=(
+                *stream.remarks(used(before, usage())),
+                *(eye.remarks() if isinstance(eye, SimulatedEye) else ()),
+            ),
+        )
+
+    def _compiled(self) -> bool:
+        """Whether rows, task and law all ran compiled."""
+        step = self.control.bound()
+        if step is None:
+            return False
+        size, now = step.packed.size, step.now
+        law = self.job.controller.bind(now.rows, now.task, np.empty(size.m, dtype=np.bool_), np.empty(size.n))
+        return law is not None
+
+    @contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """A process of its own looks meanwhile, where time is real and it can stop the arm."""
+        stop = None if self.stream.clock.simulated else self.driver.stopper()
+        if stop is None:
+            yield
+            return
+        self.guardian = Guardian(stop, GUARDED * self._patience)
+        try:
+            yield
+        finally:
+            said, (how, at_rest) = self.guardian.end(self.stream.safe), self.stream.stop
+            self.stream.stop = "; ".join(filter(None, (said, how))), at_rest
+
+    @contextmanager
+    def _watched(self, requests: Requests) -> Iterator[None]:
+        """A watchdog looks meanwhile, where time is real."""
+        if self.stream.clock.simulated:
+            yield
+            return
+        ours = threading.current_thread()
+
+        def take_over() -> None:
+            self._take_over()
+            requests.raising = TakenOver
+            if ours is threading.main_thread() and ours.ident is not None:
+                signal.pthread_kill(ours.ident, TAKE_OVER)
+
+        self.watchdog = Watchdog(self._patience, take_over)
+        self._alive(self.bounds.begin_s)
+        self.watchdog.start()
+        try:
+            yield
+        finally:
+            self.watchdog.end()
+
+    def _take_over(self) -> None:
+        """The loop hangs: brake in its place, or, where it hangs in a call to the arm, have the arm stop itself."""
+        waited = self._patience if self.stream.begun else self.bounds.begin_s + self._patience
+        self.taken = f"the loop has not gone on for {1e3 * waited:g} ms"
+        free = self.stream.turn.acquire(timeout=self._patience)
+        try:
+            self.stream.bring_to_rest(not free, self._alive)
+        finally:
+            if free:
+                self.stream.turn.release()
+
+    def _alive(self, more: float = 0.0) -> None:
+        """Tell the watchdog and the guardian; it may take so much more time than usual until this is said again."""
+        if self.watchdog is not None:
+            self.watchdog.heard(more)
+        if self.guardian is not None:
+            self.guardian.heard(more)
+
+    @contextmanager
+    def _own_turn(self) -> Iterator[None]:
+        """Meanwhile the watchdog does not speak to the arm; raises TakenOver where it has."""
+        with self.stream.turn:
+            if self.taken:
+                raise TakenOver
+            yield
+
+    def _periods(self, requests: Requests) -> tuple[Ended, str]:
+        """All periods: how they ended and why."""
+        k = 0
+        try:
+            self.driver.begin()
+            self.stream.begin()
+            for k in range(self.setup.samples):
+                if requests.signal:
+                    raise Halt("stopped", f"{signal.Signals(requests.signal).name} asked for it")
+                with requests.period():
+                    self._period(k)
+        except Halt as halt:
+            return halt.ended, f"t = {k * self.Ts:.4g} s: {halt}"
+        except TakenOver:
+            return "failed", f"t = {k * self.Ts:.4g} s: {self.taken}"
+        except ArmError as error:
+            self.silent = True
+            return "failed", f"t = {k * self.Ts:.4g} s: {error}"
+        except BaseException as error:  # own laws, constraints and cameras may raise anything, even SystemExit
+            said = str(error) if isinstance(error, SceneError) else described(error)
+            return "failed", f"t = {k * self.Ts:.4g} s: {said}"
+        return "done", ""
+
+    def _period(self, k: int) -> None:
+        """Read, look, ask the law, send; raises whatever keeps it from that."""
+        stream = self.stream
+        due, late = stream.wait(k)
+        self._alive()
+        if late > self.bounds.late_s:
+            raise Halt("failed", f"the period began {1e3 * late:.3g} ms late")
+        if self.guardian is not None and self.guardian.lost:
+            raise Halt("failed", "the process that would stop the arm in place of this one has ended")
+        started = time.perf_counter()
+        with self._own_turn():
+            state = self.driver.read()
+        self._check(state)
+        t = due + (late if late >= self.Ts else 0.0)
+        measured = self._look(t, state.q)
+        command, rows_time, step_time = self._ask(t, state.q, state.qd, measured)
+        qdd, guarded = stream.within_limits(command.qdd)
+        self.control.commanded(qdd)
+        setpoint, refusal = stream.prepare(qdd)
+        if refusal:
+            raise Halt("failed", f"not sent, {refusal}")
+        with self._own_turn():
+            stream.send(setpoint)
+        times = due, late, rows_time, step_time, time.perf_counter() - started
+        image = measured.get("pixels"), measured.get("taken", np.nan), self.control.innovation[:6].copy()
+        stream.log(times, state, image, guarded)
+
+    def _check(self, state: Joints) -> None:
+        """Raise Halt if the arm is not where it was sent."""
+        if not (np.isfinite(state.q).all() and np.isfinite(state.qd).all()):
+            raise Halt("failed", "the arm's state is not finite")
+        off = self.stream.strayed(state)
+        if off.max() > self.bounds.following_rad:
+            j = int(np.argmax(off))
+            raise Halt("failed", f"joint {j + 1} is {off[j]:.3g} from where it was sent")
+
+    def _look(self, t: float, q: Array) -> dict[str, Any]:
+        """What is measured now, as the control step takes it; raises Halt where images are lost."""
+        eye = self.job.eye
+        if eye is None:
+            return {}
+        seen = eye(t, q)
+        given: dict[str, Any] = {}
+        if seen is not None:
+            if not isinstance(seen, Measurement):
+                raise Halt("failed", f"what sees the markers gave no Measurement, but {shown(seen)}")
+            taken = t if seen.taken is None else seen.taken
+            if not taken <= t + 1e-6:  # but for rounding; also what is no number
+                raise Halt("failed", f"an image was taken at {taken:.6g} s, which is not yet: by another clock?")
+            pixels = None if seen.pixels is None else np.array(seen.pixels, dtype=np.float64)
+            if seen.camera is not None or (pixels is not None and not np.isnan(pixels).any(axis=1).all()):
+                self.image_at = max(self.image_at, taken)
+                last = self.stream.periods[-1].pixels if self.stream.periods else None
+                if pixels is None or last is None or not np.array_equal(pixels, last):
+                    self.same_since = taken
+                given = {"pixels": pixels, "taken": taken, "depth": seen.depth, "camera": seen.camera}
+        if t - self.image_at > self.bounds.image_s:
+            raise Halt("failed", f"no image shows a marker since t = {self.image_at:.4g} s")
+        return given
+
+    def _ask(self, t: float, q: Array, qd: Array, measured: dict[str, Any]) -> tuple[Command, float, float]:
+        """The law's command, and how long rows with task, and the law, took [s]; raises Halt if there is none."""
+        started = time.perf_counter()
+        evaluation = self.control.evaluate(t, q, qd, **measured)
+        doubts = self.control.doubts(evaluation)
+        if doubts:
+            since = measured.get("taken", self.same_since) - self.same_since
+            frozen = f"; images have not changed for {since:.3g} s, as if frozen" if since > self.Ts else ""
+            raise Halt("failed", f"{doubts}{frozen}")
+        rows, task = evaluation.rows, evaluation.task
+        ready = time.perf_counter()
+        command = self.job.controller.command(rows, task)
+        done = time.perf_counter()
+        if command.status == "failed":
+            raise Halt("failed", command.reason)
+        if command.status == "rank-loss" and self.setup.on_rank_loss == "abort" and loses_rank(rows):
+            raise Halt("aborted", command.reason)
+        if command.qdd.shape != q.shape or not np.isfinite(command.qdd).all():
+            raise Halt("failed", f"the law's command is not {len(q)} finite numbers")
+        return command, ready - started, done - ready

@@ -1,0 +1,256 @@
+"""Setpoints to an arm, in time: one each period within the limits, and the stop at the end."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import described
+from ..robots.order_filter import OrderFilter
+from ..rows import Array
+from ..vision.measurement import INNOVATIONS
+from .brake import Brake
+from .clock import Clock, RealClock, SimulatedClock
+from .driver import ArmError, Driver, Joints
+from .envelope import Envelope, Setpoint
+from .log import Period
+
+LONGEST_STOP = 30.0
+"""A stop that is streamed takes no longer [s]."""
+
+SILENT = 0.01
+"""After so long without a setpoint an arm may have gone on, held or braked: a stop begins where it is measured [s]."""
+
+MOST_SILENCES = 3
+"""In a stop: each begins it anew, so that with more of them it might not end."""
+
+SETTLING = 0.5
+"""How long after the last setpoint of a stop an arm may still move [s]."""
+
+HALTS = 3
+"""How often an arm is told to stop by its own means, where it cannot be told."""
+
+NO_INNOVATION = np.full(len(INNOVATIONS), np.nan)
+"""Of periods in which nothing is compared with the model."""
+
+STILL = 0.01
+"""Measured speed that is rest [rad/s or m/s]."""
+
+
+class Stream:
+    """Integrates accelerations to setpoints, and sends them, checked once more, at the beginning of periods.
+
+    Parameters
+    ----------
+    driver
+        Connected.
+    envelope
+        What must be kept.
+    q
+        (n,) where the arm stands.
+    markers
+        How many there are, for the log.
+
+    Attributes
+    ----------
+    clock
+        The system's, or one that goes as fast as the loop.
+    sent
+        What was sent last.
+    periods
+        The log.
+    missed, shift
+        How many periods began late by one or more, and by how much the schedule was moved for that [s].
+    begun
+        When the first period began, by the clock.
+    turn
+        Held by the thread that speaks to the arm.
+    stop
+        How the arm came to rest, in words, and whether setpoints brought it there.
+    safe
+        Whether it is at rest, or has taken it that it is to stop.
+    """
+
+    def __init__(self, driver: Driver, envelope: Envelope, q: Array, markers: int) -> None:
+        self.driver, self.envelope, self.Ts = driver, envelope, envelope.period
+        self.clock: Clock = SimulatedClock() if driver.simulated_time else RealClock()
+        self.sent = Setpoint(q, np.zeros_like(q), np.zeros_like(q))
+        self._filter = OrderFilter(q, np.zeros_like(q), self.Ts)
+        self._no_image, self._sent_at = np.full((markers, 2), np.nan), np.inf
+        self.periods: list[Period] = []
+        self.missed, self.shift, self.begun = 0, 0.0, 0.0
+        self.turn, self.stop, self.safe = threading.Lock(), ("", False), False
+
+    def begin(self) -> None:
+        """The first period begins now."""
+        self.begun = self._sent_at = self.clock.now()
+
+    def wait(self, k: int) -> tuple[float, float]:
+        """Wait for a period's beginning: when it was to be, since the first one, and how late it is [s]."""
+        due = self.begun + k * self.Ts + self.shift
+        self.clock.wait(due)
+        late = self.clock.now() - due
+        if late >= self.Ts:
+            # the arm was not sent anything meanwhile: two setpoints at once would make it hurry
+            self.missed += 1
+            self.shift += late
+        return due - self.begun, late
+
+    def strayed(self, state: Joints) -> Array:
+        """(n,) how far each joint is from where it was sent."""
+        off: Array = np.abs(state.q - self._filter.q)
+        if self.driver.takes == "speed":
+            # speeds do not say where: positions are those that were measured
+            self._filter.q = state.q
+            self.sent = replace(self.sent, q=state.q)
+        return off
+
+    def within_limits(self, qdd: Array) -> tuple[Array, bool]:
+        """A command (n,) brought to what the limits leave, and whether that changed it."""
+        least, greatest = self.envelope.box(self.sent.q, self.sent.qd, self.sent.qdd)
+        kept: Array = np.clip(qdd, least, greatest)
+        return kept, bool((np.abs(kept - qdd) > 1e-9 * (1.0 + np.abs(kept))).any())
+
+    def prepare(self, qdd: Array) -> tuple[Setpoint, str]:
+        """The setpoint at the end of a period with this acceleration (n,), and why it must not be sent, if so."""
+        q = self._filter.step(qdd)
+        after = Setpoint(q, self._filter.qd, qdd)
+        refusal = self.envelope.refusal(self.sent, after)
+        if refusal:
+            self._filter.q, self._filter.qd = self.sent.q, self.sent.qd
+        return after, refusal
+
+    def send(self, setpoint: Setpoint) -> None:
+        """Send it; raises ArmError."""
+        self.driver.send(setpoint.q, setpoint.qd)
+        self.sent, self._sent_at = setpoint, self.clock.now()
+
+    def bring_to_rest(self, by_arm: bool, alive: Callable[[], None]) -> None:
+        """Bring the arm to rest: by setpoints or, where it does not take them, by its own means. See :attr:`stop`.
+
+        Parameters
+        ----------
+        by_arm
+            Whether it is known not to take them.
+        alive
+            Called in each period.
+        """
+        trouble, self.safe = "", False
+        try:
+            if not by_arm:
+                self.stop, self.safe = (self._stream_stop(alive), True), True
+        except BaseException as error:  # whatever a driver raises, SystemExit too, the arm is to be told to stop
+            trouble = f"while braking, {_said(error)}; "
+        finally:
+            if not self.safe:
+                self._halt(trouble)
+
+    def _halt(self, trouble: str) -> None:
+        """Have the arm stop by its own means."""
+        for _ in range(HALTS):
+            try:
+                self.driver.halt(float(self.envelope.acceleration.min()))
+                self.stop, self.safe = (f"{trouble}told to stop by its own means", False), True
+                return
+            except BaseException as error:  # as above: then it is said
+                self.stop = (
+                    f"{trouble}IT COULD NOT BE TOLD TO STOP ({_said(error)}): its own watchdog, or the emergency stop, "
+                    "must do so",
+                    False,
+                )
+
+    def _stream_stop(self, alive: Callable[[], None]) -> str:
+        """Send setpoints until the arm is seen to be at rest; how that went. Raises ArmError."""
+        before = len(self.periods)
+        begun = max(self.clock.now(), self.begun + before * self.Ts + self.shift)
+        brake, from_q, rested, silences = self._brake(), self.sent.q, 0, 0
+        while True:
+            k = len(self.periods) - before
+            self.clock.wait(begun + k * self.Ts)
+            late = self.clock.now() - begun - k * self.Ts
+            # as in :meth:`wait`: setpoints that were missed are not made up for
+            begun += late if late >= self.Ts else 0.0
+            alive()
+            if self._silent():
+                brake, rested, silences = self._brake(), 0, silences + 1
+                if silences > MOST_SILENCES:
+                    raise ArmError(f"setpoints came too late {silences} times")
+            due, state = self.clock.now() - self.begun, self.driver.read()
+            if brake.at_rest(self._filter.qd):
+                if (np.abs(state.qd) <= STILL).all():
+                    break
+                rested += 1
+                if rested * self.Ts > SETTLING:
+                    j = int(np.argmax(np.abs(state.qd)))
+                    raise ArmError(
+                        f"joint {j + 1} still moves at {state.qd[j]:.3g} rad/s, {SETTLING:g} s after it was sent to "
+                        "rest"
+                    )
+            if k * self.Ts > LONGEST_STOP:
+                raise ArmError(f"the stop has taken {LONGEST_STOP:g} s")
+            qdd = brake.step(self._filter.q, self._filter.qd) if not rested else np.zeros_like(state.q)
+            q = self._filter.step(qdd)
+            if (np.abs(self._filter.qd) <= 1e-12).all():
+                self._filter.qd = np.zeros_like(q)
+            self.send(Setpoint(q, self._filter.qd, qdd))
+            self.log((due, 0.0, 0.0, 0.0, 0.0), state, braking=True)
+        taken, moved = (len(self.periods) - before) * self.Ts, np.abs(self.sent.q - from_q).max()
+        line = "" if brake.straight in (None, True) else ", each joint for itself, to stay within its range"
+        return f"braked to rest in {taken:.3g} s over at most {moved:.3g} rad{line}"
+
+    def _silent(self) -> bool:
+        """Whether the arm was sent nothing for so long that it may be elsewhere than it was sent."""
+        return self.clock.now() - self._sent_at > self.Ts + SILENT
+
+    def _brake(self) -> Brake:
+        """From what was sent last or, after silence, from where the arm is measured; raises ArmError."""
+        if self._silent():
+            here = self.driver.read()
+            if not (np.isfinite(here.q).all() and np.isfinite(here.qd).all()):
+                raise ArmError("the arm's state is not finite")
+            self.sent = Setpoint(here.q, here.qd, np.zeros_like(here.q))
+        self._filter.q, self._filter.qd = self.sent.q, self.sent.qd
+        return Brake(self.sent.qdd, self.envelope)
+
+    def remarks(self, meanwhile: str) -> tuple[str, ...]:
+        """What a reader of the results should know, with what went on where periods were missed."""
+        said, guarded = [], sum(period.guarded for period in self.periods)
+        if self.missed:
+            said.append(f"{self.missed} periods were missed, by {1e3 * self.shift:.3g} ms in all ({meanwhile})")
+        if guarded:
+            said.append(f"commands were brought to the arm's limits in {guarded} periods")
+        return tuple(said)
+
+    def log(
+        self,
+        times: tuple[float, float, float, float, float],
+        state: Joints,
+        image: tuple[Array | None, float, Array] = (None, np.nan, NO_INNOVATION),
+        guarded: bool = False,
+        braking: bool = False,
+    ) -> None:
+        """Keep a period, whose setpoint is :attr:`sent`: see :class:`Period`."""
+        pixels = self._no_image if image[0] is None else image[0]
+        sent = self.sent
+        self.periods.append(
+            Period(
+                *times,
+                q=state.q,
+                qd=state.qd,
+                qdd=sent.qdd,
+                sent_q=sent.q,
+                sent_qd=sent.qd,
+                pixels=pixels,
+                taken=image[1],
+                innovation=image[2],
+                guarded=guarded,
+                braking=braking,
+            )
+        )
+
+
+def _said(error: BaseException) -> str:
+    return str(error) if isinstance(error, ArmError) else described(error)

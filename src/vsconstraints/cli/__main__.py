@@ -1,0 +1,5 @@
+"""``python -m vsconstraints.cli``."""
+
+from . import main
+
+main()

@@ -1,0 +1,258 @@
+"""A campaign: which families' scenes are run with which controllers, in which conditions, and how many."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from ...errors import ConfigurationError, shown, unknown_name
+from ...scenarios.families import HALVES, SHIPPED, Family
+from ...scenarios.reading import Table, demand_known, demand_table, made
+from ...scenarios.toml import read_toml
+from ..entries import (
+    Entries,
+    chosen_entries,
+    demand_names,
+    entries_of,
+    parsed_setting,
+    target_of,
+    unique,
+    whole,
+    with_baseline,
+    with_option,
+)
+from ..runs.files import plain
+from .identity import Identity, of_code, of_controllers, of_family
+
+SHIPPED_CAMPAIGNS = {name: Path(__file__).parent / f"{name}.toml" for name in ("evidence", "real-world")}
+"""Files of the campaigns that come with the package, by name."""
+
+DEFAULT = SHIPPED_CAMPAIGNS["evidence"]
+"""The campaign that is run when none is given; ``comparisons/evidence.toml`` is a link to it."""
+
+MOST_SCENES = 10_000_000
+"""Scenes of a family that a campaign may have."""
+
+OWN_SETTINGS = ("scenes", "seed", "half", "conditions", "scenes_in.CONDITION")
+"""Keys that ``--set`` changes besides options of controllers."""
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What is run.
+
+    Attributes
+    ----------
+    name
+        The file's name without its ending.
+    title, question
+        For reports: what it is, and what it is to answer.
+    families
+        Where scenes are drawn from.
+    controllers
+        Every scene is run with every controller; tracking alone is the first.
+    conditions
+        Those in which scenes are run; all that each family has if empty.
+    scenes
+        How many of each family.
+    half
+        ``"held-out"`` or ``"training"``.
+    seed
+        Of all scenes.
+    scenes_in
+        Of conditions whose runs take long: in how many scenes, the first of each family, they are run at most.
+    """
+
+    name: str
+    title: str
+    question: str
+    families: tuple[Family, ...]
+    controllers: Entries
+    conditions: tuple[str, ...] = ()
+    scenes: int = 1000
+    half: str = "held-out"
+    seed: int = 0
+    scenes_in: Mapping[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def load(cls, path: Path | str | None = None) -> Campaign:
+        """The campaign of a TOML file, or one that comes with the package by its name: ``evidence`` if none is given.
+
+        Raises
+        ------
+        ConfigurationError, InvalidInput
+            if the file cannot be read, has an unknown key, or something in it cannot be used.
+        """
+        source = DEFAULT if path is None else SHIPPED_CAMPAIGNS.get(str(path), Path(path))
+        folder = Path() if path is None else source.parent
+        file: _File = made(_File, read_toml(source), source.name)
+        controllers = entries_of(file.controllers, f"{source.name}.controllers", folder)
+        if file.tuned:
+            controllers += tuned_entries(folder / file.tuned, folder)
+        return cls(
+            source.stem,
+            file.title or source.stem,
+            file.question,
+            tuple(Family.load(name, folder) for name in file.families),
+            controllers,
+            tuple(file.conditions),
+            file.scenes,
+            file.half,
+            file.seed,
+            dict(file.scenes_in),
+        ).checked()
+
+    def select(
+        self,
+        families: Sequence[str] = (),
+        controllers: Sequence[str] = (),
+        scenes: int | None = None,
+        settings: Sequence[str] = (),
+    ) -> Campaign:
+        """The campaign a command line asks for.
+
+        Parameters
+        ----------
+        families
+            Names of the campaign's families, of shipped ones, or paths; all of the campaign's if empty.
+        controllers
+            Names of the campaign's controllers or registered ones; all of the campaign's if empty.
+        scenes
+            Instead of the campaign's.
+        settings
+            ``KEY=VALUE`` with KEY ``scenes``, ``seed``, ``half``, ``conditions``, ``scenes_in.CONDITION``, or a
+            controller's name and an option. VALUE as in TOML, or plain text.
+        """
+        own = {family.name: family for family in self.families}
+        campaign = replace(
+            self,
+            families=tuple(own.get(name) or Family.load(name) for name in unique(families)) or self.families,
+            controllers=chosen_entries(self.controllers, controllers),
+            scenes=self.scenes if scenes is None else scenes,
+        )
+        for setting in settings:
+            campaign = campaign._with_setting(setting)
+        return campaign.checked()
+
+    def _with_setting(self, setting: str) -> Campaign:
+        key, value, text = parsed_setting(setting)
+        if key in ("scenes", "seed"):
+            changed: dict[str, Any] = {key: whole(key, value, text)}
+            return replace(self, **changed)
+        if key == "half":
+            return replace(self, half=str(value))
+        if key == "conditions":
+            given = value if isinstance(value, list) else [value]
+            return replace(self, conditions=tuple(str(name) for name in given))
+        table, _, condition = key.partition(".")
+        if table == "scenes_in" and condition:
+            return replace(self, scenes_in={**self.scenes_in, condition: value})
+        name, option = target_of(key, {entry.name for entry in self.controllers}, OWN_SETTINGS)
+        return replace(self, controllers=with_option(self.controllers, name, option, value))
+
+    def checked(self) -> Campaign:
+        """The campaign with tracking alone in it, if everything in it can be used; raises what is wrong otherwise."""
+        if not self.families:
+            raise ConfigurationError(f"campaign {self.name}: it names no family, so there is no scene to be drawn")
+        if not 1 <= self.scenes <= MOST_SCENES:
+            raise ConfigurationError(f"scenes must be from 1 to {MOST_SCENES}, not {self.scenes}")
+        if self.seed < 0:
+            raise ConfigurationError(f"seed must be 0 or more, not {self.seed}")
+        if self.half not in HALVES:
+            raise unknown_name("half", self.half, HALVES)
+        demand_names("family", [family.name for family in self.families])
+        demand_names("controller", [entry.name for entry in self.controllers])
+        for entry in self.controllers:
+            entry.make()
+        known = list(dict.fromkeys(condition for family in self.families for condition in family.conditions))
+        demand_names("condition", known)
+        for name in (*self.conditions, *self.scenes_in):
+            if name not in known:
+                raise unknown_name("condition", name, known)
+        for name, most in self.scenes_in.items():
+            if isinstance(most, bool) or not isinstance(most, int) or most < 0:
+                raise ConfigurationError(f"scenes_in.{name} must be an integer, 0 or more, not {shown(most)}")
+        for family in self.families:
+            if not self.conditions_of(family):
+                raise ConfigurationError(
+                    f"family {family.name} has none of the conditions {', '.join(self.conditions)}; it has "
+                    f"{', '.join(family.conditions)}"
+                )
+        return replace(self, controllers=with_baseline(self.controllers))
+
+    def conditions_of(self, family: Family, number: int = 0) -> tuple[str, ...]:
+        """The conditions in which a family's scene of that number is run, in the family's order."""
+        wanted = self.conditions or family.conditions
+        return tuple(
+            name for name in family.conditions if name in wanted and number < self.scenes_in.get(name, self.scenes)
+        )
+
+    def identity(self, family: Family) -> Identity:
+        """All that the results of one family's scenes depend on."""
+        return {
+            **of_code(),
+            "seed": self.seed,
+            "half": self.half,
+            "conditions": list(self.conditions_of(family)),
+            **({"scenes_in": dict(self.scenes_in)} if self.scenes_in else {}),
+            "controllers": of_controllers(self.controllers),
+            "family": of_family(family),
+        }
+
+    def identities(self) -> dict[str, Identity]:
+        """All that results depend on, by family."""
+        return {family.name: self.identity(family) for family in self.families}
+
+    def resolved(self) -> dict[str, Any]:
+        """Everything that determines the results but for code and files, as data."""
+        return {
+            "campaign": self.name,
+            "title": self.title,
+            "question": self.question,
+            "scenes": self.scenes,
+            "half": self.half,
+            "seed": self.seed,
+            "conditions": list(self.conditions),
+            "scenes_in": dict(self.scenes_in),
+            "controllers": {entry.name: {"type": entry.law, **entry.options} for entry in self.controllers},
+            "families": {
+                family.name: {
+                    "folder": _portable(family.folder),
+                    "conditions": list(self.conditions_of(family)),
+                    "tables": plain(family.tables),
+                }
+                for family in self.families
+            },
+        }
+
+
+@dataclass(frozen=True)
+class _File:
+    """Keys of a campaign's file."""
+
+    families: Sequence[str]
+    controllers: Table
+    title: str = ""
+    question: str = ""
+    conditions: Sequence[str] = ()
+    scenes: int = 1000
+    half: str = "held-out"
+    seed: int = 0
+    scenes_in: Table = field(default_factory=dict)
+    tuned: str = ""
+
+
+def _portable(folder: Path) -> str:
+    """A family's folder for a manifest: within that of the shipped families as seen from it, since that differs."""
+    whole, shipped = folder.resolve(), SHIPPED.resolve()
+    return "/".join(whole.relative_to(shipped).parts) if whole.is_relative_to(shipped) else str(whole)
+
+
+def tuned_entries(path: Path, folder: Path) -> Entries:
+    """The controllers of a file of settings that :mod:`.tuning` found; own modules are in ``folder``."""
+    tables = read_toml(path)
+    demand_known(tables, ["controllers"], path.name)
+    where = f"{path.name}.controllers"
+    return entries_of(demand_table(tables.get("controllers", {}), where), where, folder)

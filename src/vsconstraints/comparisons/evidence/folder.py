@@ -1,0 +1,156 @@
+"""A campaign's folder: its shards, which are the record of what is done, and what keeps two campaigns apart."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ...errors import ConfigurationError
+from ...scenarios.reading import made
+from ..runs.checksums import SUMS, TRAJECTORIES, add_sums, remove_changed
+from ..runs.folder import MANIFEST
+from ..runs.machine import machine
+from . import parquet
+from .campaign import Campaign
+from .columns import TABLES
+from .identity import Identity, differences, in_words
+from .task import Batch
+from .worker import Part
+
+MARK = "runs"
+"""The table that is written last: a shard is there when this part of it is."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What a shard says of itself.
+
+    Attributes
+    ----------
+    family
+        Whose scenes.
+    scenes
+        Their numbers.
+    identity
+        What they depend on.
+    machine
+        Which made them.
+    runs, seconds
+        How many runs they are, and how long those took one process [s].
+    """
+
+    family: str
+    scenes: tuple[int, ...]
+    identity: Identity
+    machine: dict[str, Any]
+    runs: int
+    seconds: float
+
+    @classmethod
+    def of(cls, path: Path) -> Facts:
+        """Those of a shard's part; raises ConfigurationError if it cannot be read."""
+        try:
+            facts: Facts = made(cls, parquet.facts_of(path), "its footer")
+        except ConfigurationError as error:
+            if str(path) in str(error):
+                raise
+            raise ConfigurationError(f"{path} cannot be read: it is no shard of a campaign ({error})") from error
+        return facts
+
+
+def shard_names(folder: Path) -> list[str]:
+    """Names of the shards in a folder, by family and scene."""
+    return sorted(path.stem for path in (folder / MARK).glob("part-*.parquet"))
+
+
+def stored_files(folder: Path) -> list[Path]:
+    """The files that a campaign consists of, reports apart: its manifest, then those that are written once."""
+    shards = (path for table in TABLES for path in sorted((folder / table).glob("part-*.parquet")))
+    return [folder / MANIFEST, *shards, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
+
+
+def shard_file(folder: Path, table: str, name: str) -> Path:
+    """Where a part of a shard is."""
+    return folder / table / f"{name}.parquet"
+
+
+def write_shard(folder: Path, task: Batch, part: Part, identity: Identity) -> None:
+    """Write a task's tables; raises OSError."""
+    facts = Facts(task.family.name, task.scenes, identity, machine(), part.runs.num_rows, part.seconds)
+    write_parts(folder, task.name, {name: getattr(part, name) for name in TABLES}, facts)
+
+
+def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts) -> None:
+    """Write a shard's parts, the mark last; raises OSError."""
+    for table in sorted(TABLES, key=lambda table: table == MARK):
+        (folder / table).mkdir(exist_ok=True)
+        parquet.write(shard_file(folder, table, name), tables[table], vars(facts))
+    add_sums(folder, (shard_file(folder, table, name) for table in TABLES))
+
+
+@dataclass
+class There:
+    """What a folder holds: numbers of the scenes by family, how many runs, and the time that they took [s]."""
+
+    scenes: dict[str, set[int]] = field(default_factory=dict)
+    runs: int = 0
+    seconds: float = 0.0
+
+
+def what_is_there(folder: Path, campaign: Campaign) -> There:
+    """What is done of a campaign; what was left unfinished is removed.
+
+    Raises
+    ------
+    ConfigurationError
+        if the folder holds something else, or scenes that are no part of this campaign or were made otherwise.
+    """
+    _remove_unfinished(folder)
+    identities = campaign.identities()
+    there = There()
+    for name in shard_names(folder):
+        facts = Facts.of(shard_file(folder, MARK, name))
+        if facts.family not in identities:
+            raise _another(folder, [f"family {facts.family} is only there"])
+        if facts.identity != identities[facts.family]:
+            raise _another(folder, list(differences(facts.identity, identities[facts.family])))
+        there.scenes.setdefault(facts.family, set()).update(facts.scenes)
+        there.runs += facts.runs
+        there.seconds += facts.seconds
+    most = 1 + max((max(numbers) for numbers in there.scenes.values()), default=0)
+    if most > campaign.scenes:
+        raise _another(folder, [f"it has scenes up to number {most - 1}: give --scenes {most} or more"])
+    return there
+
+
+def _another(folder: Path, found: list[str]) -> ConfigurationError:
+    return ConfigurationError(
+        f"{folder} holds evidence of another campaign: {in_words(found)}. Give another folder with --out, or --fresh "
+        "to replace what is there"
+    )
+
+
+def _remove_unfinished(folder: Path) -> None:
+    """Parts of a shard that has no mark, or that are not as they were stored, and files that were not written whole."""
+    for path in list(folder.rglob("*.part")):
+        path.unlink(missing_ok=True)
+    remove_changed(folder, stored_files(folder)[1:])
+    for name in shard_names(folder):
+        parts = [shard_file(folder, table, name) for table in TABLES]
+        if not all(path.is_file() and parquet.is_whole(path) for path in parts):
+            shard_file(folder, MARK, name).unlink(missing_ok=True)
+    marked = set(shard_names(folder))
+    for table in TABLES:
+        for path in (folder / table).glob("part-*.parquet"):
+            if path.stem not in marked:
+                path.unlink()
+
+
+def clear(folder: Path) -> None:
+    """Remove everything that a campaign left."""
+    for name in (*TABLES, TRAJECTORIES):
+        shutil.rmtree(folder / name, ignore_errors=True)
+    (folder / SUMS).unlink(missing_ok=True)

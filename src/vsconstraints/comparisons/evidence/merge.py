@@ -1,0 +1,245 @@
+"""Folders of one campaign put together: nothing is lost, nothing is there twice, and nothing else gets in."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ... import __version__
+from ...errors import ConfigurationError
+from ..runs.checksums import TRAJECTORIES, demand_unchanged, seal
+from ..runs.files import replaced, storing, write_json
+from ..runs.folder import MANIFEST, held, manifest_of
+from . import parquet
+from .columns import TABLES, TIMING
+from .folder import MARK, Facts, clear, shard_file, shard_names, stored_files, write_parts
+from .identity import differences, in_words
+from .shards import missing_scenes
+from .stored import Evidence
+from .trajectories import chosen, trajectory_file
+
+OWN = (
+    "shard",
+    "command",
+    "started",
+    "wall_time_s",
+    "process_time_s",
+    "scenes",
+    "runs",
+    "runs_per_s",
+    "finished",
+    "stored_before",
+    "trajectories",
+    "machine",
+)
+"""Of a manifest: what may differ from folder to folder."""
+
+
+@dataclass(frozen=True)
+class Merged:
+    """What was put together.
+
+    Attributes
+    ----------
+    scenes, runs, trajectories
+        How many scenes, and runs, and of how many of these the trajectories are there.
+    remarks
+        What a reader should know of the folders.
+    """
+
+    scenes: int
+    runs: int
+    trajectories: int
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A shard of one of the folders."""
+
+    folder: Path
+    name: str
+    facts: Facts
+
+    def table(self, name: str) -> Any:
+        return parquet.read([shard_file(self.folder, name, self.name)], TABLES[name])
+
+
+def merge(out: Path, folders: Sequence[Path]) -> Merged:
+    """Put folders of one campaign together.
+
+    Parameters
+    ----------
+    out
+        Folder for all of it; new, empty, or one that the same merge has left.
+    folders
+        Those to be put together.
+
+    Raises
+    ------
+    ConfigurationError
+        if they are not of the same code, settings and package versions, scenes are missing, or a scene is there twice
+        with different results; it says what, and where. Nothing has been written then.
+    StorageError
+        if something cannot be written.
+    """
+    read = {folder: Evidence.load(folder) for folder in folders}
+    if not read:
+        raise ConfigurationError("there is nothing to merge: give the folders after the one that is written")
+    manifests = {folder: evidence.manifest for folder, evidence in read.items()}
+    for folder, manifest in manifests.items():
+        demand_unchanged(folder, (folder / TRAJECTORIES).glob("*.npz"), "finished" in manifest, all_there=True)
+    sources = _sources(list(manifests))
+    _demand_alike(sources, manifests)
+    _demand_all(sources, manifests)
+    once = _each_once(sources)
+    if manifest_of(out) and "merged" not in manifest_of(out):
+        raise ConfigurationError(f"{out} holds results of its own: give a folder that is empty or new")
+    if out.resolve() in {folder.resolve() for folder in folders}:
+        raise ConfigurationError(f"{out} is one of the folders that are to be merged: give another one to be written")
+    with held(out, "evidence"):
+        clear(out)
+        with storing("evidence", out):
+            for source, scenes in once:
+                _copy(source, scenes, out)
+            _copy_trajectories(list(manifests), out)
+            counts = _counts(out)
+            write_json(out / MANIFEST, _together(manifests, counts))
+            seal(out, stored_files(out))
+    return replace(counts, remarks=tuple(text for evidence in read.values() for text in evidence.remarks))
+
+
+def _sources(folders: Sequence[Path]) -> list[_Source]:
+    found = [
+        _Source(folder, name, Facts.of(shard_file(folder, MARK, name)))
+        for folder in folders
+        for name in shard_names(folder)
+    ]
+    # in the order of scenes, so that what is written does not depend on that of the folders
+    return sorted(found, key=lambda source: (source.facts.family, source.facts.scenes))
+
+
+def _demand_alike(sources: Sequence[_Source], manifests: Mapping[Path, Mapping[str, Any]]) -> None:
+    """Raise ConfigurationError if code, settings or packages differ; machines may."""
+    first: dict[str, _Source] = {}
+    for source in sources:
+        other = first.setdefault(source.facts.family, source)
+        _demand_same(other.facts.identity, source.facts.identity, other.folder, source.folder)
+    # shards of different families have these in common
+    common = ("code", "version", "packages", "compiled", "seed", "half", "controllers")
+    for source in first.values():
+        one, two = ({name: each.facts.identity.get(name) for name in common} for each in (sources[0], source))
+        _demand_same(one, two, sources[0].folder, source.folder)
+    (start, manifest), *others = manifests.items()
+    for folder, other_manifest in others:
+        _demand_same(_settings(manifest), _settings(other_manifest), start, folder)
+
+
+def _settings(manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """A configuration without the folders of families, which differ from machine to machine."""
+    configuration = manifest["configuration"]
+    families = {name: {**entry, "folder": ""} for name, entry in configuration["families"].items()}
+    return {**configuration, "families": families}
+
+
+def _demand_same(one: Mapping[str, Any], other: Mapping[str, Any], there: Path, here: Path) -> None:
+    if one != other:
+        found = [f"{text} ({there} and {here})" for text in differences(one, other)]
+        raise ConfigurationError(f"these are not parts of one campaign: {in_words(found)}")
+
+
+def _demand_all(sources: Sequence[_Source], manifests: Mapping[Path, Mapping[str, Any]]) -> None:
+    """Raise ConfigurationError that names shards and scenes that are missing."""
+    configuration = next(iter(manifests.values()))["configuration"]
+    shards = [tuple(manifest.get("shard", (1, 1))) for manifest in manifests.values()]
+    missing = [f"shard {i}/{n}" for n in {n for _, n in shards} for i in range(1, n + 1) if (i, n) not in shards]
+    lost = missing_scenes(configuration, [source.facts for source in sources], range(configuration["scenes"]))
+    if lost:
+        which = f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing" if missing else ""
+        unfinished = "an interrupted command goes on when it is given again"
+        raise ConfigurationError(f"{which or 'not all is done'}: scenes {lost} are not there; {unfinished}")
+
+
+def _each_once(sources: Sequence[_Source]) -> list[tuple[_Source, list[int]]]:
+    """Shards with those of their scenes that no shard before has; raises ConfigurationError where results differ."""
+    owner: dict[tuple[str, int], _Source] = {}
+    todo = []
+    for source in sources:
+        family = source.facts.family
+        twice = [number for number in source.facts.scenes if (family, number) in owner]
+        for other in {id(owner[family, number]): owner[family, number] for number in twice}.values():
+            _demand_same_results(other, source, [number for number in twice if owner[family, number] is other])
+        mine = [number for number in source.facts.scenes if (family, number) not in owner]
+        owner.update({(family, number): source for number in mine})
+        if mine:
+            todo.append((source, mine))
+    return todo
+
+
+def _demand_same_results(one: _Source, other: _Source, scenes: list[int]) -> None:
+    for name in TABLES:
+        first, second = (_untimed(_of_scenes(source.table(name), scenes)) for source in (one, other))
+        if not first.equals(second):
+            at = next(
+                number for number in scenes if not _of_scenes(first, [number]).equals(_of_scenes(second, [number]))
+            )
+            raise ConfigurationError(
+                f"scene {at} of {one.facts.family} is in {one.folder} and in {other.folder}, with different {name}: "
+                "one of them was changed, or the law is not the same from run to run"
+            )
+
+
+def _of_scenes(table: Any, scenes: Sequence[int]) -> Any:
+    wanted = set(scenes)
+    return table.filter([number in wanted for number in table["scene"].to_pylist()])
+
+
+def _untimed(table: Any) -> Any:
+    return table.select([name for name in table.column_names if name not in TIMING])
+
+
+def _copy(source: _Source, scenes: list[int], out: Path) -> None:
+    """A shard, or those of its scenes that are wanted."""
+    tables = {name: source.table(name) for name in TABLES}
+    name = source.name
+    if len(scenes) < len(source.facts.scenes):
+        tables = {name: _of_scenes(table, scenes) for name, table in tables.items()}
+        name = f"part-{source.facts.family}-{scenes[0]:07d}-{scenes[-1]:07d}"
+    facts = replace(source.facts, scenes=tuple(scenes), runs=tables[MARK].num_rows)
+    write_parts(out, name, tables, facts)
+
+
+def _copy_trajectories(folders: Sequence[Path], out: Path) -> None:
+    """Of the trajectories that the folders hold, those that are kept of the whole."""
+    keeps = {manifest_of(folder).get("keep", "none") for folder in folders} - {"none"}
+    for keep in sorted(keeps):
+        for key in chosen(out, keep):
+            to = trajectory_file(out, key)
+            for folder in folders:
+                at = trajectory_file(folder, key)
+                if at.is_file() and not to.exists():
+                    (out / TRAJECTORIES).mkdir(exist_ok=True)
+                    with replaced(to) as part:
+                        shutil.copyfile(at, part)
+
+
+def _counts(out: Path) -> Merged:
+    names = shard_names(out)
+    scenes = parquet.read([shard_file(out, "scenes", name) for name in names], TABLES["scenes"], ["scene"])
+    runs = parquet.read([shard_file(out, MARK, name) for name in names], TABLES[MARK], ["scene"])
+    return Merged(scenes.num_rows, runs.num_rows, len(list((out / TRAJECTORIES).glob("*.npz"))))
+
+
+def _together(manifests: Mapping[Path, Mapping[str, Any]], counts: Merged) -> dict[str, Any]:
+    """The first manifest, with what the folders' own say of how they were made."""
+    first = next(iter(manifests.values()))
+    parts = [{name: manifest[name] for name in OWN if name in manifest} for manifest in manifests.values()]
+    time = sum(manifest.get("process_time_s", 0.0) for manifest in manifests.values())
+    shared = {name: value for name, value in first.items() if name not in OWN}
+    own = {"version": __version__, "merged": parts, "machine": first.get("machine", {}), "process_time_s": time}
+    # nothing was run by this command: all scenes were there before
+    done = dict.fromkeys(("scenes", "finished", "stored_before"), counts.scenes)
+    return {**shared, **own, **done, "runs": counts.runs, "trajectories": counts.trajectories, "shard": [1, 1]}

@@ -1,0 +1,145 @@
+"""Tables as Parquet files, with facts about them in their footers."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...errors import ConfigurationError, one_line
+from ...plugins.extras import demand
+from ..runs.files import replaced
+from .columns import Column
+
+demand("evidence")
+
+import pyarrow as pa  # noqa: E402 - what is missing is told with what installs it
+import pyarrow.parquet as pq  # noqa: E402
+
+FACTS = b"vsconstraints"
+"""Under which a file's footer holds facts, as JSON."""
+
+EXPANDED = 100_000
+"""Bytes that a line may take when it is read: a reason has 2000 characters, lists of rows some thousand."""
+
+UNREADABLE = (OSError, ValueError, KeyError, pa.ArrowException)
+"""What pyarrow raises for a file that is damaged."""
+
+_TYPES = {"text": pa.string(), "flag": pa.bool_(), "whole": pa.int64(), "number": pa.float64()}
+"""Numbers keep all their digits: halves would save a third of the space, and no two folders could be held together."""
+
+
+def schema(columns: Sequence[Column]) -> Any:
+    """The schema of a table with these columns."""
+    return pa.schema([(column.name, _TYPES[column.kind]) for column in columns])
+
+
+def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
+    """A table of lines; a number that does not exist, or is not finite, is missing, as in results.csv."""
+    arrays = [
+        pa.array([_cell(line[column.name], column.kind) for line in lines], _TYPES[column.kind]) for column in columns
+    ]
+    return pa.Table.from_arrays(arrays, schema=schema(columns))
+
+
+def _cell(value: Any, kind: str) -> Any:
+    if kind == "number":
+        number = float(value)
+        return number if math.isfinite(number) else None
+    if kind == "text":
+        # a text may hold what no encoding has
+        return str(value).encode("utf-8", "backslashreplace").decode()
+    return int(value) if kind == "whole" else bool(value)
+
+
+def joined(tables: Sequence[Any]) -> Any:
+    """One table of the lines of all."""
+    return pa.concat_tables(tables)
+
+
+def write(path: Path, lines: Any, facts: Mapping[str, Any]) -> None:
+    """Write a table whole or not at all; raises OSError."""
+    text = json.dumps(facts, ensure_ascii=False, default=str).encode("utf-8", "backslashreplace")
+    with replaced(path) as part:
+        pq.write_table(lines.replace_schema_metadata({FACTS: text}), part, compression="zstd", write_page_checksum=True)
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a file ends as Parquet files do: what was cut off does not."""
+    try:
+        pq.read_schema(path)
+    except UNREADABLE:
+        return False
+    return True
+
+
+def facts_of(path: Path) -> dict[str, Any]:
+    """The facts in a file's footer; raises ConfigurationError that names the file if it holds none."""
+    try:
+        facts = json.loads((pq.read_schema(path).metadata or {})[FACTS])
+    except (*UNREADABLE, RecursionError) as error:
+        raise ConfigurationError(f"{path} cannot be read: {one_line(str(error)) or type(error).__name__}") from error
+    if not isinstance(facts, dict):
+        raise ConfigurationError(f"{path} cannot be read: its facts are no table")
+    return facts
+
+
+def line_count(path: Path) -> int:
+    """How many lines a file says it has; raises ConfigurationError if it cannot be read."""
+    try:
+        count: int = pq.read_metadata(path).num_rows
+    except UNREADABLE as error:
+        raise ConfigurationError(f"{path} cannot be read: {one_line(str(error))}") from error
+    return count
+
+
+def _demand_bounded(metadata: Any) -> None:
+    """Raise ValueError if a file says that it holds more than its lines can."""
+    groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
+    size, most = sum(group.total_byte_size for group in groups), EXPANDED * (1 + metadata.num_rows)
+    if size > most:
+        raise ValueError(f"it expands to {size} bytes, and its {metadata.num_rows} lines may take {most}")
+
+
+def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] | None = None) -> Any:
+    """One table of the lines of all files.
+
+    Parameters
+    ----------
+    paths
+        The files.
+    columns
+        What they hold.
+    names
+        The columns that are wanted; all if None.
+
+    Raises
+    ------
+    ConfigurationError
+        if one of them cannot be read, or holds other columns.
+    """
+    known = {column.name for column in columns}
+    columns = [column for column in columns if names is None or column.name in names]
+    wanted = schema(columns)
+    found = [wanted.empty_table()]
+    for path in paths:
+        try:
+            # a file by itself: nothing is taken from the names of its folders
+            with pq.ParquetFile(path, page_checksum_verification=True) as file:
+                _demand_bounded(file.metadata)
+                unknown = set(file.schema_arrow.names) - known
+                lines = file.read(wanted.names).replace_schema_metadata()
+            lines.validate(full=True)
+            for column in columns:
+                # what has another one in its place is damaged, not old
+                if column.added and column.name not in lines.column_names and not unknown:
+                    lines = lines.append_column(column.name, pa.nulls(len(lines), _TYPES[column.kind]))
+            missing = [name for name in wanted.names if name not in lines.column_names]
+            if missing:
+                raise ValueError(f"it has no column {missing[0]!r}; another version wrote it, which can report on it")
+            found.append(lines.select(wanted.names).cast(wanted))
+        except UNREADABLE as error:
+            raise ConfigurationError(f"{path} cannot be read: {one_line(str(error))}") from error
+    return pa.concat_tables(found)

@@ -1,0 +1,110 @@
+"""A folder of results: of one kind, held by one process at a time, and never taken from anything else that is there."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Literal
+
+from ...errors import ConfigurationError
+from .checksums import demand_inside
+
+Kind = Literal["a comparison", "evidence", "a tuning"]
+
+MANIFEST = "manifest.json"
+"""Says what was run; every kind of results has one."""
+
+LOCK = ".vsconstraints-lock"
+"""File that names the process that holds the folder. It stays, and says that what is there are results."""
+
+_held: set[Path] = set()
+"""Folders that this process holds: locks are a process' own, and a second one of the same file would refuse itself."""
+
+
+@contextmanager
+def held(folder: Path, kind: Kind) -> Iterator[None]:
+    """Hold a folder, made if it is not there, so that no other process stores anything in it meanwhile.
+
+    A process may hold it more than once. The lock ends with the process, however that ends.
+
+    Raises
+    ------
+    ConfigurationError
+        if the folder cannot be made, holds something and no results of this kind, or another process holds it. Nothing
+        in it has been touched then.
+    """
+    path = folder.absolute()
+    if path in _held:
+        yield
+        return
+    try:
+        _demand_nothing_else(path, kind)
+        demand_inside(path)
+        path.mkdir(parents=True, exist_ok=True)
+        lock = (path / LOCK).open("a+", encoding="utf-8")
+    except (OSError, ValueError) as error:
+        if isinstance(error, ConfigurationError):
+            raise
+        raise ConfigurationError(f"results cannot be stored in {folder}: {error}") from error
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.seek(0)
+            raise ConfigurationError(
+                f"process {lock.read().strip() or 'unknown'} is storing results in {folder}: "
+                "wait until it ends, or give another folder"
+            ) from None
+        except OSError:
+            pass  # a file system without locks
+        with suppress(OSError):  # a full disk: whoever is refused is not told by whom
+            lock.truncate(0)
+            lock.write(f"{os.getpid()}\n")
+            lock.flush()
+        _held.add(path)
+        try:
+            yield
+        finally:
+            _held.discard(path)
+
+
+def kind_of(folder: Path) -> Kind | None:
+    """What a folder holds, by its manifest; None if there is none that can be read."""
+    manifest = manifest_of(folder)
+    configuration = manifest.get("configuration")
+    if "tuning" in manifest:
+        return "a tuning"
+    if not isinstance(configuration, dict):
+        return None
+    return "evidence" if "families" in configuration else "a comparison"
+
+
+def manifest_of(folder: Path) -> dict[str, Any]:
+    """The manifest of a folder; empty if there is none that can be read."""
+    try:
+        manifest = read_manifest(folder / MANIFEST)
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return manifest if isinstance(manifest, dict) else {}
+
+
+def read_manifest(path: Path) -> Any:
+    """What a manifest holds; raises OSError, ValueError or RecursionError if it cannot be read."""
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    json.dumps(manifest, ensure_ascii=False).encode()  # what is made of it is written, in UTF-8
+    return manifest
+
+
+def _demand_nothing_else(path: Path, kind: Kind) -> None:
+    there = kind_of(path)
+    if there is not None and there != kind:
+        raise ConfigurationError(f"{path} holds {there}, not {kind}: give another folder with --out")
+    if there is None and path.is_dir() and any(path.iterdir()) and not (path / LOCK).is_file():
+        raise ConfigurationError(
+            f"{path} holds something, and no {kind.removeprefix('a ')} that could go on: give a folder that is empty "
+            "or new"
+        )

@@ -1,0 +1,185 @@
+"""What results depend on besides what is run: the machine, the packages, and this package's own source."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import re
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+from functools import cache
+from importlib import import_module
+from importlib.machinery import all_suffixes
+from importlib.metadata import PackageNotFoundError, distributions, requires, version
+from pathlib import Path
+from typing import Any
+
+from ... import __version__
+from ...plugins.extras import EXTRAS
+
+OUTPUT_ONLY = ("markdown-it-py", "matplotlib", "rich", "typer")
+"""Required packages that draw, format and print what is there already."""
+
+OPTIONAL = ("quadprog",)
+"""Packages that are used wherever they are installed."""
+
+MODULES = tuple(all_suffixes())
+"""Endings of files that modules are loaded from."""
+
+
+def machine() -> dict[str, str | int]:
+    """Processor, cores, system and Python."""
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count() or 0,
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": python_version(),
+    }
+
+
+def python_version() -> str:
+    """Implementation and version of Python."""
+    return f"{platform.python_implementation()} {platform.python_version()}"
+
+
+@cache
+def code_hash() -> str:
+    """Hash of the package's own source, so that results of other code are never taken for this one's."""
+    digest = hashlib.sha256()
+    package = Path(__file__).parents[2]
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.relative_to(package).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+@cache
+def package_versions() -> dict[str, str]:
+    """Versions of Python and of all packages that this one requires, but for those that only make output.
+
+    What else a configuration uses is told by :func:`used_versions`.
+    """
+    names = {*_required("vsconstraints"), *OPTIONAL}.difference(OUTPUT_ONLY)
+    return {"Python": python_version(), **{name: _version(name) for name in sorted(names)}}
+
+
+def used_versions(tables: Mapping[str, Any]) -> dict[str, str]:
+    """Versions of what a scenario, a family or a law's options use besides; modules are loaded to see what they are.
+
+    Parameters
+    ----------
+    tables
+        Of the one or the other, as files have them.
+    """
+    found: dict[str, str] = {}
+    for key, value in tables.items():
+        if key == "sensor":
+            found |= module_versions(EXTRAS["images"].modules)
+        elif key == "solver":
+            found |= {name: _version(name) for name in _required("qpsolvers", str(value))}
+        elif key == "type" and "mujoco" in str(value):  # or one of several of a family
+            found |= module_versions(EXTRAS["physics"].modules)
+        if isinstance(value, Mapping):
+            found |= used_versions(value)
+    return found
+
+
+def module_versions(modules: Iterable[str]) -> dict[str, str]:
+    """Versions of modules, which are loaded for it, each with the distribution that it comes from."""
+    return {name: module_version(name) for name in modules}
+
+
+def module_version(name: str) -> str:
+    """The version of one module, after the name of its distribution."""
+    try:
+        module = import_module(name)
+    except ImportError:
+        return "not installed"
+    # of distributions that provide the same module, the one whose files were loaded
+    owner = _owners().get(os.path.abspath(module.__file__ or ""))
+    return " ".join(owner) if owner else str(getattr(module, "__version__", "of no known version"))
+
+
+def loaded_versions() -> dict[str, str]:
+    """Versions of all distributions of which this process has loaded a module, those that own parts use included."""
+    owners = _owners()
+    files = [getattr(module, "__dict__", {}).get("__file__") for module in list(sys.modules.values())]
+    return dict(sorted({owners[file] for file in files if isinstance(file, str) and file in owners}))
+
+
+@cache
+def _owners() -> dict[str, tuple[str, str]]:
+    """Name and version of the distribution that every installed module belongs to, by its file."""
+    owners = {}
+    for distribution in distributions():
+        folder, owner = str(distribution.locate_file("")), (distribution.name, distribution.version)
+        for line in (distribution.read_text("RECORD") or "").splitlines():
+            file = line.partition(",")[0]
+            if file.endswith(MODULES):
+                owners[os.path.join(folder, file)] = owner
+    return owners
+
+
+@cache
+def _required(name: str, extra: str = "") -> tuple[str, ...]:
+    """Names of the packages that a package requires, or those of one of its extras."""
+    lines = [re.match(r"([\w.-]+)(?:.*extra == ['\"](.+?)['\"])?", line) for line in requires(name) or ()]
+    return tuple(line[1] for line in lines if line and (line[2] or "") == extra)
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def made_by(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any]:
+    """What a manifest says of how results are made, by a command as it was typed, now.
+
+    Parameters
+    ----------
+    command
+        What the user typed.
+    used
+        Versions of what is used besides what this package requires, see :func:`used_versions`.
+    """
+    return {
+        "version": __version__,
+        "git_commit": git_commit(),
+        "code": code_hash()[:16],
+        "command": list(command),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "machine": machine(),
+        "packages": {**package_versions(), **used},
+    }
+
+
+def git_commit() -> str:
+    """Commit of the package's source, with ``+`` if it was changed; empty where it is not in a git checkout."""
+    # an installed copy can lie inside the checkout of another project: only where git knows this file it is its commit
+    if _git("ls-files", "--error-unmatch", Path(__file__).name) is None:
+        return ""
+    return _git("describe", "--always", "--abbrev=12", "--dirty=+", "--exclude=*") or ""
+
+
+def _git(*arguments: str) -> str | None:
+    folder = Path(__file__).parent
+    try:
+        answer = subprocess.run(["git", *arguments], cwd=folder, capture_output=True, text=True, timeout=5, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return answer.stdout.strip() if answer.returncode == 0 else None
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

@@ -1,0 +1,180 @@
+"""A run as it is asked for, by comparisons, studies and the reproduction alike."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ... import __version__
+from ...compiled import available
+from ...controllers import controller_class, make_controller
+from ...controllers.base import Controller
+from ...errors import ConfigurationError, VsconstraintsError
+from ...plugins.classes import module_files
+from ...scenarios import Scenario
+from .machine import code_hash, package_versions, used_versions
+from .resources import run_limit
+
+
+@dataclass(frozen=True)
+class ControllerSpec:
+    """A controller as results name it.
+
+    Attributes
+    ----------
+    name
+        What results and figures call it.
+    law
+        Registered name, or ``module:Class``; the same as the name if it is not given.
+    options
+        What it is made with.
+    folder
+        Where the module of an own controller is looked for first.
+    """
+
+    name: str
+    law: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    folder: Path | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "law", self.law or self.name)
+
+    @classmethod
+    def called(cls, law: str, name: str = "", folder: Path | None = None) -> ControllerSpec:
+        """A controller as command lines and sessions call it: a registered name or ``module:Class``.
+
+        Results call it ``name``; if none is given, as its class does. Raises ConfigurationError if there is none.
+        """
+        own = controller_class(law, folder).name if ":" in law else law
+        if not isinstance(own, str):
+            raise ConfigurationError(f'{law} has no name: write name = "…" in the class')
+        return cls(name or own, law, folder=folder if ":" in law else None)
+
+    @property
+    def here(self) -> bool:
+        """Whether only the process that asks for it can make it."""
+        return False
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files that an own one is defined in."""
+        return tuple(module_files([self.law], self.folder))
+
+    def make(self) -> Controller:
+        """A new controller; raises ConfigurationError or InvalidInput that names what is wrong."""
+        return make_controller(self.law, self.options, self.folder)
+
+
+BASELINE = "tracking"
+"""The controller that tells which rows a scenario challenges: every comparison and every study runs it."""
+
+SLIDING_MODE = ControllerSpec("sliding-mode")
+
+
+@dataclass(frozen=True, eq=False)
+class RunSpec:
+    """One run: a scenario, a controller, a trial. Two are equal if they give the same result.
+
+    Attributes
+    ----------
+    scenario
+        The scenario, or the name of a shipped one.
+    controller
+        What commands it.
+    overrides
+        Dotted keys of the scenario that are set to other values.
+    trial, seed
+        Where it starts, see :meth:`Scenario.setup`.
+    may_end_early
+        Whether it is asked for to see how it fails or is aborted.
+    """
+
+    scenario: Scenario | str
+    controller: ControllerSpec = SLIDING_MODE
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    trial: int = 0
+    seed: int = 0
+    may_end_early: bool = False
+
+    @property
+    def name(self) -> str:
+        """The scenario's."""
+        return self.scenario if isinstance(self.scenario, str) else self.scenario.name
+
+    @property
+    def key(self) -> tuple[str, str, int]:
+        """Scenario, controller and trial, as results name them."""
+        return self.name, self.controller.name, self.trial
+
+    def __str__(self) -> str:
+        changes = ", ".join(f"{key} = {value}" for key, value in {**self.controller.options, **self.overrides}.items())
+        return f"{self.name} with {self.controller.law}" + (f" ({changes})" if changes else "")
+
+    @property
+    def _identity(self) -> str:
+        scenario = self.scenario if isinstance(self.scenario, str) else (self.name, self.scenario.tables)
+        made = scenario, self.overrides, self.controller.law, self.controller.options, self.trial, self.seed
+        return json.dumps(made, sort_keys=True, default=str)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, RunSpec) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
+
+    def load(self) -> Scenario:
+        """The scenario with its overrides; raises ConfigurationError if there is none."""
+        scenario = Scenario.load(self.scenario) if isinstance(self.scenario, str) else self.scenario
+        for key, value in self.overrides.items():
+            scenario = scenario.with_override(key, value)
+        return scenario
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """What the scenario says; nothing if there is none: that is said where it is run."""
+        try:
+            return self.load().tables
+        except VsconstraintsError:
+            return {}
+
+    @property
+    def has_own_parts(self) -> bool:
+        """Whether controller or constraints are somebody's own."""
+        return ":" in self.controller.law or bool(self.load().own_parts)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files that are named for this run: own modules, URDF, meshes, SRDF."""
+        return (*self.load().files, *self.controller.files)
+
+    @property
+    def here(self) -> bool:
+        """Whether only the process that asks for it can run it: a part of it is defined there, and nowhere else."""
+        return self.controller.here or self.load().in_session
+
+    @property
+    def fingerprint(self) -> str:
+        """Identifies what is run but for the files it is made of: the code included, and whether it runs compiled."""
+        what = (
+            self.tables or str(self),
+            self.controller.law,
+            self.controller.options,
+            self.trial,
+            self.seed,
+            __version__,
+            code_hash(),
+            {**package_versions(), **used_versions({**self.tables, "law": self.controller.options})},
+            available(),
+        )
+        return hashlib.sha256(json.dumps(what, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+
+def longest_first(runs: Iterable[RunSpec]) -> dict[RunSpec, float]:
+    """Different runs, so that no long one is left at the end, and how long each may take [s]."""
+    limits = {run: run_limit(run.tables) for run in dict.fromkeys(runs)}
+    return dict(sorted(limits.items(), key=lambda item: item[1], reverse=True))

@@ -1,0 +1,79 @@
+"""The resolvers ``hierarchy``, ``filter`` and ``scaling``, compiled: their demands, given to the descent."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..formulas.row import BOUND, share
+from ..qp.lexicographic import ZERO_GRADIENT
+from ..rows import Array
+from .compiler import compiled, in_place
+from .hierarchy import Demands, Priorities, Resolved, hierarchy
+from .laws import RESOLVER, thaw, within
+from .least_violation import GREATEST, LEAST
+from .linear import finite
+from .parts import ask
+from .resolving import checkable, follow_alone, rates, remember, valid
+from .scratch import emptied, matrix
+from .structures import ASK, FAILED, NEAREST, SCALED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
+
+
+@in_place
+def scale_down(law: LawArrays, rows: RowArrays, box: Array, qdd: Array) -> float:
+    """Scale the command that tracks by κ of ``scaling``, which is returned; what rows allow is put in ``tracked``."""
+    kappa = 1.0
+    for j in range(qdd.size):
+        kappa = min(kappa, share(box[GREATEST, j], qdd[j]), share(-box[LEAST, j], -qdd[j]))
+    for i in range(rows.phi.size):
+        influenced = math.sqrt(law.squared[i]) > ZERO_GRADIENT * rows.scale[i]
+        law.tracked[i] = share(law.asked[i], law.tracked[i]) if influenced else 1.0
+        kappa = min(kappa, law.tracked[i])
+    for j in range(qdd.size):
+        qdd[j] *= kappa
+    return kappa
+
+
+@compiled(RESOLVER, from_python=False)
+def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+    """See :class:`vsconstraints.controllers.resolvers.Hierarchy`, ``Filter`` and ``Scaling``.
+
+    Their options are the rank tolerance, half the width of their own box or infinity, the damping, and ``STRICT`` for
+    the hierarchy, ``NEAREST`` or ``WEIGHED`` for the filter in joint and task space, or ``SCALED`` for scaling.
+
+    Returns
+    -------
+    int
+        The code of :func:`vsconstraints.compiled.hierarchy.hierarchy`, or ``ASK``.
+    """
+    law = thaw(address)
+    if not valid(law, rows, task, answer) or answer.slack.size != rows.phi.size or answer.iterations.size == 0:
+        return ASK
+    tolerance, bound, damping, aim = law.options[0], law.options[1], law.options[2], law.options[3]
+    m, n, qdd, scratch = rows.phi.size, answer.qdd.size, answer.qdd, emptied(law)
+    box = matrix(scratch, 2, n)
+    for j in range(n):
+        box[LEAST, j], box[GREATEST, j] = within(rows, j, -bound), within(rows, j, bound)
+    J, b, rest = task.J, task.b, task.rest
+    if aim == NEAREST or law.tracks != 0:
+        follow_alone(law, task, answer)
+    c = law.asked
+    if ask(law.demand, (address, rows, rates(law, rows, qdd), BOUND, law.after, c)):
+        return ASK
+    kappa = scale_down(law, rows, box, qdd) if aim == SCALED else 1.0
+    if aim in (NEAREST, SCALED):
+        J, b, rest = np.eye(n), qdd.copy(), rest[:0]
+    weights = law.weights if law.weights.size == m else np.ones(m)
+    demands, priorities = Demands(rows.Lg, c, rows.scale, weights), Priorities(box, damping, tolerance, aim == STRICT)
+    resolved = Resolved(qdd, answer.slack, answer.acted)
+    code, answer.iterations[0] = hierarchy(demands, J, b, rest, priorities, resolved, scratch)
+    if code == FAILED:
+        return FAILED
+    if not (checkable(law, rows, qdd) and finite(answer.slack)):
+        return ASK
+    if kappa < 1.0:
+        for i in range(m):
+            answer.acted[i] |= law.tracked[i] <= kappa
+    remember(law, rows, qdd)
+    return code

@@ -1,0 +1,90 @@
+"""Kinematics of a serial chain in the base frame: where every joint is, and how it moves when q̈ = 0.
+
+Bodies are counted from 0, the base, which does not move; body i is what joint i moves. Pinocchio computes the same in
+:mod:`.kinematics`, for what runs in NumPy: it knows every robot, but not from compiled code. The pair is
+held together by ``test_every_robot_and_constraint_in_every_world`` in ``tests/test_control_step.py``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..formulas.motion import carried
+from ..formulas.rotation import turn_about
+from ..formulas.vectors import Matrix, Vector, along_with, cross, matrix, minus, product, turned, vector
+from ..rows import Array
+from .compiler import in_place
+from .thawed import thaw
+
+
+@in_place
+def put(x: Vector, out: Array) -> None:
+    """Write a vector to ``out`` (3,)."""
+    out[0], out[1], out[2] = x[0], x[1], x[2]
+
+
+@in_place
+def put_matrix(A: Matrix, out: Array) -> None:
+    """Write a matrix to ``out`` (3, 3)."""
+    put(A[0], out[0])
+    put(A[1], out[1])
+    put(A[2], out[2])
+
+
+@in_place
+def place(address: int, q: Array) -> None:
+    """Write orientation, origin and axis of every body at q (n,), after its joint has moved."""
+    step = thaw(address)
+    for i in range(len(q)):
+        joint, before, body = step.joints[i], step.bodies[i], step.bodies[i + 1]
+        axis, R, placement = vector(joint.axis), matrix(before.R), matrix(joint.R)
+        along = 0.0
+        if joint.prismatic:
+            along = q[i]
+        else:
+            placement = product(placement, turn_about(axis, np.sin(q[i]), np.cos(q[i])))
+        turn, r = product(R, placement), turned(R, vector(joint.t))
+        # a turn about the axis leaves the axis
+        axis = turned(turn, axis)
+        put_matrix(turn, body.R)
+        put(axis, body.axis)
+        body.origin[0] = before.origin[0] + r[0] + along * axis[0]
+        body.origin[1] = before.origin[1] + r[1] + along * axis[1]
+        body.origin[2] = before.origin[2] + r[2] + along * axis[2]
+
+
+@in_place
+def move(address: int, q: Array, qd: Array) -> None:
+    """Write pose and motion of every body at q and q̇ (n,), with q̈ = 0."""
+    place(address, q)
+    step = thaw(address)
+    for i in range(len(q)):
+        prismatic, before, body = step.joints[i].prismatic, step.bodies[i], step.bodies[i + 1]
+        along, about = qd[i] if prismatic else 0.0, 0.0 if prismatic else qd[i]
+        axis, omega = vector(body.axis), vector(before.angular_velocity)
+        velocity, acceleration = carried(
+            minus(vector(body.origin), vector(before.origin)),
+            vector(before.velocity),
+            omega,
+            vector(before.acceleration),
+            vector(before.angular_acceleration),
+        )
+        # ω × z q̇: how the axis turns
+        turning = cross(omega, axis)
+        put(along_with(omega, about, axis), body.angular_velocity)
+        put(along_with(vector(before.angular_acceleration), about, turning), body.angular_acceleration)
+        put(along_with(velocity, along, axis), body.velocity)
+        put(along_with(acceleration, 2.0 * along, turning), body.acceleration)
+
+
+@in_place
+def point_jacobian(address: int, body: int, point: Vector, J: Array) -> None:
+    """Write ∂(position)/∂q (3, n) of a point fixed to a body to ``J``."""
+    step = thaw(address)
+    for m in range(J.shape[1]):
+        joint, column = step.bodies[m + 1], (0.0, 0.0, 0.0)
+        if m < body:
+            column = vector(joint.axis)
+            if not step.joints[m].prismatic:
+                column = cross(column, minus(point, vector(joint.origin)))
+        J[0, m], J[1, m], J[2, m] = column

@@ -1,0 +1,65 @@
+"""Pixels through a lens and back, compiled: see :class:`vsconstraints.vision.distortion.Distortion`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from ..formulas.lenses import extended, newton
+from ..rows import Array
+from ..vision.distortion import ACCURACY, ENOUGH, INSIDE, ITERATIONS, MODELS
+from .parts import address, make_part
+from .row import to_fixed_tuple
+
+FIXED = 5
+"""Numbers of an eye before the coefficients of its lens: F_u, F_v, the principal point, the lens's reach."""
+
+
+def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Array, bool], int]:
+    """Make the function that takes pixels (M, 2) through a lens with so many coefficients, or back if asked so.
+
+    It writes them to ``out`` (M, 2), and returns how many cannot be undistorted. What is NaN stays so.
+    """
+
+    def through(eye: Array, pixels: Array, out: Array, back: bool) -> int:
+        reach, coefficients, refused = eye[4], to_fixed_tuple(eye[FIXED:], count), 0
+        for i in range(len(pixels)):
+            image = (pixels[i, 0] - eye[2]) / eye[0], (pixels[i, 1] - eye[3]) / eye[1]
+            x, y = image
+            if not back:
+                found = extended(lens, x, y, reach, coefficients)
+                x, y = found[0], found[1]
+            elif not math.isnan(x + y):
+                share = min(1.0, INSIDE * reach / max(math.sqrt(x * x + y * y), INSIDE * reach))
+                x, y = share * x, share * y
+                dx, dy, off = newton(lens, (x, y), image, reach, coefficients)
+                for _ in range(ITERATIONS):
+                    if not off > ENOUGH:
+                        break
+                    then = newton(lens, (x + dx, y + dy), image, reach, coefficients)
+                    if then[2] < off:
+                        x, y = x + dx, y + dy
+                        dx, dy, off = then
+                    else:
+                        dx, dy = 0.5 * dx, 0.5 * dy
+                refused += not (off <= ACCURACY and math.sqrt(x * x + y * y) <= reach)
+            out[i, 0], out[i, 1] = eye[0] * x + eye[2], eye[1] * y + eye[3]
+        return refused
+
+    return through
+
+
+@cache
+def through(model: str) -> Any:
+    """The compiled function of a kind of lens, which is kept as long as the process runs."""
+    kind = MODELS[model]
+    numbers = "float64[:, ::1]"
+    signature = f"int64(float64[::1], {numbers}, {numbers}, boolean)"
+    return make_part(template, (kind.lens,), (max(kind.counts),), signature, from_python=True)
+
+
+def address_of(model: str) -> int:
+    """Where that function begins."""
+    return address(through(model))

@@ -1,0 +1,90 @@
+"""What compiled resolvers share: what they may be given, tracking alone, and what is remembered."""
+
+from __future__ import annotations
+
+import math
+
+from ..rows import Array
+from ..rows.checks import FARTHEST, ROUNDING
+from .compiler import in_place, inner
+from .laws import write_rates
+from .linear import START, dot, finite, in_range, out_of_range
+from .parts import ask
+from .structures import Answer, LawArrays, RowArrays, TaskArrays
+
+
+@in_place
+def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> bool:
+    """Whether :func:`vsconstraints.rows.checks.check` has nothing to say, squares are in range, and outputs fit.
+
+    Writes the squares of the rows' lengths.
+    """
+    phi, Lf, gain, scale = rows.phi, rows.Lf, rows.switching_gain, rows.scale
+    m, n = law.asked.size, answer.qdd.size
+    if (
+        phi.size != m
+        or rows.Lg.shape[0] != m
+        or Lf.size != m
+        or gain.size != m
+        or scale.size != m
+        or answer.acted.size != m
+    ):
+        return False
+    if n <= 0 or task.J.shape[1] != n or rows.Lg.shape[1] != n or task.b.size != task.J.shape[0]:
+        return False
+    wrong = 0
+    for i in range(m):
+        law.squared[i] = dot(rows.Lg, i, rows.Lg, i, START, n)
+        wrong |= out_of_range(law.squared[i])
+        wrong |= not ((abs(phi[i]) < math.inf) & (abs(Lf[i]) < math.inf))
+        wrong |= phi[i] / FARTHEST > scale[i]
+        wrong |= not ((gain[i] > 0.0) & (gain[i] < math.inf) & (scale[i] > 0.0) & (scale[i] < math.inf))
+    return wrong == 0 and in_range(task.J) and finite(task.b)
+
+
+@inner
+def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
+    """L_gφ q̈ (m,) of the command that tracks if the law's demand depends on it, or (0,); its ‖q̈‖ is kept."""
+    tracked = law.tracked[: rows.phi.size if law.tracks else 0]
+    squared = 0.0
+    for j in range(qdd.size):
+        squared += qdd[j] * qdd[j]
+    law.effort[0] = math.sqrt(squared) if law.tracks else math.nan
+    write_rates(rows.Lg, qdd, tracked)
+    return tracked
+
+
+@in_place
+def tell_alone(answer: Answer) -> None:
+    """Say that q̈, as it is now, is what tracking alone commands."""
+    for j in range(answer.alone.size):
+        answer.alone[j] = answer.qdd[j]
+
+
+@in_place
+def follow_alone(law: LawArrays, task: TaskArrays, answer: Answer) -> None:
+    """q̈ ← q̈₀ + J†(b − J q̈₀), with the law's rank tolerance."""
+    ask(law.track, (law.scratch, task.J, task.b, law.options[0], task.rest, answer.qdd))
+    tell_alone(answer)
+
+
+@in_place
+def remember(law: LawArrays, rows: RowArrays, qdd: Array) -> None:
+    """Keep what the demand gave back, and L_gφ q̈ of the answer."""
+    write_rates(rows.Lg, qdd, law.last_rates)
+    for i in range(law.after.shape[0]):
+        for j in range(law.after.shape[1]):
+            law.memory[i, j] = law.after[i, j]
+
+
+@in_place
+def checkable(law: LawArrays, rows: RowArrays, qdd: Array) -> bool:
+    """Whether the accelerations are finite, and :func:`.beyond_rounding` has nothing to say."""
+    size = 0.0
+    for j in range(qdd.size):
+        size += qdd[j] * qdd[j]
+    size *= ROUNDING * ROUNDING
+    wrong = 0
+    for i in range(rows.phi.size):
+        wrong |= not (law.squared[i] * size <= rows.switching_gain[i] * rows.switching_gain[i])
+    return wrong == 0 and size < math.inf

@@ -1,0 +1,126 @@
+"""What a controller believes to see, compiled: see :mod:`vsconstraints.simulation.sensing`.
+
+The camera's pose is estimated as in :mod:`vsconstraints.vision.pose_estimate`, by reflections instead of LAPACK, which
+compiled code cannot call: ``test_both_forms_find_the_same_pose`` in ``tests/test_disturbed_loop.py`` holds the pair
+together.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..formulas.features import image_row
+from ..formulas.rotation import turn_by
+from ..formulas.vectors import Matrix, Vector, matrix, minus, plus, product, turned, turned_back, vector
+from ..rows import Array
+from ..vision.pose_estimate import CONVERGED, ITERATIONS, RANK_TOLERANCE
+from ..vision.scene import MINIMUM_DEPTH
+from . import images
+from . import scratch as parts
+from .compiler import IN_PLACE, OPTIONS, compiled, inner, know, numba, part_of_others
+from .images import Images, Lenses, Sensing
+from .kinematics import put, put_matrix
+from .least_squares import pseudoinverse
+from .linear import START
+from .parts import address, ask, thaw_as
+from .structures import Scratch
+from .thawed import thaw
+
+part_of_others(images.usable, IN_PLACE)
+know()
+
+CERTAIN = 1.01
+"""Full rank is certain where the bound of the least singular value exceeds the tolerance by this factor: the search
+ends where a step is small, however accurate it is."""
+
+
+@inner
+def pose_step(markers: Array, seen: Array, R: Matrix, t: Vector, step: Array, scratch: Scratch) -> float:
+    """Write the step (1, 6) of Gauss–Newton from a pose, as :func:`.estimated_pose` has it; returns its length."""
+    W = parts.matrix(scratch, 2 * len(markers), 7)
+    for i in range(len(markers)):
+        P = turned_back(R, minus(vector(markers[i]), t))
+        Z = max(P[2], MINIMUM_DEPTH)
+        x, y = P[0] / Z, P[1] / Z
+        for c in range(2):
+            W[2 * i + c, 0], W[2 * i + c, 1], W[2 * i + c, 2], W[2 * i + c, 3], W[2 * i + c, 4], W[2 * i + c, 5] = (
+                image_row(c, x, y, Z)
+            )
+        W[2 * i, 6], W[2 * i + 1, 6] = seen[i, 0] - x, seen[i, 1] - y
+    pseudoinverse(W, START, CERTAIN * RANK_TOLERANCE, RANK_TOLERANCE, W, step, START, scratch)
+    squared = 0.0
+    for j in range(6):
+        squared += step[0, j] * step[0, j]
+    return math.sqrt(squared)
+
+
+@inner
+def explain(markers: Array, seen: Array, R: Matrix, t: Vector, scratch: Scratch) -> tuple[bool, Matrix, Vector]:
+    """The pose that explains normalised markers (m, 2) best, from R and t on; False if numbers are not finite."""
+    step = parts.matrix(scratch, 1, 6)
+    taken = scratch.taken[0]
+    for _ in range(ITERATIONS):
+        scratch.taken[0] = taken
+        length = pose_step(markers, seen, R, t, step, scratch)
+        if not length < math.inf:
+            return False, R, t
+        t = plus(turned(R, (step[0, 0], step[0, 1], step[0, 2])), t)
+        R = product(R, turn_by((step[0, 3], step[0, 4], step[0, 5])))
+        if length < CONVERGED:
+            break
+    return True, R, t
+
+
+_none = np.zeros((1, 1, 1))
+thaw_sensing = thaw_as(
+    numba.typeof(
+        Sensing(
+            Images(1, _none, np.zeros(1, dtype=np.bool_), _none),
+            Lenses(0, np.zeros(1), np.zeros(1), _none[0]),
+            Scratch(np.zeros(1), np.zeros(1, dtype=np.int64)),
+        )
+    )
+)
+
+
+@compiled("int64(int64, int64, int64, float64, int64)", OPTIONS)
+def observe(sensing_address: int, true_address: int, believed_address: int, t: float, k: int) -> int:
+    """Tell the step that the control believes in what is measured in sample k, at t [s], of the step that is true.
+
+    Returns 0, or 1 if no pose with all markers in front of the camera explains the image.
+    """
+    sensing, true, believed = thaw_sensing(sensing_address), thaw(true_address), thaw(believed_address)
+    lens, pixels, camera, scratch = sensing.lenses, true.pixels, believed.camera[0], sensing.scratch
+    if lens.address != 0:
+        ask(lens.address, (lens.true, pixels, lens.pixels, False))
+        pixels = lens.pixels
+    pixels = sensing.images.held[images.usable(sensing.images, k, pixels)]
+    if lens.address != 0:
+        ask(lens.address, (lens.believed, pixels, lens.pixels, True))
+        pixels = lens.pixels
+    scratch.taken[0] = 0
+    seen = parts.matrix(scratch, len(pixels), 2)
+    for i in range(len(seen)):
+        for c in range(2):
+            believed.measured[i, c] = pixels[i, c]
+            seen[i, c] = (pixels[i, c] - camera.offset[c]) / camera.focal[c]
+    found, R, where = explain(believed.markers, seen, matrix(true.camera_R), vector(true.camera_t), scratch)
+    if not found:
+        return 1
+    for i in range(len(seen)):
+        P = turned_back(R, minus(vector(believed.markers[i]), where))
+        if not P[2] >= MINIMUM_DEPTH:
+            return 1
+        believed.measured[i, 2] = P[2]
+    put_matrix(R, believed.camera_R)
+    put(where, believed.camera_t)
+    measurement = believed.measurement[0]
+    measurement.given = measurement.pose_given = 1
+    measurement.time = t
+    return 0
+
+
+OBSERVE = address(observe)
+"""Where the function begins that tells a step what is measured."""

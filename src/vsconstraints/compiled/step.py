@@ -1,0 +1,283 @@
+"""One control step up to the controller: kinematics, what the camera sees, rows and task, in one compiled function."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..formulas.image import image_motion
+from ..formulas.innovation import MEMORY, image_innovation, slip
+from ..formulas.limits import JointLimits, joint_box
+from ..formulas.motion import carried, relative_twist, target_pose
+from ..formulas.poses import angle
+from ..formulas.vectors import (
+    Vector,
+    along_with,
+    matrix,
+    minus,
+    plus,
+    product,
+    times,
+    transposed_product,
+    turned,
+    turned_back,
+    vector,
+)
+from ..rows import Array, BoolArray
+from ..vision.scene import MINIMUM_DEPTH
+from .compiler import IN_PLACE, compiled, in_place
+from .kinematics import move, place, point_jacobian, put, put_matrix
+from .parts import call
+from .row import displaced
+from .thawed import thaw
+from .visual_task import JUST_NOW, write_task
+
+
+@in_place
+def carry(address: int, number: int, r: Vector) -> tuple[Vector, Vector, Vector]:
+    """Position, velocity and acceleration of the point at r from a body's origin."""
+    body = thaw(address).bodies[number]
+    velocity, acceleration = carried(
+        r,
+        vector(body.velocity),
+        vector(body.angular_velocity),
+        vector(body.acceleration),
+        vector(body.angular_acceleration),
+    )
+    return plus(vector(body.origin), r), velocity, acceleration
+
+
+@in_place
+def place_camera(address: int, t: float) -> None:
+    """Write where the camera and the target are in the base frame, and the one relative to the other."""
+    step = thaw(address)
+    tip, camera, target = step.bodies[len(step.joints)], step.camera[0], step.target[0]
+    tip_R, tip_origin, R, origin = matrix(tip.R), vector(tip.origin), matrix(camera.R), vector(camera.t)
+    target_R, target_t = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0)
+    if camera.fixed:
+        target_R = product(tip_R, matrix(camera.tip_R))
+        target_t = plus(tip_origin, turned(tip_R, vector(camera.tip_t)))
+    else:
+        R, origin = product(tip_R, R), plus(tip_origin, turned(tip_R, origin))
+        if target.moves:
+            moved, _, _ = displaced(target.motion, t)
+            target_R, target_t = target_pose(t, vector(target.angular_velocity), vector(target.centre), moved)
+    put_matrix(R, step.eye[0].R)
+    put(origin, step.eye[0].origin)
+    put_matrix(target_R, step.target_R)
+    put(target_t, step.target_t)
+    R, origin = transposed_product(target_R, R), turned_back(target_R, minus(origin, target_t))
+    if not step.measurement[0].pose_given:
+        put_matrix(R, step.camera_R)
+        put(origin, step.camera_t)
+        return
+    off = difference = 0.0
+    for i in range(3):
+        off += (step.camera_t[i] - origin[i]) ** 2
+        for j in range(3):
+            difference += (step.camera_R[i, j] - R[i][j]) ** 2
+    step.innovation[2], step.innovation[3] = math.sqrt(off), angle(difference)
+
+
+@in_place
+def move_camera(address: int, t: float) -> None:
+    """Write the camera's twist and its Jacobian relative to the target, once its place is known."""
+    step = thaw(address)
+    n = len(step.joints)
+    tip, camera, target, eye = step.bodies[n], step.camera[0], step.target[0], step.eye[0]
+    R, origin = matrix(eye.R), vector(eye.origin)
+    r = turned(matrix(tip.R), vector(camera.t))
+    if camera.fixed:
+        # as if the tip carried it: its motion is that of the target, reversed
+        r = minus(vector(camera.t), vector(tip.origin))
+    _, velocity, acceleration = carry(address, n, r)
+    away, omega = origin, (0.0, 0.0, 0.0)
+    if target.moves:
+        known = 1.0 * target.known
+        d, d_dot, d_ddot = displaced(target.motion, t)
+        away, omega = minus(minus(origin, vector(target.centre)), d), times(known, vector(target.angular_velocity))
+        velocity, acceleration = along_with(velocity, -known, d_dot), along_with(acceleration, -known, d_ddot)
+    v, w, v_dot, w_dot = relative_twist(
+        velocity, acceleration, vector(tip.angular_velocity), vector(tip.angular_acceleration), omega, away
+    )
+    sign = -1.0 if camera.fixed else 1.0
+    put(times(sign, turned_back(R, v)), eye.velocity)
+    put(times(sign, turned_back(R, w)), eye.angular_velocity)
+    put(times(sign, turned_back(R, v_dot)), eye.acceleration)
+    put(times(sign, turned_back(R, w_dot)), eye.angular_acceleration)
+    point_jacobian(address, n, origin, step.J_point)
+    for j in range(n):
+        about = 0.0 if step.joints[j].prismatic else sign
+        put(times(sign, turned_back(R, vector(step.J_point[:, j]))), step.camera_J[:3, j])
+        put(times(about, turned_back(R, vector(step.bodies[j + 1].axis))), step.camera_J[3:, j])
+
+
+@in_place
+def in_camera(address: int, i: int) -> Vector:
+    """A marker in the camera frame, where the model has it."""
+    step = thaw(address)
+    there = turned(matrix(step.target_R), vector(step.markers[i]))
+    away = minus(vector(step.target_t), vector(step.eye[0].origin))
+    return turned_back(matrix(step.eye[0].R), plus(there, away))
+
+
+@in_place
+def see(address: int, i: int, t: float) -> bool:
+    """Write where a marker is in the image and how it moves; False if it is not in front of the camera."""
+    step = thaw(address)
+    eye, camera, marker = step.eye[0], step.camera[0], step.seen[i]
+    P = in_camera(address, i)
+    v, omega = vector(eye.velocity), vector(eye.angular_velocity)
+    v_dot, omega_dot = vector(eye.acceleration), vector(eye.angular_acceleration)
+    if not P[2] >= MINIMUM_DEPTH:
+        return False
+    if step.measurement[0].given:
+        # what a detector says; what it says nothing of is as far from where the model has it as it was last seen
+        x, y, said = P[0] / P[2], P[1] / P[2], step.measured[i]
+        Z = said[2] if said[2] >= MINIMUM_DEPTH else P[2]
+        if said[0] == said[0] and said[1] == said[1]:
+            u, w = (said[0] - camera.offset[0]) / camera.focal[0], (said[1] - camera.offset[1]) / camera.focal[1]
+            # what was seen some time ago has moved on since
+            age, moved = t - step.measurement[0].time, image_motion((u * Z, w * Z, Z), v, omega, v_dot, omega_dot)
+            step.correction[i, 0], step.correction[i, 1] = u + age * moved[2] - x, w + age * moved[3] - y
+        x, y = x + step.correction[i, 0], y + step.correction[i, 1]
+        P = (x * Z, y * Z, Z)
+    P = times(camera.depth_factor, P)
+    x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P, v, omega, v_dot, omega_dot)
+    marker.xy[0], marker.xy[1], marker.velocity[0], marker.velocity[1] = x, y, x_dot, y_dot
+    marker.drift[0], marker.drift[1], marker.depth = x_ddot, y_ddot, P[2]
+    step.pixels[i, 0] = camera.focal[0] * x + camera.offset[0]
+    step.pixels[i, 1] = camera.focal[1] * y + camera.offset[1]
+    return True
+
+
+@in_place
+def write_innovation(address: int, t: float) -> None:
+    """Write how far what is measured is from the model; what is measured of the camera's pose is written by then."""
+    step = thaw(address)
+    innovation, measurement, camera = step.innovation, step.measurement[0], step.camera[0]
+    innovation[0] = innovation[1] = innovation[4] = innovation[5] = innovation[6] = 0.0
+    if measurement.given:
+        innovation[0], innovation[1] = image_innovation(step.pixels, step.correction, camera.focal[0], camera.focal[1])
+        innovation[4] = t - measurement.time
+    if not measurement.pose_given:
+        innovation[2] = innovation[3] = 0.0
+    for j in range(len(step.slip)):
+        innovation[5] = max(innovation[5], abs(step.slip[j]) / MEMORY)
+    for i in range(len(step.bounds)):
+        innovation[6] = max(innovation[6], innovation[i] / step.bounds[i])
+
+
+@in_place
+def write_box(address: int, j: int) -> None:
+    """Write what a joint's limits leave of its acceleration."""
+    step = thaw(address)
+    given = step.limits
+    limits = JointLimits(
+        given.acceleration[j], given.change[j], given.q_min[j], given.q_max[j], given.qd_max[j], given.ranges,
+        given.period,
+    )  # fmt: skip
+    least, greatest = joint_box(step.q[j], step.qd[j], step.last_command[j], limits)
+    step.rows.qdd_min[j], step.rows.qdd_max[j] = least, greatest
+
+
+@in_place
+def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
+    """As :func:`evaluate_step`; False if it cannot be done."""
+    step = thaw(address)
+    n = len(step.joints)
+    if q.size != n or qd.size != n or not abs(t) < np.inf:
+        return False
+    # who calls the entry point without a look at the types may bring others
+    if n > 1 and (q.strides[0] != q.itemsize or qd.strides[0] != qd.itemsize):
+        return False
+    for i in range(n):
+        if not (np.isfinite(q[i]) and np.isfinite(qd[i])):
+            return False
+        mean_speed = 0.5 * (qd[i] + step.qd[i])
+        step.slip[i] = slip(step.slip[i], q[i] - step.q[i], mean_speed, t - step.time[0])
+        step.q[i], step.qd[i] = q[i], qd[i]
+    step.time[0] = t
+    move(address, q, qd)
+    place_camera(address, t)
+    move_camera(address, t)
+    for i in range(len(step.seen)):
+        if not see(address, i, t):
+            return False
+    write_innovation(address, t)
+    for i in range(len(step.places)):
+        point, spot = step.robot_points[i], step.places[i]
+        r = turned(matrix(step.bodies[point.body].R), vector(point.offset))
+        position, velocity, drift = carry(address, point.body, r)
+        put(position, spot.position)
+        put(velocity, spot.velocity)
+        put(drift, spot.drift)
+        put(position, step.points[i])
+    for i in range(len(step.parts)):
+        call(step.parts[i].address, (address, i))
+    error = step.gradient_error[0]
+    if error.address != 0:
+        call(error.address, (address, error.in_phi))
+    write_task(address, t)
+    for j in range(len(step.limits.acceleration)):
+        write_box(address, j)
+    return True
+
+
+@compiled("int64(int64, float64, float64[::1], float64[::1])", IN_PLACE)
+def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
+    """Compute everything that a controller needs at time t [s], q and q̇ (n,), on the arrays of a :class:`.Step`.
+
+    Returns 0, or 1 if q or q̇ has another size, a number is not finite, or a marker is not in front of the camera: then
+    nothing in the outputs counts, and what the task remembers is as it was. What was measured is used up.
+    """
+    done = evaluate(address, t, q, qd)
+    measurement = thaw(address).measurement[0]
+    measurement.given = measurement.pose_given = 0
+    return 0 if done else 1
+
+
+@compiled("int64(int64, float64[:, ::1], float64[::1], float64, float64)", IN_PLACE)
+def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -> int:
+    """Let the next step take these pixels (M, 2) and depths (M,), NaN where there are none, of an image of that time.
+
+    Returns 0, or 1 if the sizes are others, a number is infinite, a depth not positive or the time not before t [s].
+    """
+    step = thaw(address)
+    M = len(step.seen)
+    if pixels.shape[0] != M or pixels.shape[1] != 2 or depth.size != M or not -np.inf < taken <= t + JUST_NOW:
+        return 1
+    # who calls the entry point without a look at the types may bring others
+    if M > 0 and (pixels.strides[1] != 8 or pixels.strides[0] != 16 or depth.strides[0] != 8):
+        return 1
+    for i in range(M):
+        if abs(pixels[i, 0]) == np.inf or abs(pixels[i, 1]) == np.inf or depth[i] <= 0.0 or depth[i] == np.inf:
+            return 1
+        step.measured[i, 0], step.measured[i, 1], step.measured[i, 2] = pixels[i, 0], pixels[i, 1], depth[i]
+    step.measurement[0].given, step.measurement[0].time = 1, taken
+    return 0
+
+
+@compiled("void(int64, float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, :, ::1], boolean[::1])", IN_PLACE)
+def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: BoolArray) -> None:
+    """Write pixels (N, M, 2) and robot points (N, P, 3) at times t (N,) and coordinates q (N, n), without their motion.
+
+    ``seen`` (N,) says whether all markers are in front of the camera; where they are not, the pixels do not count.
+    """
+    step = thaw(address)
+    camera = step.camera[0]
+    for k in range(len(t)):
+        place(address, q[k])
+        place_camera(address, t[k])
+        seen[k] = True
+        for i in range(len(step.markers)):
+            P = in_camera(address, i)
+            if not P[2] >= MINIMUM_DEPTH:
+                seen[k] = False
+            pixels[k, i, 0] = camera.focal[0] * P[0] / P[2] + camera.offset[0]
+            pixels[k, i, 1] = camera.focal[1] * P[1] / P[2] + camera.offset[1]
+        for i in range(len(step.robot_points)):
+            point = step.robot_points[i]
+            body = step.bodies[point.body]
+            put(plus(vector(body.origin), turned(matrix(body.R), vector(point.offset))), points[k, i])

@@ -1,0 +1,122 @@
+"""The tracking task: from a visual feature to J_s q̈ = b."""
+
+from __future__ import annotations
+
+from ..formulas.features import image_row, pose_error, pose_rates
+from ..formulas.rotation import rotation_vector_rate
+from ..formulas.tracking import demanded, gains, resting
+from ..formulas.vectors import matrix, turned, vector
+from .compiler import in_place
+from .kinematics import put
+from .linear import START
+from .thawed import thaw
+
+CAMERA_POSE, IMAGE_POINTS = range(2)
+"""Features."""
+
+JUST_NOW = 1e-9
+"""A goal's time [s] is met up to rounding."""
+
+
+@in_place
+def write_pose(address: int, goal: int, continues: bool) -> None:
+    """Write J_s, the error, ṡ and J̇_s q̇ + ∂ṡ/∂t of (t, θu): see :class:`vsconstraints.vision.features.CameraPose`."""
+    step = thaw(address)
+    eye, task, wanted = step.eye[0], step.task, step.goals[goal]
+    E, e, w = pose_error(
+        matrix(wanted.R),
+        vector(wanted.t),
+        matrix(step.camera_R),
+        vector(step.camera_t),
+        vector(step.last_error[3:]),
+        continues,
+    )
+    omega = vector(eye.angular_velocity)
+    w_dot, L, L_dot = rotation_vector_rate(w, omega)
+    rate, drift, w_ddot = pose_rates(
+        E, L, L_dot, vector(eye.velocity), omega, vector(eye.acceleration), vector(eye.angular_acceleration)
+    )
+    put(e, task.error[:3])
+    put(w, task.error[3:])
+    put(rate, task.error_rate[:3])
+    put(w_dot, task.error_rate[3:])
+    put(drift, step.drift[:3])
+    put(w_ddot, step.drift[3:])
+    J = step.camera_J
+    for j in range(J.shape[1]):
+        put(turned(E, vector(J[:3, j])), task.J[:3, j])
+        put(turned(L, vector(J[3:, j])), task.J[3:, j])
+
+
+@in_place
+def write_image(address: int, goal: int) -> None:
+    """Write J_s, the error, ṡ, J̇_s q̇ + ∂ṡ/∂t and ∂s/∂t of markers: see :class:`.ImagePoints`."""
+    step = thaw(address)
+    eye, task, share, J = step.eye[0], step.task, step.options[0].share, step.camera_J
+    for row in range(len(task.error)):
+        marker, c = step.seen[row // 2], row % 2
+        now, there = image_row(c, marker.xy[0], marker.xy[1], marker.depth), step.goal_interaction[goal, row]
+        drift = 0.0
+        for j in range(3):
+            drift += ((1.0 - share) * now[j] + share * there[j]) * eye.acceleration[j]
+            drift += ((1.0 - share) * now[3 + j] + share * there[3 + j]) * eye.angular_acceleration[j]
+        moving = 0.0
+        for j in range(J.shape[1]):
+            entry = wanted = 0.0
+            for i in range(3):
+                entry += now[i] * J[i, j] + now[3 + i] * J[3 + i, j]
+                wanted += there[i] * J[i, j] + there[3 + i] * J[3 + i, j]
+            moving += entry * step.qd[j]
+            task.J[row, j] = (1.0 - share) * entry + share * wanted if share > 0.0 else entry
+        task.error[row] = marker.xy[c] - step.goal_points[goal, row]
+        task.error_rate[row] = marker.velocity[c]
+        step.partial[row] = marker.velocity[c] - moving
+        step.drift[row] = drift if share > 0.0 else marker.drift[c]
+
+
+@in_place
+def write_task(address: int, t: float) -> None:
+    """Write J_s, b, q̈₀, the error and its rate, and remember them: see :class:`.VisualTask`."""
+    step = thaw(address)
+    options, last, task = step.options[0], step.last[0], step.task
+    k, n = task.J.shape
+    goal = START
+    for g in range(len(step.goals)):
+        if step.goals[g].from_time <= t + JUST_NOW:
+            goal = g
+    continues = last.goal == goal
+    if options.feature == CAMERA_POSE:
+        write_pose(address, goal, continues)
+    else:
+        write_image(address, goal)
+    Ts = t - last.time
+    differences = continues and Ts > 0.0
+    squared = 0.0
+    for i in range(k):
+        moving = 0.0
+        for j in range(n):
+            moving += task.J[i, j] * step.qd[j]
+        # what does not come from the robot, and what replaces ṡ where J_s is not that of the current image
+        if options.feature == CAMERA_POSE:
+            step.partial[i] = task.error_rate[i] - moving
+        elif options.share > 0.0:
+            task.error_rate[i] = step.partial[i] + moving
+        if options.drift_by_differences:
+            step.drift[i] = 0.0
+            if differences:
+                total = step.partial[i] - step.last_partial[i]
+                for j in range(n):
+                    total += (task.J[i, j] - step.last_J[i, j]) * step.qd[j]
+                step.drift[i] = total / Ts
+        if options.velocity_by_differences and differences:
+            task.error_rate[i] = (task.error[i] - step.last_error[i]) / Ts
+        squared += task.error[i] * task.error[i]
+    Kp, Kv = gains(squared, options.Kp0, options.slope, options.damping)
+    for i in range(k):
+        task.b[i] = demanded(task.error[i], task.error_rate[i], step.drift[i], Kp, Kv)
+        step.last_error[i], step.last_partial[i] = task.error[i], step.partial[i]
+        for j in range(n):
+            step.last_J[i, j] = task.J[i, j]
+    for j in range(task.rest.size):
+        task.rest[j] = resting(step.q[j], step.qd[j], step.posture[j], options.rest_damping, options.rest_stiffness)
+    last.time, last.goal = t, goal

@@ -1,0 +1,143 @@
+"""Measures that several claims share: is a row fulfilled, is its space used, is its boundary reached smoothly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+
+from ...comparisons.run import Run
+from ...rows.readable import amount
+from ..verdicts import Finding, finding, plural
+
+VANISHED = 0.01
+"""Share of the greatest error that may be left where the paper says zero."""
+
+FULLY = 0.01
+"""Unused margin, as a fraction of the characteristic length, up to which the allowed space counts as fully used."""
+
+SHARE_LEFT = 0.1
+"""Share of the normal speed that may be left after 3 K: an exponential approach leaves exp(−3) = 0.05."""
+
+MOST_EXCESS = 2.0
+"""How far sampling may lift φ above zero, in T_s u⁺: tracking adds to the one that eq. (43) allows."""
+
+LONGEST_POSITIVE = 2
+"""In a sliding mode φ is not positive for longer than this many samples."""
+
+
+def greatest_phi(run: Run, label: str) -> float:
+    """Greatest φ of a row."""
+    return float(run.phi(label).max())
+
+
+def excess(run: Run, label: str) -> float:
+    """Greatest φ of a row in T_s u⁺."""
+    return greatest_phi(run, label) / run.bound(label)
+
+
+def greatest_sigma(run: Run, *labels: str) -> float:
+    """Greatest σ of rows."""
+    return max(float(run.sigma(label).max()) for label in labels)
+
+
+def clear(run: Run, *labels: str) -> float:
+    """Least clearance of rows, between samples too, in their unit."""
+    return min(float(run.row(label)["clearance_min"]) for label in labels)
+
+
+def with_sigma(labels: Iterable[str]) -> list[str]:
+    """Rows with a σ of their own: a speed's σ is its φ."""
+    return [label for label in labels if not label.startswith("speed")]
+
+
+def fulfilled(run: Run, label: str) -> Finding:
+    """Whether σ ≤ 0, also between samples, and φ stays within T_s u⁺ of zero."""
+    sigma, bound, samples = greatest_sigma(run, label), run.bound(label), run.positive_samples(label)
+    phi = float(run.row(label)["phi_max"])
+    text = (
+        f"max σ = {amount(sigma)}; max φ = {amount(phi)} (T_s u⁺ = {bound:g}), positive for {plural(samples)} in a row"
+    )
+    good = sigma <= 0.0 and clear(run, label) >= 0.0 and phi <= bound and samples <= LONGEST_POSITIVE
+    return finding(text, good, sigma_max=sigma, phi_max=phi, bound=bound, positive_samples=samples)
+
+
+def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
+    """Of ``φ ≤ 0``, wherever the paper says that a constraint is fulfilled: what claims.toml calls ``fulfilled``."""
+    own = with_sigma(labels)
+    phi, sigma = max(greatest_phi(run, label) for label in labels), greatest_sigma(run, *own)
+    worst, longest = max(labels, key=lambda label: excess(run, label)), max(labels, key=run.positive_samples)
+    most, samples, at = excess(run, worst), run.positive_samples(longest), run.index(longest)
+    text = (
+        f"max σ = {amount(sigma)}; max φ = {amount(phi)}, up to {most:.2f} T_s u⁺ ({worst}), at or above zero for "
+        f"{plural(samples)} in a row{'' if len(labels) == 1 else f' ({longest})'}; (12) asks for u⁺ > "
+        f"{run.drift[:, at].max():.3g} there, where u⁺ = {run.record.switching_gain[at]:g}"
+    )
+    part = sigma <= 0.0 and clear(run, *own) >= 0.0 and most <= MOST_EXCESS and samples <= LONGEST_POSITIVE
+    return finding(text, phi <= 0.0, part, phi_max=phi, sigma_max=sigma, excess=most, longest=samples)
+
+
+def unused(run: Run, label: str) -> float:
+    """Least clearance of a row as a fraction of its characteristic length."""
+    return clear(run, label) / run.length(label)
+
+
+def fully_used(run: Run, *labels: str) -> Finding:
+    """Of ``the allowed space is fully utilized``: unused margins of at most 1 %, and none negative."""
+    shares = {label: unused(run, label) for label in labels}
+    used = [0.0 <= share <= FULLY for share in shares.values()]
+    text = "; ".join(
+        f"{label} comes within {clear(run, label):.2g} {run.unit(label)} of its boundary ({100.0 * share:.2g} % of L)"
+        for label, share in shares.items()
+    )
+    return finding(text, all(used), any(used), **shares)
+
+
+class Approach(NamedTuple):
+    """How a boundary is reached: normal speed when the row begins to act, 3 K later, and the greatest in between.
+
+    ``start`` is a time [s]; the speeds are in the row's unit per second.
+    """
+
+    start: float
+    first: float
+    later: float
+    greatest: float
+
+    @property
+    def share(self) -> float:
+        """What is left of the speed after 3 K; infinite if there is none towards the boundary at first."""
+        return abs(self.later) / self.first if self.first > 0.0 else inf
+
+    @property
+    def smooth(self) -> bool:
+        """Whether the speed falls as an exponential approach does, and never rises on the way."""
+        return self.share <= SHARE_LEFT and self.greatest <= 1.1 * self.first
+
+
+def approaches(run: Run, label: str, gap: float) -> list[Approach]:
+    """Every time the row acts for 3 K or longer."""
+    K, speed = run.constraint(label).K, run.approach_speed(label)
+    found = []
+    for first, last in run.active_intervals(label, gap=gap):
+        if last - first < 3.0 * K:
+            continue
+        a, b = (int(np.searchsorted(run.t, time - 0.5 * run.sampling_time)) for time in (first, first + 3.0 * K))
+        found.append(Approach(first, float(speed[a]), float(speed[b]), float(speed[a : b + 1].max())))
+    return found
+
+
+def smoothly(run: Run, *labels: str, gap: float = 0.3) -> Finding:
+    """Of ``the boundary is reached smoothly``: every approach of these rows is."""
+    found = {label: approaches(run, label, gap) for label in labels}
+    every = [one for some in found.values() for one in some]
+    if missing := [label for label, some in found.items() if not some]:
+        return finding(f"no approach lasts 3 K: {', '.join(missing)}", False, bool(every))
+    text = "normal speed, at first and 3 K later: " + "; ".join(
+        f"{label} " + ", ".join(f"{one.first:.3g} → {one.later:.2g} {run.unit(label)}/s" for one in some)
+        for label, some in found.items()
+    )
+    smooth = [one.smooth for one in every]
+    return finding(text, all(smooth), any(smooth), share_left=max(one.share for one in every))

@@ -1,0 +1,149 @@
+"""Figs. 4 to 8: the planar arm."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...comparisons.run import Run
+from ...reports.plots import INK, Sheet, band, inside_legend, line, logarithmic, signal
+from ...reports.plots.image import Plane, square, symbol
+from ..claims.first_example import SECOND
+from ..claims.trap_and_corners import BOWL_ROW, HEART, NOTCH, OTHER_ROW, TIP
+from . import lines as paper
+
+VIEW = 3.7
+MARKERS = ((paper.BLUE, "o", "first feature"), (paper.MAGENTA, "*", "second feature"))
+FASTER: dict[str, Any] = {"color": "#F2A900", "linestyle": (0, (3, 2))}
+PLANAR = (0, 1, 5)
+"""Parts of the pose's error that are not zero."""
+
+
+def _tracks(ax: Any, run: Run, **look: Any) -> None:
+    for i, (colour, mark, _) in enumerate(MARKERS):
+        paper.track(ax, run, i, color=colour, **look)
+        paper.ends(ax, run.trajectory.features_px, i, mark)
+
+
+def _entries(run: Run) -> list[dict[str, Any]]:
+    return [
+        *(symbol(mark, paper.START, label=f"start of the {name}") for _, mark, name in MARKERS),
+        *(symbol(mark, INK, "white", label=f"end of the {name}") for _, mark, name in MARKERS),
+        *paper.boundaries(run, "boundary of the FOV constraint"),
+    ]
+
+
+def draw_fov(fov: Run) -> Sheet:
+    """Fig. 4: tracks; errors, joints and φ of the second feature."""
+    sheet = Sheet(paper.LEFT)
+    _tracks(paper.image_view(sheet, fov, VIEW, upwards=True), fov)
+    sheet.side_legend([*(line(name, colour) for colour, _, name in MARKERS), *_entries(fov)])
+    position, orientation, joints, phi = sheet.panels(4, 2, height=1.45, gap=0.9, labels=("time [s]", ""))
+    paper.pose_errors((position, orientation), fov, PLANAR)
+    paper.signals(joints, fov, fov.trajectory.q, (f"$q_{k}$" for k in (1, 2, 3)), "joint positions\n[rad]")
+    inside_legend(joints, 3)
+    signal(phi, fov.t, fov.phi(SECOND), color=paper.CYAN, label=r"$\phi_{V,2}$", linewidth=1.2)
+    paper.phi_axis(phi, fov, -1.1, 0.2, "constraint\nfunction $\\phi$")
+    inside_legend(phi, place="lower right")
+    return sheet
+
+
+def draw_fast(fast: Run, high: Run) -> Sheet:
+    """Fig. 5: tracks and φ of the second feature for a small and a large switching gain."""
+    sheet = Sheet(paper.LEFT)
+    ax = paper.image_view(sheet, fast, VIEW, upwards=True)
+    _tracks(ax, fast, linewidth=2.4)
+    for i in range(2):
+        paper.track(ax, high, i, **FASTER, zorder=4.5)
+    slower = [line(f"{name}, $u^+$ = 10", colour) for colour, _, name in MARKERS]
+    sheet.side_legend([*slower, line("both features, $u^+$ = 50", **FASTER), *_entries(fast)])
+    whole, near = sheet.panels(2, height=1.7, above=0.25, labels=("time [s]", ""))
+    for ax, low, top, what in ((whole, -1.1, 0.3, ""), (near, -0.3, 0.2, ", near zero")):
+        for run, colour, name in ((fast, paper.BLUE, "$u^+$ = 10"), (high, FASTER["color"], "$u^+$ = 50")):
+            signal(ax, run.t, run.phi(SECOND), color=colour, label=name, linewidth=1.4)
+        paper.phi_axis(ax, fast, low, top, r"$\phi_{V,2}$" + what)
+    bound = fast.bound(SECOND)
+    band(near, -bound, bound, paper.BAND, label="$\\pm T_s u^+$ for $u^+$ = 10")
+    near.set_xlim(0.0, 2.0)
+    whole.tick_params(labelbottom=True)
+    inside_legend(whole, 2, "lower right")
+    inside_legend(near, place="upper right")
+    return sheet
+
+
+class Obstacle(NamedTuple):
+    """What the first marker meets: its row and name, a detail [px], limits of φ, and a row of the other marker."""
+
+    row: str
+    name: str
+    centre: tuple[float, float]
+    half: float
+    low: float
+    high: float
+    other: str = ""
+
+
+def draw_bowl(bowl: Run) -> Sheet:
+    """Fig. 6: the trap."""
+    return _with_detail(bowl, Obstacle(BOWL_ROW, "bowl", (-50.0, 86.0), 40.0, -2.2, 0.3, OTHER_ROW))
+
+
+def draw_convex(convex: Run) -> Sheet:
+    """Fig. 7: the convex corner is passed."""
+    return _with_detail(convex, Obstacle(HEART, "heart", TIP, 25.0, -2.2, 0.3))
+
+
+def draw_concave(concave: Run) -> Sheet:
+    """Fig. 8: the concave corner is not."""
+    return _with_detail(concave, Obstacle(HEART, "heart", NOTCH, 25.0, -2.2, 1.1))
+
+
+def _with_detail(run: Run, met: Obstacle) -> Sheet:
+    """Tracks with a detail, errors, and φ of the border's and the obstacle's row.
+
+    The obstacle's row of the other marker gets a panel of its own, beside the first's.
+    """
+    sheet, plane = Sheet(paper.LEFT), Plane.of(run.setup)
+    sheet.at = 0.28
+    whole, detail = sheet.views((3.0, 3.0), (2.05, 2.05), gap=0.45)
+    plane.draw(whole, upwards=True)
+    _tracks(whole, run)
+    square(whole, met.centre, met.half, met.half, color=INK, linewidth=0.9, zorder=7)
+    entries = [line(name, colour) for colour, _, name in MARKERS]
+    entries += [symbol("o", paper.START, label="start"), symbol("o", INK, "white", label="end")]
+    plane.part(np.array(met.centre), np.full(2, met.half)).draw(detail)
+    detail.invert_yaxis()
+    detail.set_title("detail", loc="left", fontsize=8.5, pad=3)
+    detail.set_xlabel("u [px]", labelpad=1)
+    paper.track(detail, run, 0, color=paper.BLUE)
+    paper.ends(detail, run.trajectory.features_px, 0, "o")
+    outside = np.where((run.sigma(met.row) > 0.0)[:, None], run.trajectory.features_px[:, 0], np.nan)
+    if np.isfinite(outside).any():
+        detail.plot(*outside.T, color=paper.RED, linewidth=2.6, zorder=5)
+        entries.append(line(r"$\sigma$ > 0", paper.RED))
+    sheet.side_legend(entries)
+    panels = sheet.panels(4 if met.other else 3, height=1.2, labels=("time [s]", ""))
+    paper.pose_errors(panels[:2], run, PLANAR)
+    for label, colour, dash, name in (
+        (SECOND, paper.CYAN, "-", "FOV, second feature"),
+        (met.row, paper.GREEN, "-.", f"{met.name}, first feature"),
+    ):
+        signal(panels[2], run.t, run.phi(label), color=colour, linestyle=dash, label=name, linewidth=1.2)
+    paper.phi_axis(panels[2], run, met.low, met.high, "constraint\nfunction $\\phi$")
+    inside_legend(panels[2], place="lower right")
+    if met.other:
+        _far_beyond(panels[3], run, met)
+    return sheet
+
+
+def _far_beyond(ax: Any, run: Run, met: Obstacle) -> None:
+    """φ of an obstacle's rows, some of which leave their bands by orders of magnitude."""
+    bound = run.bound(met.other)
+    for label, colour, name in ((met.other, paper.MAGENTA, "second"), (met.row, paper.GREEN, "first")):
+        signal(ax, run.t, run.phi(label), color=colour, label=f"{met.name}, {name} feature", linewidth=1.2)
+    band(ax, -bound, bound, paper.BAND)
+    paper.over_time(ax, run, f"$\\phi$ of the {met.name}")
+    logarithmic(ax.yaxis, (-1e4, -1e2, -1.0, 0.0, 1.0, 1e2), bound, 1.0)
+    ax.set_ylim(top=1e4)
+    inside_legend(ax, place="lower right")

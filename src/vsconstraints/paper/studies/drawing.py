@@ -1,0 +1,100 @@
+"""What the figures of studies have in common: points by controller, scenario and outcome."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
+from typing import Any
+
+from ...reports.plots import INK, Look, Sheet, darker, line, looks
+from .laws import LAWS
+from .points import where
+
+LOOKS: dict[str, Look] = looks(["tracking", *(law.name for law in LAWS)])
+SCENARIO_TITLES: dict[str, str] = {
+    "example-2d-fov": "first example",
+    "example-2d-fast-high-gain": "first example, fast",
+    "case-study-6r": "case study",
+    "experiment-1-pbvs": "experiment 1 (PBVS)",
+    "experiment-2-ibvs": "experiment 2 (IBVS)",
+}
+
+
+def scenario_title(scenario: str) -> str:
+    """What figures and sentences call a scenario."""
+    return SCENARIO_TITLES.get(scenario, scenario)
+
+
+def sentence_start(scenario: str) -> str:
+    """The same at the beginning of a sentence."""
+    title = scenario_title(scenario)
+    return title[:1].upper() + title[1:]
+
+
+def scenario_panels(
+    sheet: Sheet, scenarios: Sequence[str], measures: Sequence[str], below: str, *, height: float, gap: float
+) -> dict[tuple[int, str], Any]:
+    """A row of panels for each measure, which is named at the left, and a column for each scenario, with its title.
+
+    ``below`` names the common horizontal axis; height of panels and gap between columns are inches.
+
+    Returns
+    -------
+    dict
+        Panels by the measure's number and the scenario.
+    """
+    sheet.at += 0.15
+    places = list(product(range(len(measures)), scenarios))
+    panels = sheet.panels(len(places), len(scenarios), height=height, gap=gap, labels=(below, ""))
+    for ax, (i, scenario) in zip(panels, places, strict=True):
+        if i == 0:
+            ax.set_title(scenario_title(scenario))
+        if scenario == scenarios[0]:
+            ax.set_ylabel(measures[i])
+    return dict(zip(places, panels, strict=True))
+
+
+def entry(label: str, colour: str, marker: str = "", **look: Any) -> dict[str, Any]:
+    """Legend entry of points that a line joins."""
+    return line(label, colour, **{"marker": marker, "markersize": 5.0, "linewidth": 1.4, **look})
+
+
+def controller_entries(names: Iterable[str]) -> list[dict[str, Any]]:
+    """Legend entries of controllers, with their markers."""
+    return [entry(name, LOOKS[name].colour, LOOKS[name].marker) for name in names]
+
+
+def joined(
+    ax: Any, points: Iterable[dict[str, Any]], x: str, y: str, colour: str, marker: str = "", **look: Any
+) -> None:
+    """Points joined by a line in their order; what is no number is left out."""
+    pairs = [(p[x], p[y]) for p in points if math.isfinite(p[x]) and math.isfinite(p[y])]
+    if pairs:
+        edge = {"markeredgecolor": darker(colour), "markeredgewidth": 0.6}
+        line = {"color": colour, "marker": marker, "markersize": 5.0, "linewidth": 1.4, **edge, **look}
+        ax.plot(*zip(*pairs, strict=True), **line)
+
+
+def by_outcome(
+    ax: Any, points: Iterable[dict[str, Any]], x: str, y: str, outcomes: Mapping[str, tuple[str, str, str]]
+) -> None:
+    """A marker for each run, that shows its outcome; colour, marker and label of each are given."""
+    for name, (colour, marker, _) in outcomes.items():
+        own, edge = where(points, outcome=name), colour if marker == "x" else INK
+        look = {"marker": marker, "color": colour, "markersize": 7.5, "markeredgecolor": edge, "markeredgewidth": 0.5}
+        ax.plot([p[x] for p in own], [p[y] for p in own], **look, linestyle="none", zorder=3)
+
+
+def outcome_entries(
+    points: Iterable[dict[str, Any]], outcomes: Mapping[str, tuple[str, str, str]]
+) -> list[dict[str, Any]]:
+    """Legend entries of the outcomes that there are."""
+    shown = [look for name, look in outcomes.items() if where(points, outcome=name)]
+    return [entry(label, colour, marker, linestyle="none", markersize=7.0) for colour, marker, label in shown]
+
+
+def failed_marks(ax: Any, values: Sequence[float], colour: str, height: float = 0.97) -> None:
+    """Crosses near the upper edge, at the x values of runs that failed."""
+    cross = {"marker": "x", "color": colour, "markersize": 6.0, "markeredgewidth": 1.4, "linestyle": "none"}
+    ax.plot(values, [height] * len(values), transform=ax.get_xaxis_transform(), **cross, clip_on=False, zorder=5)

@@ -1,0 +1,190 @@
+"""Runs studies together, and writes their figures and data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...comparisons.record import RunRecord
+from ...comparisons.run import perform
+from ...comparisons.runs.pool import Failure, carry_out
+from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec, longest_first
+from ...comparisons.tables import write_table
+from ...comparisons.unfinished import kept_file, unfinished
+from ...compiled import prepare
+from ...errors import ConfigurationError, unknown_name
+from ...reports.plots import PNG, Formats
+from .gradient_error import GradientErrors
+from .non_static import NonStatic
+from .pareto import Pareto
+from .robustness import Robustness
+from .sampling_time import SamplingTime
+from .shrinking_region import ShrinkingRegion
+from .study import Study, StudyResult
+from .summary import RunSummary, summarise
+from .switching_gain import SwitchingGain
+from .unselected_experiments import UnselectedExperiments
+
+Progress = Callable[[int, int], None]
+"""Told how many runs are done, and how many there are in all."""
+
+
+STUDIES: dict[str, Study] = {
+    study.name: study
+    for study in (
+        ShrinkingRegion(),
+        SwitchingGain(),
+        SamplingTime(),
+        GradientErrors(),
+        Pareto(),
+        NonStatic(),
+        Robustness(),
+        UnselectedExperiments(),
+    )
+}
+"""Studies by the name files and the command line use."""
+
+CAMPAIGNS = ("real-world",)
+"""Studies that are campaigns of :mod:`.evidence`, with a folder and a report of their own: they take long,
+and run only where they are named."""
+
+
+def figure_file(folder: Path, name: str, formats: Formats = PNG) -> Path:
+    """Where the figure of a study is written, in the format that pages show."""
+    return folder / "figures" / f"study-{name}.{formats[0]}"
+
+
+def data_file(folder: Path, name: str) -> Path:
+    """Where the points of a study are written."""
+    return folder / "studies" / f"{name}.csv"
+
+
+def run_studies(
+    names: Sequence[str] | None = None,
+    folder: Path | None = None,
+    workers: int | None = None,
+    on_progress: Progress = lambda done, total: None,
+    *,
+    small: bool = False,
+    studies: Mapping[str, Study] = STUDIES,
+    formats: Formats = PNG,
+    kept: Path | None = None,
+) -> dict[str, StudyResult]:
+    """Run studies and write a figure and a table of each.
+
+    A run that fails is listed in its study's ``failures``; so is an evaluation or a drawing that does.
+
+    Parameters
+    ----------
+    names
+        Which; all if None or empty.
+    folder
+        ``figures/study-NAME`` and ``studies/NAME.csv`` are written below it; nothing is if None.
+    workers
+        Number of processes at most; see :func:`vsconstraints.comparisons.runs.resources.process_count`.
+    on_progress
+        Told after every simulation how many are done, and how many there are.
+    small
+        A few short runs of each study instead of all.
+    studies
+        What there is to choose from.
+    formats
+        In which figures are written.
+    kept
+        Where finished runs are kept until all are; below the folder, until the studies are finished, if None.
+
+    Raises
+    ------
+    ConfigurationError
+        for unknown names, and if the folder cannot be made.
+    """
+    chosen = list(dict.fromkeys(names or studies))
+    for name in chosen:
+        if name not in studies:
+            raise unknown_name("study", name, studies)
+    if folder is not None:
+        try:
+            for file in (figure_file(folder, ""), data_file(folder, "")):
+                file.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigurationError(f"studies cannot be stored in {folder}: {error}") from error
+    runs = {name: studies[name].runs(small=small) for name in chosen}
+    noted = {run: False for own in runs.values() for run in own.values()}
+    noted |= {run: True for name, own in runs.items() if studies[name].drift_noted for run in own.values()}
+    with nullcontext(kept) if kept else unfinished(folder) as store:
+        summaries = _run_all(noted, store, workers, on_progress)
+        return {
+            name: _finish(studies[name], {case: summaries[run] for case, run in own.items()}, folder, formats)
+            for name, own in runs.items()
+        }
+
+
+def _run_all(
+    runs: Mapping[RunSpec, bool], kept: Path, workers: int | None, on_progress: Progress
+) -> dict[RunSpec, RunSummary]:
+    """Summaries of runs; one that raised, whose process died, or that took too long has the status ``failed``.
+
+    Parameters
+    ----------
+    runs
+        Whether each is asked what moved φ.
+    kept
+        Where runs are kept until all are finished.
+    workers, on_progress
+        See :func:`run_studies`.
+    """
+    # tracking on the scenario as it is shipped tells which rows are challenged
+    baselines = {name: RunSpec(name, ControllerSpec(BASELINE)) for name in dict.fromkeys(run.name for run in runs)}
+    limits = longest_first(runs)
+    prepare()
+    answers = carry_out(
+        summarised,
+        {run: (run, kept, run, False) for run in baselines.values()},
+        {run: (run, kept, baselines[run.name], runs[run]) for run in limits},
+        workers=workers,
+        limits={**longest_first(baselines.values()), **limits},
+        on_progress=on_progress,
+    )
+    return {run: RunSummary("failed", one.reason) if isinstance(one, Failure) else one for run, one in answers.items()}
+
+
+def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -> RunSummary:
+    """Make a run, or take its summary from where it is kept; raises whatever goes wrong."""
+    file = kept_file(kept, run, "drift" if drift_noted else "summary")
+    stored = RunSummary.load(file)
+    if stored is not None:
+        return stored
+    # some studies are about runs that diverge
+    with np.errstate(over="ignore", invalid="ignore"):
+        made = perform(run)
+        with suppress(OSError):  # it is there: it can only not be taken up again
+            if run == baseline:
+                made.record.save(kept_file(kept, run))
+        summary = summarise(made, RunRecord.load(kept_file(kept, baseline)), drift_noted=drift_noted)
+    with suppress(OSError):
+        summary.save(file)
+    return summary
+
+
+def _finish(study: Study, summaries: Mapping[Any, RunSummary], folder: Path | None, formats: Formats) -> StudyResult:
+    """Evaluate and draw one study; what goes wrong stays in it."""
+    try:
+        result = study.evaluate(summaries)
+    except Exception as error:  # one study's mistake must not cost the others
+        return StudyResult(study.name, failures=(f"evaluation: {type(error).__name__}: {error}",))
+    if folder is None:
+        return result
+    try:
+        columns = list(dict.fromkeys(column for point in result.points for column in point))
+        lines = [{column: point.get(column, "") for column in columns} for point in result.points]
+        write_table(data_file(folder, study.name), columns, lines)
+        for one in formats:
+            study.draw(result, figure_file(folder, study.name, (one,)))
+    except Exception as error:  # a figure must not cost what was found
+        failure = f"figure: {type(error).__name__}: {error}"
+        return StudyResult(study.name, result.numbers, result.sentences, result.points, (*result.failures, failure))
+    return result

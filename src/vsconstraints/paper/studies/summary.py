@@ -1,0 +1,208 @@
+"""What a study keeps of a run: its scores and coarse trajectories, small enough to hand between processes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...comparisons.metrics import score
+from ...comparisons.record import RunRecord
+from ...comparisons.run import Run
+from ...comparisons.runs.files import read_arrays, write_arrays
+from ...compiled.control_step import ControlStep
+from ...controllers.least_norm import RANK_TOLERANCE, track
+from ...errors import SceneError
+from ...rows import Array
+
+GRID = 0.02
+"""Trajectories are kept at these intervals [s]."""
+
+MOST_POINTS = 1000
+"""Long runs are kept at greater intervals, so that there are no more points than this."""
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """One run of a study.
+
+    Attributes
+    ----------
+    status, reason
+        How it ended, and why if not converged.
+    result
+        Its line of results.csv (:class:`vsconstraints.comparisons.metrics.Score`).
+    rows
+        By row label, its line of constraints.csv, its u⁺ as ``switching_gain``, and its scale.
+    Ts
+        Sampling time [s].
+    t
+        (T,) times of what follows [s].
+    q
+        (T, n) joint positions.
+    clearance
+        (T, m) clearance of each row as a fraction of its characteristic length.
+    pixels
+        (T, M, 2) markers from the image's centre [px].
+    needed_gain
+        Greatest Σ max(L_fφᵢ, 0) over the active rows in any sample: the bound (12) on u⁺.
+    entry_push
+        Greatest L_fφ + L_gφ q̈ of tracking in the last sample before a row becomes active: what moves φ past zero.
+    phi_max
+        Greatest φ of any row.
+    longest_run
+        Most samples in a row with φ ≥ 0, of any row; 0 if none was active.
+    qd
+        (T, n) joint speeds.
+    """
+
+    status: str
+    reason: str
+    result: Mapping[str, Any] = field(default_factory=dict)
+    rows: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    Ts: float = np.nan
+    t: Array = field(default_factory=lambda: np.empty(0))
+    q: Array = field(default_factory=lambda: np.empty((0, 0)))
+    clearance: Array = field(default_factory=lambda: np.empty((0, 0)))
+    pixels: Array = field(default_factory=lambda: np.empty((0, 0, 2)))
+    needed_gain: float = np.nan
+    entry_push: float = np.nan
+    phi_max: float = np.nan
+    longest_run: int = 0
+    qd: Array = field(default_factory=lambda: np.empty((0, 0)))
+
+    @property
+    def ended_early(self) -> bool:
+        """Whether the run did not go on to its end."""
+        return self.status in ("failed", "aborted")
+
+    def save(self, path: Path) -> None:
+        """Write the file whole or not at all."""
+        write_arrays(path, {f.name: getattr(self, f.name) for f in fields(self)}, compressed=False)
+
+    @classmethod
+    def load(cls, path: Path) -> RunSummary | None:
+        """What the file holds; None if there is none, or it is damaged."""
+        with suppress(Exception):  # a damaged file can raise anything
+            return cls(**read_arrays(path))
+        return None
+
+    def value(self, column: str) -> float:
+        """A number of :attr:`result`; NaN if the run has none."""
+        return float(self.result.get(column, np.nan))
+
+
+NOT_RUN = RunSummary("failed", "not run")
+"""In place of a run that is missing."""
+
+
+def summarise(made: Run, baseline: RunRecord | None, *, drift_noted: bool = False) -> RunSummary:
+    """The summary of a run.
+
+    Parameters
+    ----------
+    made
+        The run.
+    baseline
+        Tracking alone on the same scenario, which tells the challenged rows; None if it failed.
+    drift_noted
+        Whether ``needed_gain`` and ``entry_push`` are asked for.
+    """
+    record, run = made.record, made.trajectory
+    scored = score(record, baseline)
+    if not len(run.t):
+        return RunSummary(run.status, run.reason, scored.result)
+    t = np.arange(0.0, run.t[-1] + 1e-9, max(GRID, run.t[-1] / MOST_POINTS))
+    relative, scales = run.clearance / record.length, made.setup.constraints.scale
+    return RunSummary(
+        run.status,
+        run.reason,
+        scored.result,
+        {
+            str(row["constraint"]): {**row, "switching_gain": float(gain), "scale": float(scale)}
+            for row, gain, scale in zip(scored.constraints, record.switching_gain, scales, strict=True)
+        },
+        record.Ts,
+        t,
+        _at(t, run.t, run.q).astype(np.float32),
+        _at(t, run.t, relative).astype(np.float32),
+        _at(t, run.t, run.features_px).astype(np.float32),
+        **(gains(made) if drift_noted else {}),
+        phi_max=float(run.phi.max(initial=-np.inf)),
+        longest_run=max((round(row["longest_positive_run_s"] / record.Ts) for row in scored.constraints), default=0),
+        qd=_at(t, run.t, run.qd).astype(np.float32),
+    )
+
+
+def joint_distance(one: RunSummary, other: RunSummary) -> float:
+    """Root mean square over time of ‖q − q'‖ between two runs [rad or m], over the time both have."""
+    return _rms(one, other, one.q, other.q)
+
+
+def clearance_distance(one: RunSummary, other: RunSummary) -> float:
+    """Root mean square over time and rows of the difference of clearances, as a fraction of each row's length."""
+    return _rms(one, other, one.clearance, other.clearance) / math.sqrt(max(one.clearance.shape[1], 1))
+
+
+def pixel_distance(one: RunSummary, other: RunSummary) -> float:
+    """Greatest distance of a marker between two runs at the same time [px]."""
+    t = _common(one, other)
+    if not len(t) or not one.pixels.size:
+        return float("nan")
+    return float(np.linalg.norm(_at(t, one.t, one.pixels) - _at(t, other.t, other.pixels), axis=2).max())
+
+
+def speed_difference(one: RunSummary, other: RunSummary) -> tuple[float, float]:
+    """How joint speeds differ: the greatest difference of one, as a share of the other run's greatest; and both RMS."""
+    t = _common(one, other)
+    if not len(t) or not other.qd.any():
+        return float("nan"), float("nan")
+    apart, reference = _at(t, one.t, one.qd) - _at(t, other.t, other.qd), other.qd
+    rms = math.sqrt(float((apart**2).mean()) / float((reference**2).mean()))
+    return float(np.abs(apart).max() / np.abs(reference).max()), rms
+
+
+def _rms(one: RunSummary, other: RunSummary, values: Array, theirs: Array) -> float:
+    t = _common(one, other)
+    if not len(t):
+        return float("nan")
+    return float(np.sqrt(((_at(t, one.t, values) - _at(t, other.t, theirs)) ** 2).sum(axis=1).mean()))
+
+
+def _common(one: RunSummary, other: RunSummary) -> Array:
+    """Times of ``one`` that ``other`` has reached too."""
+    return one.t[one.t <= other.t[-1]] if len(one.t) and len(other.t) else np.empty(0)
+
+
+def _at(t: Array, times: Array, values: Array) -> Array:
+    """Values (N, ...) at other times, by linear interpolation."""
+    flat = values.reshape(len(times), -1)
+    return np.array([np.interp(t, times, column) for column in flat.T]).T.reshape(len(t), *values.shape[1:])
+
+
+def gains(made: Run) -> dict[str, float]:
+    """What condition (12) asks for along a motion, as its controller was told it: see :class:`RunSummary`.
+
+    No gradient error and no disturbance of what is sensed is taken into account.
+    """
+    active = made.trajectory.phi >= 0.0
+    if not active.any():
+        return {}
+    entered = np.zeros_like(active)
+    entered[:-1] = active[1:] & ~active[:-1]
+    step = ControlStep(made.setup.scene, made.setup.constraints, made.setup.task)
+    step.reset()
+    needed, push = 0.0, []
+    with suppress(SceneError):  # the sample at which a run failed
+        for k, t in enumerate(made.t):
+            now = step.evaluate(float(t), made.trajectory.q[k], made.trajectory.qd[k])
+            needed = max(needed, float(np.maximum(now.rows.Lf[active[k]], 0.0).sum()))
+            if entered[k].any():
+                moved = now.rows.Lf + now.rows.Lg @ track(now.task, RANK_TOLERANCE)
+                push.append(float(moved[entered[k]].max()))
+    return {"needed_gain": needed, "entry_push": max(push, default=math.nan)}

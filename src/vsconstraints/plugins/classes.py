@@ -1,0 +1,134 @@
+"""Own controllers and constraints named in files as ``module:Class``."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import chdir, contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import TypeVar, cast
+
+from ..errors import ConfigurationError, described, shown
+from .provenance import noted_import
+
+Base = TypeVar("Base")
+
+IN_SESSION = "__main__"
+"""The module of what is defined in a notebook or a script that runs; other processes have another one."""
+
+
+def imported_class(name: str, base: Callable[..., Base], folder: Path | None = None) -> type[Base]:
+    """The class that ``module:Class`` names.
+
+    Parameters
+    ----------
+    name
+        For example ``"my_laws:Cautious"``.
+    base
+        What it must derive from.
+    folder
+        Where ``my_laws.py`` is looked for first: the folder of the file that names it.
+
+    Raises
+    ------
+    ConfigurationError
+        if the module cannot be imported, or holds no such class.
+    """
+    module_name, class_name = _parts(name)
+    file = plugin_file(name, folder)
+    try:
+        with chdir("."), noted_import(module_name):
+            module = importlib.import_module(module_name) if file is None else _module_from(file)
+    except (Exception, SystemExit) as error:  # an own module can fail in any way while it is imported
+        raise ConfigurationError(f"{name!r}: cannot import {module_name!r}: {described(error)}") from error
+    found = getattr(module, class_name, None)
+    kind = cast("type[Base]", base)
+    if not (isinstance(found, type) and issubclass(found, kind)):
+        raise ConfigurationError(f"{name!r}: {module_name} holds no {kind.__name__} of the name {class_name!r}")
+    return found
+
+
+@contextmanager
+def beside(*folders: Path | None) -> Iterator[None]:
+    """Modules in these folders can be imported meanwhile, where no other of their names is found first.
+
+    Own modules import their neighbours whenever they like, for which Python looks nowhere but in ``sys.path``.
+    """
+    added = {str(folder.resolve()) for folder in folders if folder} - set(sys.path)
+    sys.path += added
+    try:
+        yield
+    finally:
+        for path in added.intersection(sys.path):
+            sys.path.remove(path)
+
+
+def plugin_file(name: str, folder: Path | None) -> Path | None:
+    """The file in ``folder`` that ``module:Class`` means; None if it means an installed module."""
+    file = None if folder is None else folder / f"{_parts(name)[0].replace('.', '/')}.py"
+    return file if file is not None and file.is_file() else None
+
+
+def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
+    """The files of the modules that these names of parts name as ``module:Class``, where they have one."""
+    found = []
+    for name in names:
+        if ":" in name:
+            file = plugin_file(name, folder)
+            module = _parts(name)[0]
+            spec = importlib.util.find_spec(module) if file is None and module != IN_SESSION else None
+            origin = spec.origin if spec is not None and spec.has_location else None
+            found += [Path(path) for path in (file, origin) if path is not None]
+    return found
+
+
+def code_named(tables: object, typed: bool = False) -> Iterator[str]:
+    """Every ``module:Class`` that nested tables name as the ``type`` of something."""
+    if isinstance(tables, Mapping):
+        for key, inner in tables.items():
+            yield from code_named(inner, typed or key == "type")
+    elif isinstance(tables, list | tuple):
+        for inner in tables:
+            yield from code_named(inner, typed)
+    elif typed and isinstance(tables, str) and ":" in tables:
+        yield tables
+
+
+def untrusted(what: str, names: Iterable[str]) -> ConfigurationError:
+    """Error for what cannot be had of stored results since it takes code that they name, which reading does not run."""
+    code = ", ".join(map(shown, dict.fromkeys(names)))
+    return ConfigurationError(f"{what} needs code that is named there, {code}: it runs with --trust alone (trust=True)")
+
+
+def _parts(name: str) -> tuple[str, str]:
+    if not re.fullmatch(r"\w+(\.\w+)*:\w+", name):
+        raise ConfigurationError(f"{name!r} must be module:Class, for example my_laws:Cautious")
+    module_name, _, class_name = name.partition(":")
+    return module_name, class_name
+
+
+def _module_from(file: Path) -> ModuleType:
+    """Import a file under a name of its own, so that files of the same name in two folders stay apart.
+
+    The name has no dots, with which it would seem to be in a package: then nothing of it could be pickled, and the
+    compiler keeps formulas in its cache that way.
+    """
+    path = file.resolve()
+    unique = f"vsconstraints own file {path}".replace(".", "%2E")
+    if unique not in sys.modules:
+        spec = importlib.util.spec_from_file_location(unique, path)
+        if spec is None or spec.loader is None:
+            raise ImportError(f"{path} is not a Python file")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[unique] = module
+        try:
+            with beside(path.parent):
+                spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[unique]
+            raise
+    return sys.modules[unique]

@@ -1,0 +1,58 @@
+"""Packages that only some parts need: what to install where one is missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+from ..errors import ConfigurationError, unknown_name
+
+
+@dataclass(frozen=True)
+class Extra:
+    """A group of packages that ``pip install 'vsconstraints[NAME]'`` installs.
+
+    Attributes
+    ----------
+    what
+        What needs it.
+    modules
+        Names by which its packages are imported.
+    """
+
+    what: str
+    modules: tuple[str, ...]
+
+
+_TABLES = ("pandas", "pyarrow", "statsmodels", "scikit_posthocs")
+
+EXTRAS = {
+    "evidence": Extra("evidence of drawn scenes", _TABLES),
+    "tune": Extra("tuning of laws", (*_TABLES, "optuna", "moocore")),
+    "images": Extra("control by images", ("cv2", "pupil_apriltags")),
+    "pandas": Extra("tables as data frames", ("pandas",)),
+    "notebooks": Extra("tables, and laws of a session in other processes", ("pandas", "cloudpickle")),
+    "physics": Extra("the same arm in MuJoCo", ("mujoco",)),
+    "ur-rtde": Extra("an arm of Universal Robots", ("rtde_control", "rtde_receive", "dashboard_client")),
+    "replay": Extra("a replay in a browser", ("viser", "imageio_ffmpeg")),
+    "cluster": Extra("work on a cluster", (*_TABLES, "distributed")),
+}
+"""By their names in pyproject.toml."""
+
+
+def demand(name: str, what: str = "") -> None:
+    """Raise ConfigurationError that says what to install, unless all packages of an extra are there.
+
+    Parameters
+    ----------
+    name
+        Of the extra.
+    what
+        What needs it here, where that is not what it is usually for.
+    """
+    if name not in EXTRAS:
+        raise unknown_name("extra", name, EXTRAS)
+    missing = [module for module in EXTRAS[name].modules if find_spec(module) is None]
+    if missing:
+        needs = f"{what or EXTRAS[name].what} needs {', '.join(missing)}"
+        raise ConfigurationError(f"{needs}: pip install 'vsconstraints[{name}]'")

@@ -1,0 +1,148 @@
+"""What files a result was made from: their content, as it was just before Python read them."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from importlib.util import source_from_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+Files = dict[str, str]
+"""Absolute paths and hashes of what the files hold; the hash is empty where there is no file."""
+
+INSTALLED = ("site-packages", "dist-packages")
+"""Folders of installed packages: their versions stand for their files, those of own parts apart."""
+
+LIBRARIES = (
+    *(
+        os.path.join(os.path.realpath(folder), "")
+        for folder in (
+            *(sysconfig.get_paths()[name] for name in ("stdlib", "platstdlib")),
+            os.path.dirname(os.path.dirname(__file__)),
+            "/proc",
+            "/sys",
+            "/dev",
+        )
+    ),
+    *(entry for entry in sys.path if entry.endswith(f"python{sys.version_info[0]}{sys.version_info[1]}.zip")),
+)
+"""Folders whose files are nobody's own: the standard library, this package, the system's."""
+
+COMPILED = (".nbi", ".nbc")
+"""Endings of numba's caches, which are made of code that is looked at itself."""
+
+_own_packages: set[str] = set()
+read_by_imports: Files = {}
+"""Packages of own parts, and files that they read while they were imported, which happens once in a process."""
+
+_notes: list[tuple[Files, set[str]]] = []
+_hooked = False
+"""What is being noted, and whether the audit hook is there: one serves the whole process, and none can be removed."""
+
+
+def digest(path: str | Path) -> str:
+    """Hash of what a file holds; empty if there is no such file, or it cannot be read."""
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()[:16]
+    except (OSError, ValueError):
+        return ""
+
+
+def digests(paths: Iterable[str | Path]) -> Files:
+    """Hashes of files by their absolute paths."""
+    found = (os.path.realpath(path) for path in paths)
+    return {path: digest(path) for path in found}
+
+
+@contextmanager
+def noted() -> Iterator[Files]:
+    """Note the files that Python opens for reading meanwhile, each with its hash just before it is first opened.
+
+    Source stands for the bytecode kept of it. Not noted are installed packages other than those of own parts, files
+    that are written meanwhile, and those that are gone at the end. What is read by other means than Python's ``open``
+    cannot be known: by a library in C, by another process, over a network.
+    """
+    global _hooked
+    if not _hooked:
+        sys.addaudithook(_note)
+        _hooked = True
+    files: Files = {}
+    note = files, set[str]()
+    _notes.append(note)
+    try:
+        yield files
+    finally:
+        _notes[:] = [another for another in _notes if another is not note]
+        for path in [path for path, found in files.items() if found and not os.path.exists(path)]:
+            del files[path]
+
+
+@contextmanager
+def noted_import(module: str) -> Iterator[None]:
+    """Keep for :func:`imported` what is read while an own module is imported, modules that it imports included."""
+    _own_packages.add(module.partition(".")[0])
+    before = sys.dont_write_bytecode
+    # bytecode is told from its source's size and second only: two edits in a second could be mixed up
+    sys.dont_write_bytecode = True
+    try:
+        with noted() as files:
+            yield
+    finally:
+        sys.dont_write_bytecode = before
+        for path, found in files.items():
+            read_by_imports.setdefault(path, found)
+    # what was there before, for example because the program that asked for the comparison imports it
+    for name, loaded in list(sys.modules.items()):
+        file = getattr(loaded, "__dict__", {}).get("__file__")
+        if isinstance(file, str) and name not in ("__main__", "__mp_main__"):
+            path = os.path.realpath(file)
+            if path not in read_by_imports and _own(path):
+                read_by_imports[path] = digest(path)
+
+
+def imported() -> Files:
+    """What own modules have read while they were imported in this process; each file as it was then."""
+    return dict(read_by_imports)
+
+
+def _note(event: str, arguments: tuple[Any, ...]) -> None:
+    """Audit hook; it must not raise, since that would keep the file from being opened."""
+    if event != "open" or not _notes:
+        return
+    path, mode, flags = arguments
+    if not isinstance(path, (str, bytes, os.PathLike)):
+        return
+    notes = _notes[:]
+    _notes.clear()  # not for what is opened here
+    try:
+        name = os.path.realpath(os.fsdecode(path))
+        if name.endswith(".pyc"):
+            name = source_from_cache(name)
+        writes = any(letter in mode for letter in "wax+") if mode else flags & (os.O_WRONLY | os.O_RDWR)
+        if _own(name) and not name.endswith(COMPILED):
+            for files, written in notes:
+                if writes:
+                    written.add(name)
+                    files.pop(name, None)
+                elif name not in files and name not in written:
+                    files[name] = digest(name)
+    except Exception:  # whatever is wrong with the path, it is told by who opens it
+        pass
+    finally:
+        _notes.extend(notes)
+
+
+def _own(path: str) -> bool:
+    """Whether a file can belong to somebody's own part."""
+    parts = path.split(os.sep)
+    for folder, inside in pairwise(parts):
+        if folder in INSTALLED:
+            return inside.removesuffix(".py") in _own_packages
+    return not path.startswith(LIBRARIES)

@@ -1,0 +1,30 @@
+"""Singular values of matrices that may have left the range of floating point.
+
+LAPACK's iterations were measured never to end on an infinity.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..rows import Array
+
+
+def svd(A: Array, *, full_matrices: bool = True) -> tuple[Array, Array, Array]:
+    """U, s and Vᵀ of :func:`numpy.linalg.svd`.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        if A, or one of its singular values, is not finite; or if they are not found.
+    """
+    if np.isfinite(A).all():
+        U, s, Vt = np.linalg.svd(A, full_matrices=full_matrices)
+        if np.isfinite(s).all():
+            return U, s, Vt
+    raise np.linalg.LinAlgError("numbers beyond the range of floating point")
+
+
+def norm(A: Array) -> float:
+    """Return the largest singular value, 0 of an empty matrix; raise as :func:`svd` does."""
+    return float(svd(A, full_matrices=False)[1].max(initial=0.0))

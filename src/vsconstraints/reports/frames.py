@@ -1,0 +1,154 @@
+"""The images that a run was controlled by, again: as data, as files, and as a film."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..comparisons.runs.files import replaced
+from ..errors import ConfigurationError
+from ..simulation import Setup, Trajectory
+from ..vision.images.detectors import DETECTORS, Pixels, Tags
+
+OWN, FOREIGN = (40, 180, 60), (230, 60, 40)
+"""Colours of tags that are found: those that are looked for, and others."""
+
+COLOURS, SMALLER = 32, 2
+"""Colours of a GIF, and by how much it is smaller than the images: noise does not compress."""
+
+FILMS = (".gif", ".mp4")
+
+
+Picture = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]
+"""(H, W, 3) red, green and blue."""
+
+
+class Frame(NamedTuple):
+    """An image (H, W) of that number, when it was taken [s], and the tags that are found in it."""
+
+    number: int
+    taken: float
+    image: Pixels
+    tags: Tags
+
+
+def frames(setup: Setup, run: Trajectory) -> Iterator[Frame]:
+    """The images of a run, one after the other: rendered anew, they are those that its control has seen.
+
+    Raises
+    ------
+    ConfigurationError
+        if the control of this setup sees no images.
+    """
+    photographer, last = setup.photographer(), -1
+    settings = photographer.settings
+    detector = DETECTORS[settings.detector]()
+    for t, q, qd in zip(run.t.tolist(), run.q, run.qd, strict=True):
+        number = settings.number(t)
+        if number > last:
+            last = number
+            image = photographer.image(number, setup.scene.evaluate(t, q, qd))
+            yield Frame(number, t, image, detector.find(image))
+
+
+def kind_of(path: Path) -> str:
+    """How what is written there ends: in .gif or .mp4 as a film, or not at all as a folder.
+
+    Raises
+    ------
+    ConfigurationError
+        if it ends otherwise.
+    """
+    kind = path.suffix.lower()
+    if kind not in ("", *FILMS):
+        raise ConfigurationError(f"a film ends in {' or '.join(FILMS)}, and a folder in neither: not {path.name!r}")
+    return kind
+
+
+def write_frames(setup: Setup, run: Trajectory, path: Path, on_frame: Callable[[], None] = lambda: None) -> int:
+    """Write the images of a run; returns how many there are.
+
+    Parameters
+    ----------
+    setup, run
+        Whose.
+    path
+        A film with the tags that are found, as large as the images (``.mp4``) or half as large (``.gif``), or a folder
+        of PNGs as the control has seen them; those of an earlier run are deleted there.
+    on_frame
+        Called after each image.
+
+    Raises
+    ------
+    ConfigurationError
+        if the control of this setup sees no images, or the path ends otherwise.
+    OSError
+        if it cannot be written.
+    """
+    from PIL import Image
+
+    kind, settings = kind_of(path), setup.photographer().settings
+    every = frames(setup, run)
+    if not kind:
+        path.mkdir(parents=True, exist_ok=True)
+        for old in path.glob("[0-9]" * 5 + ".png"):
+            old.unlink()
+        count = 0
+        for count, frame in enumerate(every, start=1):  # noqa: B007 - it is returned
+            Image.fromarray(frame.image).save(path / f"{frame.number:05d}.png")
+            on_frame()
+        return count
+    own = {*settings.looked_for(len(setup.scene.markers))}
+    pictures = []
+    for frame in every:
+        pictures.append(marked(frame, own))
+        on_frame()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replaced(path) as part:
+        (_write_gif if kind == ".gif" else _write_mp4)(pictures, part, min(settings.rate_hz, 1.0 / setup.Ts))
+    return len(pictures)
+
+
+def marked(frame: Frame, own: set[int]) -> Picture:
+    """(H, W, 3) an image in colours, with the tags that are found in it: their outlines, numbers, and its time."""
+    import cv2
+
+    picture: Picture = np.repeat(frame.image[..., None], 3, axis=2)
+    for number, corners in zip(frame.tags.ids.tolist(), frame.tags.corners, strict=True):
+        colour = OWN if number in own else FOREIGN
+        outline = corners.round().astype(np.int32)
+        cv2.polylines(picture, [outline], isClosed=True, color=colour, thickness=2, lineType=cv2.LINE_AA)
+        cv2.circle(picture, outline[0].tolist(), 5, colour, cv2.FILLED, cv2.LINE_AA)
+        at = corners.mean(axis=0).round().astype(int) - (8, -8)
+        cv2.putText(picture, str(number), at.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.8, colour, 2, cv2.LINE_AA)
+    text = f"{frame.taken:.3f} s"
+    cv2.putText(picture, text, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 255), 1, cv2.LINE_AA)
+    return picture
+
+
+def _write_gif(pictures: Sequence[Picture], path: Path, rate: float) -> None:
+    from PIL import Image
+
+    small = [Image.fromarray(one).reduce(SMALLER).quantize(COLOURS, dither=Image.Dither.NONE) for one in pictures]
+    small[0].save(path, format="GIF", save_all=True, append_images=small[1:], duration=round(1000.0 / rate), loop=0)
+
+
+def _write_mp4(pictures: Sequence[Picture], path: Path, rate: float) -> None:
+    import cv2
+
+    height, width = pictures[0].shape[:2]
+    # OpenCV goes by the ending
+    whole = path.with_name(path.name + ".mp4")
+    film = cv2.VideoWriter(os.fspath(whole), cv2.VideoWriter.fourcc(*"mp4v"), rate, (width, height))
+    try:
+        if not film.isOpened():
+            raise OSError(f"cannot write a film to {path}: OpenCV has no encoder for it, or there is no such folder")
+        for picture in pictures:
+            film.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    finally:
+        film.release()
+    os.replace(whole, path)

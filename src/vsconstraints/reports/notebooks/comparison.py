@@ -1,0 +1,154 @@
+"""What a comparison came to, as tables, figures and runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...comparisons import RunRecord, StoredComparison
+from ...comparisons.metrics import METRICS
+from ...comparisons.runs.spec import BASELINE
+from ...errors import ConfigurationError, unknown_name
+from ...rows.readable import counted, in_one_line
+from ..best import shown
+from ..figures import View
+from ..numbers import FORMATS, over_trials
+from ..outcomes import outcome
+from ..results import Results
+from ..rows_shown import lane_rows, phi_rows
+from ..summary import FIRST
+from .frames import table_of
+from .html import paragraph, table
+from .notebook_run import NotebookRun, ReplayPage
+from .plots import Plots
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """Laws on scenarios, tracking alone among them.
+
+    Attributes
+    ----------
+    stored
+        Its folder: what it holds is what ``vsconstraints compare`` writes.
+    notes
+        What a reader should know.
+    """
+
+    stored: StoredComparison
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def load(cls, folder: str | Path, trust: bool = False) -> Comparison:
+        """A comparison that is stored in a folder; raises ConfigurationError if there is none, or it was changed.
+
+        Own constraints that it names as ``module:Class`` run only with ``trust``; without, scenarios that need them
+        cannot be drawn.
+        """
+        stored = StoredComparison.load(Path(folder), trust)
+        return cls(stored, stored.remarks)
+
+    @cached_property
+    def _lines(self) -> Results:
+        return Results(self.stored)
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """Names of the scenarios."""
+        return self._lines.scenarios
+
+    @property
+    def laws(self) -> tuple[str, ...]:
+        """Names of the laws, tracking alone first."""
+        return self._lines.controllers
+
+    @cached_property
+    def results(self) -> pd.DataFrame:
+        """One line per run, with the columns of results.csv; needs pandas."""
+        return table_of(self.stored.results)
+
+    @cached_property
+    def constraints(self) -> pd.DataFrame:
+        """One line per row of each run, with the columns of constraints.csv; needs pandas."""
+        return table_of(self.stored.constraints)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The same as :attr:`results`."""
+        return self.results
+
+    def run(self, law: str, scenario: str | None = None, trial: int = 0) -> NotebookRun:
+        """A run by the name of its law, on a scenario that need not be named if there is but one.
+
+        Raises
+        ------
+        ConfigurationError
+            if there is none, with candidates.
+        """
+        if law not in self.laws:
+            raise unknown_name("law", law, self.laws)
+        name = self._scenario(scenario)
+        if not 0 <= trial < self._lines.trials:
+            raise ConfigurationError(f"there is no trial {trial}: there are {self._lines.trials}, counted from 0")
+        record, baseline = (self._record(name, one, trial) for one in (law, BASELINE))
+        found = self.stored.scenarios[name]
+        setup = found.setup(trial, int(self.stored.manifest["configuration"].get("seed", 0)))
+        return NotebookRun(setup, record, law, name, found.title, found.folder, baseline)
+
+    def _record(self, scenario: str, law: str, trial: int) -> RunRecord:
+        record = self.stored.run(scenario, law, trial)
+        if record is None:
+            reasons = [line["reason"] for line in self._lines.runs(scenario, law) if line["trial"] == trial]
+            raise ConfigurationError(f"{law} left nothing on {scenario}: {'; '.join(reasons) or 'it was not run'}")
+        return record
+
+    def plot(self, scenario: str | None = None) -> Plots:
+        """The figures of a scenario, all laws in each: ``comparison.plot("ur5-fov").rows()``; the first trial."""
+        name, seed = self._scenario(scenario), int(self.stored.manifest["configuration"].get("seed", 0))
+        runs = {law: self.stored.run(name, law) for law in self.laws}
+        drawn = {law: run for law, run in runs.items() if run is not None and len(run.trajectory.t) > 1}
+        rows = {"phi_rows": phi_rows(self._lines, name), "lane_rows": lane_rows(self._lines, name)}
+        return Plots(View(self.stored.scenarios[name].setup(0, seed), drawn, self.laws, **rows))
+
+    def replay(
+        self, laws: Sequence[str] = (), scenario: str | None = None, *, trial: int = 0, path: str | Path | None = None
+    ) -> ReplayPage | Path:
+        """Laws on one scenario in motion, see :meth:`.NotebookRun.replay`; all but tracking alone if none is named."""
+        chosen = laws or [law for law in self.laws if law != BASELINE]
+        first, *others = (self.run(law, scenario, trial) for law in chosen)
+        return first.replay(*others, path=path)
+
+    def _scenario(self, name: str | None) -> str:
+        if name is None and len(self.scenarios) == 1:
+            return self.scenarios[0]
+        if name is None:
+            raise ConfigurationError(f"several scenarios were compared: name one of {', '.join(self.scenarios)}")
+        if name not in self.scenarios:
+            raise unknown_name("scenario", name, self.scenarios)
+        return name
+
+    @in_one_line
+    def __repr__(self) -> str:
+        results = self._lines
+        runs = sum(len(results.all_runs(name)) for name in results.competitors)
+        what = f"{counted(len(results.competitors), 'law')} on {counted(len(self.scenarios), 'scenario')}"
+        clean = f"{sum(results.clean.values())} of {counted(runs, 'run')} converged inside"
+        return f"<Comparison of {what}, {counted(results.trials, 'trial')}: {clean}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: how each law ended on each scenario, and its first scores."""
+        metrics = [one for one in METRICS if one.column in FIRST]
+        results, lines = self._lines, []
+        for scenario in self.scenarios:
+            for law in results.competitors:
+                own = results.runs(scenario, law)
+                scores = [over_trials([shown(one, line) for line in own], FORMATS[one.style]) for one in metrics]
+                lines.append((scenario, law, outcome(results, scenario, law), *scores))
+        header = ("scenario", "law", "outcome", *(one.header for one in metrics))
+        legend = "† a row was violated; ‡ none was, but one was outside within the sampling band."
+        return table(header, lines) + "".join(paragraph(text) for text in (legend, *self.notes))

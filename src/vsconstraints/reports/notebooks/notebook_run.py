@@ -1,0 +1,197 @@
+"""One run, made in a line and looked at in another."""
+
+from __future__ import annotations
+
+from contextlib import chdir
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...comparisons import RunRecord, RunSpec, score
+from ...comparisons.metrics import METRICS, Score
+from ...comparisons.run import Run, perform
+from ...comparisons.runs.spec import BASELINE
+from ...controllers import Controller, Tracking
+from ...errors import described
+from ...plugins.classes import beside
+from ...rows.readable import amount, counted, in_one_line
+from ...simulation import simulate
+from ..best import shown
+from ..figures import View
+from ..numbers import DASH, FORMATS
+from .frames import frame_of, table_of
+from .html import page_within, paragraph, picture, table
+from .laws import AnyLaw, instance_of, own_spec, spec_of
+from .plots import Plots, rows_of
+from .scenes import AnyScenario, scenario_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SHOWN = ("outcome", "task", "chattering")
+"""Groups of metrics that a run shows of itself."""
+
+
+@dataclass(frozen=True, repr=False)
+class NotebookRun(Run):
+    """A run that draws, scores and replays itself.
+
+    Attributes
+    ----------
+    setup, record
+        What was run, and what it left.
+    law, scenario
+        What figures and tables call them.
+    title
+        Of the scenario.
+    folder
+        Where own parts of the scenario lie; None if it is not known.
+    stored_baseline
+        Tracking alone, where it has been run already.
+    """
+
+    law: str = ""
+    scenario: str = ""
+    title: str = ""
+    folder: Path | None = None
+    stored_baseline: RunRecord | None = None
+
+    @cached_property
+    def baseline(self) -> RunRecord:
+        """Tracking alone in the same setup, which tells what is challenged; run when first asked for."""
+        if self.law == BASELINE:
+            return self.record
+        if self.stored_baseline is not None:
+            return self.stored_baseline
+        with chdir("."), beside(self.folder):  # own parts may do as they like
+            return RunRecord.of(self.setup, simulate(self.setup, Tracking(), by_public_call=True), "")
+
+    @cached_property
+    def score(self) -> Score:
+        """Its scores, as a comparison has them: its line of results.csv, and those of its rows in constraints.csv."""
+        return score(self.record, self.baseline)
+
+    def scores(self) -> dict[str, Any]:
+        """Its line of results.csv by the names of the columns, defined in the documentation of metrics."""
+        values = self.score.result.items()
+        return {name: value.item() if isinstance(value, np.generic) else value for name, value in values}
+
+    def row_scores(self) -> pd.DataFrame:
+        """The lines of its rows in constraints.csv, by their labels; needs pandas."""
+        return table_of(self.score.constraints).set_index("constraint")
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Its samples, one line each, by their time; see :func:`vsconstraints.reports.notebooks.frames.frame_of`."""
+        return frame_of(self.trajectory)
+
+    @property
+    def plot(self) -> Plots:
+        """Its figures: ``run.plot.tracks()``, ``.rows()``, ``.errors()`` and ``.command()``."""
+        known = {BASELINE: self.baseline, self.law: self.record}
+        runs = {name: record for name, record in known.items() if len(record.trajectory.t) > 1}
+        return Plots(View(self.setup, runs, tuple(known), **rows_of(self.score)))
+
+    def replay(self, *others: NotebookRun, path: str | Path | None = None) -> ReplayPage | Path:
+        """The run in motion: shown in a notebook or, with a path, written to a file for any browser.
+
+        Parameters
+        ----------
+        others
+            Runs of the same scene to be seen together with it.
+        path
+            Where to write the page.
+
+        Raises
+        ------
+        ConfigurationError
+            if the extra ``replay`` is not installed, or the runs are not of the same scene.
+        """
+        from ..replay import ReplayRun, replay_html, write_replay
+
+        runs = [ReplayRun(one.law, one.setup, one.trajectory, one.title) for one in (self, *others)]
+        if path is None:
+            return ReplayPage(replay_html(runs))
+        write_replay(runs, path)
+        return Path(path)
+
+    @in_one_line
+    def __repr__(self) -> str:
+        t, result = self.t, score(self.record, None).result  # what is said here needs no baseline
+        lasts = f"{amount(t[-1])} s in {counted(len(t), 'sample')}, " if len(t) else ""
+        reason = f" ({result['reason']})" if result["reason"] else ""
+        where = f"{self.law or 'a law'} on {self.scenario or 'a setup'}"
+        return f"<Run of {where}: {result['status']}{reason}, {lasts}violated rows: {result['violated'] or 'none'}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a picture of the tracks, and the scores."""
+        result = self.score.result
+        head = f"<p><b>{escape(self.law)}</b> on {escape(self.title or self.scenario)}: {escape(result['status'])}"
+        parts = [f"{head}{escape('. ' + result['reason']) if result['reason'] else ''}</p>"]
+        if len(self.t) > 1 and self.trajectory.features_px.size:
+            parts.append(picture(self.plot.tracks(), f"Tracks of the markers under {self.law}"))
+        said = [(one.header, FORMATS[one.style](shown(one, result))) for one in METRICS if one.header]
+        groups = {one.header: one.group for one in METRICS}
+        lines = [(header, text) for header, text in said if groups[header] in SHOWN and text != DASH]
+        parts += [table(("", ""), lines)] if lines else []
+        parts.append(paragraph(f"Violated rows: {result['violated'] or 'none'}."))
+        return "".join(parts)
+
+
+@dataclass(frozen=True)
+class ReplayPage:
+    """A replay as a page of its own.
+
+    Attributes
+    ----------
+    html
+        The page, which needs no network.
+    """
+
+    html: str
+
+    def __repr__(self) -> str:
+        return f"<Replay: a page of {len(self.html) / 1e6:.1f} MB; write it with .save(path)>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the page itself."""
+        return page_within(self.html)
+
+    def save(self, path: str | Path) -> Path:
+        """Write it to a file for any browser."""
+        Path(path).write_text(self.html, encoding="utf-8")
+        return Path(path)
+
+
+def run(scenario: AnyScenario, law: AnyLaw, *, trial: int = 0, seed: int = 0) -> NotebookRun:
+    """Simulate a law on a scenario, in this process.
+
+    Parameters
+    ----------
+    scenario
+        The name of a shipped one, a path, a :class:`.Scenario`, or a :class:`.Setup` made in Python.
+    law
+        An instance, a class, a registered name, or ``module:Class``.
+    trial, seed
+        Where it starts, see :meth:`.Scenario.setup`; a setup says that itself.
+
+    Raises
+    ------
+    ConfigurationError
+        if there is no such scenario or law, or the robot cannot start. A law that fails ends the run, whose status is
+        then ``failed``.
+    """
+    if not isinstance(law, str):
+        law = instance_of(law)
+    spec, _ = spec_of(law)
+    if isinstance(law, Controller):
+        spec = own_spec(law, spec.name)
+    loaded = scenario_of(scenario)
+    try:
+        made = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True, to_the_goal=True)
+    except SystemExit as error:  # of a law that is reset or bound: it ends its run, not the session
+        made = Run(loaded.setup(trial, seed), RunRecord.failed(described(error), ""))
+    return NotebookRun(made.setup, made.record, spec.name, loaded.name, loaded.title, loaded.folder)

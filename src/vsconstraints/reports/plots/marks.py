@@ -1,0 +1,157 @@
+"""What panels have in common: signals over time, scales with plain numbers, reference lines, legend entries."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...rows import Array
+from .decimate import zigzag
+from .style import INK
+
+REFERENCE: dict[str, Any] = {"color": INK, "linewidth": 1.1, "linestyle": (0, (4, 2))}
+"""How bounds and references are drawn."""
+
+BINS = 500
+
+
+def line(label: str, color: str, linestyle: Any = "-", **look: Any) -> dict[str, Any]:
+    """Legend entry of a line."""
+    return {"label": label, "color": color, "linestyle": linestyle, "linewidth": 2.0, **look}
+
+
+def patch(label: str, facecolor: str, **look: Any) -> dict[str, Any]:
+    """Legend entry of an area."""
+    return {"label": label, "facecolor": facecolor, "linewidth": 0.0, **look}
+
+
+def signal(ax: Any, t: Array, values: Array, **look: Any) -> None:
+    """A signal (N,) over time (N,) [s]: every peak is kept, however many samples there are."""
+    ax.plot(*zigzag(t, values, BINS), **{"linewidth": 1.5, **look})
+
+
+def time_axis(ax: Any, end: float, events: Iterable[float] = (), label: str = "", **look: Any) -> None:
+    """From zero to the end [s], with a dashed line at each event, and a label of what is drawn."""
+    ax.set_xlim(0.0, end)
+    for time in events:
+        ax.axvline(time, **{"color": INK, "linestyle": (0, (4, 3)), "linewidth": 0.9, "zorder": 1.5, **look})
+    if label:
+        ax.set_ylabel(label, labelpad=3)
+
+
+def zero_line(ax: Any) -> None:
+    """Where a value is zero."""
+    ax.axhline(0.0, color=INK, linewidth=0.9, zorder=1.6)
+
+
+def band(ax: Any, low: float, high: float, colour: str = "#F1E9C9", **look: Any) -> None:
+    """A shaded range of values."""
+    ax.axhspan(low, high, **{"color": colour, "linewidth": 0.0, "zorder": 0.5, **look})
+
+
+def area(ax: Any, t: Array, low: Array, high: Array, **look: Any) -> None:
+    """What lies between two signals (N,) over time (N,); nothing where one of them is no number.
+
+    Limits of the axes stay as they are: as matplotlib's ``fill_between``, which takes ten times as long.
+    """
+    from matplotlib.collections import PolyCollection
+
+    there = np.ma.masked_array(t, ~(np.isfinite(low) & np.isfinite(high)))
+    pieces = [
+        np.column_stack((np.concatenate((t[k], t[k][::-1])), np.concatenate((low[k], high[k][::-1]))))
+        for k in np.ma.clump_unmasked(there)  # type: ignore[no-untyped-call]
+    ]
+    ax.add_collection(PolyCollection(pieces, **look), autolim=False)
+
+
+def note(ax: Any, text: str, height: float, across: float = 0.0, above: bool = True) -> None:
+    """A small text at a value, above or below it, so far across the panel (0 to 1)."""
+    ax.annotate(
+        text,
+        (across, height),
+        xycoords=("axes fraction", "data"),
+        xytext=(4, 2 if above else -2),
+        textcoords="offset points",
+        va="bottom" if above else "top",
+        fontsize=8,
+        color=INK,
+    )
+
+
+def inside_legend(ax: Any, columns: int = 1, place: str = "best") -> None:
+    """A legend of what a panel shows, within it, on a white ground so that lines do not cross it."""
+    spaces = {"borderpad": 0.35, "borderaxespad": 0.4, "labelspacing": 0.3, "columnspacing": 1.2}
+    ground = {"frameon": True, "framealpha": 0.92, "edgecolor": "none", "facecolor": "white"}
+    ax.legend(loc=place, ncols=columns, fontsize=8.0, **spaces, **ground)
+
+
+def above_legend(ax: Any, columns: int) -> None:
+    """A legend of what a panel shows, above its right corner."""
+    ax.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.02), ncols=columns, handlelength=1.5, columnspacing=1.2, fontsize=8.5
+    )
+
+
+def decades(low: float, high: float, least: float = 1.0, most: int = 9) -> list[float]:
+    """Powers of ten within limits; where zero is within them, zero and powers of either sign from ``least`` on.
+
+    Some are left out, evenly, where there would be more than ``most``, whose numbers would overlap; those next to zero
+    too, as the part between them and zero is as short as a decade.
+    """
+    least, both = (low, 1) if low > 0.0 else (least, 2)
+    first, last = math.ceil(math.log10(least)), math.floor(math.log10(max(-low, high)))
+    step = max(math.ceil(both * (last - first + 1) / most), 1)
+    powers = range(first if low > 0.0 else first + step - 1, last + 1, step)
+    sizes = [10.0**k for k in powers]
+    return [x for x in (*(-size for size in reversed(sizes)), 0.0, *sizes) if low <= x <= high]
+
+
+def logarithmic(
+    axis: Any, ticks: Sequence[float] | None = None, linear_below: float | None = None, linear_size: float = 0.6
+) -> None:
+    """Make an axis (``ax.xaxis`` or ``ax.yaxis``) logarithmic with plain numbers, once everything is drawn.
+
+    Parameters
+    ----------
+    axis
+        Of matplotlib.
+    ticks
+        Where; where matplotlib would put them if None.
+    linear_below
+        Linear between this value and zero, for data that may be zero or of either sign.
+    linear_size
+        Length of the linear part between that value and zero, in decades.
+    """
+    if linear_below is None and not math.isfinite(axis.get_minpos()):
+        return  # nothing that a logarithmic axis could show
+    setter = axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale
+    if linear_below is None:
+        setter("log")
+    else:
+        setter("symlog", linthresh=linear_below, linscale=linear_size)
+    axis.set_major_formatter(lambda value, _: plain(value))
+    axis.set_minor_formatter("")
+    if ticks is not None:
+        axis.set_ticks(list(ticks), [plain(tick) for tick in ticks])
+        axis.set_ticks([], minor=True)
+
+
+def plain(value: float) -> str:
+    """A tick's number: plain digits, or a power of ten where they would be long."""
+    if value == 0.0 or 1e-3 <= abs(value) < 1e4:
+        return f"{value:g}".replace("-", "−")
+    mantissa, exponent = f"{value:.0e}".split("e")
+    factor = {"1": "", "-1": "−"}.get(mantissa, f"{mantissa.replace('-', '−')}·")
+    return f"{factor}10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
+
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def widths(names: Sequence[str], thickest: float = 2.6, thinnest: float = 1.0) -> dict[str, float]:
+    """Line widths for lines that may coincide: those drawn first are wider, so that each remains visible."""
+    step = (thickest - thinnest) / max(len(names) - 1, 1)
+    return {name: thickest - step * i for i, name in enumerate(names)}

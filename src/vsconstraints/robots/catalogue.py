@@ -1,0 +1,146 @@
+"""Ready-made robots: the paper's three, two arms of example-robot-data, and a camera that flies freely."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import ConfigurationError, unknown_name
+from .limits import ActuatorLimits
+from .robot import Robot
+
+PI = np.pi
+
+
+def planar_3r() -> Robot:
+    """Table 1: the planar arm of the first example, without joint limits."""
+    return Robot.from_dh([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, -PI]], name="planar 3R")
+
+
+def viper_s650() -> Robot:
+    """Table 2: the 6R arm of the case study, whose lengths are those of the Adept Viper s650.
+
+    Ranges and speeds are that arm's, turned into the table's angles: (q₁, q₂, q₃ − π, −q₄, q₅, ·).
+    """
+    return Robot.from_dh(
+        [
+            [0, 0.335, 0.075, -PI / 2],
+            [0, 0, 0.27, 0],
+            [0, 0, 0.09, PI / 2],
+            [0, -0.295, 0, -PI / 2],
+            [0, 0, 0, PI / 2],
+            [-PI / 2, -0.08, 0, PI],
+        ],
+        q_min=np.deg2rad([-170, -190, -209, -190, -120, -360]),
+        q_max=np.deg2rad([170, 45, 76, 190, 120, 360]),
+        qd_max=np.deg2rad([328, 300, 375, 375, 375, 600]),
+        name="6R (Viper s650)",
+    )
+
+
+def kuka_kr6() -> Robot:
+    """Table 3: the ceiling-mounted KUKA KR6 R900 sixx of the experiments.
+
+    Ranges and speeds are that arm's, turned into the table's angles: (q₁, q₂ + π, q₃ − π/2, q₄, q₅, ·).
+    """
+    return Robot.from_dh(
+        [
+            [0, -0.400, 0.025, PI / 2],
+            [0, 0, -0.455, 0],
+            [0, 0, -0.035, -PI / 2],
+            [0, -0.420, 0, PI / 2],
+            [0, 0, 0, -PI / 2],
+            [0, -0.080, 0, PI],
+        ],
+        q_min=np.deg2rad([-170, -10, -210, -185, -120, -350]),
+        q_max=np.deg2rad([170, 225, 66, 185, 120, 350]),
+        qd_max=np.deg2rad([360, 300, 360, 381, 388, 615]),
+        name="KUKA KR6 R900 sixx",
+    )
+
+
+def ur5() -> Robot:
+    """Universal Robots UR5 from its URDF; the tip is ``tool0``.
+
+    The maker limits torques and states no accelerations. The limit here, 40 rad/s², is the greatest that can be asked
+    for by ur_rtde (``UR_JOINT_ACCELERATION_MAX``). The maker's driver has MoveIt plan with 5 rad/s²
+    (``ur_moveit_config/config/joint_limits.yaml``), and calls that conservative.
+    """
+    urdf = _example_robot("ur_description/urdf/ur5_robot.urdf")
+    return Robot.from_urdf(urdf, tip="tool0", name="UR5", limits=ActuatorLimits(acceleration=40.0))
+
+
+def panda() -> Robot:
+    """Franka Emika Panda from its URDF: seven joints, fingers locked; the tip is ``panda_hand``.
+
+    Limits of acceleration and jerk are those beyond which the arm's interface stops it (libfranka, ``rate_limiting.h``,
+    ``kMaxJointAcceleration`` and ``kMaxJointJerk``).
+    """
+    limits = ActuatorLimits(
+        acceleration=(15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
+        jerk=(7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0),
+    )
+    urdf = _example_robot("panda_description/urdf/panda.urdf")
+    return Robot.from_urdf(urdf, tip="panda_hand", name="Panda", limits=limits)
+
+
+def free_camera() -> Robot:
+    """A camera that flies freely: three prismatic joints and a wrist of three revolute ones, without limits.
+
+    ===== ========== === === ===== =========
+    joint θ          d   a   α     kind
+    ===== ========== === === ===== =========
+    1     π/2        q₁  0   π/2   prismatic
+    2     π/2        q₂  0   π/2   prismatic
+    3     0          q₃  0   −π/2  prismatic
+    4     q₄         0   0   π/2   revolute
+    5     q₅ + π/2   0   0   π/2   revolute
+    6     q₆         0   0   0     revolute
+    ===== ========== === === ===== =========
+
+    The axes of joints 1 to 3 are z, x and y of the base, so that the tip is at (q₂, q₃, q₁) [m], and it is turned by
+    Rx(q₄) Ry(q₅) Rz(q₆) [rad]. Joint 6 turns about the tip's z axis, the optical axis of a camera mounted without
+    offset. The wrist is singular where q₅, the tilt, is ±90°, and nowhere else.
+    """
+    return Robot.from_dh(
+        [
+            [PI / 2, 0.0, 0.0, PI / 2],
+            [PI / 2, 0.0, 0.0, PI / 2],
+            [0.0, 0.0, 0.0, -PI / 2],
+            [0.0, 0.0, 0.0, PI / 2],
+            [PI / 2, 0.0, 0.0, PI / 2],
+            [0.0, 0.0, 0.0, 0.0],
+        ],
+        prismatic=[1, 2, 3],
+        name="free camera",
+    )
+
+
+READY_MADE: dict[str, Callable[[], Robot]] = {
+    "planar-3r": planar_3r,
+    "viper-s650": viper_s650,
+    "kuka-kr6": kuka_kr6,
+    "ur5": ur5,
+    "panda": panda,
+    "free-camera": free_camera,
+}
+
+
+def ready_made(name: str) -> Robot:
+    """The ready-made robot of that name; raises ConfigurationError that names the candidates."""
+    if name not in READY_MADE:
+        raise unknown_name("robot", name, READY_MADE)
+    return READY_MADE[name]()
+
+
+def _example_robot(path: str) -> Path:
+    try:
+        package = distribution("example-robot-data")
+    except PackageNotFoundError as error:
+        raise ConfigurationError(
+            "this arm's URDF comes with the package example-robot-data: pip install example-robot-data"
+        ) from error
+    return Path(str(package.locate_file("cmeel.prefix/share/example-robot-data/robots"))) / path

@@ -1,0 +1,184 @@
+"""Poses and rotations: the few formulas that kinematics, cameras and features share.
+
+``aMb`` maps coordinates in frame b to coordinates in frame a: p_a = R p_b + t. Twists are (v, ω), linear first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import msgspec
+import numpy as np
+import pinocchio as pin
+
+from ..errors import InvalidInput, shown
+from ..formulas import rotation
+from ..formulas.poses import angle
+from ..qp.decomposition import svd
+from ..rows import Array
+from ..rows.readable import amounts, in_one_line
+
+Numbers = Sequence[float] | Array
+Vector2 = Annotated[Sequence[float], msgspec.Meta(min_length=2, max_length=2)]
+Vector3 = Annotated[Sequence[float], msgspec.Meta(min_length=3, max_length=3)]
+"""Any, two, and three numbers: arguments that files may give, too."""
+
+TYPED = 1e-3
+"""How far an entry may be from that of a rotation that was typed, or rounded."""
+
+
+def vector(value: object, length: int, what: str) -> Array:
+    """``value`` as a finite float array of shape (length,); raises InvalidInput that names ``what``."""
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidInput(f"{what} must be {length} numbers, not {shown(value)}") from error
+    if array.shape != (length,):
+        raise InvalidInput(f"{what} must be {length} numbers; it has the shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise InvalidInput(f"{what} must be finite, not {array}")
+    return array
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A rigid transformation aMb: R (3, 3) a rotation matrix, t (3,) in metres."""
+
+    R: Array
+    t: Array
+
+    @in_one_line
+    def __repr__(self) -> str:
+        turned = np.asarray(pin.log3(np.ascontiguousarray(self.R)))
+        return f"<Pose {amounts(self.t, 'm')}, turned by {amounts(turned, 'rad')}>"
+
+    @classmethod
+    def identity(cls) -> Pose:
+        """The transformation that changes nothing."""
+        return cls(np.eye(3), np.zeros(3))
+
+    @classmethod
+    def from_xyz_rpy(cls, xyz: Vector3, rpy: Vector3) -> Pose:
+        """From a translation [m] and roll, pitch, yaw [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), as in URDF."""
+        roll, pitch, yaw = vector(rpy, 3, "rpy")
+        return cls(np.asarray(pin.rpy.rpyToMatrix(roll, pitch, yaw)), vector(xyz, 3, "xyz"))
+
+    @classmethod
+    def from_matrix(cls, matrix: Array | Sequence[Sequence[float]]) -> Pose:
+        """From a homogeneous matrix (4, 4) or (3, 4), its translation in metres.
+
+        A rotation that is one to three digits, as if typed, is taken for the nearest one.
+
+        Raises
+        ------
+        InvalidInput
+            if it is no such matrix: it says how far from a rotation it is, and which is the nearest.
+        """
+        try:
+            M = np.array(matrix, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InvalidInput(f"a pose's matrix must be 4 × 4 numbers, not {shown(matrix)}") from error
+        if M.shape not in ((4, 4), (3, 4)) or not np.isfinite(M).all():
+            raise InvalidInput(f"a pose's matrix must be 4 × 4 finite numbers; it has the shape {M.shape}")
+        if M.shape == (4, 4) and (np.abs(M[3] - (0.0, 0.0, 0.0, 1.0)) > 1e-9).any():
+            hint = "; is it transposed?" if np.array_equal(M[:, 3], (0.0, 0.0, 0.0, 1.0)) else ""
+            raise InvalidInput(f"the last row of a pose's matrix must be 0 0 0 1, not {shown(M[3].tolist())}{hint}")
+        return cls(demand_rotation(M[:3, :3]), M[:3, 3].copy())
+
+    @classmethod
+    def from_quaternion(
+        cls, xyz: Vector3, *, wxyz: Sequence[float] | None = None, xyzw: Sequence[float] | None = None
+    ) -> Pose:
+        """From a translation [m] and a unit quaternion in one of the two orders in use; raises InvalidInput if not."""
+        if (wxyz is None) == (xyzw is None):
+            raise InvalidInput("a quaternion is given as wxyz or as xyzw, in one of the two orders")
+        order = "wxyz" if xyzw is None else "xyzw"
+        value = vector(wxyz if xyzw is None else xyzw, 4, f"quaternion {order}")
+        norm = float(np.linalg.norm(value))
+        if abs(norm - 1.0) > TYPED:
+            nearest = f": {shown(np.round(value / norm, 6).tolist())} has length 1" if norm > 0.0 else ""
+            raise InvalidInput(f"a quaternion that is a rotation has length 1, not {norm:.6g}, as {order} has{nearest}")
+        w, x, y, z = value / norm if order == "wxyz" else np.roll(value, 1) / norm
+        return cls(pin.Quaternion(w, x, y, z).matrix(), vector(xyz, 3, "xyz"))
+
+    @property
+    def inverse(self) -> Pose:
+        """BMa for this aMb."""
+        return Pose(self.R.T, -self.R.T @ self.t)
+
+    def __matmul__(self, other: Pose) -> Pose:
+        return Pose(self.R @ other.R, self.R @ other.t + self.t)
+
+    def act(self, points: Array) -> Array:
+        """Coordinates (..., 3) in frame a of points given in frame b."""
+        moved: Array = points @ self.R.T + self.t
+        return moved
+
+    @property
+    def twist_matrix(self) -> Array:
+        """(6, 6) aVb, which turns a twist (v, ω) at b's origin in b's axes into the one at a's origin in a's axes."""
+        V = np.zeros((6, 6))
+        V[:3, :3] = V[3:, 3:] = self.R
+        V[:3, 3:] = skew(self.t) @ self.R
+        return V
+
+
+def demand_rotation(R: Array) -> Array:
+    """The rotation nearest to R (3, 3), which has to be one to :data:`TYPED`.
+
+    Raises
+    ------
+    InvalidInput
+        if it is not: it says by how much, and which rotation is the nearest.
+    """
+    if np.abs(R.T @ R - np.eye(3)).max() < 1e-12 and np.linalg.det(R) > 0.0:
+        return R.copy()
+    U, s, Vt = svd(R)
+    proper = np.diag((1.0, 1.0, np.sign(np.linalg.det(U @ Vt))))
+    nearest: Array = U @ proper @ Vt
+    if proper[2, 2] < 0.0 and (np.abs(s - 1.0) <= TYPED).all():
+        raise InvalidInput("a matrix with determinant -1 is a mirror, and no rotation: an axis points the wrong way")
+    off = float(np.abs(R - nearest).max())
+    if off > TYPED:
+        raise InvalidInput(
+            f"no rotation: an entry is {off:.3g} away from the nearest one (columns of length "
+            f"{', '.join(f'{length:.4g}' for length in np.linalg.norm(R, axis=0))}), which is "
+            f"{shown(np.round(nearest, 6).tolist())}"
+        )
+    return nearest
+
+
+def distance(a: Pose, b: Pose) -> tuple[float, float]:
+    """Translation [m] and angle [rad] between two poses."""
+    d = a.t - b.t
+    # accurate near zero too, where the arc cosine of the trace is not
+    sine = np.linalg.norm(a.R - b.R) / np.sqrt(8.0)
+    return float(np.sqrt(d @ d)), 2.0 * float(np.arcsin(min(1.0, sine)))
+
+
+def distances(R: Array, t: Array, pose: Pose) -> Array:
+    """(N, 2) what :func:`distance` says of poses, R (N, 3, 3) and t (N, 3), and another one."""
+    away = np.sqrt(((t - pose.t) ** 2).sum(axis=1))
+    return np.stack((away, angle(((R - pose.R) ** 2).sum(axis=(1, 2)))), axis=1)
+
+
+def skew(w: Array) -> Array:
+    """(..., 3, 3) matrices [w]× with [w]× a = w × a, of vectors w (..., 3)."""
+    W = np.zeros((*w.shape, 3))
+    x, y, z = w[..., 0], w[..., 1], w[..., 2]
+    W[..., 0, 1], W[..., 0, 2], W[..., 1, 2] = -z, y, -x
+    W[..., 1, 0], W[..., 2, 0], W[..., 2, 1] = z, -y, x
+    return W
+
+
+def rotation_vector(R: Array, near: Array | None = None) -> Array:
+    """θu (3,) with exp([θu]×) = R, the one closest to ``near`` (3,): see :func:`.formulas.rotation.rotation_vector`."""
+    return np.array(rotation.rotation_vector(R.tolist(), (0.0, 0.0, 0.0) if near is None else near, near is not None))
+
+
+def rotation_vector_rate(w: Array, omega: Array) -> tuple[Array, Array]:
+    """L_θu and L̇_θu (3, 3): see :func:`.formulas.rotation.rotation_vector_rate`."""
+    _, L, L_dot = rotation.rotation_vector_rate(w.tolist(), omega.tolist())
+    return np.array(L), np.array(L_dot)

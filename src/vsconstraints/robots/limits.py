@@ -1,0 +1,110 @@
+"""What a robot's actuators can do: as data, and as the box of accelerations that it leaves at a sample."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import ConfigurationError, InvalidInput, shown
+from ..formulas.limits import JointLimits
+from ..rows import Array
+
+if TYPE_CHECKING:
+    from .robot import Robot
+
+PerJoint = float | Sequence[float] | None
+"""One number for all joints, n of them, or no limit."""
+
+
+@dataclass(frozen=True)
+class ActuatorLimits:
+    """Limits of a robot's actuators, the same in both directions.
+
+    Attributes
+    ----------
+    acceleration
+        Of |q̈| [rad/s² or m/s²].
+    jerk
+        Of |q̈ − q̈_last| / T_s [rad/s³ or m/s³].
+    effort
+        Of torques or forces [Nm or N]: of a URDF, the file's. An arm with mass saturates there; a kinematic model
+        cannot tell what accelerations they leave.
+    ranges
+        Whether the box also keeps every joint such that it can stop within its range, and keeps its speed. Rows of
+        joint ranges and speeds have nothing left to do then.
+    known
+        Whether the control is told. If not, only the robot has these limits.
+
+    Raises
+    ------
+    ConfigurationError
+        if a limit is not a positive number, or ranges are to be kept by accelerations without a limit.
+    """
+
+    acceleration: PerJoint = None
+    jerk: PerJoint = None
+    effort: PerJoint = None
+    ranges: bool = False
+    known: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("acceleration", "jerk", "effort"):
+            object.__setattr__(self, name, _positive(name, getattr(self, name)))
+        if self.ranges and not np.isfinite(np.asarray(_or_infinite(self.acceleration))).all():
+            raise ConfigurationError("limits that keep ranges need a limit of every joint's acceleration")
+
+    @property
+    def any(self) -> bool:
+        """Whether accelerations are limited at all."""
+        return self.acceleration is not None or self.jerk is not None
+
+    def of_joint(self, name: str, n: int) -> Array:
+        """(n,) a limit by its name, infinite where there is none; raises ConfigurationError if there are not n."""
+        values = np.array(_or_infinite(getattr(self, name)), dtype=np.float64)
+        if values.shape not in ((), (n,)):
+            raise ConfigurationError(f"the limit of {name} must be one number or {n}, not {len(values)}")
+        return np.broadcast_to(values, (n,)).copy()
+
+    def arrays(self, robot: Robot, period: float | None) -> JointLimits:
+        """What formulas take, for a robot sampled with T_s [s].
+
+        Raises
+        ------
+        ConfigurationError
+            if there is not one limit for each joint.
+        InvalidInput
+            if the sampling period is not a positive number.
+        """
+        if period is None or not 0.0 < period < math.inf:
+            raise InvalidInput(f"limits of actuators need the sampling period in seconds, period=..., not {period}")
+        acceleration, jerk = (self.of_joint(name, robot.n) for name in ("acceleration", "jerk"))
+        ranges = robot.q_min.copy(), robot.q_max.copy(), robot.qd_max.copy()
+        return JointLimits(acceleration, jerk * period, *ranges, int(self.ranges), float(period))
+
+
+def _or_infinite(value: PerJoint) -> float | Sequence[float]:
+    return math.inf if value is None else value
+
+
+def _positive(name: str, value: object) -> PerJoint:
+    """One number or a tuple of numbers; raises ConfigurationError unless all are positive."""
+    if value is None:
+        return None
+    try:
+        numbers = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.empty((0, 0))
+    if numbers.ndim > 1 or numbers.size == 0 or not (numbers > 0.0).all() or isinstance(value, bool | str):
+        raise ConfigurationError(
+            f"a limit of {name} is a positive number, or one for each joint, so that a joint can stand still: not "
+            f"{shown(value)}"
+        )
+    return float(numbers) if numbers.ndim == 0 else tuple(numbers.tolist())
+
+
+NO_LIMITS = ActuatorLimits()
+"""Of a robot of which none are known."""

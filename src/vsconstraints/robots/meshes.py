@@ -1,0 +1,119 @@
+"""Where the mesh files are that a URDF names: beside it, in the folders above, in given ones, and where ROS looks."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+from xml.etree import ElementTree
+
+from ..errors import ConfigurationError
+
+IN_PACKAGES = ("package", "model")
+"""Schemes whose first folder is the name of a package."""
+
+DEPTH = 3
+"""Below a folder of ``ROS_PACKAGE_PATH``, how deep packages are looked for."""
+
+
+def mesh_folders(urdf: Path, package_dirs: Sequence[str | Path] | None, environment: Mapping[str, str]) -> list[Path]:
+    """Folders that packages are looked for in, the first first.
+
+    Parameters
+    ----------
+    urdf
+        The URDF file.
+    package_dirs
+        Folders of packages, or packages; all folders above the file if None.
+    environment
+        Variables: every ``PREFIX/share`` of ``AMENT_PREFIX_PATH`` follows, and the folders of ``ROS_PACKAGE_PATH`` with
+        those in them that hold packages.
+    """
+    given = urdf.resolve().parents if package_dirs is None else package_dirs
+    shares = [Path(prefix) / "share" for prefix in _paths(environment, "AMENT_PREFIX_PATH")]
+    workspaces = [folder for path in _paths(environment, "ROS_PACKAGE_PATH") for folder in _holding(Path(path), DEPTH)]
+    return list(dict.fromkeys([*map(Path, given), *shares, *workspaces]))
+
+
+def found_mesh(name: str, urdf: Path, folders: Sequence[str | Path]) -> Path | None:
+    """The file that a mesh's name in a URDF means; None if there is none.
+
+    ``package://PACKAGE/PATH`` is looked for in the folders, ``file://PATH`` is there, and a name without a scheme is
+    looked for beside the URDF, in the folders, and in the current one.
+    """
+    scheme, separator, rest = name.rpartition("://")
+    if scheme == "file":
+        places = [Path(rest)]
+    elif scheme in IN_PACKAGES:
+        rest = rest.lstrip("/")
+        package, _, inside = rest.partition("/")
+        places = [Path(folder) / rest for folder in folders]
+        places += [Path(folder) / inside for folder in folders if Path(folder).name == package]
+    elif not separator:
+        places = [base / name for base in (urdf.parent, *map(Path, folders), Path())]
+    else:
+        places = []
+    return next((place for place in places if place.is_file()), None)
+
+
+def mesh_files(urdf: Path, folders: Sequence[str | Path]) -> list[Path]:
+    """The mesh files that a URDF's collision geometry names, where they are there; none if it cannot be read."""
+    try:
+        root = ElementTree.parse(urdf).getroot()
+    except (OSError, ElementTree.ParseError):
+        return []
+    names = {mesh.get("filename", "") for mesh in _meshes(root)}
+    return [file for name in sorted(names) if (file := found_mesh(name, urdf, folders)) is not None]
+
+
+Purpose = Literal["collision", "visual"]
+"""What geometry of a URDF's links is for."""
+
+
+def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path], purpose: Purpose = "collision") -> str:
+    """The XML of a URDF with the paths of the files in the place of the names of meshes that are for that purpose.
+
+    Raises
+    ------
+    ConfigurationError
+        that names the mesh, its link and what can be done, where there is no such file.
+    """
+    root = ElementTree.fromstring(text)
+    for link in root.iter("link"):
+        for mesh in _meshes(link, purpose):
+            name = mesh.get("filename", "")
+            file = found_mesh(name, urdf, folders)
+            if file is None:
+                places = ", ".join(map(str, folders)) or "no folder"
+                raise ConfigurationError(
+                    f"{urdf}: the link {link.get('name')!r} has the mesh {name!r}, which is not there (looked for in "
+                    f"{places}). package_dirs or ROS_PACKAGE_PATH name folders of packages; with link_radius, links "
+                    "are capsules and need no mesh"
+                )
+            mesh.set("filename", str(file.resolve()))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _meshes(root: ElementTree.Element, purpose: Purpose = "collision") -> Iterator[ElementTree.Element]:
+    return (mesh for part in root.iter(purpose) for mesh in part.iter("mesh"))
+
+
+def _paths(environment: Mapping[str, str], variable: str) -> list[str]:
+    return [path for path in environment.get(variable, "").split(os.pathsep) if path]
+
+
+def _holding(folder: Path, depth: int) -> Iterator[Path]:
+    """The folder above a package, and every folder that may hold packages."""
+    if (folder / "package.xml").is_file() or (folder / "manifest.xml").is_file():
+        yield folder.parent
+        return
+    yield folder
+    if depth > 1:
+        try:
+            inside = sorted(one for one in folder.iterdir() if one.is_dir() and not one.name.startswith("."))
+        except OSError:  # not there, or not for us
+            return
+        for one in inside:
+            if not (one / "package.xml").is_file() and not (one / "manifest.xml").is_file():
+                yield from _holding(one, depth - 1)

@@ -1,0 +1,45 @@
+"""From accelerations to what a robot's controller takes (section 5.1): a pure integrator of the right order."""
+
+from __future__ import annotations
+
+from ..errors import InvalidInput
+from ..rows import Array
+from .geometry import vector
+
+
+class OrderFilter:
+    """Integrates commanded accelerations to joint speeds and positions, exactly for a zero-order hold.
+
+    The discontinuous q̈_c of a sliding mode becomes a continuous q̇_c and a smooth q_c, which position-controlled arms
+    take.
+
+    Parameters
+    ----------
+    q, qd
+        (n,) where the robot stands, and how fast it moves, when the control begins.
+    Ts
+        Sampling time [s].
+
+    Attributes
+    ----------
+    q, qd
+        (n,) q_c and q̇_c now.
+
+    Raises
+    ------
+    InvalidInput
+        if a number is not finite, the sizes differ, or the sampling time is not positive.
+    """
+
+    def __init__(self, q: object, qd: object, Ts: float) -> None:
+        if not 0.0 < Ts < float("inf"):
+            raise InvalidInput(f"the sampling time must be a positive number of seconds, not {Ts}")
+        n = len(q) if hasattr(q, "__len__") else 0
+        self.q, self.qd, self.Ts = vector(q, n, "q"), vector(qd, n, "qd"), float(Ts)
+
+    def step(self, qdd: Array) -> Array:
+        """(n,) q_c at the end of a sampling period with the acceleration ``qdd`` (n,)."""
+        qdd = vector(qdd, len(self.q), "qdd")
+        self.q = self.q + self.Ts * self.qd + (0.5 * self.Ts**2) * qdd
+        self.qd = self.qd + self.Ts * qdd
+        return self.q

@@ -1,0 +1,279 @@
+"""Serial arms on Pinocchio: from a DH table or a URDF file, any number of joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from ..errors import ConfigurationError, unknown_name
+from ..plugins.renamed import renamed
+from ..rows import Array
+from ..rows.readable import amount, counted, in_one_line, span
+from .dh import DhRow, dh_limits, read_dh
+from .geometry import Numbers, Pose, vector
+from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint, point_twist
+from .limits import NO_LIMITS, ActuatorLimits
+from .urdf import UrdfSource, link_geometry, read_urdf
+
+
+class Robot:
+    """A serial arm with n joints, each revolute or prismatic.
+
+    Build one with :meth:`from_dh` or :meth:`from_urdf`, or take a ready-made one from
+    :mod:`vsconstraints.robots.catalogue`.
+
+    Attributes
+    ----------
+    name
+        For reports.
+    joint_names
+        n names, from base to tip.
+    q_min, q_max
+        (n,) joint ranges [rad or m]; infinite where there is none.
+    qd_min, qd_max
+        (n,) joint speed limits [rad/s or m/s]; infinite where there is none.
+    source
+        The URDF file it was read from; None for other robots.
+    limits
+        What its actuators can do, as far as that is known; it counts where a control step or a scenario takes it.
+    """
+
+    def __init__(
+        self,
+        model: pin.Model,
+        tip_frame: int,
+        name: str,
+        q_min: Array,
+        q_max: Array,
+        qd_max: Array,
+        source: UrdfSource | None = None,
+        limits: ActuatorLimits = NO_LIMITS,
+    ) -> None:
+        wrong = [
+            f"{joint} [{low:g}, {high:g}], speed {speed:g}"
+            for joint, low, high, speed in zip(model.names[1:], q_min, q_max, qd_max, strict=True)
+            if low > high or speed <= 0.0
+        ]
+        if wrong:
+            raise ConfigurationError(f"limits of {name} must be lower ≤ upper and a positive speed: {'; '.join(wrong)}")
+        self.model = model
+        self.name = name
+        self.source = source
+        self.joint_names: tuple[str, ...] = tuple(model.names[1:])
+        self.q_min, self.q_max = q_min, q_max
+        self.qd_min, self.qd_max = -qd_max, qd_max
+        self._tip_frame = tip_frame
+        for limit in ("acceleration", "jerk", "effort"):
+            limits.of_joint(limit, self.n)
+        self.limits = limits
+        # scratch memory of the model's algorithms; every result is copied out of it
+        self._data = model.createData()
+
+    @in_one_line
+    def __repr__(self) -> str:
+        kinds = []
+        slides = np.array(self.prismatic, dtype=np.bool_)
+        for kind, of, unit in (("revolute", ~slides, "rad"), ("prismatic", slides, "m")):
+            if of.any():
+                speed = self.qd_max[of].max()
+                fast = f", up to {amount(speed)} {unit}/s" if np.isfinite(speed) else ""
+                what = counted(int(of.sum()), f"{kind} joint")
+                kinds.append(f"{what} ({span(self.q_min[of], self.q_max[of], unit)}{fast})")
+        return f"<Robot {self.name}: {', '.join(kinds)}>"
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.model.nv)
+
+    @property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Which of the n joints move along a line."""
+        return tuple("JointModelP" in joint.shortname() for joint in self.model.joints[1:])
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Names of the frames that points can be fixed to."""
+        return ("tip", *(frame.name for frame in self.model.frames if frame.name not in ("tip", "universe")))
+
+    @classmethod
+    @renamed(table="dh")
+    def from_dh(
+        cls,
+        dh: Sequence[DhRow],
+        *,
+        prismatic: Sequence[int] = (),
+        q_min: Numbers | None = None,
+        q_max: Numbers | None = None,
+        qd_max: Numbers | None = None,
+        name: str = "robot",
+        limits: ActuatorLimits = NO_LIMITS,
+    ) -> Robot:
+        """From standard Denavit–Hartenberg parameters, as in Tables 1–3.
+
+        Link i is placed by Rz(θ) Tz(d) Tx(a) Rx(α), with θ = q_i + the table's θ offset (for a prismatic joint
+        d = q_i + the table's d). The link frames are called ``link 1`` … ``link n``; the last one is the tip.
+
+        Parameters
+        ----------
+        dh
+            (n, 4) rows of θ offset [rad], d [m], a [m], α [rad].
+        prismatic
+            Numbers of the prismatic joints, counted from 1.
+        q_min, q_max, qd_max
+            (n,) limits; infinite if not given.
+        name
+            For reports.
+        limits
+            What the actuators can do.
+
+        Raises
+        ------
+        InvalidInput
+            if the table or a limit has a wrong shape or is not a number.
+        """
+        model, frame = read_dh(dh, prismatic, name)
+        low, high, speed = (
+            dh_limits(np.full(model.nv, end) if value is None else value, model.nv, what)
+            for value, end, what in ((q_min, -np.inf, "q_min"), (q_max, np.inf, "q_max"), (qd_max, np.inf, "qd_max"))
+        )
+        return cls(model, frame, name, low, high, speed, limits=limits)
+
+    @classmethod
+    @renamed(path="urdf")
+    def from_urdf(
+        cls,
+        urdf: str | Path,
+        tip: str | None = None,
+        *,
+        locked: Mapping[str, float] | None = None,
+        name: str | None = None,
+        package_dirs: Sequence[str | Path] | None = None,
+        limits: ActuatorLimits = NO_LIMITS,
+    ) -> Robot:
+        """From a URDF file; joint ranges, speeds and efforts are the file's.
+
+        Parameters
+        ----------
+        urdf
+            The URDF file. Its meshes are read by :meth:`collision_geometry` only.
+        tip
+            Name of the link at the tip; it may be left out where only one link is the last one. Joints that do not move
+            it (a gripper's fingers) are locked at their neutral position, or where the joint that they mimic puts them.
+        locked
+            Joints to lock, with their coordinate [rad or m].
+        name
+            For reports; the robot's name in the file if not given.
+        package_dirs
+            Folders that ``package://`` paths of meshes start from; all folders above the file if not given. Those that
+            ``AMENT_PREFIX_PATH`` and ``ROS_PACKAGE_PATH`` name follow them.
+        limits
+            What the actuators can do beside the file's efforts.
+
+        Raises
+        ------
+        ConfigurationError
+            if the file is missing or not a URDF, if several links may be the tip and none is named, or if a link or a
+            joint is unknown or of a kind an arm does not have.
+        """
+        arm = read_urdf(urdf, tip, locked or {}, package_dirs)
+        if limits.effort is None and np.isfinite(arm.effort).any():
+            limits = replace(limits, effort=arm.effort.tolist())
+        name = name or arm.model.name
+        return cls(arm.model, arm.tip_frame, name, arm.q_min, arm.q_max, arm.qd_max, arm.source, limits)
+
+    def collision_geometry(self) -> pin.GeometryModel:
+        """The collision geometry of the URDF's links, in this robot's model; read anew by every call.
+
+        Raises
+        ------
+        ConfigurationError
+            if the robot is not from a URDF file, or a mesh cannot be read; the message names the file.
+        """
+        if self.source is None:
+            raise ConfigurationError(
+                f"{self.name} is not from a URDF file, so its links have no collision geometry; "
+                "give link_radius, the links' radius around the lines between the joints"
+            )
+        return link_geometry(self.source)
+
+    def frame_id(self, link: str) -> int:
+        """Index of a link's frame in the model; raises ConfigurationError that names the links there are."""
+        if link == "tip":
+            return self._tip_frame
+        if not self.model.existFrame(link):
+            raise unknown_name(f"link of {self.name}", link, self.links)
+        return int(self.model.getFrameId(link))
+
+    def configuration(self, q: object, what: str = "q") -> Array:
+        """``q`` as a finite (n,) array; raises InvalidInput that names ``what``."""
+        return vector(q, self.n, f"{what} of {self.name}")
+
+    def outside_ranges(self, q: Array) -> list[str]:
+        """One sentence for each joint of ``q`` outside its range; empty if there is none."""
+        return [
+            f"joint {i + 1} ({self.joint_names[i]}) is at {q[i]:.4g}, "
+            f"outside [{self.q_min[i]:.4g}, {self.q_max[i]:.4g}]"
+            for i in np.flatnonzero((q < self.q_min) | (q > self.q_max))
+        ]
+
+    def pose(self, q: ArrayLike, link: str = "tip") -> Pose:
+        """Pose of a link in the base frame at ``q`` (n,)."""
+        pin.forwardKinematics(self.model, self._data, self.configuration(q))
+        placement = pin.updateFramePlacement(self.model, self._data, self.frame_id(link))
+        return Pose(np.array(placement.rotation), np.array(placement.translation))
+
+    def jacobian(
+        self, q: ArrayLike, link: str = "tip", offset: Sequence[float] = (0.0, 0.0, 0.0), axes: str = "base"
+    ) -> Array:
+        """(6, n) Jacobian of the twist (v, ω) of a point fixed to a link.
+
+        Parameters
+        ----------
+        q
+            (n,) joint coordinates.
+        link
+            Name of the link, or ``"tip"``.
+        offset
+            (3,) the point in the link's frame [m].
+        axes
+            Whose axes v and ω are expressed in: ``"base"`` or ``"tip"``.
+
+        Raises
+        ------
+        ConfigurationError, InvalidInput
+            if the link or the axes are unknown, or a shape is wrong.
+        """
+        return point_twist(self, q, np.zeros(self.n), link, offset, axes)[0]
+
+    def drift(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        link: str = "tip",
+        offset: Sequence[float] = (0.0, 0.0, 0.0),
+        axes: str = "base",
+    ) -> Array:
+        """(6,) J̇ q̇ of :meth:`jacobian`, exactly: the derivative of that twist when q̈ = 0.
+
+        Parameters
+        ----------
+        q, qd
+            (n,) joint coordinates and speeds.
+        link, offset, axes
+            As for :meth:`jacobian`.
+        """
+        return point_twist(self, q, qd, link, offset, axes)[1]
+
+    def kinematics(self, q: Array, qd: Array, points: Sequence[RobotPoint] = ()) -> Kinematics:
+        """Pose, Jacobian and exact J̇ q̇ of the tip and of any points, at ``q`` and ``qd`` (n,)."""
+        return self.evaluator(points)(q, qd)
+
+    def evaluator(self, points: Sequence[RobotPoint] = ()) -> KinematicsEvaluator:
+        """:meth:`kinematics` for a fixed set of points, with their names looked up once."""
+        return KinematicsEvaluator(self, points)

@@ -1,0 +1,189 @@
+"""Reading serial arms from URDF files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import ConfigurationError, unknown_name
+from ..rows import Array
+from .geometry import vector
+from .meshes import Purpose, mesh_folders, with_whole_paths
+from .urdf_xml import UNBOUNDED, Mimic, UrdfFile, urdf_file
+
+OF_GRIPPERS = ("finger", "gripper", "jaw", "claw", "thumb", "knuckle")
+"""In the name of a last link, or of its joint: such a link is no tip unless it is named as that."""
+
+
+@dataclass(frozen=True)
+class UrdfSource:
+    """Where a robot's links come from, for what is read only when asked for: their collision geometry.
+
+    Attributes
+    ----------
+    path
+        The URDF file.
+    package_dirs
+        Folders that ``package://`` paths of meshes start from, those of the environment among them.
+    model, locked, positions
+        The file's model, the joints of it that are locked, and its coordinates then.
+    """
+
+    path: Path
+    package_dirs: tuple[str, ...]
+    model: pin.Model
+    locked: tuple[int, ...]
+    positions: Array
+
+
+class UrdfArm(NamedTuple):
+    """What a URDF file says of an arm: its model, the frame of its tip, its limits (n,), and where it comes from."""
+
+    model: pin.Model
+    tip_frame: int
+    q_min: Array
+    q_max: Array
+    qd_max: Array
+    source: UrdfSource
+    effort: Array
+
+
+def read_urdf(
+    path: str | Path, tip: str | None, locked: Mapping[str, float], package_dirs: Sequence[str | Path] | None
+) -> UrdfArm:
+    """The arm of a URDF file; see :meth:`vsconstraints.Robot.from_urdf` for parameters and errors."""
+    source = Path(path)
+    file = urdf_file(source)
+    try:
+        model = pin.buildModelFromXML(file.text)
+    except (RuntimeError, ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{str(source)!r} cannot be read as a URDF: {error}") from error
+    bodies = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
+    if tip is None:
+        tip = _only_tip(file, model, locked, source.name)
+    elif tip not in bodies:
+        raise unknown_name(f"link in {source.name}", tip, bodies)
+    chain = set(_joints_of(model, tip))
+    positions = _locked_positions(model, locked, file.mimics, source.name)
+    freeze = [i for i in range(1, model.njoints) if i not in chain or model.names[i] in locked]
+    own_names = _distinguish_joints(model, bodies)
+    folders = mesh_folders(source, package_dirs, os.environ)
+    origin = UrdfSource(source, tuple(map(str, folders)), model, tuple(freeze), positions)
+    model = pin.buildReducedModel(model, freeze, positions)
+    for i, joint_name in enumerate(model.names):
+        model.names[i] = own_names.get(joint_name, joint_name)
+    if model.nv == 0:
+        raise ConfigurationError(f"no joint of {source.name} moves the link {tip!r}")
+    for joint, joint_name in zip(model.joints[1:], model.names[1:], strict=True):
+        if joint.nq != 1 or joint.nv != 1:
+            raise ConfigurationError(
+                f"joint {joint_name!r} of {source.name} is a {joint.shortname()}: "
+                "only revolute, continuous and prismatic joints can be driven; lock it with locked={…}"
+            )
+        if joint_name in file.mimics:
+            raise ConfigurationError(
+                f"joint {joint_name!r} of {source.name} mimics another one and moves the tip: "
+                "every joint of an arm must be driven by itself; lock it with locked={…}"
+            )
+    speed = np.array(model.upperVelocityLimit)
+    # a URDF whose limit element has no velocity, or 0, sets no limit
+    speed[(speed <= 0.0) | (speed >= UNBOUNDED)] = np.inf
+    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+    lower[lower <= -UNBOUNDED], upper[upper >= UNBOUNDED] = -np.inf, np.inf
+    effort = np.array(model.effortLimit)
+    effort[(effort <= 0.0) | (effort >= UNBOUNDED)] = np.inf
+    return UrdfArm(model, model.getFrameId(tip), lower, upper, speed, origin, effort)
+
+
+def link_geometry(source: UrdfSource, purpose: Purpose = "collision") -> pin.GeometryModel:
+    """The geometry of a URDF's links that is for a purpose, in the reduced model's frames.
+
+    Raises
+    ------
+    ConfigurationError
+        if a mesh is not there or cannot be read; the message names it.
+    """
+    text = with_whole_paths(urdf_file(source.path).text, source.path, source.package_dirs, purpose)
+    kind = pin.GeometryType.COLLISION if purpose == "collision" else pin.GeometryType.VISUAL
+    try:
+        geometry = pin.buildGeomFromUrdfString(source.model, text, kind)
+    except (RuntimeError, ValueError) as error:
+        raise ConfigurationError(f"{purpose} geometry of {source.path} cannot be read: {error}") from error
+    return pin.buildReducedModel(source.model, geometry, list(source.locked), source.positions)[1]
+
+
+def _joint_of(model: pin.Model, link: str) -> int:
+    """Index of the joint that a link is fixed to; 0 for the base."""
+    return int(model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint)
+
+
+def _joints_of(model: pin.Model, link: str) -> list[int]:
+    """Indices of the joints that move a link."""
+    return [i for i in model.supports[_joint_of(model, link)] if i > 0]
+
+
+def _only_tip(file: UrdfFile, model: pin.Model, locked: Mapping[str, float], name: str) -> str:
+    """The last link that a joint moves; raises ConfigurationError where there are several, or it may be a finger."""
+    last = file.last_links()
+    moved = [link for link in last if any(model.names[i] not in locked for i in _joints_of(model, link))]
+    if len(moved) > 1:
+        shared = set.intersection(*(set(file.above(link)) for link in moved))
+        branch = next(link for link in file.above(moved[0]) if link in shared)
+        raise ConfigurationError(
+            f"{name} has several links that may be the tip: {', '.join(moved)}; they branch off {branch!r}. "
+            'Say which link carries the camera: tip = "…"'
+        )
+    tip = (moved or last)[0]
+    carrier = (file.above(tip)[1:2] or [tip])[0]
+    joint = model.names[_joint_of(model, tip)]
+    grips = any(word in f"{tip} {joint}".lower() for word in OF_GRIPPERS)
+    if grips and _joint_of(model, tip) != _joint_of(model, carrier):
+        raise ConfigurationError(
+            f"the last link of {name}, {tip!r}, seems to be a part of a gripper that joint {joint!r} moves. "
+            f'Say which link carries the camera: tip = "{carrier}", or "{tip}" if it is that one'
+        )
+    return tip
+
+
+def _locked_positions(model: pin.Model, locked: Mapping[str, float], mimics: Mapping[str, Mimic], file: str) -> Array:
+    """Coordinates at which joints are locked: given ones, else neutral, or where the joint that one mimics puts it."""
+    positions: Array = pin.neutral(model)
+    at = {name: model.joints[i].idx_q for i, name in enumerate(model.names) if i > 0}
+    for joint, value in locked.items():
+        if joint not in at:
+            raise unknown_name(f"joint in {file}", joint, list(at))
+        positions[at[joint]] = vector([value], 1, f"locked {joint}")[0]
+
+    def position(joint: str, following: tuple[str, ...]) -> float:
+        if joint in mimics and joint not in locked:
+            leader, factor, offset = mimics[joint]
+            if leader in following:
+                raise ConfigurationError(
+                    f"joint {joint!r} of {file} mimics {leader!r}, which mimics it; lock it with locked={{…}}"
+                )
+            if leader in at:
+                return factor * position(leader, (*following, leader)) + offset
+        return float(positions[at[joint]])
+
+    for joint in mimics:
+        if joint in at:
+            positions[at[joint]] = position(joint, (joint,))
+    return positions
+
+
+def _distinguish_joints(model: pin.Model, bodies: Sequence[str]) -> dict[str, str]:
+    """Rename joints that have a link's name, since Pinocchio looks up both by name; returns old names by new ones."""
+    own_names = {f"{name} (joint)": name for name in model.names if name in bodies}
+    for i, name in enumerate(model.names):
+        if name in bodies:
+            model.names[i] = f"{name} (joint)"
+    for frame in model.frames:
+        if frame.type != pin.FrameType.BODY and frame.name in bodies:
+            frame.name += " (joint)"
+    return own_names

@@ -1,0 +1,220 @@
+"""The language between a scene and a controller: rows, a task, and the command that answers them.
+
+Every constraint, whatever its kind, becomes rows φ ≤ 0 with φ̇ = L_fφ + L_gφ q̈ (eqs. 9, 17 and 18); every
+visual task becomes one equality J q̈ = b (eq. 14). A controller sees nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InvalidInput
+from ..formulas.limits import at_end
+from .readable import amount, counted, enumerated, in_one_line
+
+Array = NDArray[np.floating[Any]]
+"""Floats; the docstring says of what shape."""
+
+BoolArray = NDArray[np.bool_]
+"""Booleans, likewise."""
+
+IntArray = NDArray[np.int64]
+"""Integers, likewise."""
+
+ARRAYS = (np.ndarray, np.memmap)
+"""What an array may be: in other kinds, such as a matrix, operators mean something else."""
+
+UNKNOWN: Array = np.empty(0)
+"""What is not given."""
+
+NOT_LIMITED: BoolArray = np.empty(0, dtype=np.bool_)
+"""No joint has bounds."""
+
+Status = Literal["ok", "relaxed", "suboptimal", "rank-loss", "failed"]
+"""What a controller says of its command.
+
+``ok``: every row it handles is met as its law demands. ``relaxed``: the rows contradict each other; the command
+violates them least and says which, by how much. ``suboptimal``: every row is met, but rounding keeps the law from what
+it defines below them; the reason says what. ``rank-loss``: the active rows have lost full row rank, so that
+their fulfilment is not guaranteed and the operation should be aborted (section 5.2). ``failed``: no command could
+be computed; ``qdd`` is zero.
+"""
+
+
+@dataclass(slots=True)
+class Rows:
+    """Constraint rows at one instant: m rows for a robot with n joints.
+
+    Attributes
+    ----------
+    phi
+        (m,) constraint functions φ = σ + K σ̇ (eq. 19), or φ directly for speeds; allowed where φ ≤ 0.
+    Lg
+        (m, n) L_gφ = ∂φ/∂q̇ (eq. 17).
+    Lf
+        (m,) what is known of L_fφ + ∂φ/∂t (eq. 18, section 5.4), in units of φ per second.
+    switching_gain
+        (m,) u⁺ of each row (eq. 11), in units of φ per second.
+    labels
+        m names such as ``"fov[marker 2]"``.
+    scale
+        (m,) size of the allowed range in units of φ: 1 for normalised constraints, an obstacle's radius for
+        distances. Ones if not given.
+    sigma, sigma_dot, K
+        (m,) σ, σ̇ with ∂σ/∂t [units of φ per second], and K [s]; (0,) where they are not given, for laws that do not
+        use them. Of a row on φ itself, such as a speed, σ = φ.
+    qdd_min, qdd_max
+        (n,) box that q̈ must be in now, infinite where there is no bound; (0,) where none is stated. Braking may demand
+        a box without zero. No command leaves it: a law that does not keep it is brought back joint by joint.
+    """
+
+    phi: Array
+    Lg: Array
+    Lf: Array
+    switching_gain: Array
+    labels: tuple[str, ...]
+    scale: Array = field(default_factory=lambda: UNKNOWN)
+    sigma: Array = field(default_factory=lambda: UNKNOWN)
+    sigma_dot: Array = field(default_factory=lambda: UNKNOWN)
+    K: Array = field(default_factory=lambda: UNKNOWN)
+    qdd_min: Array = field(default_factory=lambda: UNKNOWN)
+    qdd_max: Array = field(default_factory=lambda: UNKNOWN)
+
+    def __post_init__(self) -> None:
+        try:
+            if len(self.scale) == 0:
+                self.scale = np.ones(len(self.labels))
+        except TypeError as error:
+            raise InvalidInput(f"rows need a tuple of labels and an array of scales: {error}") from error
+
+    @in_one_line
+    def __repr__(self) -> str:
+        if not len(self.labels):
+            return "<Rows: none>"
+        worst, reached = int(np.argmax(self.phi)), [self.labels[i] for i in np.flatnonzero(self.phi >= 0.0)]
+        size = f"{counted(len(self.labels), 'row')} of {counted(np.shape(self.Lg)[-1], 'joint')}"
+        greatest = f"greatest φ {amount(self.phi[worst])} ({self.labels[worst]})"
+        return f"<Rows: {size}, {greatest}, φ ≥ 0: {enumerated(reached) or 'none'}>"
+
+    @classmethod
+    def none(cls, n: int) -> Rows:
+        """No constraint at all, for a robot with n joints."""
+        empty = np.empty(0)
+        return cls(empty, np.empty((0, n)), empty, empty, ())
+
+
+@dataclass(slots=True)
+class Task:
+    """The tracking equality J q̈ = b of eq. (41), and what the joints do where it leaves them free.
+
+    Attributes
+    ----------
+    J
+        (k, n) Jacobian J_s of the visual features.
+    b
+        (k,) s̈_c − J̇_s q̇ − ∂ṡ/∂t.
+    error, error_rate
+        (k,) e of the visual features, and ė; (0,) where they are not given, for laws that do not use them.
+    rest
+        (n,) q̈₀ [rad/s² or m/s²]: of all q̈ that rows and task leave, laws choose the nearest to it; (0,) for zero.
+    """
+
+    J: Array
+    b: Array
+    error: Array = field(default_factory=lambda: UNKNOWN)
+    error_rate: Array = field(default_factory=lambda: UNKNOWN)
+    rest: Array = field(default_factory=lambda: UNKNOWN)
+
+    @in_one_line
+    def __repr__(self) -> str:
+        k, n = np.shape(self.J)
+        error = f", ‖e‖ = {amount(np.linalg.norm(self.error))}" if len(self.error) else ""
+        size = f"{counted(k, 'feature')} of {counted(n, 'joint')}"
+        return f"<Task: {size}{error}, ‖b‖ = {amount(np.linalg.norm(self.b))}>"
+
+
+@dataclass(slots=True)
+class Command:
+    """A controller's answer.
+
+    Attributes
+    ----------
+    qdd
+        (n,) commanded joint accelerations q̈_c, always finite [rad/s² or m/s²].
+    status
+        See :data:`Status`.
+    acted
+        (m,) which rows shaped the command.
+    labels
+        The m labels of the rows it was given.
+    reason
+        Why the status is not ``ok``; names the rows concerned. Empty otherwise.
+    slack
+        (m,) by how much the command leaves each row's demand unmet [units of φ per second]; None if the law has
+        no demand to measure.
+    solver, iterations
+        The QP solver that gave the answer and how often it iterated; empty and 0 for closed forms.
+    fallback
+        Why another solver than the one asked for gave the answer. Empty otherwise.
+    remark
+        What else should be known, such as an option that concerns none of the rows. Empty otherwise.
+    saturated
+        (n,) joints whose acceleration is at an end of the box of the rows; (0,) where none is stated.
+    """
+
+    qdd: Array
+    status: Status
+    acted: BoolArray
+    labels: tuple[str, ...]
+    reason: str = ""
+    slack: Array | None = None
+    solver: str = ""
+    iterations: int = 0
+    fallback: str = ""
+    remark: str = ""
+    saturated: BoolArray = field(default_factory=lambda: NOT_LIMITED)
+
+    @in_one_line
+    def __repr__(self) -> str:
+        joint = int(np.argmax(np.abs(self.qdd)))
+        size = f"greatest |q̈| {amount(abs(self.qdd[joint]))} rad/s² or m/s² (joint {joint + 1})"
+        why = f" ({self.reason})" if self.reason else ""
+        return f"<Command {self.status}{why}: {size}, acted: {enumerated(self.active) or 'none'}>"
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Labels of the rows that shaped the command."""
+        return tuple(self.labels[i] for i in np.flatnonzero(self.acted))
+
+    @property
+    def slacks(self) -> dict[str, float]:
+        """Unmet demand by label, for the rows that have any."""
+        if self.slack is None:
+            return {}
+        return {self.labels[i]: float(self.slack[i]) for i in np.flatnonzero(self.slack > 0.0)}
+
+
+GIVEN = ("phi", "Lg", "Lf", "switching_gain", "scale")
+"""What rows say, m of each."""
+
+OPTIONAL = ("sigma", "sigma_dot", "K")
+"""What rows need not say, (m,) each."""
+
+BOX = ("qdd_min", "qdd_max")
+"""Bounds of q̈, (n,) each, likewise."""
+
+
+def in_box(rows: Rows, qdd: Array) -> Array:
+    """What is nearest to q̈ (n,) in the box of the rows, if they have one."""
+    return np.clip(qdd, rows.qdd_min, rows.qdd_max) if len(rows.qdd_max) else qdd
+
+
+def keep_box(rows: Rows, command: Command) -> None:
+    """Bring a command into the box of the rows, if they have one, and say which joints are at an end of it."""
+    if len(rows.qdd_max) and command.status != "failed":
+        command.qdd = in_box(rows, command.qdd)
+        command.saturated = at_end(command.qdd, rows.qdd_min, rows.qdd_max)

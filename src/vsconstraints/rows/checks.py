@@ -1,0 +1,108 @@
+"""What rows, a task and a command must be for a law to be asked, and for its answer to mean anything."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import InvalidInput, shown
+from . import ARRAYS, BOX, GIVEN, OPTIONAL, Array, Rows, Task
+
+ROUNDING = 2.0**-53
+"""Largest relative error of one operation in floating point."""
+
+FARTHEST = 1e30
+"""How many times its scale φ may be: a law that pushes in proportion has no answer long before."""
+
+
+def beyond_rounding(rows: Rows, qdd: Array) -> str:
+    """Say which row cannot be told met from unmet at these accelerations, and how far outside it is; empty if none.
+
+    Rounding of L_gφ q̈ alone, ε‖L_gφ‖‖q̈‖, is then more than u⁺, which is what the row can demand.
+    """
+    largest = float(np.abs(qdd).max(initial=0.0))
+    size = largest * float(np.linalg.norm(qdd / largest)) if largest > 0.0 else 0.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        lost = ROUNDING * np.linalg.norm(rows.Lg, axis=1) * size > rows.switching_gain
+    if not lost.any():
+        return ""
+    names = ", ".join(rows.labels[i] for i in np.flatnonzero(lost))
+    return (
+        f"accelerations of {size:.1e} are beyond what rows can be checked at: rounding exceeds the gain of {names} "
+        f"(φ up to {rows.phi[lost].max():.1e})"
+    )
+
+
+def check(rows: Rows, task: Task) -> None:
+    """Raise InvalidInput unless shapes agree, all is finite and φ in reach; names the row or entry at fault."""
+    if not (isinstance(rows, Rows) and isinstance(task, Task)):
+        raise InvalidInput(f"a law needs Rows and a Task, not {shown(rows)} and {shown(task)}")
+    if not (isinstance(rows.labels, tuple) and all(isinstance(label, str) for label in rows.labels)):
+        raise InvalidInput(f"rows.labels must be a tuple of names, not {shown(rows.labels)}")
+    for name, array in (
+        ("task.J", task.J),
+        ("task.b", task.b),
+        *((f"rows.{name}", getattr(rows, name)) for name in (*GIVEN, *OPTIONAL, *BOX)),
+        ("task.error", task.error),
+        ("task.error_rate", task.error_rate),
+        ("task.rest", task.rest),
+    ):
+        if not (type(array) in ARRAYS and array.dtype == np.float64):
+            raise InvalidInput(f"{name} must be an array of floats, not {shown(array)}")
+    if task.J.ndim != 2 or task.b.shape != task.J.shape[:1]:
+        raise InvalidInput(
+            f"task.J must be (k, n) and task.b (k,): they have the shapes {task.J.shape} and {task.b.shape}"
+        )
+    m, n = len(rows.labels), task.J.shape[1]
+    if n == 0:
+        raise InvalidInput("task.J has no column: there is no joint to command")
+    for name, array, shape in (
+        ("phi", rows.phi, (m,)),
+        ("Lg", rows.Lg, (m, n)),
+        ("Lf", rows.Lf, (m,)),
+        ("switching_gain", rows.switching_gain, (m,)),
+        ("scale", rows.scale, (m,)),
+        *((name, getattr(rows, name), (m,)) for name in OPTIONAL if getattr(rows, name).shape != (0,)),
+    ):
+        if array.shape != shape:
+            raise InvalidInput(
+                f"rows.{name} has the shape {array.shape}; with {m} labels and {n} joints it must be {shape}"
+            )
+        if not np.isfinite(array).all():
+            at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
+            raise InvalidInput(f"rows.{name} is not finite for {', '.join(rows.labels[i] for i in at)}")
+    if len(rows.qdd_min) or len(rows.qdd_max):
+        _check_box(rows, n)
+    k = len(task.b)
+    for name, array in (("error", task.error), ("error_rate", task.error_rate)):
+        if array.shape not in ((0,), (k,)):
+            raise InvalidInput(f"task.{name} has the shape {array.shape}; with {k} features it must be {(k,)}")
+    if task.rest.shape not in ((0,), (n,)):
+        raise InvalidInput(f"task.rest has the shape {task.rest.shape}; with {n} joints it must be {(n,)}")
+    for name in ("J", "b", "error", "error_rate", "rest"):
+        array = getattr(task, name)
+        if not np.isfinite(array).all():
+            at = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
+            raise InvalidInput(f"task.{name} is not finite in row {', '.join(map(str, at))}")
+    if (rows.switching_gain <= 0.0).any() or (rows.scale <= 0.0).any():
+        at = np.flatnonzero((rows.switching_gain <= 0.0) | (rows.scale <= 0.0))
+        raise InvalidInput(f"switching gain and scale must be positive: {', '.join(rows.labels[i] for i in at)} is not")
+    if (rows.phi / FARTHEST > rows.scale).any():
+        at = np.flatnonzero(rows.phi / FARTHEST > rows.scale)
+        far = ", ".join(f"{rows.labels[i]} (φ = {rows.phi[i]:.1e}, scale {rows.scale[i]:.1e})" for i in at)
+        raise InvalidInput(
+            f"no law can compute with φ beyond {FARTHEST:g} times its scale: {far}. Give both in the same units, in "
+            "which the scale is the size of the allowed range"
+        )
+
+
+def _check_box(rows: Rows, n: int) -> None:
+    low, high = rows.qdd_min, rows.qdd_max
+    if low.shape != (n,) or high.shape != (n,):
+        raise InvalidInput(
+            f"rows.qdd_min and rows.qdd_max must both be {(n,)}, or neither be given: they have the shapes {low.shape} "
+            f"and {high.shape}"
+        )
+    at = np.flatnonzero(~((low <= high) & (low < np.inf) & (high > -np.inf)))
+    if len(at):
+        boxes = "; ".join(f"joint {j + 1}: [{low[j]:g}, {high[j]:g}]" for j in at)
+        raise InvalidInput(f"rows.qdd_min and rows.qdd_max leave no acceleration: {boxes}")

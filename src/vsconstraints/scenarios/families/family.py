@@ -1,0 +1,263 @@
+"""A family of scenes: a scenario's file in which distributions stand where numbers do, and conditions."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, reduce
+from pathlib import Path
+from typing import Any
+
+from ...errors import ConfigurationError, VsconstraintsError, shown, unknown_name
+from ...plugins.classes import beside
+from ...simulation import Setup, until_settled
+from .. import Scenario
+from ..reading import Table, demand_table
+from ..scenario import demand_data
+from ..toml import file_named, read_toml
+from .arrival import least_time
+from .checks import check_ends, check_first_image, left_by_tracking, share_to_hold
+from .drawing import Streams, demand_no_placement, drawn, merged, parsed
+from .drawn import Drawn, reasons
+from .ends import placed
+from .reasons import Reason, Rejected
+
+SHIPPED = Path(__file__).parent
+"""Folder of the families that come with the package."""
+
+NOMINAL, LIMITED = "nominal", "limited"
+"""The condition that every family has, and the one whose limits tell what any law could do."""
+
+HALVES = ("training", "held-out")
+"""Scenes that settings may be sought on, and those that are for judging alone."""
+
+OWN_KEYS = ("title", "description", "extends", "conditions", "attempts")
+"""Keys of a family's file that are no scenario's, or are said by it for all its scenes."""
+
+TOGETHER = "conditions"
+"""Key of a condition that names others, whose draws it has all together."""
+
+ATTEMPTS = 200
+"""Attempts at one scene, if a family says nothing else."""
+
+
+REFUSALS = 10
+"""Attempts whose build is refused in the same words, after which a scene is given up: whatever is drawn, it will be."""
+
+
+@cache
+def families() -> tuple[str, ...]:
+    """Names of the families that come with the package."""
+    return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))
+
+
+@dataclass(frozen=True)
+class Family:
+    """A family of scenes.
+
+    Attributes
+    ----------
+    name
+        The file's name without its ending.
+    tables
+        What the file says, over what it extends.
+    folder
+        What paths in it are relative to.
+    trusted
+        See :class:`vsconstraints.scenarios.Scenario`.
+    """
+
+    name: str
+    tables: Table
+    folder: Path
+    trusted: bool = True
+
+    @classmethod
+    def load(cls, name_or_path: str | Path, base: Path | None = None) -> Family:
+        """A shipped family by its name, or one from a TOML file by its path.
+
+        Parameters
+        ----------
+        name_or_path
+            ``"six-axis"`` or ``"my/family.toml"``. With ``extends = "…"``, the name or the path of a scenario, a file
+            says only what is different from that, and what is drawn.
+        base
+            Folder that a relative path starts from; the current one if None.
+
+        Raises
+        ------
+        ConfigurationError
+            if there is none of that name, the file cannot be read, or something cannot be drawn.
+        """
+        path = file_named("family", str(name_or_path), SHIPPED, families(), base)
+        tables = read_toml(path)
+        extended = tables.get("extends")
+        if extended is not None:
+            if not isinstance(extended, str):
+                raise ConfigurationError(f"{path}: extends must be the name or the path of a scenario")
+            under = Scenario.load(extended, path.parent).tables
+            tables = merged(under, {k: v for k, v in tables.items() if k != "extends"}, str(path))
+        family = cls(path.stem, tables, path.parent)
+        # everything is read once, so that it fails here
+        _ = family._parsed, family._overrides, family._parts, family.attempts
+        return family
+
+    @property
+    def title(self) -> str:
+        """Title for reports; the name if the file has none."""
+        return str(self.tables.get("title") or self.name)
+
+    @property
+    def description(self) -> str:
+        """A few sentences for reports."""
+        return str(self.tables.get("description", "")).strip()
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Names of its conditions, the nominal one first."""
+        return (NOMINAL, *(name for name in self._overrides if name != NOMINAL))
+
+    @property
+    def attempts(self) -> int:
+        """Most attempts at one scene."""
+        most = self.tables.get("attempts", ATTEMPTS)
+        if isinstance(most, bool) or not isinstance(most, int) or most < 1:
+            raise ConfigurationError(f"{self.name}: attempts must be a positive integer, not {shown(most)}")
+        return most
+
+    @cached_property
+    def _parsed(self) -> Table:
+        own = {key: value for key, value in self.tables.items() if key not in OWN_KEYS}
+        tree: Table = parsed(own, self.name)
+        return {**tree, "title": self.title, "description": self.description}
+
+    @cached_property
+    def _overrides(self) -> dict[str, Any]:
+        where = f"{self.name}.conditions"
+        conditions = demand_table(self.tables.get("conditions", {}), where)
+        found = {}
+        for name, said in conditions.items():
+            own = {key: value for key, value in demand_table(said, f"{where}.{name}").items() if key != TOGETHER}
+            found[name] = parsed(own, f"{where}.{name}")
+            demand_no_placement(found[name], f"{where}.{name}")
+        return found
+
+    @cached_property
+    def _parts(self) -> dict[str, tuple[str, ...]]:
+        """Of every condition those whose tables it has, one over the other: its own last."""
+        conditions = self.tables.get("conditions", {})
+        single = [name for name, said in conditions.items() if TOGETHER not in said]
+        found = {}
+        for name, said in conditions.items():
+            where, others = f"{self.name}.conditions.{name}.{TOGETHER}", said.get(TOGETHER, [])
+            if not isinstance(others, list):
+                raise ConfigurationError(f"{where} must be a list of conditions, not {shown(others)}")
+            for other in others:
+                if other not in single:
+                    raise unknown_name(f"condition in {where}", str(other), single)
+            found[name] = (*others, name)
+        return found
+
+    def scene(self, number: int, half: str = "held-out", seed: int = 0) -> Drawn:
+        """One scene, by its own attempts: independent of every other one, and of what else is drawn.
+
+        Parameters, what is returned first, and errors are those of :meth:`set_up`.
+        """
+        return self.set_up(number, half, seed)[0]
+
+    def set_up(self, number: int, half: str = "held-out", seed: int = 0) -> tuple[Drawn, Mapping[str, Setup]]:
+        """One scene, and what is simulated in each of its conditions: it was set up to be looked at.
+
+        Parameters
+        ----------
+        number
+            Which one, from 0.
+        half
+            ``"training"`` or ``"held-out"``: scenes of one half have nothing in common with those of the other.
+        seed
+            Of all scenes.
+
+        Returns
+        -------
+        tuple
+            The :class:`Drawn`, not ``found`` if as many attempts as the family allows were rejected, or no build can
+            succeed; and its setups by condition, the same that :meth:`Drawn.setup` gives.
+
+        Raises
+        ------
+        ConfigurationError
+            if there is no such half, or number or seed are negative.
+        """
+        if half not in HALVES:
+            raise unknown_name("half", half, HALVES)
+        if number < 0 or seed < 0:
+            raise ConfigurationError(f"a scene's number and seed must be zero or more, not {number} and {seed}")
+        if not self.trusted:
+            demand_data(f"family {self.name}", self.tables, self.folder)
+        scene = Drawn(self.name, number, half, seed, self.folder, trusted=self.trusted)
+        rejected: Counter[str] = Counter()
+        refusals: Counter[str] = Counter()
+        refusal = ""
+        with beside(self.folder if self.trusted else None):
+            for attempt in range(self.attempts):
+                try:
+                    known, setups = self._attempt(Streams(seed, half, number, attempt))
+                except Rejected as error:
+                    rejected[error.reason.value] += 1
+                    refusal = str(error)
+                    refusals[refusal] += error.reason is Reason.BUILD_REFUSED
+                    if refusals[refusal] >= REFUSALS:
+                        break
+                else:
+                    return replace(scene, rejected=dict(rejected), refusal=refusal, **known), setups
+        return replace(scene, rejected=dict(rejected), refusal=refusal), {}
+
+    def _attempt(self, streams: Streams) -> tuple[dict[str, Any], dict[str, Setup]]:
+        """What is to be known of a scene, and its setups; raises Rejected."""
+        values: dict[str, Any] = {}
+        where, noise = f"{self.name}-{streams.number}", streams.entropy("noise", bits=32)
+        bare = drawn(self._parsed, streams, "", values)
+        overrides = {name: drawn(said, streams, f"conditions.{name}", values) for name, said in self._overrides.items()}
+        try:
+            common, ends = placed(bare, where, self.folder)
+            tables = {}
+            for name in self.conditions:
+                over = [overrides.get(part, {}) for part in self._parts.get(name, ())]
+                tables[name] = reduce(lambda under, each: merged(under, each, where), over, common)
+            scenarios = {name: Scenario(where, each, self.folder, self.trusted) for name, each in tables.items()}
+            nominal = scenarios[NOMINAL].setup(seed=noise)
+            check_ends(nominal, ends)
+            check_first_image(nominal)
+            challenged = left_by_tracking(nominal)
+            # what takes time and seldom refuses comes last
+            setups = {name: scenario.setup(seed=noise) for name, scenario in scenarios.items() if name != NOMINAL}
+            for setup in setups.values():
+                check_first_image(setup)
+        except VsconstraintsError as error:
+            raise Rejected(Reason.BUILD_REFUSED, str(error)) from error
+        limited = setups.get(LIMITED, nominal)
+        values |= {"q0": common["q0"]} if "q0" not in values else {}
+        known = {
+            "tables": tables,
+            "values": values,
+            "challenged": challenged,
+            "share_to_hold": share_to_hold(limited),
+            "least_time": least_time(limited, ends),
+            "duration": (until_settled(limited).samples_at_most - 1) * limited.Ts,
+            "noise": noise,
+        }
+        return known, {NOMINAL: nominal, **setups}
+
+    def demand_scenes(self, half: str = "held-out", seed: int = 0, scenes: int = 3) -> None:
+        """Raise ConfigurationError with counts if none of the first scenes is found: before thousands are drawn."""
+        rejected: Counter[str] = Counter()
+        for number in range(scenes):
+            tried = self.scene(number, half, seed)
+            if tried.found:
+                return
+            rejected.update(tried.rejected)
+        raise ConfigurationError(
+            f"family {self.name}: all of {sum(rejected.values())} attempts at its first {scenes} scenes were rejected: "
+            f"{reasons(rejected)}; the last one: {tried.refusal}"
+        )

@@ -1,0 +1,253 @@
+"""The camera: pixels, normalised coordinates, its lens, and where it is mounted.
+
+One convention for pixels holds everywhere: (u, v) from the centre of the image, u to the right and v down. Pixels that
+count from the top left corner are converted by :meth:`Camera.from_corner` and :meth:`Camera.to_corner`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+
+from ..errors import ConfigurationError, InvalidInput, unknown_name
+from ..plugins.renamed import renamed
+from ..robots.geometry import Pose, Vector2, vector
+from ..rows import Array, BoolArray
+from ..rows.readable import amounts, in_one_line
+from .calibration import read_calibration
+from .distortion import Distortion
+
+LARGEST_IMAGE = 1e4
+"""Sides of an image beyond which boundaries in it are not looked for [px]."""
+
+Count = Literal["edges", "centres"]
+"""What pixels are counted by."""
+
+
+@renamed(focal="focal_px", size="size_px", principal_point="principal_point_px")
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera, with or without distortion of its lens, carried by the end-effector or fixed in space.
+
+    Pixel coordinates (u, v) are measured from the centre of the image, u to the right and v down, as in eq. (20);
+    :meth:`from_corner` converts those measured from the top left corner.
+
+    Where there is distortion, pixels are *ideal*: those of a pinhole of the same focal lengths and principal point, in
+    which straight lines are straight. :meth:`undistort` makes them of pixels on the *sensor*, :meth:`distort` those of
+    them; without distortion the two are the same.
+
+    Attributes
+    ----------
+    focal_px
+        (F_u, F_v): focal length divided by the size of a pixel [px].
+    size_px
+        (W, H): width and height of the image [px].
+    principal_point_px
+        (2,) where the optical axis meets the image, from the top left corner [px]; the centre if None. Pixels' edges
+        count: half a pixel more than OpenCV's c_x and c_y.
+    mount
+        ᶜMₑ: end-effector (robot tip) coordinates to camera coordinates, for a camera that the robot carries.
+    fixed
+        Pose in the base frame of a camera that looks at the robot instead (eye-to-hand); None if the robot carries it.
+    distortion
+        Of the lens; None if there is none.
+    """
+
+    focal_px: tuple[float, float]
+    size_px: tuple[float, float]
+    principal_point_px: tuple[float, float] | None = None
+    mount: Pose = field(default_factory=Pose.identity)
+    fixed: Pose | None = None
+    distortion: Distortion | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("focal_px", "size_px"):
+            if (vector(getattr(self, name), 2, f"camera {name}") <= 0.0).any():
+                raise InvalidInput(f"camera {name} must be positive, not {getattr(self, name)}")
+        if max(self.size_px) > LARGEST_IMAGE:
+            raise InvalidInput(f"camera size_px is at most {LARGEST_IMAGE:g} px a side, not {self.size_px}")
+        if self.principal_point_px is not None:
+            vector(self.principal_point_px, 2, "camera principal_point_px")
+        if self.fixed is not None and (self.mount.t.any() or not np.array_equal(self.mount.R, np.eye(3))):
+            raise InvalidInput("a camera is mounted on the robot or fixed in space, not both: give mount or fixed")
+
+    @in_one_line
+    def __repr__(self) -> str:
+        width, height = self.size_px
+        lens = "" if self.distortion is None else f", {self.distortion.model} lens"
+        place = "on the robot" if self.fixed is None else f"fixed at {amounts(self.fixed.t, 'm')}"
+        focal = " and ".join(dict.fromkeys(f"{F:.4g}" for F in self.focal_px))
+        return f"<Camera {width:g} × {height:g} px, focal length {focal} px{lens}, {place}>"
+
+    @classmethod
+    def from_calibration(
+        cls,
+        calibration: str | Path,
+        *,
+        size_px: Vector2 | None = None,
+        distortion_model: Literal["brown-conrady", "fisheye"] | None = None,
+    ) -> Camera:
+        """From a calibration file, in YAML, of OpenCV (``cv::FileStorage``) or ROS (camera_info).
+
+        Parameters
+        ----------
+        calibration
+            The file.
+        size_px
+            Width and height of the images that are used, if it is to be checked that they are those calibrated with,
+            or the file does not say.
+        distortion_model
+            For files that do not say which lens their coefficients are of; ``brown-conrady`` if None.
+
+        Raises
+        ------
+        ConfigurationError
+            if the file cannot be used, or is one for another image size.
+        """
+        found = read_calibration(calibration, distortion_model, size_px)
+        if size_px is not None and tuple(size_px) != found.size_px:
+            raise ConfigurationError(
+                f"{calibration} is a calibration of images of {found.size_px[0]:g} × {found.size_px[1]:g} px, not of "
+                f"{size_px[0]:g} × {size_px[1]:g} px: calibrate the camera at the size that is used"
+            )
+        return cls(found.focal_px, found.size_px, found.principal_point_px, distortion=found.distortion)
+
+    def mounted(
+        self,
+        *,
+        camera_in_tip: Pose | None = None,
+        tip_in_camera: Pose | None = None,
+        camera_in_base: Pose | None = None,
+        base_in_camera: Pose | None = None,
+    ) -> Camera:
+        """The same camera where a hand–eye calibration has it: one of four poses, each named for what it says.
+
+        Parameters
+        ----------
+        camera_in_tip
+            ᵉM_c: where the camera is in the tip's frame; what ``cv2.calibrateHandEye`` gives of a camera on the robot
+            as R_cam2gripper and t_cam2gripper.
+        tip_in_camera
+            ᶜMₑ, its inverse: :attr:`mount`.
+        camera_in_base
+            Where a camera that is fixed in space is in the robot's base frame: :attr:`fixed`.
+        base_in_camera
+            Its inverse.
+
+        Raises
+        ------
+        InvalidInput
+            unless exactly one is given.
+        """
+        poses = camera_in_tip, tip_in_camera, camera_in_base, base_in_camera
+        if sum(pose is not None for pose in poses) != 1:
+            raise InvalidInput("a camera has one of camera_in_tip, tip_in_camera, camera_in_base and base_in_camera")
+        mount = camera_in_tip.inverse if camera_in_tip is not None else tip_in_camera or Pose.identity()
+        fixed = base_in_camera.inverse if base_in_camera is not None else camera_in_base
+        return replace(self, mount=mount, fixed=fixed)
+
+    @property
+    def focal(self) -> tuple[float, float]:
+        """:attr:`focal_px`."""
+        return self.focal_px
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """:attr:`size_px`."""
+        return self.size_px
+
+    @property
+    def principal_point(self) -> tuple[float, float] | None:
+        """:attr:`principal_point_px`."""
+        return self.principal_point_px
+
+    @property
+    def offset(self) -> Array:
+        """(2,) principal point measured from the image's centre [px]."""
+        if self.principal_point_px is None:
+            return np.zeros(2)
+        return np.asarray(self.principal_point_px) - 0.5 * np.asarray(self.size_px)
+
+    def pixels(self, normalised: Array) -> Array:
+        """(..., 2) pixels from the image's centre, of normalised coordinates (x, y) = (X/Z, Y/Z)."""
+        pixels: Array = normalised * np.asarray(self.focal_px) + self.offset
+        return pixels
+
+    def normalised(self, pixels: Array) -> Array:
+        """(..., 2) normalised coordinates of pixels measured from the image's centre."""
+        normalised: Array = (pixels - self.offset) / np.asarray(self.focal_px)
+        return normalised
+
+    def from_corner(self, pixels: Array, count: Count = "edges") -> Array:
+        """(..., 2) pixels from the image's centre, of pixels measured from the top left corner.
+
+        By ``edges``, as AprilTag counts, the centre of the first pixel is (0.5, 0.5); by ``centres``, as OpenCV counts,
+        it is (0, 0).
+        """
+        centred: Array = np.asarray(pixels) - self._centre(count)
+        return centred
+
+    def to_corner(self, pixels: Array, count: Count = "edges") -> Array:
+        """(..., 2) pixels from the top left corner, of those from the image's centre; see :meth:`from_corner`."""
+        corner: Array = np.asarray(pixels) + self._centre(count)
+        return corner
+
+    def _centre(self, count: Count) -> Array:
+        if count not in get_args(Count):
+            raise unknown_name("way to count pixels", count, get_args(Count))
+        centre: Array = 0.5 * np.asarray(self.size_px) - 0.5 * (count == "centres")
+        return centre
+
+    @property
+    def eye(self) -> tuple[float, ...]:
+        """What formulas of lenses take: F_u, F_v, the principal point from the centre, and what the lens is."""
+        focal, offset = self.focal_px, self.offset.tolist()
+        return (float(focal[0]), float(focal[1]), *offset, *(self.distortion.parameters if self.distortion else ()))
+
+    def distort(self, pixels: Array) -> Array:
+        """(..., 2) pixels on the sensor of ideal ones, both from the image's centre."""
+        if self.distortion is None:
+            return pixels
+        return self.pixels(self.distortion.apply(self.normalised(pixels)))
+
+    def undistort(self, pixels: Array) -> Array:
+        """(..., 2) ideal pixels of those on the sensor, both from the image's centre; what is NaN stays so.
+
+        Raises
+        ------
+        InvalidInput
+            if one is where the lens cannot be inverted.
+        """
+        if self.distortion is None:
+            return pixels
+        ideal, certain = self.distortion.remove(self.normalised(pixels))
+        if not certain.all():
+            first = np.asarray(pixels)[~certain][0]
+            raise InvalidInput(
+                f"a pixel at ({first[0]:.1f}, {first[1]:.1f}) from the image's centre cannot be undistorted: the lens "
+                f"({self.distortion.model}) can be inverted up to {self.reach_px:.0f} px from the principal point"
+            )
+        return self.pixels(ideal)
+
+    @property
+    def reach_px(self) -> float:
+        """How far from the principal point, in every direction, pixels on the sensor can be undistorted [px]."""
+        if self.distortion is None:
+            return np.inf
+        turn = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
+        edge = self.distortion.apply(self.distortion.reach * np.stack((np.cos(turn), np.sin(turn)), axis=-1))
+        return float(np.linalg.norm(edge * np.asarray(self.focal_px), axis=-1).min())
+
+    def without_distortion(self) -> Camera:
+        """The pinhole of the same focal lengths and principal point."""
+        return replace(self, distortion=None)
+
+    def sees(self, pixels: Array) -> BoolArray:
+        """(...) whether ideal pixels measured from the image's centre lie on the sensor."""
+        inside = (np.abs(self.distort(pixels)) <= 0.5 * np.asarray(self.size_px)).all(axis=-1)
+        if self.distortion is not None:
+            inside &= np.hypot(*np.moveaxis(self.normalised(pixels), -1, 0)) <= self.distortion.reach
+        return np.asarray(inside)

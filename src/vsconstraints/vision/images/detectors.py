@@ -1,0 +1,98 @@
+"""Detectors of tags: AprilTag's own, and OpenCV's."""
+
+from __future__ import annotations
+
+import atexit
+from collections.abc import Callable
+from functools import cache
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from ...plugins.extras import demand
+from ...rows import Array, IntArray
+
+MOST_WRONG_BITS = 1
+"""Bits of a tag that may be wrong; more are taken for something else."""
+
+LEAST_PIXELS = 20_480
+"""Of an image: of fewer, AprilTag's library makes too little room for outlines, and writes beyond it."""
+
+Pixels = np.ndarray[tuple[int, int], np.dtype[np.uint8]]
+"""(H, W) grey levels."""
+
+
+class Tags(NamedTuple):
+    """Tags in an image: their numbers (n,), and the corners of their black squares (n, 4, 2) as they are printed.
+
+    Corners are in the order of :data:`.board.SQUARE`, in pixels from the image's top left corner.
+    """
+
+    ids: IntArray
+    corners: Array
+
+
+class Detector(NamedTuple):
+    """What finds tags of the family tag36h11, and how it counts pixels.
+
+    AprilTag counts their edges: the centre of the first pixel is (0.5, 0.5). OpenCV counts their centres: it is (0, 0).
+    """
+
+    find: Callable[[Pixels], Tags]
+    counts: Literal["edges", "centres"]
+
+
+def tags_of(found: list[tuple[int, Any]]) -> Tags:
+    """Tags, in the order of their numbers."""
+    found.sort(key=lambda one: one[0])
+    corners = np.array([np.reshape(corners, (4, 2)) for _, corners in found], dtype=np.float64)
+    return Tags(np.array([number for number, _ in found], dtype=np.int64), corners.reshape(-1, 4, 2))
+
+
+def roomy(image: Pixels) -> Pixels:
+    """The image, with its last row again below it as often as the detector needs."""
+    H, W = image.shape
+    missing = -(-LEAST_PIXELS // W) - H
+    return image if missing <= 0 else np.pad(image, ((0, missing), (0, 0)), "edge")
+
+
+@cache
+def apriltag() -> Detector:
+    """AprilTag's detector, on an image of half the size; edges are refined in the whole one."""
+    demand("images")
+    import pupil_apriltags
+
+    detector = pupil_apriltags.Detector(families="tag36h11", nthreads=1, quad_decimate=2.0)
+    # it would free the families before the detector, which reads them then: the end of the process frees both
+    atexit.register(setattr, detector, "tag_detector_ptr", None)
+    # it begins elsewhere on a tag as OpenCV prints it, and goes round the other way
+    order = [1, 0, 3, 2]
+
+    def find(image: Pixels) -> Tags:
+        found = detector.detect(roomy(image))
+        return tags_of([(one.tag_id, one.corners[order]) for one in found if one.hamming <= MOST_WRONG_BITS])
+
+    return Detector(find, "edges")
+
+
+@cache
+def aruco() -> Detector:
+    """OpenCV's detector, with its corners refined below a pixel."""
+    demand("images")
+    import cv2
+
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    detector = cv2.aruco.ArucoDetector(family, parameters)
+
+    def find(image: Pixels) -> Tags:
+        corners, ids, _ = detector.detectMarkers(image)
+        # numbers are (N, 1) in OpenCV 4, (N,) in OpenCV 5, and None where there are none
+        return tags_of([] if ids is None else list(zip(np.ravel(ids).tolist(), corners, strict=True)))
+
+    return Detector(find, "centres")
+
+
+DETECTORS: dict[str, Callable[[], Detector]] = {"apriltag": apriltag, "aruco": aruco}
+"""By the names that scenario files use."""

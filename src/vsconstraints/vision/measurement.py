@@ -1,0 +1,213 @@
+"""What a camera has measured: pixels of markers, their depths, its own pose; and what a controller then believes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+
+from ..errors import ConfigurationError, InvalidInput, shown
+from ..formulas.innovation import MEMORY, image_innovation
+from ..formulas.poses import angle
+from ..robots.geometry import Pose
+from ..rows import Array
+from .camera import Camera
+from .scene import Scene, State
+
+
+@dataclass(frozen=True)
+class Plausible:
+    """How far what is measured may be from what the model predicts; infinity where that is not to be looked at.
+
+    Measured on the families' noise, calibration errors and delays by ``python -m checks.plausible``, which prints how
+    often these are exceeded though nothing is wrong.
+
+    Attributes
+    ----------
+    image_share
+        How far a marker may be seen from where the model has it, as a share of the image's shorter side.
+    shape_share
+        By how much the markers' pattern may differ from the predicted one in shape, as a share of its size.
+    pose_m, pose_rad
+        How far a measured pose of the camera may be from that of the kinematics [m, rad]; it is as old as its image.
+    image_s
+        How old an image may be [s]: six periods of a camera of 30 Hz.
+    speed_rad_s
+        By how much measured joint speeds may differ from the change of measured positions [rad/s or m/s].
+    """
+
+    image_share: float = 0.1
+    shape_share: float = 0.5
+    pose_m: float = 0.2
+    pose_rad: float = 0.4
+    image_s: float = 0.2
+    speed_rad_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if not getattr(self, field.name) > 0.0:
+                raise ConfigurationError(f"{field.name} must be positive, not {getattr(self, field.name)}")
+
+    def bounds(self, camera: Camera) -> Array:
+        """(6,) greatest :data:`INNOVATIONS`."""
+        image = self.image_share * min(camera.size)
+        return np.array([image, self.shape_share, self.pose_m, self.pose_rad, self.image_s, self.speed_rad_s])
+
+
+INNOVATIONS = ("image [px]", "shape", "position [m]", "orientation [rad]", "age [s]", "speed [rad/s]")
+"""How far a measurement can be from the model, as a control step keeps it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """What takes the place of the model's prediction in one step.
+
+    Attributes
+    ----------
+    pixels
+        (M, 2) of the markers, from the image's centre [px], on the sensor; NaN for one that was not seen, which is
+        taken to be as far from where the model has it as when it was last seen.
+    depth
+        (M,) Z of the markers [m], NaN or not given where the model's is to be taken.
+    taken
+        When the image was taken [s]; now if None. What was seen before has moved on with its present velocity.
+    camera
+        The camera's pose in the target's frame, for position-based tasks; the model's if None.
+    """
+
+    pixels: Array | None = None
+    depth: Array | None = None
+    taken: float | None = None
+    camera: Pose | None = None
+
+    def checked(self, M: int, t: float) -> Self:
+        """The same in plain arrays, with depths and time, for M markers at t [s]; raises InvalidInput."""
+        pixels = np.full((M, 2), np.nan) if self.pixels is None else numbers(self.pixels, (M, 2), "pixels")
+        depth = np.full(M, np.nan) if self.depth is None else numbers(self.depth, (M,), "depth")
+        if self.depth is not None and self.pixels is None:
+            raise InvalidInput("measured depth needs the pixels that it belongs to")
+        if (depth <= 0.0).any():
+            raise InvalidInput(f"measured depth must be positive, or NaN where it is not known, not {depth}")
+        taken = t if self.taken is None else self.taken
+        if not math.isfinite(taken) or taken > t + 1e-9:
+            raise InvalidInput(f"an image was taken before now, t = {t:g} s, not at {shown(self.taken)}")
+        if self.camera is not None and not isinstance(self.camera, Pose):
+            raise InvalidInput(f"the measured pose of the camera must be a Pose, not {shown(self.camera)}")
+        return type(self)(None if self.pixels is None else pixels, depth, taken, self.camera)
+
+    def undistorted(self, camera: Camera) -> Self:
+        """The same with ideal pixels; raises InvalidInput for one where the lens cannot be inverted."""
+        return self if self.pixels is None else replace(self, pixels=camera.undistort(self.pixels))
+
+    def believed(self, scene: Scene, state: State, correction: Array) -> State:
+        """What a controller believes that is told this of a state; the compiled step does the same.
+
+        Pixels are ideal by now. ``correction`` (M, 2) is by how much markers were last seen beside where the model has
+        them, and is kept up.
+        """
+        if self.pixels is None:
+            return scene.believed(state, self.camera)
+        assert self.depth is not None
+        assert self.taken is not None
+        model, eye = state.normalised.position, scene.camera
+        Z = np.where(np.isnan(self.depth), state.depth, self.depth)
+        seen = np.flatnonzero(np.isfinite(self.pixels).all(axis=1))
+        there = state.pixels.position.copy()
+        there[seen] = self.pixels[seen]
+        velocity = scene.believed(state, self.camera, (there, Z)).normalised.velocity
+        moved = eye.normalised(there) + (state.t - self.taken) * velocity
+        correction[seen] = (moved - model)[seen]
+        return scene.believed(state, self.camera, (eye.pixels(model + correction), Z))
+
+
+def innovation(
+    measured: Measurement | None, model: State, camera: Camera, correction: Array, slip: Array, bounds: Array
+) -> Array:
+    """(7,) :data:`INNOVATIONS`, and the greatest ratio of them to their bounds; the compiled step does the same.
+
+    Parameters
+    ----------
+    measured
+        With ideal pixels.
+    model
+        The state as the model predicts it.
+    camera
+        The scene's.
+    correction
+        (M, 2) by how much markers are seen beside that, in normalised coordinates.
+    slip
+        (n,) see :func:`.formulas.innovation.slip`.
+    bounds
+        (6,) see :meth:`Plausible.bounds`.
+    """
+    found = np.zeros(7)
+    if measured is not None and measured.pixels is not None:
+        assert measured.taken is not None
+        seen = model.pixels.position + correction * camera.focal
+        found[:2], found[4] = image_innovation(seen, correction, *camera.focal), model.t - measured.taken
+    if measured is not None and measured.camera is not None:
+        found[2] = np.linalg.norm(measured.camera.t - model.camera.t)
+        found[3] = angle(((measured.camera.R - model.camera.R) ** 2).sum())
+    found[5] = np.abs(slip).max(initial=0.0) / MEMORY
+    found[6] = (found[:6] / bounds).max()
+    return found
+
+
+def doubts_of(innovation: Array, bounds: Array, camera: Camera, seen: Array, correction: Array, slip: Array) -> str:
+    """What of a measurement cannot be right, and what it may be; see :func:`innovation`, with ``seen`` (M, 2) [px]."""
+    image, shape, position, orientation, age, speed = innovation[:6]
+    beyond, said = innovation[:6] > bounds, []
+    if beyond[0] or beyond[1]:
+        off = correction * camera.focal
+        i = int(np.argmax((off * off).sum(axis=1)))
+        bent = f", and the pattern differs in shape by {100.0 * shape:.0f} % of its size" if beyond[1] else ""
+        said.append(
+            f"marker {i + 1} is seen {image:.3g} px from where the model predicts it{bent} (allowed are "
+            f"{bounds[0]:.3g} px and {100.0 * bounds[1]:.0f} %): {_explained(seen, seen - off, camera)}"
+        )
+    if beyond[2] or beyond[3]:
+        said.append(
+            f"the camera is measured {position:.3g} m and {orientation:.3g} rad from where the joints have it (allowed "
+            f"are {bounds[2]:.3g} m and {bounds[3]:.3g} rad)"
+        )
+    if beyond[4]:
+        said.append(f"the image is {age:.3g} s old (allowed are {bounds[4]:.3g} s)")
+    if beyond[5]:
+        j = int(np.argmax(np.abs(slip)))
+        said.append(
+            f"the speed of joint {j + 1} is {speed:.3g} rad/s from the change of its measured positions (allowed are "
+            f"{bounds[5]:.3g})"
+        )
+    return "; ".join(said)
+
+
+def _explained(seen: Array, model: Array, camera: Camera) -> str:
+    """What would make pixels (M, 2) be seen there of the markers that the model has elsewhere."""
+    shape_seen, shape = seen - seen.mean(axis=0), model - model.mean(axis=0)
+    order = np.linalg.norm(shape_seen[:, None] - shape, axis=2).argmin(axis=1)
+    guesses = {
+        "a mirrored image": model * (-1.0, 1.0),
+        "an image mirrored top to bottom": model * (1.0, -1.0),
+        "an image upside down": -model,
+        "pixels counted from the image's corner": model + 0.5 * np.asarray(camera.size),
+        "coordinates in metres, or normalised, in place of pixels": camera.normalised(model),
+        "another order of the markers": model[order],
+    }
+    off = {what: float(np.abs(seen - there).max()) for what, there in guesses.items()}
+    likely = min(off, key=lambda what: off[what])
+    if off[likely] < 0.25 * np.abs(seen - model).max():
+        return f"it fits {likely}"
+    return "it fits a frozen image, a camera that was moved, or a target that is elsewhere"
+
+
+def numbers(value: object, shape: tuple[int, ...], what: str) -> Array:
+    """``value`` as an array of floats of that shape, NaN among them; raises InvalidInput that names ``what``."""
+    try:
+        array = np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"measured {what} must be {shape} numbers, not {shown(value)}") from error
+    if array.shape != shape or np.isinf(array).any():
+        raise InvalidInput(f"measured {what} must be {shape} numbers, NaN where there is none, not {shown(value)}")
+    return array

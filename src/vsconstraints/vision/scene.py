@@ -1,0 +1,286 @@
+"""What a camera sees, and how that changes: evaluated once per control step, used by tasks and rows.
+
+All of it follows from how the camera moves relative to the target. The target's frame is the base frame where the
+target stands still, moves with it where it moves, and is the robot's tip frame where the robot carries it in front of
+a fixed camera (eye-to-hand).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import InvalidInput, SceneError
+from ..formulas.features import image_row
+from ..formulas.image import image_motion
+from ..formulas.motion import carried, relative_twist
+from ..formulas.vectors import cross, minus
+from ..robots.geometry import Pose
+from ..robots.kinematics import Kinematics, RobotPoint
+from ..robots.robot import Robot
+from ..rows import Array, BoolArray
+from ..rows.readable import counted, in_one_line
+from .camera import Camera
+from .motion import TargetMotion
+
+MINIMUM_DEPTH = 1e-3
+"""Depth [m] in front of the camera below which a marker cannot be projected."""
+
+
+def interaction_matrix(xy: Array, Z: Array) -> Array:
+    """(m, 2, 6) L_sx of eq. (24) for normalised image points ``xy`` (m, 2) at depths ``Z`` (m,) [m]."""
+    x, y = xy[:, 0], xy[:, 1]
+    rows = [[np.broadcast_to(entry, Z.shape) for entry in image_row(c, x, y, Z)] for c in (0, 1)]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class PointMotion:
+    """Where points are and how they move, in the image (d = 2) or in space (d = 3).
+
+    Attributes
+    ----------
+    position
+        (m, d) coordinates.
+    J
+        (m, d, n) ∂position/∂q.
+    velocity
+        (m, d) time derivative.
+    drift
+        (m, d) second time derivative when q̈ = 0.
+    """
+
+    position: Array
+    J: Array
+    velocity: Array
+    drift: Array
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """One instant of a scene, as it is or as a controller believes it to be.
+
+    Attributes
+    ----------
+    t
+        Time [s].
+    robot
+        Kinematics of the tip and of the robot points that constraints ask for, in the base frame.
+    camera
+        Pose of the camera in the target's frame.
+    camera_J
+        (6, n) ∂(v, ω)/∂q̇ of the camera's twist relative to the target, expressed in the camera frame.
+    camera_twist
+        (6,) that twist: J q̇, less the target's own motion.
+    camera_drift
+        (6,) its derivative when q̈ = 0.
+    depth
+        (m,) Z of the markers in the camera frame [m].
+    normalised, pixels
+        The markers in the image: normalised coordinates, and pixels from the image's centre.
+    believed
+        Whether this is what a controller believes: then motions that it is not told of count as none.
+    """
+
+    t: float
+    robot: Kinematics
+    camera: Pose
+    camera_J: Array
+    camera_twist: Array
+    camera_drift: Array
+    depth: Array
+    normalised: PointMotion
+    pixels: PointMotion
+    believed: bool = False
+
+
+class Scene:
+    """A robot and a camera, one of which carries it or the markers that it looks at.
+
+    Attributes
+    ----------
+    robot, camera
+        Who moves, and through what it is seen.
+    markers
+        (m, 3) positions of the target's markers in the target's frame [m]: the base frame at t = 0 or, for a camera
+        that is fixed in space, the robot's tip frame.
+    points
+        Robot points whose motion constraints need.
+    motion
+        How the target moves; None if it stands still, or is carried by the robot.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        camera: Camera,
+        markers: Array,
+        points: Sequence[RobotPoint] = (),
+        motion: TargetMotion | None = None,
+    ) -> None:
+        self.robot, self.camera, self.motion = robot, camera, motion
+        self.markers = np.array(markers, dtype=np.float64)
+        if self.markers.ndim != 2 or self.markers.shape[1] != 3 or not np.isfinite(self.markers).all():
+            raise InvalidInput(f"markers must be (m, 3) finite numbers; the shape is {self.markers.shape}")
+        if motion is not None and camera.fixed is not None:
+            raise InvalidInput("a target that the robot carries before a fixed camera has no motion of its own")
+        self.points = tuple(points)
+        self._evaluate_robot = robot.evaluator(self.points)
+        self._mount_twist = camera.mount.twist_matrix
+        self._mount_inverse = camera.mount.inverse
+
+    @in_one_line
+    def __repr__(self) -> str:
+        markers = counted(len(self.markers), "marker") + (", moving" if self.motion is not None else "")
+        width, height = self.camera.size
+        place = "on the robot" if self.camera.fixed is None else "fixed in space"
+        return f"<Scene: robot {self.robot.name}, {markers}, camera of {width:g} × {height:g} px {place}>"
+
+    def camera_pose(self, q: object, t: float = 0.0) -> Pose:
+        """Pose of the camera in the target's frame at ``q`` (n,) and time ``t`` [s]."""
+        return self._camera(self.robot.pose(self.robot.configuration(q)), t)
+
+    def _camera(self, tip: Pose, t: float) -> Pose:
+        if self.camera.fixed is not None:
+            return tip.inverse @ self.camera.fixed
+        camera = tip @ self._mount_inverse
+        return camera if self.motion is None else self.motion.pose(t).inverse @ camera
+
+    def markers_at(self, q: object, t: float) -> Array:
+        """(m, 3) markers in the base frame at ``q`` (n,) and time ``t`` [s]."""
+        if self.camera.fixed is not None:
+            return self.robot.pose(self.robot.configuration(q)).act(self.markers)
+        return self.markers if self.motion is None else self.motion.pose(t).act(self.markers)
+
+    def project(self, camera: Pose) -> Array:
+        """(m, 2) pixels of the markers seen from a pose in the target's frame.
+
+        Raises
+        ------
+        SceneError
+            if a marker is not in front of the camera.
+        """
+        P = self._in_camera(camera)
+        return self.camera.pixels(P[:, :2] / P[:, 2:])
+
+    def depth(self, camera: Pose) -> Array:
+        """(m,) Z of the markers [m] seen from a pose in the target's frame; raises as :meth:`project` does."""
+        return self._in_camera(camera)[:, 2]
+
+    def evaluate(self, t: float, q: Array, qd: Array) -> State:
+        """Everything that tasks and rows need, at time ``t`` [s], ``q`` and ``qd`` (n,).
+
+        Raises
+        ------
+        SceneError
+            if a marker is not in front of the camera.
+        """
+        robot = self._evaluate_robot(q, qd)
+        camera = self._camera(robot.tip, t)
+        J, twist, drift = self._relative_motion(robot, self.motion, t)
+        return _state(t, robot, camera, J, twist, drift, self._in_camera(camera), self.camera)
+
+    def believed(self, state: State, camera: Pose | None = None, seen: tuple[Array, Array] | None = None) -> State:
+        """The state as a controller believes it to be.
+
+        It knows the target's motion only if told, and may have measured the image wrongly.
+
+        Parameters
+        ----------
+        state
+            As it is.
+        camera
+            Believed pose of the camera in the target's frame; the true one if None.
+        seen
+            The markers' pixels (m, 2) in this scene's camera, and their depths (m,) [m]; those of the state if None.
+        """
+        twist, drift = state.camera_twist, state.camera_drift
+        if self.motion is not None and not self.motion.known:
+            _, twist, drift = self._relative_motion(state.robot, None, state.t)
+        believed_camera = camera or state.camera
+        pixels, Z = seen or (state.pixels.position, state.depth)
+        P = np.concatenate((self.camera.normalised(pixels) * Z[:, None], Z[:, None]), axis=1)
+        believed = _state(state.t, state.robot, believed_camera, state.camera_J, twist, drift, P, self.camera)
+        return replace(believed, believed=True)
+
+    def remounted(self, state: State) -> State:
+        """The state of the same scene with another mount, its camera's pose and motion as they are with this one."""
+        J, twist, drift = self._relative_motion(state.robot, self.motion, state.t)
+        camera = self._camera(state.robot.tip, state.t)
+        return replace(state, camera=camera, camera_J=J, camera_twist=twist, camera_drift=drift)
+
+    def glance(self, q: Array, t: float = 0.0) -> tuple[Array, Array]:
+        """(m, 2) pixels of the markers and (k, 3) robot points at ``q`` (n,), without their motion."""
+        robot = self._evaluate_robot(q, np.zeros(self.robot.n))
+        return self.project(self._camera(robot.tip, t)), robot.points
+
+    def glances(self, t: Array, q: Array) -> tuple[Array, Array, BoolArray]:
+        """The same at N instants, and whether all markers are in front of the camera (N,); pixels count if they are."""
+        N = len(t)
+        pixels, points = np.zeros((N, len(self.markers), 2)), np.zeros((N, len(self.points), 3))
+        seen = np.ones(N, dtype=np.bool_)
+        for k in range(N):
+            try:
+                pixels[k], points[k] = self.glance(q[k], float(t[k]))
+            except SceneError:
+                seen[k] = False
+        return pixels, points, seen
+
+    def _relative_motion(self, robot: Kinematics, motion: TargetMotion | None, t: float) -> tuple[Array, Array, Array]:
+        """Jacobian (6, n), twist (6,) and drift (6,) of the camera relative to the target, in the camera frame."""
+        tip, fixed = robot.tip, self.camera.fixed
+        V: Array
+        R: Array
+        r: Array
+        # the camera's axes in the base frame, and its origin from the tip's
+        if fixed is None:
+            V, R, r = self._mount_twist, tip.R @ self._mount_inverse.R, tip.R @ self._mount_inverse.t
+        else:
+            # as if the tip carried it: its motion is that of the target, reversed
+            V, R, r = -(fixed.inverse @ tip).twist_matrix, fixed.R, fixed.t - tip.t
+        twist, drift = robot.J @ robot.qd, robot.drift
+        v, omega = tip.R @ twist[:3], tip.R @ twist[3:]
+        # the acceleration of the origin, of the derivative of a twist in moving axes
+        linear = tip.R @ (drift[:3] + np.array(cross(twist[3:], twist[:3])))
+        velocity, acceleration = carried(r, v, omega, linear, tip.R @ drift[3:])
+        turning: Array = np.zeros(3)
+        away: Array = np.zeros(3)
+        if motion is not None:
+            d_dot, d_ddot = motion.translation.rates(t)
+            velocity, acceleration = minus(velocity, d_dot), minus(acceleration, d_ddot)
+            turning, away = motion.angular_velocity, tip.t + r - motion.centre - motion.translation.displacement(t)
+        parts = relative_twist(velocity, acceleration, omega, tip.R @ drift[3:], turning, away)
+        moving = (1.0 if fixed is None else -1.0) * (np.array(parts) @ R)
+        return V @ robot.J, moving[:2].ravel(), moving[2:].ravel()
+
+    def _in_camera(self, camera: Pose) -> Array:
+        P: Array = (self.markers - camera.t) @ camera.R
+        Z = P[:, 2]
+        if (Z < MINIMUM_DEPTH).any():
+            which = ", ".join(f"marker {i + 1} (depth {Z[i]:.3g} m)" for i in np.flatnonzero(Z < MINIMUM_DEPTH))
+            raise SceneError(f"not in front of the camera: {which}")
+        return P
+
+
+def _state(
+    t: float, robot: Kinematics, camera: Pose, J: Array, twist: Array, drift: Array, P: Array, eye: Camera
+) -> State:
+    """The state in which a camera with that relative motion has the markers at P (m, 3) in its frame."""
+    Z = P[:, 2]
+    x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P.T, twist[:3], twist[3:], drift[:3], drift[3:])
+    xy, xy_dot, xy_ddot = (np.stack(pair, axis=1) for pair in ((x, y), (x_dot, y_dot), (x_ddot, y_ddot)))
+    J_xy = interaction_matrix(xy, Z) @ J
+    F = np.asarray(eye.focal)
+    return State(
+        t,
+        robot,
+        camera,
+        J,
+        twist,
+        drift,
+        Z,
+        PointMotion(xy, J_xy, xy_dot, xy_ddot),
+        PointMotion(eye.pixels(xy), J_xy * F[:, None], xy_dot * F, xy_ddot * F),
+    )
