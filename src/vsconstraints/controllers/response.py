@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiled import load
-from ..compiled.model import Model
 from ..errors import InvalidInput, SceneError
 from ..formulas.tracking import held_gains, held_rest, retargeted
 from ..rows import Array
 from .compiled import SCRATCH
 from .least_norm import RANK_TOLERANCE, least_norm
+from .model import Model
 
 NEWTON = 2
 """Steps of Newton from where a response ends to where it comes to rest."""
