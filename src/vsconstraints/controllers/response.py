@@ -78,7 +78,8 @@ def _in_numpy(model: Model, reference: Array, periods: Array, scale: Array) -> R
             least = np.minimum(least, -found.sigma / scale)
         if k < N:
             h = float(periods[k])
-            then = held_gains(*gains.at(e - reference), h)
+            Kp, Kv = gains.at(e - reference)
+            then = held_gains(Kp, Kv, h)
             b = retargeted(task.b, e, task.error_rate, reference, gains.at(e), then)
             rest = task.rest
             if len(rest):
