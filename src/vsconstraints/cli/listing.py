@@ -14,7 +14,7 @@ from ..comparisons.metrics import METRICS
 from ..constraints.curves import SHAPES
 from ..controllers import CONTROLLERS, DEMANDS, RESOLVERS
 from ..controllers.demands import USES
-from ..controllers.resolvers.base import USES as OF_TASK
+from ..controllers.resolvers import USES as OF_TASK
 from ..errors import ConfigurationError
 from ..qp import make_solver, solver_names
 from ..robots.catalogue import READY_MADE

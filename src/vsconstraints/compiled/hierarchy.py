@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..qp.lexicographic import DEPENDENT, MET, PULLING, ZERO_GRADIENT
 from ..rows import Array, BoolArray
+from ..rows.tolerances import DEPENDENT, MET, PULLING, ZERO_GRADIENT
 from .compiler import inner
 from .least_distance import KINDS, MULTIPLIER, POINT, SIDE, nearest
 from .least_residual import cut, least_residual

@@ -14,7 +14,7 @@ from ..formulas.row import Row, asked_for
 from ..rows import Array, BoolArray, IntArray
 from .compiler import IN_PLACE, compiled, in_place, numba
 from .parts import INT, ask, make_part, tell_refused, thaw_as
-from .structures import ASK, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .structures import ASK, DONE, RELAXED_ROWS, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not typed
 
@@ -133,7 +133,7 @@ def carry_out(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -
     """Ask the resolver of the law at an address, and bring what it answers into the box of the rows; its code."""
     law = thaw(address)
     code: int = ask(law.resolver, (address, rows, task, answer))
-    if rows.qdd_max.size and code != ASK:
+    if rows.qdd_max.size and (code == DONE or code >= RELAXED_ROWS):
         for j in range(answer.qdd.size):
             answer.qdd[j] = within(rows, j, answer.qdd[j])
         write_rates(rows.Lg, answer.qdd, law.last_rates)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..formulas.row import BOUND
-from ..qp.lexicographic import MET, STRICT, ZERO_GRADIENT
 from ..rows import Array, BoolArray
+from ..rows.tolerances import MET, STRICT, ZERO_GRADIENT
 from .compiler import compiled, in_place, inner
 from .laws import RESOLVER, thaw, within
 from .least_squares import resolve
@@ -21,7 +21,7 @@ from .linear import START, copy
 from .parts import ask
 from .resolving import checkable, follow_alone, rates, remember, valid
 from .scratch import blank, emptied, matrix
-from .structures import ASK, DONE, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .structures import ASK, DONE, INCOMPATIBLE, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 class Critical(NamedTuple):
@@ -161,6 +161,8 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         rank = resolve(A[:count], J, b, tolerance, task.rest, qdd, scratch)[0]
         if rank < count or (law.options[4] != 0.0 and missed(J, qdd, tracking)):
             if largest < 0.0:
+                if law.otherwise == 0:
+                    return INCOMPATIBLE
                 code: int = ask(law.otherwise, (address, rows, task, answer))
                 return code
             for j in range(n):

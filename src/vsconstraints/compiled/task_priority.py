@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from ..formulas.row import EQUAL, PUSH
-from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import Array, BoolArray
+from ..rows.tolerances import ZERO_GRADIENT
 from .compiler import compiled, in_place, numba
 from .laws import MATRIX, RESOLVER, SCRATCH, VECTOR, thaw
 from .least_squares import bring, resolve
@@ -14,7 +14,7 @@ from .linear import START
 from .parts import INT, ask
 from .resolving import checkable, follow_alone, rates, remember, tell_alone, valid
 from .scratch import emptied, matrix
-from .structures import ASK, DONE, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .structures import ASK, DONE, RANK_LOSS, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 @in_place
@@ -40,8 +40,8 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     Returns
     -------
     int
-        ``DONE``, or ``ASK`` where rows with φ ≥ 0 have lost full row rank, where input is refused, and where numbers
-        leave the range.
+        ``DONE``; ``RANK_LOSS`` where rows with φ ≥ 0 have lost full row rank, with the answer in the least-squares
+        sense; or ``ASK`` where input is refused, and where numbers leave the range.
     """
     law = thaw(address)
     if not valid(law, rows, task, answer):
@@ -68,7 +68,7 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
         reached = gather(law, rows, acted, 0.0, A)
         unused = matrix(scratch, 1, n)[0]
         if reached == acting or resolve(A[:reached], J, b, tolerance, rest, unused, scratch)[0] < reached:
-            return ASK
+            return RANK_LOSS if checkable(law, rows, qdd) else ASK
     if not checkable(law, rows, qdd):
         return ASK
     remember(law, rows, qdd)
