@@ -10,8 +10,8 @@ from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
+from ..comparisons.run import unfinished
 from ..comparisons.runs.spec import ControllerSpec, RunSpec
-from ..comparisons.unfinished import unfinished
 from ..compiled import prepare
 from ..errors import ConfigurationError, shown, unknown_name
 from ..reports.plots import PNG, Figure, Formats

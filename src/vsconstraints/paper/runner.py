@@ -9,10 +9,9 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ..comparisons.run import Run, kept_run
+from ..comparisons.run import Run, kept_file, kept_run, unfinished
 from ..comparisons.runs.pool import Failure, carry_out
 from ..comparisons.runs.spec import RunSpec, longest_first
-from ..comparisons.unfinished import kept_file, unfinished
 from ..compiled import prepare
 from ..errors import ConfigurationError
 from ..reports.plots import PNG, Figure, Formats
@@ -48,7 +47,7 @@ def reproduce(
     folder
         Where report.md, claims.csv and figures go; made if it is not there.
     workers
-        Number of processes at most; see :func:`vsconstraints.comparisons.runs.resources.process_count`.
+        Number of processes at most; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
     on_progress
         Told of what is done.
     command

@@ -2,23 +2,100 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 import multiprocessing
 import os
 import pickle
+import signal
+import sys
+import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
 from multiprocessing import resource_tracker
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
 from types import TracebackType
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
+from ...compiled import COMPLAINT
 from ...errors import VsconstraintsError
-from .resources import process_count
-from .signals import signals_held
-from .worker import Failure, serve
+from .machine import process_count
+from .signals import SIGNALS, signals_held
+
+PR_SET_PDEATHSIG = 1
+"""Of Linux' prctl: the signal that a process gets when its parent ends."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a call has no answer: what it raised, that its process died, or that it took too long."""
+
+    reason: str
+
+
+def serve(connection: Connection, parent: int) -> None:
+    """Receive a function, say that it is there, then answer each tuple of arguments, until the connection closes.
+
+    Parameters
+    ----------
+    connection
+        To the pool.
+    parent
+        Identifies the process of the pool.
+    """
+    end_with(parent)
+    warnings.filterwarnings("ignore", COMPLAINT, RuntimeWarning)  # the pool's process says it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the pool's to handle: Ctrl-C reaches all processes of a terminal
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    with suppress(EOFError, OSError):  # the pool is gone
+        function = connection.recv()
+        connection.send(None)
+        while True:
+            _send(connection, _answer(function, connection.recv_bytes()))
+
+
+def _answer(function: Callable[..., object], packed: bytes) -> object:
+    try:
+        return function(*pickle.loads(packed))
+    except BaseException as error:  # even SystemExit: this is where one call ends and the others begin
+        return Failure(f"{type(error).__name__}: {error}")
+
+
+def _send(connection: Connection, answer: object) -> None:
+    try:
+        packed = pickle.dumps(answer)
+    except Exception as error:  # own parts can raise anything when they are packed
+        packed = pickle.dumps(Failure(f"the answer cannot be sent: {type(error).__name__}: {error}"))
+    connection.send_bytes(packed)
+
+
+def end_with(parent: int) -> None:
+    """End this process when its parent ends, whatever ends that.
+
+    Parameters
+    ----------
+    parent
+        Identifies the process that started this one.
+    """
+    if sys.platform == "linux":
+        with suppress(AttributeError, OSError):
+            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            os._exit(1)
+    # elsewhere, and where the system call is not allowed; waits as long as compiled code keeps the interpreter busy
+    starter = multiprocessing.parent_process()
+    if starter is not None:
+        threading.Thread(target=_end_after, args=(starter,), daemon=True).start()
+
+
+def _end_after(starter: multiprocessing.process.BaseProcess) -> None:
+    starter.join()
+    os._exit(1)
+
 
 __all__ = ["Failure", "Pool", "carry_out"]
 
@@ -176,7 +253,7 @@ def carry_out(
     batches
         Its arguments by keys; calls of a batch are begun when all of the one before are answered.
     workers
-        Number of processes at most; see :func:`vsconstraints.comparisons.runs.resources.process_count`.
+        Number of processes at most; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
     limits
         How long a call may take [s]; as long as it likes if it is not there.
     on_answer
@@ -282,3 +359,33 @@ def unpacked(packed: bytes) -> Any:
         return pickle.loads(packed)
     except Exception as error:  # own parts can raise anything when they are unpacked
         return Failure(f"the answer cannot be read: {type(error).__name__}: {error}")
+
+
+class Workers(Protocol):
+    """What makes calls of one function elsewhere: a :class:`vsconstraints.comparisons.runs.pool.Pool`, or a cluster."""
+
+    def run(
+        self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None, *, again: bool = True
+    ) -> Iterator[tuple[Key, Any]]:
+        """Answers as they come, each with the key of its call.
+
+        A :class:`.Failure` with its reason is the answer of a call that has no other.
+
+        Parameters
+        ----------
+        calls
+            The function's arguments.
+        limits
+            How long a call may take [s]; as long as it likes if it is not there.
+        again
+            Whether a call whose process died is made once more.
+        """
+
+
+OpenWorkers = Callable[[Callable[..., Any]], AbstractContextManager[Workers]]
+"""Given a function of a module, the workers that make calls of it, for as long as the ``with`` block lasts."""
+
+
+def processes(asked: int | None = None) -> OpenWorkers:
+    """Processes of this machine, as many as asked for, or as there are cores and memory for."""
+    return lambda function: Pool(function, process_count(asked))

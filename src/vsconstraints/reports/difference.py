@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from ...reports.markdown import bold, bullets, code, enumeration, plain, table
-from ...reports.numbers import DASH, number
-from ..statistics import median, with_interval
-from .changes import Change
-from .difference import SIGNIFICANT, Difference, significant
-from .groups import LEAST_PAIRS
-from .outcomes import Outcome
-from .shifts import Shift
-from .times import ratios
+from ..comparisons.difference.difference import SIGNIFICANT, Change, Difference, Outcome, Shift, ratios, significant
+from ..comparisons.difference.pairs import LEAST_PAIRS
+from ..comparisons.statistics import median, with_interval
+from .markdown import bold, bullets, code, enumeration, plain, table
+from .numbers import DASH, number
 
 FIRST = 10
 """So many runs or names of a kind are named, and the others counted."""
