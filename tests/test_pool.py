@@ -121,7 +121,7 @@ STARTS_WORKERS = """
 import sys, time
 sys.path.insert(0, {tests!r})
 from test_pool import do
-from vsconstraints.runs.pool import Pool
+from vsconstraints.comparisons.runs.pool import Pool
 if __name__ == "__main__":
     with Pool(do, 2) as pool:
         for _ in pool.run({{"a": ("work",), "b": ("hang",), "c": ("hang",)}}):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ....vsconstraints import __version__
+from ... import __version__
 from ...compiled import available
 from ...errors import ConfigurationError, shown, unknown_name
 from ...plugins.classes import module_files
