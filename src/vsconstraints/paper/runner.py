@@ -67,7 +67,8 @@ def reproduce(
     """
     started = time.perf_counter()
     figures = figures_folder(folder)
-    needs = [need for one in (*all_claims(), *FIGURES.values()) for need in one.needs]
+    needs = [need for claim in all_claims() for need in claim.needs]
+    needs += [need for figure in FIGURES.values() for need in figure.needs]
     with unfinished(folder) as kept:
         prepare()
         runs = run_specs(needs, kept, workers, partial(on_progress, "simulating"))
