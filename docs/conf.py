@@ -83,7 +83,6 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.comparisons.runs.pool.Key"),
     ("py:class", "vsconstraints.comparisons.evidence.workers.Key"),
     ("py:class", "vsconstraints.formulas.F"),
-    ("py:class", "vsconstraints.plugins.renamed.Made"),
     ("py:class", "vsconstraints.controllers.named.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
     ("py:class", "vsconstraints.reports.evidence.material.Worked"),
