@@ -31,7 +31,7 @@ def completed(source: str, files: str = "") -> Callable[[str], list[str]]:
 scenario_names = completed("scenarios:shipped_scenarios", ".toml")
 controller_names = completed("controllers:CONTROLLERS")
 family_names = completed("scenarios.families:families", ".toml")
-keep_names = completed("comparisons.runs.keep:Keep")
+keep_names = completed("comparisons.runs.folder:Keep")
 
 
 class _BehindColon(str):

@@ -79,8 +79,7 @@ def compare(
     """Run every scenario with every controller, and write a report."""
     from ..comparisons import Suite, keep_trajectories
     from ..comparisons import compare as run
-    from ..comparisons.runs.folder import held
-    from ..comparisons.runs.keep import demand_keep
+    from ..comparisons.runs.folder import demand_keep, held
     from ..reports.page import where
 
     kept = demand_keep(keep)
@@ -190,7 +189,7 @@ def diff(
     """Report what changed between two comparisons; exit code 1 if something got worse, 2 if they are not comparable."""
     demand("evidence", "a difference of two folders")
     from ..comparisons.difference.difference import TOLERANCE, Question, difference
-    from ..comparisons.difference.page import page, verdict
+    from ..reports.difference import page, verdict
 
     names = {}
     for text in rename or ():
@@ -261,7 +260,7 @@ def _verify_campaign(folder: Path) -> tuple[str, list[str]]:
     demand("evidence", "a campaign")
     from ..comparisons.evidence import Evidence, Shard
     from ..comparisons.evidence.folder import MARK, Facts, shard_file, shard_names, stored_files
-    from ..comparisons.evidence.shards import missing_scenes
+    from ..comparisons.evidence.stored import missing_scenes
 
     evidence = Evidence.load(folder, trust=True)  # nothing of it is built
     problems = _changed_files(folder, stored_files(folder))
@@ -274,7 +273,7 @@ def _verify_campaign(folder: Path) -> tuple[str, list[str]]:
 
 def _changed_files(folder: Path, paths: list[Path]) -> list[str]:
     """Files that differ from their checksums, trajectories included, which readers can do without."""
-    from ..comparisons.runs.checksums import Difference, recorded
+    from ..comparisons.runs.files import Difference, recorded
 
     sums = recorded(folder)
     if sums is None:

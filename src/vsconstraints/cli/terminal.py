@@ -35,7 +35,7 @@ def typed_command() -> list[str]:
 
 def note_processes(jobs: int | None) -> None:
     """Print a note where fewer processes are used than ``--jobs`` asks for."""
-    from ..comparisons.runs.resources import process_count
+    from ..comparisons.runs.machine import process_count
 
     used = process_count(jobs)
     if jobs is not None and used < jobs:
