@@ -102,8 +102,8 @@ def compare(
     from ..comparisons.metrics import Score
     from ..comparisons.runs.folder import held
     from ..comparisons.runs.keep import demand_keep
-    from ..reports.failures import kind
     from ..reports.page import where
+    from ..reports.results import reason_kind
 
     kept = demand_keep(keep)
     asked = Asked(figures, all_figures, formats, latex, replays, trust=True)
@@ -122,7 +122,7 @@ def compare(
             status, reason = score.result["status"], score.result["reason"]
             if status in ("failed", "aborted"):
                 what = f"{made.name} · {made.controller.name}"
-                alike = f"{what}: {status}, {kind(reason)}"
+                alike = f"{what}: {status}, {reason_kind(reason)}"
                 failed[alike] += 1
                 if failed[alike] == 1:
                     progress.console.print(f"{what} · trial {made.trial}: {status}, {reason}")
