@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from test_evidence import here
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
 from vsconstraints.comparisons.evidence import Campaign, parquet
-from vsconstraints.comparisons.evidence.columns import Column
+from vsconstraints.comparisons.evidence.parquet import Column
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios.families import Family, families
 
@@ -25,7 +26,8 @@ from vsconstraints.scenarios.families import Family, families
 def _here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("vsconstraints.comparisons.evidence.processes", lambda asked: here)
     # reports have tests of their own
-    monkeypatch.setattr("vsconstraints.cli.evidence.evidence_report", lambda folder, figures: folder / "report.md")
+    commands = sys.modules["vsconstraints.cli.evidence"]  # a command has the module's name
+    monkeypatch.setattr(commands, "evidence_report", lambda folder, figures: folder / "report.md")
     monkeypatch.chdir(tmp_path)
 
 

@@ -27,7 +27,7 @@ HEARD = struct.Struct("<d")
 CODE = """
 import pickle, sys
 sys.path[:] = pickle.load(sys.stdin.buffer)
-from vsconstraints.deployment.guardian import watch
+from vsconstraints.arms.guardian import watch
 watch()
 """
 

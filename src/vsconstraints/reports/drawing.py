@@ -12,8 +12,8 @@ from urllib.parse import quote
 from ..comparisons import RunRecord
 from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
+from ..comparisons.runs.machine import most_samples, process_count
 from ..comparisons.runs.pool import Failure, carry_out
-from ..comparisons.runs.resources import most_samples, process_count
 from ..errors import ConfigurationError, described
 from ..scenarios import Scenario
 from ..simulation import Setup
