@@ -129,12 +129,12 @@ def compare(
 
 def _print_first_failure(spec: RunSpec, score: Score, failures: Counter[str]) -> None:
     """Print why a run failed, once for each scenario, law and kind of reason; all are counted."""
-    from ..reports.failures import kind
+    from ..reports.results import reason_kind
 
     status, reason = score.result["status"], score.result["reason"]
     if status in ("failed", "aborted"):
         name = f"{spec.name} · {spec.controller.name}"
-        failure = f"{name}: {status}, {kind(reason)}"
+        failure = f"{name}: {status}, {reason_kind(reason)}"
         failures[failure] += 1
         if failures[failure] == 1:
             errors.print(f"{name} · trial {spec.trial}: {status}, {reason}")
