@@ -10,10 +10,9 @@ from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
-from ..comparisons.run import Run, kept_run
+from ..comparisons.run import Run, kept_file, kept_run, unfinished
 from ..comparisons.runs.pool import Failure, carry_out
 from ..comparisons.runs.spec import ControllerSpec, RunSpec, longest_first
-from ..comparisons.unfinished import kept_file, unfinished
 from ..compiled import prepare
 from ..errors import ConfigurationError, shown, unknown_name
 from ..reports.plots import PNG, Figure, Formats
@@ -52,7 +51,7 @@ def reproduce(
     folder
         Where report.md, claims.csv and figures go; created if missing.
     workers
-        Maximum number of processes; see :func:`vsconstraints.comparisons.runs.resources.process_count`.
+        Maximum number of processes; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
     on_progress
         See :data:`Progress`.
     command
