@@ -11,7 +11,7 @@ from .compiler import inner
 from .least_squares import WELL, pseudoinverse
 from .linear import ONE, START, constant, dot
 from .scratch import no_scratch
-from .structures import DONE, FAILED
+from .structures import FAILED, SOLVED
 
 ROUNDING = 1e-13
 """Below this fraction of its terms a row counts as met while iterating."""
@@ -42,7 +42,7 @@ def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array) ->
     Returns
     -------
     int
-        ``DONE``, or ``FAILED`` if the limit of iterations is reached, which only rounding could bring about.
+        ``SOLVED``, or ``FAILED`` if the limit of iterations is reached, which only rounding could bring about.
     """
     m, n = A.shape
     B, d, rounding, sizes = np.empty((m, n)), np.empty(m), np.empty(m), np.empty(m)
@@ -75,7 +75,7 @@ def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array) ->
             if violated[i]:
                 value += residual[i] * residual[i]
         if met:
-            return DONE
+            return SOLVED
         # the step that takes the violated rows to their bounds in the least-squares sense, held coordinates apart
         M = newton_system(B, residual, pulled, held)
         pseudoinverse(M, START, WELL, RANK, M, Y, START, no_scratch())
@@ -108,7 +108,7 @@ def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array) ->
             # in a corner several releases may be needed before there is descent; more than n are a cycle of rounding
             fruitless = fruitless + 1 if value >= released_at else 0
             if strongest <= threshold or fruitless > n:
-                return DONE
+                return SOLVED
             released_at = value
             held[worst] = 0.0
             last = math.inf

@@ -1,7 +1,8 @@
 """The hierarchy level by level, by QP solvers with names: the least violation, then the task, then the acceleration.
 
 The descent of :mod:`vsconstraints.compiled.hierarchy` with its QPs answered by any solver. Level 1, and level 2 by
-itself, are no QPs that solvers answer well, and are those of the compiled descent.
+itself, are no QPs that solvers answer well, and are those of the compiled descent. The test
+``test_the_two_descents_agree`` in ``tests/test_kernels.py`` compares the two.
 """
 
 from __future__ import annotations

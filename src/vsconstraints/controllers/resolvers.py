@@ -16,7 +16,6 @@ import numpy as np
 
 from ..compiled import load
 from ..compiled.structures import (
-    DONE,
     INCOMPATIBLE,
     NEAREST,
     RANK_LOSS,
@@ -24,6 +23,7 @@ from ..compiled.structures import (
     RELAXED_SHORT,
     SCALED,
     SHORT,
+    SOLVED,
     STRICT,
     WEIGHED,
 )
@@ -81,7 +81,7 @@ class Resolver(ABC):
     purpose: ClassVar[int] = BOUND
     uses: ClassVar[tuple[str, ...]] = ()
     measures: ClassVar[bool] = False
-    answers: ClassVar[Collection[int]] = (DONE,)
+    answers: ClassVar[Collection[int]] = (SOLVED,)
     ranges: ClassVar[Mapping[str, Declared]] = {}
 
     def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
@@ -296,7 +296,7 @@ COMPILED = "compiled"
 HEAVIEST = 1e10
 """Largest weight of a row, and the inverse of the least: those without one have 1."""
 
-ANSWERS = {DONE: (False, False), RELAXED_ROWS: (True, False), SHORT: (False, True), RELAXED_SHORT: (True, True)}
+ANSWERS = {SOLVED: (False, False), RELAXED_ROWS: (True, False), SHORT: (False, True), RELAXED_SHORT: (True, True)}
 """Codes of answers: whether demands are unmet, and whether levels 2 and 3 may be."""
 
 UNPROVED = "rounding does not allow to prove that the task and the accelerations are the least that the rows allow"
