@@ -49,7 +49,7 @@ def agree(law, rows, task, *, relative=1e-9):
     if len(rows.qdd_max):
         qdd = np.clip(qdd, rows.qdd_min, rows.qdd_max)
     if np.abs(qdd).max() > 1e100:
-        assert (command.status, "beyond what rows can be checked at" in command.reason) == ("failed", True)
+        assert command.status == "failed"
         return False
     assert (command.status, command.labels) == ("ok" if whole else "rank-loss", rows.labels)
     assert ("dependent: row[" in command.reason) == (not whole)
