@@ -21,8 +21,7 @@ from vsconstraints.comparisons import StoredComparison
 from vsconstraints.reports import report, write_report
 from vsconstraints.reports.drawing import Drawn, ScenarioJob
 from vsconstraints.reports.figures import FIGURES
-from vsconstraints.reports.figures.endings import told, worth
-from vsconstraints.reports.figures.heat_map import HeatMap
+from vsconstraints.reports.figures.overview import HeatMap, cell_text, worth
 from vsconstraints.reports.markdown import tables
 from vsconstraints.reports.results import Results
 from vsconstraints.reports.telling import MOST_FIGURES, TELLING, telling
@@ -153,11 +152,17 @@ def test_cells_of_the_heat_map_say_what_happened() -> None:
     outside = result("a", violated="x", violation_depth=0.0123)
     trapped = result("a", status="trapped", utilization=math.nan)
     failed = {**outside, "status": "failed"}
-    assert [told([one]) for one in (clean, used, outside, trapped, failed)] == ["98.76", "✓", "†1.23", "T", "F†1.23"]
-    assert [told([one], narrow=True) for one in (clean, outside, failed)] == ["99", "†1", "F†1"]
-    assert told([clean, clean, outside]) == "2 of 3 †1.23"
-    assert told([clean, trapped], narrow=True) == "1/2"
-    assert told([]) == ""
+    assert [cell_text([one]) for one in (clean, used, outside, trapped, failed)] == [
+        "98.76",
+        "✓",
+        "†1.23",
+        "T",
+        "F†1.23",
+    ]
+    assert [cell_text([one], narrow=True) for one in (clean, outside, failed)] == ["99", "†1", "F†1"]
+    assert cell_text([clean, clean, outside]) == "2 of 3 †1.23"
+    assert cell_text([clean, trapped], narrow=True) == "1/2"
+    assert cell_text([]) == ""
     assert math.isnan(worth([]))
 
 
@@ -175,13 +180,13 @@ def test_colours_order_runs_as_a_reader_would(used: list[float], depth: float, d
 
 
 def test_the_heat_map_has_the_longer_side_down(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from vsconstraints.reports.figures import endings
+    from vsconstraints.reports.figures import overview
 
     shown: list[HeatMap] = []
-    monkeypatch.setattr(endings, "draw_heat_map", shown.append)
+    monkeypatch.setattr(overview, "draw_heat_map", shown.append)
     lines = [result(law, scenario, utilization=0.5 if law == "a" else 1.0) for law in "abc" for scenario in ("x", "y")]
-    endings.draw_endings(results_of(tmp_path, lines))
-    endings.draw_endings(results_of(tmp_path, [{**line, "scenario": line["controller"], "controller": line["scenario"]}
+    overview.draw_endings(results_of(tmp_path, lines))
+    overview.draw_endings(results_of(tmp_path, [{**line, "scenario": line["controller"], "controller": line["scenario"]}
                                                for line in lines]))  # fmt: skip
     for one in shown:
         assert (list(one.rows), list(one.columns)) == (["a", "b", "c"], ["x", "y"])

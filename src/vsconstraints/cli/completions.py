@@ -85,7 +85,7 @@ def _claims() -> Iterable[object]:
 
 
 def _formats() -> Iterable[object]:
-    from ..reports.plots.formats import FORMATS
+    from ..reports.plots import FORMATS
 
     return FORMATS
 

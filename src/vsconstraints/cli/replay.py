@@ -36,14 +36,14 @@ def replay(
     """
     from ..plugins.extras import demand
     from ..reports.replay import write_film, write_replay
-    from ..reports.replay.asked import asked_for, name_of
+    from ..reports.replay.runs import name_of, select_run
 
     if out is not None and out.suffix.lower() not in (".html", ".htm"):
         raise ConfigurationError(f"a replay is a page, and ends in .html: not {out.name!r}. --gif and --mp4 make films")
     films = [path for path in (gif, mp4) if path is not None]
     if out is not None or not films:
         demand("replay")
-    asked = [asked_for(run, seed, trust, note) for run in runs]
+    asked = [select_run(run, seed, trust, note) for run in runs]
     for path in films:
         for remark in write_film(asked, path):
             note(remark)

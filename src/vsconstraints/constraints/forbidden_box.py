@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import coal
+import numpy as np
+
 from ..errors import ConfigurationError
 from ..formulas import regions as formulas
 from ..plugins.renamed import renamed
 from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
 from .forbidden_region import ForbiddenRegion
+from .meshes import Mesh, mesh_of
 
 
 @renamed(robot_points="points")
@@ -57,3 +61,7 @@ class ForbiddenBox(ForbiddenRegion):
         super().__init__(
             pose, length=length, K=K, switching_gain=switching_gain, margin=margin, points=points, name=name
         )
+
+    def mesh(self, reach: float = np.inf) -> Mesh | None:
+        """See :meth:`.PointConstraint.mesh`."""
+        return mesh_of(coal.Box(*self.size))

@@ -16,7 +16,7 @@ from ..comparisons.runs.resources import most_samples, process_count
 from ..scenarios import Scenario
 from ..simulation import Setup
 from .figures import DISTURBANCE, ENDINGS, FIGURES, OVERVIEW, View
-from .figures.trade_off import shown_runs
+from .figures.overview import shown_runs
 from .groups import Group
 from .picture import picture
 from .plots import FORMATS, PNG, Formats

@@ -11,7 +11,7 @@ from ..errors import ConfigurationError, described
 from .drawing import TRIAL_SHOWN, Drawn
 from .markdown import code
 from .replay import ReplayRun, write_replay
-from .replay.asked import of_record
+from .replay.runs import of_record
 from .results import Line, Results, clean
 
 FOLDER = "replays"

@@ -7,10 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.run import Run
-from ...reports.plots import INK, REFERENCE, Sheet, above_legend, line, signal
-from ...reports.plots.image import symbol
-from ...reports.plots.marks import note
-from ...reports.plots.style import FAINT
+from ...reports.plots import FAINT, INK, REFERENCE, Sheet, above_legend, line, note, signal, symbol
 from ..claims.case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, at_once, phases, switch_sample
 from . import lines as paper
 

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...comparisons.run import Run
-from ...reports.plots import INK, Sheet, band, inside_legend, line, logarithmic, signal
-from ...reports.plots.image import Plane, square, symbol
+from ...reports.plots import INK, Sheet, band, inside_legend, line, logarithmic, signal, symbol
+from ...reports.plots.image import Plane, square
 from ..claims.first_example import SECOND
 from ..claims.trap_and_corners import BOWL_ROW, HEART, NOTCH, OTHER_ROW, TIP
 from . import lines as paper

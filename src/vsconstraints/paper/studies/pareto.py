@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 from ...comparisons.runs.spec import SLIDING_MODE, ControllerSpec, RunSpec
 from ...reports.numbers import number, percent
-from ...reports.plots import INK, Sheet, logarithmic
-from ...reports.plots.image import symbol
+from ...reports.plots import INK, Sheet, logarithmic, symbol
 from .drawing import LOOKS, controller_entries, entry, scenario_panels, sentence_start
 from .laws import ACTIVE_QP, hierarchical_qp, potential_field, scaled_gains
 from .points import Measured, Numbers, Points, grouped, through, under, where

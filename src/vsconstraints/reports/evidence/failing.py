@@ -12,7 +12,7 @@ from ..failures import kind
 from ..markdown import code, enumeration, plain, table
 from ..numbers import DASH, number
 from .drawing import shown
-from .figures.worst import WORST, Shown
+from .figures import WORST, Shown
 from .material import Material
 from .replay import again, setup_of
 from .words import percentage

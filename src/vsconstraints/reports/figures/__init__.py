@@ -1,13 +1,9 @@
 """Figures of a report: two that show a whole comparison, and the table of those of each scenario."""
 
 from ..plots import Figure
-from .acceleration import draw_acceleration
-from .disturbance import draw_disturbance
-from .endings import draw_endings
-from .errors import draw_errors
-from .phi import draw_phi
+from .overview import draw_endings, draw_trade_off
+from .signals import draw_acceleration, draw_disturbance, draw_errors, draw_phi
 from .tracks import draw_tracks
-from .trade_off import draw_trade_off
 from .view import View
 
 __all__ = ["DISTURBANCE", "ENDINGS", "FIGURES", "OVERVIEW", "View"]
