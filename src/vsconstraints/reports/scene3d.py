@@ -292,11 +292,15 @@ def joint_poses(robot: Robot, q: Array) -> list[Pose]:
 def urdf_meshes(robot: Robot, size: float) -> ArmMeshes:
     """The visual meshes of a robot's URDF; bars, and a sentence that says so, where it has none or one is missing."""
     if robot.source is None:
-        return bar_meshes(robot, size)._replace(remark=f"{robot.name} has no meshes: bars follow its joints' axes.")
+        return bar_meshes(robot, size)._replace(
+            remark=f"{robot.name} has no meshes: bars follow the axes of its joints."
+        )
     try:
         geometry = link_geometry(robot.source, "visual")
     except ConfigurationError as error:
-        return bar_meshes(robot, size)._replace(remark=f"Bars follow the joints' axes instead of meshes: {error}.")
+        return bar_meshes(robot, size)._replace(
+            remark=f"Bars follow the axes of its joints instead of meshes: {error}."
+        )
     bodies: list[list[Mesh]] = [[] for _ in range(robot.n + 1)]
     for part in geometry.geometryObjects:
         mesh = mesh_of(part.geometry)

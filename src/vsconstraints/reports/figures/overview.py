@@ -247,7 +247,7 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
     ]
     entries += [OTHER | {"label": "runs of other laws"}] * bool(others)
     sheet.at += 0.08
-    sheet.legend(entries, 4)
+    sheet.legend(entries, 3)
     return sheet
 
 

@@ -28,7 +28,7 @@ CHARACTERS, LINES = 115, 12
 ROW = 0.19
 """Height of a row [in]."""
 
-LABELS, CELL, NEAREST = 1.95, 1.28, 1.8
+LABELS, CELL, NEAREST = 1.95, 1.36, 1.8
 """Room for the rows' labels, for what a column says of them in a moment, and where they are nearest [in]."""
 
 MAX_USAGE = 1.15
@@ -144,7 +144,8 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
     ax.set_ylim(len(shown) - 0.5, -0.5)
     band_at = {"color": "#F6DADA", "linewidth": 0.0, "zorder": 0.5}
     ax.axvspan(1.0, MAX_USAGE + 0.03, **band_at)
-    ax.text(0.5 * (1.0 + MAX_USAGE + 0.03), -0.6, "outside", fontsize=7.5, color=OUTSIDE, ha="center", va="bottom")
+    middle = 0.5 * (1.0 + MAX_USAGE + 0.03), 0.5 * (len(shown) - 1)
+    ax.text(*middle, "outside", fontsize=7.5, color=OUTSIDE, rotation=90, ha="center", va="center", zorder=1.0)
     ax.axvline(1.0, color=INK, linewidth=0.9, zorder=1.6)
     ax.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
     ax.set_yticks(range(len(shown)), [shortened(row.label, 32) for row in shown])

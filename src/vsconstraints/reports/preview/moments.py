@@ -163,7 +163,7 @@ class Row:
         """The distance to the boundary in a moment, and φ in brackets."""
         if np.isnan(self.clearance[k]):
             return "not known"
-        phi = "" if np.isnan(self.phi[k]) else f" ({self.phi[k]:.3g})"
+        phi = "" if np.isnan(self.phi[k]) else f" ({self.phi[k]:.2g})"
         return f"{self.clearance[k]:.3g} {self.unit}{phi}".replace("-", "−")
 
 
