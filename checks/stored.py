@@ -30,14 +30,14 @@ from typing import Any
 import numpy as np
 import typer
 
-from vsconstraints.cli.verify import verify
+from vsconstraints.cli.results import verify
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.difference.difference import Question, difference
 from vsconstraints.comparisons.evidence import TABLES, Campaign, Evidence, Plan, collect, merge
 from vsconstraints.comparisons.evidence.folder import stored_files as files_of_campaign
 from vsconstraints.comparisons.folder import stored_files as files_of_comparison
 from vsconstraints.comparisons.record import SHAPES
-from vsconstraints.comparisons.runs.checksums import SUMS, digests, write_sums
+from vsconstraints.comparisons.runs.files import SUMS, digests, write_sums
 from vsconstraints.errors import VsconstraintsError
 from vsconstraints.reports import write_report
 from vsconstraints.reports.evidence import replay, write_evidence_report

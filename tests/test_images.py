@@ -112,7 +112,7 @@ def test_a_detector_is_left_to_the_end_of_the_process() -> None:
     program = """
 import pupil_apriltags
 pupil_apriltags.Detector.__del__ = lambda self: print("destroyed" if self.tag_detector_ptr else "left")
-from vsconstraints.images.detectors import apriltag
+from vsconstraints.vision.images.detectors import apriltag
 apriltag()
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

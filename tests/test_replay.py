@@ -23,7 +23,7 @@ from vsconstraints import Robot
 from vsconstraints.cli import app
 from vsconstraints.comparisons import RunRecord, Suite, compare
 from vsconstraints.comparisons.record import run_file
-from vsconstraints.comparisons.runs.checksums import SUMS
+from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.constraints.meshes import Mesh
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
@@ -53,8 +53,8 @@ from vsconstraints.reports.replay.space import (
     scene_of,
     standpoint,
 )
-from vsconstraints.reports.replays import telling_laws
 from vsconstraints.reports.scene3d import ArmMeshes, Part, bars_of, urdf_meshes
+from vsconstraints.reports.selection import replayed_runs
 from vsconstraints.robots import ready_made
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
@@ -476,7 +476,7 @@ def test_the_most_telling_runs_are_the_deepest_outside_and_the_best_inside() -> 
         names = tuple(lines)
         results: Any = type("Results", (), {"controllers": names, "competitors": names[1:]})()
         results.runs = lambda scenario, law: [lines[law]]
-        return telling_laws(results, "any")
+        return replayed_runs(results, "any")
 
     tracking = ("tracking", "converged", 0.5, 0.9)
     inside, better = ("a", "converged", 0.0, 0.8), ("b", "converged", 0.0, 0.9)

@@ -23,8 +23,7 @@ from vsconstraints.cli import app
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.evidence import Evidence, collect, merge
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
-from vsconstraints.comparisons.runs.checksums import SUMS
-from vsconstraints.comparisons.runs.files import write_arrays
+from vsconstraints.comparisons.runs.files import SUMS, write_arrays
 from vsconstraints.comparisons.tables import read_table, write_table
 from vsconstraints.errors import ConfigurationError, VsconstraintsError
 from vsconstraints.reports import write_report
@@ -417,7 +416,7 @@ def test_the_page_on_trust_says_what_readers_do(
 
 @pytest.mark.parametrize("kind", ["page of a report", "page of a replay"])
 def test_the_page_on_trust_says_what_pages_do(kind: str) -> None:
-    folder = "reports" if "report" in kind else "replay"
+    folder = "reports" if "report" in kind else "reports/replay"
     text = (ROOT / "src" / "vsconstraints" / folder / "page.html").read_text(encoding="utf-8")
     (policy,) = re.findall(r'Content-Security-Policy" content="([^"]+)"', text)
     rules = dict(rule.split(" ", 1) for rule in policy.split("; "))

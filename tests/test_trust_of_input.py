@@ -23,8 +23,8 @@ from vsconstraints import Camera, Robot
 from vsconstraints.arms.server import Behaviour, Server, length
 from vsconstraints.arms.stand_in import StandIn, StandInLimits
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.tuning.journal import Journal
 from vsconstraints.comparisons.tuning.objectives import Judged
+from vsconstraints.comparisons.tuning.tune import Journal
 from vsconstraints.errors import VsconstraintsError
 
 NETWORK = ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.sendto", "urllib.Request")

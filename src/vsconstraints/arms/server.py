@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..comparisons.runs.worker import end_with
+from ..plugins.processes import end_with
 from ..rows import Array
 from .stand_in import StandIn
 

@@ -8,7 +8,6 @@ import coal
 import numpy as np
 
 from ..formulas import regions as formulas
-from ..plugins.renamed import renamed
 from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
 from ..rows import Array
@@ -17,7 +16,6 @@ from .forbidden_region import ForbiddenRegion
 from .meshes import Mesh, mesh_of
 
 
-@renamed(robot_points="points")
 class ForbiddenSphere(ForbiddenRegion):
     """Robot points stay out of a sphere.
 

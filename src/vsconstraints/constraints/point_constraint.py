@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import ConfigurationError
-from ..plugins.renamed import renamed
 from ..robots.geometry import Pose
 from ..robots.kinematics import RobotPoint
 from ..rows import Array
@@ -17,7 +16,6 @@ from .form import Form
 from .meshes import Mesh
 
 
-@renamed(robot_points="points")
 class PointConstraint(PositionConstraint):
     """A constraint on the position y = p (3,) of robot points, in the base frame [m].
 
