@@ -32,7 +32,7 @@ html_copy_source = False
 pygments_style = "friendly"
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
-myst_heading_anchors = 3
+myst_heading_anchors = 4
 
 napoleon_google_docstring = False
 napoleon_attr_annotations = False  # they are in the signature
