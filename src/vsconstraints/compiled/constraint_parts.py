@@ -12,6 +12,7 @@ import numpy as np
 from ..constraints import Constraint, ConstraintSet
 from ..constraints.form import Form
 from ..vision.motion import Motion
+from . import constraint_rows
 from .compiler import IN_PLACE, OPTIONS
 from .parts import address, make_part, tell_refused
 from .structures import Step
@@ -103,10 +104,11 @@ def part(rows: str, formulas: tuple[Callable[..., Any] | None, ...], count: int)
 
     Then a RuntimeWarning tells which, and why.
     """
-    module = import_module(f"{__package__}.{rows}")
-    options = OPTIONS if getattr(module, "MAKES_ARRAYS", False) else IN_PLACE
+    options, templates = IN_PLACE, constraint_rows
+    if rows == "manipulability_rows":
+        options, templates = OPTIONS, import_module(f"{__package__}.manipulability_rows")
     try:
-        return make_part(module.template, formulas, (count,) if formulas else (), SIGNATURE, options)
+        return make_part(getattr(templates, rows), formulas, (count,) if formulas else (), SIGNATURE, options)
     except Exception as error:  # numba raises anything for code that it does not know
         if all(formula is None for formula in formulas):
             raise

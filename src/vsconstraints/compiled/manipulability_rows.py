@@ -8,7 +8,6 @@ pair together.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -16,14 +15,11 @@ from ..formulas.manipulability import SINGULAR
 from ..formulas.vectors import matrix, plus, turned, vector
 from ..rows import Array
 from .compiler import inner
+from .constraint_rows import WriteRows, write_row
 from .kinematics import point_jacobian
 from .least_squares import orthogonalise
 from .linear import START, add, dot
 from .parts import load_step, to_fixed_tuple
-from .row import write_row
-
-MAKES_ARRAYS = True
-"""Whether such functions make arrays, which takes as long as some thirty products."""
 
 GONE = 1e-14
 """Singular value, relative to the largest, below which the vector that belongs to it is only rounding."""
@@ -168,7 +164,7 @@ def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, floa
     return product, whole * (rate * rate + 0.5 * (second - squared))
 
 
-def template() -> Callable[[int, int], None]:
+def manipulability_rows() -> WriteRows:
     """Make the function that writes the row of manipulability, by its number among the parts of the step at an address.
 
     Its parameters are the least w, the scale, and the first and the number of the rows of the Jacobian that count.

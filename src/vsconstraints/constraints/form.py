@@ -16,7 +16,7 @@ class Form(NamedTuple):
     Attributes
     ----------
     rows
-        Module of :mod:`vsconstraints.compiled` that makes such rows.
+        Which function of :mod:`vsconstraints.compiled.constraint_rows` makes such rows.
     formulas
         Elementwise functions that it makes them of.
     parameters
