@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..constraints import Constraint, ConstraintSet
-from ..constraints.form import Form
+from ..constraints.by_formula import Form
 from ..vision.motion import Motion
 from . import constraint_rows
 from .compiler import IN_PLACE, OPTIONS

@@ -32,10 +32,9 @@ if TYPE_CHECKING:
 class ControlStep:
     """Evaluates a scene, its constraints and its task together: at compiled speed where all of them have that form.
 
-    The NumPy form, ``scene.evaluate``, ``constraints.rows`` and ``task.evaluate``, is the definition. It runs where
-    there is no compiler, where the scene or the task has no compiled form, and where the compiled form cannot answer:
-    then it says why. Constraints without a compiled form (own ones, for example) give their rows in NumPy beside the
-    compiled ones of the others.
+    The NumPy form, ``scene.evaluate``, ``constraints.rows`` and ``task.evaluate``, runs where the scene or the task has
+    no compiled form, and where the compiled form cannot answer: then it says why. Constraints without a compiled form
+    (own ones, for example) give their rows in NumPy beside the compiled ones of the others.
 
     Constraints and task are compiled with the options that they have when a step is made. A step keeps scratch: threads
     need one each.
@@ -101,17 +100,14 @@ class ControlStep:
         self._controller: Controller | None = None
         self._options: dict[str, Any] | None = None
         packing, self._kernels = load("packing"), load("step")
-        if packing is None or self._kernels is None:
-            self.not_compiled = "there is no compiler"
-        else:
-            try:
-                self._packed = packing.Packed(scene, constraints, task, known, self._limits)
-                step = self._packed.step
-                self._now, self.last_command = (step.time, step.q, step.qd), step.last_command
-                self.innovation, self._bounds, self._slip = step.innovation, step.bounds, step.slip
-                self._correction = step.correction
-            except packing.NotCompiled as reason:
-                self.not_compiled = str(reason)
+        try:
+            self._packed = packing.Packed(scene, constraints, task, known, self._limits)
+            step = self._packed.step
+            self._now, self.last_command = (step.time, step.q, step.qd), step.last_command
+            self.innovation, self._bounds, self._slip = step.innovation, step.bounds, step.slip
+            self._correction = step.correction
+        except packing.NotCompiled as reason:
+            self.not_compiled = str(reason)
         self.plausible = plausible or Plausible()
 
     @property

@@ -23,8 +23,7 @@ from ..rows.readable import amount, enumerated, in_one_line
 from ..vision.motion import Motion
 from ..vision.scene import PointMotion, Scene, State
 from . import by_formula
-from .by_formula import Formula, Frame
-from .form import Form
+from .by_formula import Form, Formula, Frame
 
 FOLLOWING = ("sigma", "gradient", "curvature", "rows", "relative", "chain_rule")
 """Methods that follow from a formula; a class that gives one of them may compute anything."""

@@ -14,7 +14,7 @@ from ..rows import Array, IntArray
 from ..vision.features import CameraPose, Goal
 from ..vision.scene import Scene, State
 from .base import Constraint, RowBlock, Trace, demand_numbers, demand_positive
-from .form import Form
+from .by_formula import Form
 
 POSE = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 """Components of a camera pose's error, in the frame of the goal's camera."""
