@@ -14,7 +14,7 @@ from ..constraints.by_formula import Form
 from ..vision.motion import Motion
 from . import constraint_rows
 from .compiler import IN_PLACE, OPTIONS
-from .parts import address, make_part, tell_refused
+from .parts import address, make_part, warn_refused
 from .structures import Step
 
 SIGNATURE = "void(int64, int64)"
@@ -112,5 +112,5 @@ def part(rows: str, formulas: tuple[Callable[..., Any] | None, ...], count: int)
     except Exception as error:  # numba raises anything for code that it does not know
         if all(formula is None for formula in formulas):
             raise
-        tell_refused(formulas, error)
+        warn_refused(formulas, error)
         return None

@@ -21,7 +21,7 @@ from ..vision.scene import Scene, State
 from ..vision.tracking import VisualTask
 from . import load
 from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
-from .model import Believe, Model, Present, Spoil
+from .model import CurrentState, GradientErrorModel, Model, StateEstimator
 from .state_to_command import StateToCommand, in_one_call, in_two_calls
 
 if TYPE_CHECKING:
@@ -172,10 +172,10 @@ class ControlStep:
             self._packed.recall(other._packed.memory)
 
     @property
-    def present(self) -> Present:
+    def present(self) -> CurrentState:
         """What rows and task were made of last; at first zeros."""
         t, q, qd = self._now
-        return Present(float(t[0]), q.copy(), qd.copy())
+        return CurrentState(float(t[0]), q.copy(), qd.copy())
 
     @property
     def acceleration(self) -> Array:
@@ -183,9 +183,9 @@ class ControlStep:
         limits = self._limits
         return np.full(self.scene.robot.n, np.inf) if limits is None else np.array(limits.acceleration)
 
-    def model(self, believe: Believe | None = None, spoil: Spoil | None = None) -> Model:
+    def model(self, estimate: StateEstimator | None = None, gradient_error: GradientErrorModel | None = None) -> Model:
         """Rows and task at states to come, for laws that use a model: see :class:`.Model`."""
-        return Model(self, believe, spoil)
+        return Model(self, estimate, gradient_error)
 
     def evaluate(
         self,

@@ -12,7 +12,7 @@ import numpy as np
 from ..formulas.row import Row, asked_for
 from ..rows import Array, BoolArray, IntArray
 from .compiler import IN_PLACE, INT, MATRIX, VECTOR, compiled, in_place, signature, type_of
-from .parts import call_int_pointer, checked, make_part, struct_loader, tell_refused, to_fixed_tuple
+from .parts import call_int_pointer, checked, make_part, struct_loader, to_fixed_tuple, warn_refused
 from .structures import NEEDS_PYTHON, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 _one, _two, _count = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
@@ -102,7 +102,7 @@ def demand(formula: Callable[..., Any], count: int, memory: int, relative: bool,
     try:
         return make_part(demand_part, (formula,), (count, memory, int(relative), int(everywhere)), DEMAND)
     except Exception as error:  # numba raises anything for code that it does not know
-        tell_refused((formula,), error)
+        warn_refused((formula,), error)
         return None
 
 

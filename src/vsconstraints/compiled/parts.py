@@ -146,7 +146,7 @@ def make_part(
     return compiled(signature, options, given, from_python)(function)
 
 
-def tell_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Exception) -> None:
+def warn_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Exception) -> None:
     """Warn that the compiler refuses one of these formulas, by name, file and line, and why: it runs in NumPy."""
     names = " and ".join(
         f"{formula.__qualname__} ({inspect.getsourcefile(formula)}, line {formula.__code__.co_firstlineno})"
