@@ -14,9 +14,9 @@ from scenes import random_scene, robot
 from vsconstraints import Robot
 from vsconstraints.compiled import available
 from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.compiled.manipulability_rows import SINGULAR
 from vsconstraints.constraints import ConstraintSet, Manipulability
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.formulas.manipulability import SINGULAR
 from vsconstraints.robots.geometry import skew
 from vsconstraints.rows import Array
 from vsconstraints.vision.features import Goal, ImagePoints

@@ -8,13 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..formulas.features import image_row, pose_error, pose_rates
+from ..formulas.features import image_row, interaction, pose_error, pose_rates
 from ..formulas.frames import differences_in_image, differences_in_space, turned_back_in_image, turned_in_image
-from ..formulas.funnel import funnel
-from ..formulas.image import interaction
 from ..formulas.motion import displacement
 from ..formulas.rotation import rotation_vector_rate
-from ..formulas.tracking import goal_at
+from ..formulas.tracking import funnel, goal_at
 from ..formulas.vectors import Vector, dot, matrix, minus, turned, turned_back, vector
 from ..rows import Array
 from .compiler import in_place

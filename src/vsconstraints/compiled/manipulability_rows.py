@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 
-from ..formulas.manipulability import SINGULAR
 from ..formulas.vectors import matrix, plus, turned, vector
 from ..rows import Array
 from .compiler import inner
@@ -19,6 +18,9 @@ from .kinematics import point_jacobian
 from .least_squares import orthogonalise
 from .linear import START, add, dot
 from .parts import load_step, to_fixed_tuple
+
+SINGULAR = 1e-9
+"""Singular value below which the curvature is taken as that at this value, so that it stays finite."""
 
 GONE = 1e-14
 """Singular value, relative to the largest, below which the vector that belongs to it is only rounding."""

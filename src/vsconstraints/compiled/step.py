@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 
-from ..formulas.image import image_motion
+from ..formulas.features import image_motion
 from ..formulas.innovation import MEMORY, image_innovation, slip
 from ..formulas.limits import JointLimits, joint_box
-from ..formulas.motion import carried, relative_twist, target_pose
-from ..formulas.poses import angle
+from ..formulas.motion import angle, carried, relative_twist, target_pose
 from ..formulas.vectors import (
     Vector,
     along_with,

@@ -8,8 +8,7 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..formulas.features import pose_error
-from ..formulas.funnel import funnel
-from ..formulas.tracking import goal_at
+from ..formulas.tracking import funnel, goal_at
 from ..rows import Array, IntArray
 from ..vision.features import CameraPose, Goal
 from ..vision.scene import Scene, State

@@ -10,7 +10,7 @@ from ..compiled import load
 from ..compiled.structures import Step
 from ..constraints import ConstraintSet, SpeedConstraint
 from ..errors import ConfigurationError, unknown_name
-from ..formulas.gradient_error import gradient_error
+from ..formulas.row import gradient_error
 from ..rows import Array, Rows
 from .disturbances import VISIBILITY, Disturbances
 
