@@ -17,6 +17,7 @@ from .joint_constraint import JointConstraint, SpeedConstraint
 from .joint_limits import JointRange, JointSpeed
 from .link_points import LinkPoints, link_points
 from .manipulability import Manipulability
+from .meshes import Mesh
 from .performance_funnel import PerformanceFunnel
 from .point_constraint import PointConstraint
 
@@ -44,6 +45,7 @@ __all__ = [
     "JointSpeed",
     "LinkPoints",
     "Manipulability",
+    "Mesh",
     "Occlusion",
     "PerformanceFunnel",
     "PointConstraint",
