@@ -6,12 +6,6 @@ from .collision import BodyDistance, Collision, SelfCollision
 from .constraint_set import ConstraintSet, robot_points
 from .curves import Bowl, Circle, Curve, Heart, Hyperellipse, Occlusion, Shape
 from .field_of_view import FieldOfView
-from .forbidden_box import ForbiddenBox
-from .forbidden_capsule import ForbiddenCapsule
-from .forbidden_cylinder import ForbiddenCylinder
-from .forbidden_half_space import ForbiddenHalfSpace
-from .forbidden_region import ForbiddenRegion
-from .forbidden_sphere import ForbiddenSphere
 from .image_constraint import ImageConstraint
 from .joint_constraint import JointConstraint, SpeedConstraint
 from .joint_limits import JointRange, JointSpeed
@@ -20,6 +14,14 @@ from .manipulability import Manipulability
 from .meshes import Mesh
 from .performance_funnel import PerformanceFunnel
 from .point_constraint import PointConstraint
+from .regions import (
+    ForbiddenBox,
+    ForbiddenCapsule,
+    ForbiddenCylinder,
+    ForbiddenHalfSpace,
+    ForbiddenRegion,
+    ForbiddenSphere,
+)
 
 __all__ = [
     "Body",
