@@ -17,7 +17,7 @@ from ..rows import Array, BoolArray
 from ..rows.readable import in_one_line
 from ..simulation import Setup, Trajectory
 from ..simulation.trajectory import Outcome
-from .runs.files import MOST_EXPANDED, TRAJECTORIES, read_arrays, write_arrays
+from .runs.files import MAX_BYTES, TRAJECTORIES, read_arrays, write_arrays
 from .runs.spec import RunSpec
 
 SAMPLE_MEMORY = 65_536.0
@@ -153,7 +153,7 @@ class RunRecord:
             How many there can be: what is longer, or would take more memory than these, is not expanded.
         """
         with suppress(Exception):  # a damaged file can raise anything: of the archive, its compression, NumPy, JSON
-            values = read_arrays(path, min(MOST_EXPANDED, SAMPLE_MEMORY * (1.0 + samples)))
+            values = read_arrays(path, min(MAX_BYTES, SAMPLE_MEMORY * (1.0 + samples)))
             for name in ("labels", "kinds", "units"):
                 values[name] = tuple(str(text) for text in values[name])
             _demand_shapes(values, samples)

@@ -57,7 +57,7 @@ class Measured:
 
     @cached_property
     def outside_alone(self) -> BoolArray:
-        """(T, m) periods in which tracking alone is outside."""
+        """(T, m) periods in which unconstrained tracking is outside."""
         return outside_alone(self.record, self.baseline)
 
     @property

@@ -27,15 +27,15 @@ _held: set[Path] = set()
 
 @contextmanager
 def held(folder: Path, kind: Kind) -> Iterator[None]:
-    """Hold a folder, made if it is not there, so that no other process stores anything in it meanwhile.
+    """Lock a folder, created if it does not exist, so that no other process stores anything in it meanwhile.
 
-    A process may hold it more than once. The lock ends with the process, however that ends.
+    A process may lock it more than once. The lock ends with the process.
 
     Raises
     ------
     ConfigurationError
-        if the folder cannot be made, holds something and no results of this kind, or another process holds it. Nothing
-        in it has been touched then.
+        if the folder cannot be created, holds something else than results of this kind, or another process has locked
+        it. Nothing in it has been touched then.
     """
     path = folder.absolute()
     if path in _held:

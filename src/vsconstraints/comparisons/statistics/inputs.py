@@ -13,7 +13,7 @@ from ...rows import Array, BoolArray
 Better = Literal["less", "more"]
 """Which values are better."""
 
-FEWEST = 6
+MIN_SCENES = 6
 """Paired comparisons of fewer scenes are said to be too few: an exact two-sided test of n pairs never gives less than
 2/2ⁿ, which is above 0.05 for n ≤ 5."""
 
@@ -89,16 +89,16 @@ Verdict = Literal["better", "worse", "not distinguishable", "too few"]
 """What is said of a against b."""
 
 
-def distinguishable(low: float, high: float, n: int = FEWEST) -> bool:
+def distinguishable(low: float, high: float, n: int = MIN_SCENES) -> bool:
     """Whether an interval of a difference on n scenes excludes zero, and there are scenes enough to say so."""
-    return n >= FEWEST and not low <= 0.0 <= high
+    return n >= MIN_SCENES and not low <= 0.0 <= high
 
 
-def verdict(low: float, high: float, *, n: int = FEWEST, better: Better = "less") -> Verdict:
+def verdict(low: float, high: float, *, n: int = MIN_SCENES, better: Better = "less") -> Verdict:
     """What is said of a against b, from the interval of a − b, which is simultaneous for all that is compared.
 
-    They differ if it excludes zero. Fewer than :data:`.inputs.FEWEST` scenes are too few to tell.
+    They differ if it excludes zero. Fewer than :data:`.inputs.MIN_SCENES` scenes are too few to tell.
     """
     if not distinguishable(low, high, n):
-        return "too few" if n < FEWEST else "not distinguishable"
+        return "too few" if n < MIN_SCENES else "not distinguishable"
     return "better" if (high < 0.0) == (better == "less") else "worse"

@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import unknown_name
 from ...plugins.extras import demand
 from ...rows import Array
-from .inputs import FEWEST, Better, checked_confidence, simultaneous, verdict
+from .inputs import MIN_SCENES, Better, checked_confidence, simultaneous, verdict
 from .judged import LAW, OUTCOMES, SCENE, checked, counts, judged_metric, resolution, values
 from .rates import mcnemar, median, paired, rate
 
@@ -177,7 +177,7 @@ def compare_laws(
     (:func:`.judged.counts`): ``only_a`` and ``only_b`` say how many more there are in which one does.
 
     Intervals are simultaneous, and p-values corrected, for all pairs of a group that are tested (Bonferroni), those of
-    :data:`.inputs.FEWEST` scenes or more. A reference has to be chosen before looking at the runs; the best of them is
+    :data:`.inputs.MIN_SCENES` scenes or more. Choose a reference before looking at the runs; the best of them is
     one of all pairs.
 
     Parameters
@@ -225,12 +225,12 @@ def compare_laws(
         for a, b in _pairs([law for law in own.columns if there[law].any()], reference):
             both = (there[a] & there[b]).to_numpy()
             pairs.append((a, b, own[a].to_numpy()[both], own[b].to_numpy()[both]))
-        tests = sum(int((~np.isnan(one + other)).sum()) >= FEWEST for *_, one, other in pairs)
+        tests = sum(int((~np.isnan(one + other)).sum()) >= MIN_SCENES for *_, one, other in pairs)
         level = simultaneous(confidence, tests)
         for a, b, one, other in pairs:
             found = compare(one, other, level)
             said = verdict(found.low, found.high, n=found.paired, better=better)
-            corrected = min(found.p * tests, 1.0) if found.paired >= FEWEST else 1.0
+            corrected = min(found.p * tests, 1.0) if found.paired >= MIN_SCENES else 1.0
             lines.append((*group, metric, a, b, *found, corrected, said))
     return frame((*by, "metric", "a", "b", *Comparison._fields, "p_corrected", "verdict"), lines)
 
