@@ -196,7 +196,7 @@ class Suite:
         )
 
     def checked(self) -> Suite:
-        """The suite itself, if everything in it can be built and started; raises what is wrong otherwise."""
+        """The suite itself; raises what is wrong if something in it cannot be built or started."""
         if not self.scenarios or not self.controllers:
             missing = "scenario" if self.controllers else "controller"
             raise ConfigurationError(f"suite {self.name}: there is nothing to compare: it has no {missing}")

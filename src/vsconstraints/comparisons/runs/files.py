@@ -69,7 +69,7 @@ def write_arrays(path: Path, values: Mapping[str, Any], *, compressed: bool = Tr
 def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
     """What :func:`write_arrays` wrote; raises anything if there is no such file or it is damaged.
 
-    Before anything is expanded, the archive and the header of each array have to say that all of it together takes no
+    Before anything is expanded, the archive and the header of each array have to claim that all of it together takes no
     more than ``most`` bytes.
     """
     with path.open("rb") as file:
@@ -104,7 +104,7 @@ Sums = dict[str, str]
 """SHA-256 of files, by their names as seen from the folder."""
 
 TRAJECTORIES = "trajectories"
-"""Folder of what runs left, below that of the results."""
+"""Folder of the runs' records, below that of the results."""
 
 MAX_NAMED = 3
 """Files that a message names."""
@@ -210,7 +210,7 @@ class Difference:
 
 
 def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_there: bool = False) -> str:
-    """What a reader should know of a folder's checksums; nothing where every file is as it was stored.
+    """A remark on a folder's checksums for the reader; empty if every file is as it was stored.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A folder of results: of one kind, held by one process at a time, and never taken from anything else that is there."""
+"""A folder of results: of one kind, locked by one process at a time; whose trajectories are kept in it."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def held(folder: Path, kind: Kind) -> Iterator[None]:
             ) from None
         except OSError:
             pass  # a file system without locks
-        with suppress(OSError):  # a full disk: whoever is refused is not told by whom
+        with suppress(OSError):  # a full disk: others are refused without the process id
             lock.truncate(0)
             lock.write(f"{os.getpid()}\n")
             lock.flush()

@@ -61,7 +61,7 @@ def code_hash() -> str:
 def package_versions() -> dict[str, str]:
     """Versions of Python and of all packages that this one requires, but for those that only make output.
 
-    What else a configuration uses is told by :func:`used_versions`.
+    For what else a configuration uses, see :func:`used_versions`.
     """
     names = {*_required("vsconstraints"), *OPTIONAL}.difference(OUTPUT_ONLY)
     return {"Python": python_version(), **{name: _version(name) for name in sorted(names)}}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from ...comparisons.statistics import distinguishable, mcnemar, rate, simultaneous
-from ...comparisons.statistics.inputs import MIN_SCENES
+from ...comparisons.statistics.judged import MIN_SCENES
 from .material import Material
 from .words import Share
 
