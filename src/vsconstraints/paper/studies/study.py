@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from abc import ABC, abstractmethod
+from collections import namedtuple
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product, takewhile
@@ -112,7 +113,7 @@ class Sweep(Study):
     of :attr:`Case`, the last one varied first, and may set keys of the scenario (``overrides``).
     """
 
-    Case: ClassVar[Callable[..., Any]]
+    Case: ClassVar[Any]
 
     def __init__(self) -> None:
         self.table = TABLES[self.name]
@@ -146,6 +147,11 @@ class _Sentences(Formatter):
     def convert_field(self, value: Any, conversion: str | None) -> Any:
         styles = {"n": number, "p": percent}
         return styles[conversion](value) if conversion in styles else super().convert_field(value, conversion)
+
+
+def case_type(*names: str) -> Any:
+    """A named tuple of what a study varies; a value is None where it does not apply."""
+    return namedtuple("Case", names, defaults=[None] * len(names))
 
 
 def case_text(case: Case) -> str:
