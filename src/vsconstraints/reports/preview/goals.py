@@ -10,8 +10,7 @@ import pinocchio as pin
 from ...errors import SceneError
 from ...robots.geometry import Pose, distance
 from ...rows import Array
-from ...scenarios.families.inverse_kinematics import inverse_kinematics
-from ...scenarios.families.placements import tip_of
+from ...scenarios.families.placements import inverse_kinematics, tip_of
 from ...vision.features import Goal
 from ...vision.pose_estimate import estimated_pose
 from ...vision.scene import MINIMUM_DEPTH, Scene
