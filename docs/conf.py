@@ -82,7 +82,7 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.comparisons.runs.folder.Line"),
     ("py:class", "vsconstraints.comparisons.runs.pool.Key"),
     ("py:class", "vsconstraints.formulas.F"),
-    ("py:class", "vsconstraints.controllers.named.Part"),
+    ("py:class", "vsconstraints.controllers.laws.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
     ("py:class", "vsconstraints.reports.evidence.material.Worked"),
     ("py:class", "ArrayLike"),  # of NumPy, where other names are there for type checkers only
