@@ -80,7 +80,7 @@ def test_what_stands_twice_says_so_beside_it():
     page = (root / "docs" / "structure.md").read_text(encoding="utf-8")
     table = page.split("## What stands twice")[1].split("## ")[0]
     rows = [line.split("|")[1:-1] for line in table.splitlines() if line.startswith("| ")][1:]
-    assert len(rows) > 5
+    assert rows
     for _, *files, test in rows:
         for file in re.findall(r"`([a-z_/]+\.py)`", "".join(files)):
             text = (root / "src" / "vsconstraints" / file).read_text(encoding="utf-8")
