@@ -215,11 +215,12 @@ CRITICAL_DIFFERENCE = Figure(
 
 # --- tuning ---
 
+ROUND_NUMBERS = [factor * 10.0**k for k in range(-6, 7) for factor in (1.0, 2.0, 5.0)]
 FRONT_COLUMNS = {"law", "feasible", "on_front", "chosen", "number", "unused", "log_variation"}
 
 
 def draw_fronts(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
-    """All feasible settings small, those on the fronts large and joined, default and chosen ones marked.
+    """All feasible settings small, those on the fronts large, default and chosen ones marked.
 
     Fronts are of three objectives: seen in two of them, a setting on a front may seem worse than another one.
     """
@@ -236,18 +237,21 @@ def draw_fronts(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
         own, (colour, shape) = evaluations[evaluations["law"] == law], (look[law].colour, look[law].marker)
         feasible, front, chosen = (own[own[name].astype(bool)] for name in ("feasible", "on_front", "chosen"))
         plot(feasible, symbol("o", colour, "none", 3.0, alpha=0.35), 2)
-        plot(front.sort_values("unused"), {"color": colour, "linewidth": 0.8, "alpha": 0.6}, 2.5)
-        plot(front, symbol(shape, colour, "white", 6.0), 3)
+        plot(front, symbol(shape, colour, darker(colour), 6.0), 3)
         plot(own[own["number"] == 0].head(1), symbol(shape, "white", colour, 9.0), 4)
         plot(chosen, symbol("*", colour, INK, 10.0), 5)
-    logarithmic(ax.xaxis)
-    logarithmic(ax.yaxis)
+    for axis in (ax.xaxis, ax.yaxis):
+        logarithmic(axis)
+        low, high = axis.get_view_interval()
+        logarithmic(axis, [tick for tick in ROUND_NUMBERS if low <= tick <= high])
     ax.set_xlabel("← less is better, unused share of the allowed space [%]")
     ax.set_ylabel("← less is better, acceleration variation [rad/s³]")
-    entries = [symbol(look[law].marker, look[law].colour, "white", 7.0, label=shortened(law)) for law in laws]
+    entries = [
+        symbol(look[law].marker, look[law].colour, darker(look[law].colour), 7.0, label=shortened(law)) for law in laws
+    ]
     entries += [
         symbol("o", GREY, "none", 3.0, label="feasible setting"),
-        symbol("o", GREY, "white", 6.0, label="on a law's front"),
+        symbol("o", GREY, GREY, 6.0, label="on a law's front"),
         symbol("o", "white", GREY, 9.0, label="default setting"),
         symbol("*", GREY, INK, 10.0, label="chosen setting"),
     ]
