@@ -11,9 +11,10 @@ import numpy as np
 from ...comparisons import RunRecord
 from ...comparisons.statistics import Profile, Ranks
 from ...simulation import Setup
-from ..figures.tracks import OUTSIDE, outside_rows
+from ..figures import View
+from ..figures.tracks import LAST, OUTSIDE, START, draw_run
 from ..plots import FAINT, INK, WIDTH, Figure, Sheet, darker, line, logarithmic, looks, shortened, symbol, widths
-from ..plots.image import Plane, tracks
+from ..plots.image import Plane
 from ..plots.style import LOOKS
 from .standing import Standing
 from .words import of_scenes, where
@@ -272,7 +273,6 @@ FRONTS = Figure(
 # --- worst runs ---
 
 LEFT, GAP, TITLE = 0.45, 0.5, 0.42
-START, GOAL = symbol("o", "white", size=6.0), symbol("*", INK, "white", 6.3)
 
 
 @dataclass(frozen=True)
@@ -303,7 +303,6 @@ def draw_worst(shown: Sequence[Shown], laws: Sequence[str]) -> Sheet | None:
     shown = [one for one in shown if one.run.trajectory.features_px.size]
     if not shown:
         return None
-    look = looks(laws)
     width = (WIDTH - LEFT - 0.1 - GAP * (COLUMNS - 1)) / COLUMNS
     planes = [Plane.of(one.setup) for one in shown]
     sheet = Sheet(left=LEFT)
@@ -313,12 +312,12 @@ def draw_worst(shown: Sequence[Shown], laws: Sequence[str]) -> Sheet | None:
         height = width * max(plane.size[1] / plane.size[0] for plane in planes[some])
         for one, plane in zip(shown[some], planes[some], strict=True):
             ax = sheet.axes(left, top, width, height)
-            _panel(ax, one, plane, look[one.controller].colour)
+            _panel(ax, one, plane)
             left += width + GAP
         sheet.at = top + height + 0.2
     entries = [
-        START | {"label": "start"},
-        GOAL | {"label": "goal"},
+        START | {"label": "start of marker 1, 2, …"},
+        LAST | {"label": "goal"},
         line("tracking alone", TRACKING) | {"linewidth": 0.9},
         line("row in the image violated", **OUTSIDE),
         *Plane(planes[0].size, tuple(c for plane in planes for c in plane.constraints)).entries(),
@@ -328,17 +327,11 @@ def draw_worst(shown: Sequence[Shown], laws: Sequence[str]) -> Sheet | None:
     return sheet
 
 
-def _panel(ax: Any, one: Shown, plane: Plane, colour: str) -> None:
+def _panel(ax: Any, one: Shown, plane: Plane) -> None:
     plane.draw(ax, labels=False)
     ax.set_aspect("equal", adjustable="box", anchor="N")
-    pixels = one.run.trajectory.features_px
-    if one.baseline.trajectory.features_px.size:
-        tracks(ax, one.baseline.trajectory.features_px, color=TRACKING, linewidth=0.9, zorder=2.2)
-    tracks(ax, pixels, color=colour, linewidth=1.7, zorder=4)
-    for marker, outside in outside_rows(one.run):
-        ax.plot(*np.where(outside[:, None], pixels[:, marker], np.nan).T, **OUTSIDE, zorder=5)
-    ax.plot(*one.setup.task.goals[-1].pixels.T, **GOAL, zorder=6)
-    ax.plot(*pixels[0].T, **START, zorder=6.4)
+    view = View(one.setup, {"tracking": one.baseline, one.controller: one.run}, ("tracking", one.controller))
+    draw_run(ax, view, one.controller)
     ax.set_title(f"{shortened(one.controller)}\n", loc="left", fontsize=9.0, pad=2)
     ax.text(0.0, 1.02, one.where, transform=ax.transAxes, fontsize=8, color=FAINT, va="bottom")
     ax.set_title(f"{one.run.trajectory.status}\n", loc="right", fontsize=8, color=FAINT, pad=2)

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from html import escape
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
@@ -79,8 +78,6 @@ class Plots:
         drawn = figure.drawn(view)
         if drawn is None:
             raise ConfigurationError(f"there is nothing to draw of {figure.title}: no row is challenged or acts")
-        # shown by notebooks whatever they know of matplotlib
-        drawn._repr_png_ = partial(png, drawn)
         return drawn
 
     def __repr__(self) -> str:
@@ -169,15 +166,10 @@ def paragraph(text: str) -> str:
 
 def picture(figure: Any, alternative: str) -> str:
     """A figure of matplotlib in the text, with a text for where it cannot be seen."""
-    data = base64.b64encode(png(figure, PICTURE_DPI)).decode()
-    return f'<img alt="{escape(alternative)}" src="data:image/png;base64,{data}">'
-
-
-def png(figure: Any, dpi: float = 100.0) -> bytes:
-    """A figure of matplotlib as PNG."""
     file = BytesIO()
-    figure.savefig(file, format="png", dpi=dpi)
-    return file.getvalue()
+    figure.savefig(file, format="png", dpi=PICTURE_DPI)
+    data = base64.b64encode(file.getvalue()).decode()
+    return f'<img alt="{escape(alternative)}" src="data:image/png;base64,{data}">'
 
 
 def page_within(page: str, height: int = 640) -> str:
