@@ -236,7 +236,7 @@ def test_the_script_of_the_documentation_finds_every_number_again(tmp_path: Path
     written(every, tmp_path)
     (tmp_path / "runs").mkdir()
     every.to_parquet(tmp_path / "runs" / "part-1.parquet")
-    script = [block for block in blocks(DOCS / "evidence-numbers.md") if "def told_apart" in block.code]
+    script = [block for block in blocks(DOCS / "evidence.md") if "def told_apart" in block.code]
     names: dict[str, Any] = {"folder": tmp_path}
     exec(script[0].code, names)
     kinds = {claim["about"] for claim in names["claims"]["sentences"]}

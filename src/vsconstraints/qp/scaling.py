@@ -1,18 +1,16 @@
-"""The same quadratic program in variables and rows of unit size."""
+"""Quadratic programs in variables and rows of unit size, so that any solver can answer them well."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..rows import Array
-from .solver import Answer
 
 
-@dataclass(frozen=True, slots=True)
-class Equilibrated:
-    """A program min ½zᵀPz + qᵀz subject to Gz ≤ h with x = columns · z, and the way back from its answer.
+class Equilibrated(NamedTuple):
+    """A program min ½zᵀPz + qᵀz subject to Gz ≤ h with x = columns · z, and the factors of columns and rows.
 
     The weights of a hierarchy make the columns of G differ by the square root of the damping. First-order methods crawl
     on such problems, and what they do about scaling on their own was measured not to help: with columns of ratio 1e4,
@@ -34,9 +32,9 @@ class Equilibrated:
     columns: Array
     rows: Array
 
-    def answer(self, z: Array, multipliers: Array, iterations: int) -> Answer:
-        """Answer of the program as it was, from that of the scaled one; multipliers below zero by rounding are zero."""
-        return Answer(z * self.columns, np.maximum(multipliers * self.rows, 0.0), iterations)
+    def original(self, z: Array, multipliers: Array) -> tuple[Array, Array]:
+        """X and λ of the program as it was; multipliers below zero by rounding are zero."""
+        return z * self.columns, np.maximum(multipliers * self.rows, 0.0)
 
 
 def equilibrate(P: Array, q: Array, G: Array, h: Array) -> Equilibrated:
@@ -50,3 +48,24 @@ def equilibrate(P: Array, q: Array, G: Array, h: Array) -> Equilibrated:
 def _inverse(norms: Array) -> Array:
     """1 / norms, and 1 where they vanish."""
     return np.divide(1.0, norms, out=np.ones(norms.size), where=norms > 0.0)
+
+
+class Scaled(NamedTuple):
+    """Rows G u ≤ h of unit norm, with −1 the smallest entry of h, v = size · u, and the norms (m,) they had.
+
+    The origin is then excluded by a unit distance, so that in min ½‖u‖² a solver's absolute tolerances mean the same
+    for every robot, unit and row. The minimiser stays the same.
+    """
+
+    G: Array
+    h: Array
+    size: float
+    norms: Array
+
+
+def scale(G: Array, h: Array) -> Scaled:
+    """Scale rows G v ≤ h (m, p), none of them zero; the size is 0 if v = 0 meets all."""
+    norms = np.sqrt(np.einsum("ij,ij->i", G, G))
+    h = h / norms
+    size = -float(h.min(initial=0.0))
+    return Scaled(G / norms[:, None], h / size if size > 0.0 else h, size, norms)
