@@ -33,11 +33,6 @@ class GradientErrors(Sweep):
     """
 
     name = "gradient-error"
-    measures: Mapping[str, str] = {
-        "deviation_px": "deviation of a\nmarker [px]",
-        "violation": "depth of violation\n[% of L]",
-        "settling_time_s": "settling time [s]",
-    }
 
     Case = study.case_type("scenario", "controller", "gradient_error")
     """A scenario, a law's name, and c_e."""
@@ -57,7 +52,9 @@ class GradientErrors(Sweep):
         ]
         numbers: Numbers = {}
         for point in points:
-            found = {column: point[column] for column in self.measures} | {"converged": point["status"] == "converged"}
+            found = {column: point[column] for column in self.table["measures"]} | {
+                "converged": point["status"] == "converged"
+            }
             numbers |= study.keyed(found, point["scenario"], point["controller"], point["gradient_error"])
         sentences = []
         for scenario, own in study.grouped(points, "scenario").items():
@@ -79,8 +76,8 @@ class GradientErrors(Sweep):
         laws = list(study.grouped(result.points, "controller"))
         sheet = Sheet(left=0.9)
         sheet.legend(draw.law_entries(laws))
-        scenarios, names = list(study.grouped(result.points, "scenario")), list(self.measures)
-        labels = list(self.measures.values())
+        scenarios, names = list(study.grouped(result.points, "scenario")), list(self.table["measures"])
+        labels = list(self.table["measures"].values())
         panels = draw.scenario_panels(sheet, scenarios, labels, "gradient error cₑ", height=1.4, gap=0.6)
         for (i, scenario), ax in panels.items():
             if names[i] != "settling_time_s":

@@ -35,11 +35,6 @@ class ShrinkingRegion(Sweep):
     """
 
     name = "shrinking-region"
-    measures: Mapping[str, str] = {
-        "joint_distance": "distance to sliding mode\nin joint space, RMS [rad]",
-        "unused": "allowed space\nleft unused [%]",
-        "switching_rate": "switching rate of the\nacting rows [Hz]",
-    }
 
     Case = study.case_type("scenario", "law", "region")
     """A scenario with ``sliding-mode``, with half of the sampling time (``halved``), or a blend and its region."""
@@ -96,8 +91,10 @@ class ShrinkingRegion(Sweep):
         entries = draw.law_entries(draw.potential_field(blend).name for blend in BLENDS)
         sheet.legend([*entries, line("sliding-mode", **REFERENCE)])
         below = "region δ, relative to the allowed range (smaller →)"
-        scenarios, names = list(study.grouped(result.points, "scenario")), list(self.measures)
-        panels = draw.scenario_panels(sheet, scenarios, list(self.measures.values()), below, height=1.45, gap=0.75)
+        scenarios, names = list(study.grouped(result.points, "scenario")), list(self.table["measures"])
+        panels = draw.scenario_panels(
+            sheet, scenarios, list(self.table["measures"].values()), below, height=1.45, gap=0.75
+        )
         for (i, scenario), ax in panels.items():
             points, column = study.where(result.points, scenario=scenario), names[i]
             by_law = {point["law"]: point for point in points}
