@@ -108,15 +108,13 @@ class NonStatic(Sweep):
         scenarios = list(study.grouped(result.points, "scenario"))
         known, unknown = draw.entry("velocity known", "#0072B2", "o"), draw.entry("velocity unknown", "#D55E00", "s")
         marks = draw.outcome_entries([*result.points, {"outcome": "kept"}, {"outcome": "violated"}], outcomes)
-        sheet = Sheet(left=0.8)
-        sheet.legend([*marks, draw.entry("bound (12)", INK), known, unknown, line("K times the speed", **REFERENCE)])
-        below = "speed of the obstacle, relative to the scenario's"
-        panels = draw.scenario_panels(sheet, scenarios, ("", ""), below, height=2.0, gap=0.9)
+        entries = [*marks, draw.entry("bound (12)", INK), known, unknown, line("K times the speed", **REFERENCE)]
+        sheet, panels = draw.scenario_grid(self.table, result.points, entries)
         for scenario in scenarios:
             own, obstacle = study.where(result.points, scenario=scenario), self._obstacle(scenario)
             speeds = sorted(study.grouped(own, "speed"))
             gap = 0.08 * (speeds[-1] - speeds[0]) or 0.1
-            upper, lower = panels[0, scenario], panels[1, scenario]
+            upper, lower = panels["switching_gain", scenario], panels["depth", scenario]
             for ax in (upper, lower):
                 ax.set_xlim(speeds[0] - gap, speeds[-1] + gap)
             upper.set_title(obstacle["title"])
