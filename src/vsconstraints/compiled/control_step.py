@@ -100,16 +100,19 @@ class ControlStep:
         self._controller: Controller | None = None
         self._options: dict[str, Any] | None = None
         packing, self._kernels = load("packing"), load("step")
-        # of a step of its own, whose address need not be looked at
-        self._evaluate_step = self._kernels.evaluate_step.unchecked
-        try:
-            self._packed = packing.Packed(scene, constraints, task, known, self._limits)
-            step = self._packed.step
-            self._now, self.last_command = (step.time, step.q, step.qd), step.last_command
-            self.innovation, self._bounds, self._slip = step.innovation, step.bounds, step.slip
-            self._correction = step.correction
-        except packing.NotCompiled as reason:
-            self.not_compiled = str(reason)
+        if packing is None or self._kernels is None:
+            self.not_compiled = "there is no compiler"
+        else:
+            # of a step of its own, whose address need not be looked at
+            self._evaluate_step = self._kernels.evaluate_step.unchecked
+            try:
+                self._packed = packing.Packed(scene, constraints, task, known, self._limits)
+                step = self._packed.step
+                self._now, self.last_command = (step.time, step.q, step.qd), step.last_command
+                self.innovation, self._bounds, self._slip = step.innovation, step.bounds, step.slip
+                self._correction = step.correction
+            except packing.NotCompiled as reason:
+                self.not_compiled = str(reason)
         self.plausible = plausible or Plausible()
 
     @property
