@@ -19,8 +19,8 @@ from ..formulas.vectors import along_with, cross, dot, matrix, plus, product, ti
 from ..rows import Array
 from . import arm, arm_motion, drives
 from .arm import Arm, BodyArrays, Drive, Motion
-from .compiler import IN_PLACE, compiled, in_place, know, numba, part_of_others
-from .parts import address, thaw_as
+from .compiler import IN_PLACE, compiled, compiles, in_place, overload, register_formulas
+from .parts import address, struct_loader
 
 for function in (
     drives.ask_torque,
@@ -39,8 +39,8 @@ for function in (
     arm_motion.bounded,
     arm_motion.drive_period,
 ):
-    part_of_others(function, IN_PLACE)
-know()
+    in_place(function)
+register_formulas()
 
 
 @in_place
@@ -134,7 +134,19 @@ def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
     arm_motion.factor(motion.M, motion.L)
 
 
-@numba.extending.overload(arm.evaluate, jit_options=IN_PLACE)  # type: ignore[untyped-decorator]
+class CompiledEngine:
+    """The mechanics of this module where it runs in Python."""
+
+    def evaluate(self, bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
+        """As :func:`evaluate`."""
+        evaluate(bodies, q, qd, motion)
+
+    def move(self, arm: Arm, q: Array, qd: Array, command: Array) -> None:
+        """As :func:`.substep`."""
+        arm_motion.substep(self, arm, q, qd, command)
+
+
+@overload(arm.evaluate)
 def _evaluate(engine: Any, bodies: Any, q: Any, qd: Any, motion: Any) -> Any:
     def here(engine: Any, bodies: Any, q: Any, qd: Any, motion: Any) -> Any:
         evaluate(bodies, q, qd, motion)
@@ -142,7 +154,7 @@ def _evaluate(engine: Any, bodies: Any, q: Any, qd: Any, motion: Any) -> Any:
     return here
 
 
-@numba.extending.overload(arm.move, jit_options=IN_PLACE)  # type: ignore[untyped-decorator]
+@overload(arm.move)
 def _move(engine: Any, arm: Any, q: Any, qd: Any, command: Any) -> Any:
     def here(engine: Any, arm: Any, q: Any, qd: Any, command: Any) -> Any:
         arm_motion.substep(engine, arm, q, qd, command)
@@ -158,16 +170,16 @@ def _example() -> Arm:
     return arm.blank((bodies, bodies), Drive(0, 0, 1.0, 1.0, *(one,) * 7, 0, 1.0, 1, 0), 1, 1, 1.0)
 
 
-thaw = thaw_as(numba.typeof(_example()))
+load_arm = struct_loader(_example())
 
-NONE = 0
-"""In place of an engine."""
+ENGINE: Any = 0 if compiles() else CompiledEngine()
+"""Compiled code has no object for it."""
 
 
 @compiled("int64(int64, float64[:, ::1])", IN_PLACE)
 def drive_period(arm_address: int, x: Array) -> int:
     """As :func:`vsconstraints.compiled.arm_motion.drive_period`."""
-    return arm_motion.drive_period(NONE, thaw(arm_address), x)
+    return arm_motion.drive_period(ENGINE, load_arm(arm_address), x)
 
 
 MOVE = address(drive_period)

@@ -1,10 +1,7 @@
 """The resolver ``hierarchy``, compiled: demands, task and least acceleration with strict priorities.
 
-This and :mod:`vsconstraints.qp.lexicographic` are a pair: there QPs are solved by solvers with names, called from
-Python, and matrices are decomposed by LAPACK; here all is one loop over stages on local arrays. One descent for both
-was built and measured: it gave the same bits, cost 1.1 µs a call (7.4 to 8.5 µs in the case study) and took twice as
-long to compile. One contract test holds the pair together: ``test_the_two_descents_agree`` in
-``tests/test_kernels.py``.
+:mod:`vsconstraints.controllers.cascade` goes the same way with QPs solved by solvers with names: the test
+``test_the_two_descents_agree`` in ``tests/test_kernels.py`` compares the two.
 """
 
 from __future__ import annotations
@@ -14,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..qp.lexicographic import DEPENDENT, MET, PULLING, ZERO_GRADIENT
 from ..rows import Array, BoolArray
+from ..rows.tolerances import DEPENDENT, MET, PULLING, ZERO_GRADIENT
 from .compiler import inner
 from .least_distance import KINDS, MULTIPLIER, POINT, SIDE, nearest
 from .least_residual import cut, least_residual
@@ -24,7 +21,7 @@ from .least_violation import GREATEST, LEAST, least_violation
 from .levels import CENTER, OFFSET, ORIGIN, ROWS_OF_X, damped, join, meets, metric, optimal, settle, with_room
 from .linear import ONE, S_ROWS, START, apply, constant, copy, dot
 from .scratch import blank, matrix, vector
-from .structures import DONE, FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, Scratch
+from .structures import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, Scratch
 
 HARD, RELAXING, STRICT_TASK = constant(0), constant(1), constant(2)
 """Stages: all rows; the points that violate least; level 2 by itself."""
@@ -105,7 +102,7 @@ def hierarchy(
     Returns
     -------
     tuple
-        ``DONE``; ``RELAXED_ROWS``, where demands are unmet; ``SHORT``, where levels 2 and 3 may be better met;
+        ``SOLVED``; ``RELAXED_ROWS``, where demands are unmet; ``SHORT``, where levels 2 and 3 may be better met;
         ``RELAXED_SHORT``, both; or ``FAILED``. And the iterations of the active-set method, at least 1 if it was
         needed.
     """
@@ -145,11 +142,11 @@ def hierarchy(
     if within and (below or tracks):
         for i in range(m):
             acted[i] = False
-        return DONE, 0
+        return SOLVED, 0
 
     w = free
     for j in range(n):
-        w += (box[GREATEST, j] < math.inf) + (box[LEAST, j] > -math.inf)
+        w += int(box[GREATEST, j] < math.inf) + int(box[LEAST, j] > -math.inf)
     walls, sides, W, index = blank(scratch, w, n), vector(scratch, w), vector(scratch, free), np.empty(free, np.int64)
     violation, rows = vector(scratch, free), matrix(scratch, KINDS, w)
     at = START
@@ -182,7 +179,7 @@ def hierarchy(
     while True:
         if stage == RELAXING:
             code = least_violation(walls[:free], sides[:free], W, box, qdd)
-            if code != DONE:
+            if code != SOLVED:
                 return code, steps
             for j in range(n):
                 X[ORIGIN, j] = qdd[j]
@@ -233,13 +230,13 @@ def hierarchy(
         metric(G, damping, Z, X, R, T, scratch)
         code, more = nearest(H, rows, R, T, X, scratch)
         steps = steps + more if stage == STRICT_TASK else more
-        if code == DONE:
+        if code == SOLVED:
             for j in range(n):
                 point[0, j] = X[POINT, j] if p == n else 0.0
                 for d in range(p if p < n else START):
                     point[0, j] += X[POINT, d] * Z[d, j]
                 point[0, j] = min(max(X[ORIGIN, j] + point[0, j], box[LEAST, j]), box[GREATEST, j])
-        good = code == DONE and meets(walls, sides, violation, point)
+        good = code == SOLVED and meets(walls, sides, violation, point)
         good = good and optimal(G, damping, Z, walls, limits, rows, X, point)
         if good:
             for j in range(n):
@@ -267,4 +264,4 @@ def hierarchy(
         acted[at] = violation[i] > 0.0 or held[i]
     if short:
         return (RELAXED_SHORT if unmet else SHORT), steps
-    return (RELAXED_ROWS if unmet else DONE), steps
+    return (RELAXED_ROWS if unmet else SOLVED), steps

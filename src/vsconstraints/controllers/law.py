@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.structures import ASK
+from ..compiled.structures import NEEDS_PYTHON
 from ..errors import ConfigurationError, InvalidInput, SolverError, shown
 from ..formulas.row import Row, asked_for
 from ..qp import SolverChain
@@ -17,10 +17,9 @@ from ..rows import OPTIONAL, UNKNOWN, Array, BoolArray, Command, Rows, Task, in_
 from .base import Controller
 from .compiled import NOT_FOR_COMPILED, BoundLaw, CompiledLaw, compiled_law, in_usual_layout
 from .demands import USES, Demand
-from .options import positive
-from .resolvers import Resolver
-from .resolvers.base import USES as OF_TASK
-from .resolvers.hierarchy import COMPILED
+from .ranges import positive
+from .resolvers import COMPILED, Resolver
+from .resolvers import USES as OF_TASK
 
 
 class Law(Controller):
@@ -236,7 +235,7 @@ class Law(Controller):
             if law.remark:
                 command.remark = law.remark
             return command
-        if code == ASK or self.solvers is None:
+        if code == NEEDS_PYTHON or self.solvers is None:
             return None
         self.solvers.failures[COMPILED] += 1
         answer = self.define(rows, task)
@@ -251,7 +250,14 @@ class Law(Controller):
             law.labels = rows.labels
             return law
         self._prepare(rows)
-        self._compiled = compiled_law(self, rows.labels)
+        self._compiled = compiled_law(
+            self.demand,
+            self.resolver,
+            rows.labels,
+            memory=self.memory,
+            last_rates=self.last_rates,
+            period=self.period,
+        )
         return self._compiled
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
@@ -259,7 +265,7 @@ class Law(Controller):
         if type(self).command is not Law.command or "command" in vars(self):
             return None
         law = self._compile(rows)
-        return None if law is None else BoundLaw(self, law, rows, task, acted, qdd)
+        return None if law is None else BoundLaw(self.resolver, law, rows, task, acted, qdd)
 
 
 def given(array: Array) -> Array | float:

@@ -18,7 +18,7 @@ from ..plots import Figure
 from ..results import reason_kind
 from ..scenario import finer_unit
 from .dataset import Dataset, rerun, setup_of
-from .figures.worst import WORST, Shown
+from .figures import WORST, Shown
 from .formatting import percentage
 from .ranking import ranking
 

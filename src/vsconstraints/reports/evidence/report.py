@@ -23,9 +23,7 @@ from ..report import command_facts, facts_table, machine_facts
 from . import tables
 from .dataset import Dataset
 from .failures import TRACKS, example_table, failure_table, replay_example, scene_figures, worst_figure
-from .figures.critical_difference import CRITICAL_DIFFERENCE, Diagram
-from .figures.fronts import FRONTS
-from .figures.profiles import PROFILES, Panel
+from .figures import CRITICAL_DIFFERENCE, FRONTS, PROFILES, Diagram, Panel
 from .findings import Finding, always_failing, findings, reversals, tuning_gain
 from .formatting import condition_text, scenes_text
 from .ranking import ranking

@@ -10,7 +10,7 @@ import numpy as np
 from ...compiled import load
 from ...compiled.arm import POSITION, SPEED, TORQUE, Arm, Drive, Engine, blank
 from ...compiled.arm_motion import BOUND, begin, drive_period
-from ...compiled.structures import frozen
+from ...compiled.structures import pack_struct
 from ...errors import SceneError
 from ...formulas.limits import JointLimits
 from ...robots.robot import Robot
@@ -101,7 +101,7 @@ class DynamicPlant(Plant):
             self._kernels = load("dynamics")
         self.engine = engine
         if self._kernels is not None:
-            self.frozen_arm = frozen(self.arm)
+            self.frozen_arm = pack_struct(self.arm)
             self.mover = self._kernels.MOVE, int(self.frozen_arm.ctypes.data)
         begin(engine, self.arm, self.x[0], self.x[1])
 

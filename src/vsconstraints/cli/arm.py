@@ -1,0 +1,122 @@
+"""``vsconstraints run``: a law on an arm, or on one that is simulated."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import ConfigurationError
+from . import options
+from .results import ReportOptions, comparison_report
+from .terminal import NOTHING_DONE, console, errors, note, typed_command
+
+SIMULATED_ARM = "simulated://"
+NO_WATCHDOG = "the driver knows of no watchdog in the arm"
+
+
+def _robot_names(incomplete: str) -> list[str]:
+    from ..arms import DRIVERS
+
+    return [name for scheme in DRIVERS if (name := f"{scheme}://").startswith(incomplete)]
+
+
+def _image_names(incomplete: str) -> list[str]:
+    from ..arms.images import MODEL, SIMULATED
+
+    return [name for name in (MODEL, SIMULATED) if name.startswith(incomplete)]
+
+
+def run(
+    context: typer.Context,
+    scenario: options.Scenario,
+    controller: options.Controller = "hierarchical-qp",
+    robot: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="ur-rtde://192.168.0.2, loopback://; a simulated arm, as fast as it goes, if not given.",
+            autocompletion=_robot_names,
+        ),
+    ] = SIMULATED_ARM,
+    images: Annotated[
+        str | None,
+        typer.Option(
+            help="What sees the markers: simulated, model (nothing does), or one's own module:function.",
+            autocompletion=_image_names,
+        ),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Yes, move a real arm.")] = False,
+    from_arm: Annotated[bool, typer.Option("--from-arm", help="Start where the arm stands.")] = False,
+    rate: Annotated[float | None, typer.Option(min=1.0, metavar="HZ", help="Instead of the scenario's.")] = None,
+    settings: options.Settings = None,
+    priority: Annotated[
+        bool, typer.Option("--real-time/--no-real-time", help="Whether to ask the system for real time.")
+    ] = True,
+    out: Annotated[Path | None, typer.Option(help="Folder for log and results; one of its own for each run.")] = None,
+    figures: options.Figures = True,
+) -> None:
+    """Run a law on an arm, supervised; without --robot a dry run, in which nothing moves."""
+    from ..arms import Job, driver_for, eye_of, real_time, run_on_arm, store
+    from ..arms.images import MODEL, SIMULATED
+    from ..arms.record import demand_own_folder, punctuality
+    from ..comparisons import Suite
+    from ..comparisons.entries import chosen_entries
+    from ..comparisons.runs.folder import held
+    from ..comparisons.runs.signals import exit_code
+    from ..compiled import prepare
+    from ..reports.page import where
+    from ..scenarios import Scenario
+
+    chosen = Scenario.load(scenario)
+    settings = [*(settings or ()), *([] if rate is None else [f"scenario.sampling_time={1.0 / rate!r}"])]
+    suite = Suite("run", f"{chosen.title}, on an arm", (chosen,), chosen_entries((), [controller]))
+    suite = suite.select(settings=settings)
+    loaded, law = suite.scenarios[0], suite.controllers[0].make()
+    setup = loaded.setup()
+    driver = driver_for(robot, setup)
+    if driver.real and not yes:
+        raise ConfigurationError(
+            f"{robot} is a real arm, which would move. Look at the same command without --robot first; then stand by "
+            "its emergency stop, and give --yes"
+        )
+    if driver.real and images is None:
+        raise ConfigurationError(
+            f"{robot} is a real arm: say what sees the markers, --images module:function, or --images {MODEL} where "
+            "nothing does and the image is predicted from the joints"
+        )
+    image_source = eye_of(images or SIMULATED, setup, loaded.folder)
+    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
+    out = out or Path("vsconstraints-runs") / f"{loaded.name}--{controller}--{stamp}"
+    demand_own_folder(out)
+    context.with_resource(held(out, "a comparison"))
+    prepare()
+    if robot == SIMULATED_ARM:
+        console.print("Dry run: no arm is connected; the scenario's robot is simulated, as fast as it goes.")
+    elif not driver.real:
+        console.print(f"Dry run: {robot} is a stand-in for an arm, and nothing moves.")
+    with real_time(priority and not driver.simulated_time) as permitted:
+        if not driver.simulated_time:
+            console.print(f"Real time: {'; '.join(permitted.said())}.")
+            console.print(f"If the loop stops sending: {driver.watchdog or NO_WATCHDOG}.")
+            for warning in permitted.warnings():
+                errors.print(f"warning: {warning}")
+        setup, log = run_on_arm(Job(setup, law, driver, image_source, from_arm=from_arm))
+    for line in punctuality(log).lines() if not driver.simulated_time else ():
+        console.print(line)
+    if log.cause:
+        errors.print(f"{log.ended}: {log.cause}")
+    for remark in log.remarks:
+        note(remark)
+    (console if log.at_rest else errors).print(f"The arm: {log.stop}.")
+    trajectory, _ = store(out, suite, setup, log, robot, typed_command())
+    report = comparison_report(out, ReportOptions(figures, trust=True))
+    if trajectory is not None:
+        console.print(f"{trajectory.status}: {trajectory.reason}")
+    console.print(f"Log and results: {out}. {where(report)}")
+    if log.signal:
+        raise typer.Exit(exit_code(log.signal))
+    if log.ended != "done":
+        raise typer.Exit(NOTHING_DONE)
