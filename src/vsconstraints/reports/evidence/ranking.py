@@ -9,8 +9,7 @@ from math import inf, isfinite
 from typing import Any, NamedTuple
 
 from ...comparisons.statistics import compare_laws, distinguishable, mcnemar, rate, simultaneous
-from ...comparisons.statistics.inputs import FEWEST
-from ...comparisons.statistics.judged import judged_metric
+from ...comparisons.statistics.judged import MIN_SCENES, judged_metric
 from ...rows.readable import counted
 from ..numbers import number
 from .dataset import Dataset
@@ -71,7 +70,7 @@ class Ranking:
     @property
     def too_few(self) -> bool:
         """Whether there are too few scenes for any difference to be significant."""
-        return self.scenes < FEWEST
+        return self.scenes < MIN_SCENES
 
     def pair(self, first: str, second: str) -> Pair:
         """One controller against another."""
