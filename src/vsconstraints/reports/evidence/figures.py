@@ -13,7 +13,7 @@ from ...comparisons.statistics import Profile, Ranks
 from ...simulation import Setup
 from ..figures import View
 from ..figures.tracks import LAST, OUTSIDE, START, draw_run
-from ..plots import FAINT, INK, WIDTH, Figure, Sheet, line, logarithmic, looks, shortened, symbol, widths
+from ..plots import FAINT, INK, WIDTH, Figure, Sheet, darker, line, logarithmic, looks, shortened, symbol, widths
 from ..plots.image import Plane
 from ..plots.style import LOOKS
 
