@@ -1,6 +1,4 @@
-"""Where a robot is and how it moves: evaluated on Pinocchio for one configuration at a time.
-
-"""
+"""Where a robot is and how it moves: evaluated on Pinocchio for one configuration at a time."""
 
 from __future__ import annotations
 
