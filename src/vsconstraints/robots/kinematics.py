@@ -1,4 +1,8 @@
-"""Where a robot is and how it moves: evaluated on Pinocchio for one configuration at a time."""
+"""Where a robot is and how it moves: evaluated on Pinocchio for one configuration at a time.
+
+The oracle of :mod:`vsconstraints.compiled.kinematics`: ``test_every_robot_and_constraint_in_every_world`` in
+``tests/test_control_step.py`` compares the two.
+"""
 
 from __future__ import annotations
 
