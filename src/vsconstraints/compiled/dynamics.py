@@ -20,7 +20,7 @@ from ..rows import Array
 from . import arm, arm_motion, drives
 from .arm import Arm, BodyArrays, Drive, Motion
 from .compiler import IN_PLACE, compiled, compiles, in_place, overload, register_formulas
-from .parts import address, struct_loader
+from .parts import address, checked, struct_loader
 
 for function in (
     drives.ask_torque,
@@ -176,6 +176,7 @@ ENGINE: Any = 0 if compiles() else CompiledEngine()
 """Compiled code has no object for it."""
 
 
+@checked(Arm)
 @compiled("int64(int64, float64[:, ::1])", IN_PLACE)
 def drive_period(arm_address: int, x: Array) -> int:
     """As :func:`vsconstraints.compiled.arm_motion.drive_period`."""

@@ -10,7 +10,7 @@ from ..compiled import load
 from ..compiled.structures import Step
 from ..constraints import ConstraintSet, SpeedConstraint
 from ..errors import ConfigurationError, unknown_name
-from ..formulas.gradient_error import gradient_error
+from ..formulas.row import gradient_error
 from ..rows import Array, Rows
 from .disturbances import VISIBILITY, Disturbances
 
@@ -55,5 +55,5 @@ class GradientError:
     def write(self, step: Step) -> None:
         """Let a compiled step make the same rows."""
         if self.any:
-            step.gradient_error["address"] = load("gradient_error").SPOIL
+            step.gradient_error["address"] = load("gradient_error").APPLY
             step.gradient_error["in_phi"], step.gradient_share[:] = self._in_phi, self._share
