@@ -58,7 +58,7 @@ def run(
     figures: Figures = True,
 ) -> None:
     """Run a law on an arm, supervised; without --robot a dry run, in which nothing moves."""
-    from ..arms import Job, driver_for, eye_of, real_time, run_on_arm, store
+    from ..arms import Job, driver_for, image_source, real_time, run_on_arm, store
     from ..arms.images import MODEL, SIMULATED
     from ..arms.record import demand_own_folder, punctuality
     from ..comparisons.runs.folder import held
@@ -81,7 +81,7 @@ def run(
             f"{robot} is a real arm: say what sees the markers, --images module:function, or --images {MODEL} where "
             "nothing does and the image is predicted from the joints"
         )
-    eye = eye_of(images or SIMULATED, setup, made.folder)
+    source = image_source(images or SIMULATED, setup, made.folder)
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     out = out or Path("vsconstraints-runs") / f"{made.name}--{controller}--{stamp}"
     demand_own_folder(out)
@@ -90,14 +90,14 @@ def run(
     if robot == DRY:
         console.print("Dry run: no arm is connected; the scenario's robot is simulated, as fast as it goes.")
     elif not driver.real:
-        console.print(f"Dry run: {robot} is no arm but a stand-in, and nothing moves.")
+        console.print(f"Dry run: {robot} is not a real arm, and nothing moves.")
     with real_time(priority and not driver.simulated_time) as permitted:
         if not driver.simulated_time:
             console.print(f"Real time: {'; '.join(permitted.said())}.")
             console.print(f"If the loop falls silent: {driver.watchdog or UNWATCHED}.")
             for warning in permitted.warnings():
                 errors.print(f"warning: {warning}")
-        setup, log = run_on_arm(Job(setup, law, driver, eye, from_arm=from_arm))
+        setup, log = run_on_arm(Job(setup, law, driver, source, from_arm=from_arm))
     for line in punctuality(log).lines() if not driver.simulated_time else ():
         console.print(line)
     _tell(log)
