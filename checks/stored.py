@@ -37,7 +37,7 @@ from vsconstraints.comparisons.evidence import TABLES, Campaign, Evidence, Plan,
 from vsconstraints.comparisons.evidence.folder import stored_files as files_of_campaign
 from vsconstraints.comparisons.folder import stored_files as files_of_comparison
 from vsconstraints.comparisons.record import SHAPES
-from vsconstraints.comparisons.runs.checksums import SUMS, digests, write_sums
+from vsconstraints.comparisons.runs.files import SUMS, digests, write_sums
 from vsconstraints.errors import VsconstraintsError
 from vsconstraints.reports import write_report
 from vsconstraints.reports.evidence import replay, write_evidence_report

@@ -79,11 +79,9 @@ nitpick_ignore = [
     ("py:class", "dict[str"),  # aliases of types with a comma in them
     ("py:class", "tuple[int | None"),
     ("py:class", "vsconstraints.plugins.classes.Base"),  # type variables
-    ("py:class", "vsconstraints.comparisons.runs.keep.Line"),
+    ("py:class", "vsconstraints.comparisons.runs.folder.Line"),
     ("py:class", "vsconstraints.comparisons.runs.pool.Key"),
-    ("py:class", "vsconstraints.comparisons.evidence.workers.Key"),
     ("py:class", "vsconstraints.formulas.F"),
-    ("py:class", "vsconstraints.plugins.renamed.Made"),
     ("py:class", "vsconstraints.controllers.named.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
     ("py:class", "vsconstraints.reports.evidence.material.Worked"),

@@ -22,7 +22,7 @@ from vsconstraints.cli import app
 from vsconstraints.comparisons import StoredComparison, Suite, compare, keep_trajectories
 from vsconstraints.comparisons.evidence import TABLES, Campaign, Evidence, Shard, collect, merge, parquet
 from vsconstraints.comparisons.evidence import folder as folders
-from vsconstraints.comparisons.runs.checksums import SUMS, recorded, seal
+from vsconstraints.comparisons.runs.files import SUMS, recorded, seal
 from vsconstraints.comparisons.runs.folder import manifest_of
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report

@@ -14,12 +14,11 @@ from typer.testing import CliRunner
 from vsconstraints.cli import app, main
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.difference import difference
-from vsconstraints.comparisons.difference.changes import changes
-from vsconstraints.comparisons.difference.difference import Question
-from vsconstraints.comparisons.difference.page import page, verdict
+from vsconstraints.comparisons.difference.difference import Question, changes
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, METRICS, RESULT_COLUMNS, TIMING_COLUMNS
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.reports.difference import page, verdict
 
 LAWS = ("tracking", "one", "two")
 FLAGS = {metric.column for metric in METRICS if metric.kind == "flag"}

@@ -14,11 +14,11 @@ from made_evidence import frame, made, run
 from test_evidence import HERE
 from vsconstraints.comparisons.difference import difference
 from vsconstraints.comparisons.difference.difference import Question
-from vsconstraints.comparisons.difference.page import page, verdict
 from vsconstraints.comparisons.evidence import TABLES, Campaign, collect, parquet
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.reports.difference import page, verdict
 
 SCENES = 60
 Line = dict[str, Any]

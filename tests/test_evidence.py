@@ -35,7 +35,7 @@ from vsconstraints.comparisons.evidence import folder as folders
 from vsconstraints.comparisons.evidence.task import Work
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN, Score, score
 from vsconstraints.comparisons.record import RunRecord
-from vsconstraints.comparisons.runs.checksums import SUMS
+from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.runs.pool import Failure
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.errors import ConfigurationError, StorageError
@@ -284,7 +284,7 @@ def test_other_code_is_refused_and_fresh_replaces(
     small, out = whole
     one = replace(small, scenes=1)
     collect(one, tmp_path / "a", HERE)
-    for module in ("evidence.identity", "runs.machine"):
+    for module in ("comparisons.evidence.campaign", "comparisons.runs.machine"):
         monkeypatch.setattr(f"vsconstraints.{module}.code_hash", lambda: "of another day")
     with pytest.raises(ConfigurationError, match="the package's source differs"):
         collect(one, tmp_path / "a", HERE)

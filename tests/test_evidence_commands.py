@@ -16,7 +16,7 @@ from test_evidence import here
 from vsconstraints.cli import app
 from vsconstraints.comparisons import Suite
 from vsconstraints.comparisons.evidence import Campaign, parquet
-from vsconstraints.comparisons.evidence.columns import Column
+from vsconstraints.comparisons.evidence.parquet import Column
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios.families import Family, families
 

@@ -15,7 +15,7 @@ from vsconstraints.cli import reporting
 from vsconstraints.comparisons import keep_trajectories
 from vsconstraints.comparisons.metrics import RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
-from vsconstraints.comparisons.runs.keep import Kinds, demand_keep, kept_lines
+from vsconstraints.comparisons.runs.folder import Kinds, demand_keep, kept_lines
 from vsconstraints.comparisons.tables import read_table, write_table
 from vsconstraints.errors import ConfigurationError, StorageError
 from vsconstraints.reports.summary import law_table

@@ -10,7 +10,7 @@ import pytest
 
 import mutated
 from vsconstraints.comparisons import Suite, compare
-from vsconstraints.comparisons.runs.checksums import SUMS
+from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.errors import VsconstraintsError
 from vsconstraints.reports import write_report
 from vsconstraints.scenarios import Scenario

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from campaigns import campaign
-from vsconstraints.comparisons.evidence.pieces import GRACE, by_pieces
+from vsconstraints.comparisons.evidence.runner import GRACE, by_pieces
 from vsconstraints.comparisons.evidence.task import Batch, Work
 from vsconstraints.comparisons.evidence.worker import failed
 from vsconstraints.comparisons.runs.pool import Failure
@@ -23,7 +23,7 @@ class Mortal:
     def run(
         self, calls: Mapping[Any, tuple[Any, ...]], limits: Mapping[Any, float] | None = None, *, again: bool = True
     ) -> Iterator[tuple[Any, Any]]:
-        """See :class:`vsconstraints.comparisons.evidence.workers.Workers`."""
+        """See :class:`vsconstraints.comparisons.runs.pool.Workers`."""
         self.asked.append(([task for (task,) in calls.values()], limits, again))
         for key, (task,) in reversed(calls.items()):
             to_blame = task.single is None or task.single.controller == self.law

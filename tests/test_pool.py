@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from processes import left_over, marked, needs_proc, with_mark
-from vsconstraints.comparisons.runs import resources
+from vsconstraints.comparisons.runs import machine as resources
 from vsconstraints.comparisons.runs.pool import DIED, Failure, Pool
 
 
@@ -121,7 +121,7 @@ STARTS_WORKERS = """
 import sys, time
 sys.path.insert(0, {tests!r})
 from test_pool import do
-from vsconstraints.runs.pool import Pool
+from vsconstraints.comparisons.runs.pool import Pool
 if __name__ == "__main__":
     with Pool(do, 2) as pool:
         for _ in pool.run({{"a": ("work",), "b": ("hang",), "c": ("hang",)}}):
@@ -149,7 +149,7 @@ def test_processes_end_with_their_parent_whatever_ends_it(tmp_path: Path, number
 def test_no_more_processes_than_cores_that_may_be_used() -> None:
     code = (
         "import os; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\n"
-        "from vsconstraints.comparisons.runs.resources import cores, process_count\n"
+        "from vsconstraints.comparisons.runs.machine import cores, process_count\n"
         "print(cores(), process_count(), process_count(64))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -23,7 +23,7 @@ from vsconstraints import Robot
 from vsconstraints.cli import app
 from vsconstraints.comparisons import RunRecord, Suite, compare
 from vsconstraints.comparisons.record import run_file
-from vsconstraints.comparisons.runs.checksums import SUMS
+from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report

@@ -23,7 +23,7 @@ from scenes import of_depth
 from vsconstraints.comparisons import RunRecord, StoredComparison, Suite, compare
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
-from vsconstraints.comparisons.runs.checksums import SUMS
+from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import drawing, groups, scenario_section, write_report

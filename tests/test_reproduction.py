@@ -23,8 +23,7 @@ from vsconstraints.formulas.rotation import rotation_vector_rate
 from vsconstraints.paper import CLAIMS, all_claims, report, reproduce, runner
 from vsconstraints.paper.claims.erroneous_gradients import Difference
 from vsconstraints.paper.figures import FIGURES, planar
-from vsconstraints.paper.reconstructed import reconstructed
-from vsconstraints.paper.report import TOPICS, differences
+from vsconstraints.paper.report import TOPICS, differences, reconstructed
 from vsconstraints.paper.studies import StudyResult
 from vsconstraints.paper.studies.points import Numbers, under
 from vsconstraints.paper.verdicts import TEXTS, VERDICTS, Claim, Finding, claim
@@ -579,7 +578,7 @@ def test_a_claim_that_raises_is_a_line_with_its_reason() -> None:
 
 def test_an_unknown_scenario_is_no_exception(tmp_path: Path) -> None:
     spec = RunSpec("no-such-scenario")
-    found = runner.made([spec], tmp_path, 1, lambda done, total: None)[spec]
+    found = runner.run_specs([spec], tmp_path, 1, lambda done, total: None)[spec]
     assert isinstance(found, str)
     assert found.startswith("ConfigurationError: unknown scenario 'no-such-scenario'")
 

@@ -11,10 +11,9 @@ from vsconstraints.cli.reproduce import reproduce
 from vsconstraints.comparisons.run import perform
 from vsconstraints.comparisons.runs.spec import ControllerSpec, RunSpec
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.paper import chosen_claims, chosen_figures, redraw
+from vsconstraints.paper import check, chosen_claims, chosen_figures, redraw, runner
 from vsconstraints.paper.figures import FIGURES
 from vsconstraints.paper.figures.arm import details, tip_path
-from vsconstraints.paper.parts import check
 from vsconstraints.paper.verdicts import Claim
 from vsconstraints.reports.plots import Sheet
 
@@ -84,10 +83,7 @@ def test_another_law_is_for_figures_that_show_runs(tmp_path: Path) -> None:
 
 
 def test_a_figure_that_cannot_be_drawn_is_named_and_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from vsconstraints.paper import runner
-
-    monkeypatch.setattr(runner, "made", lambda specs, *_: dict.fromkeys(specs, "it exploded"))
-    monkeypatch.setattr("vsconstraints.paper.parts.made", runner.made)
+    monkeypatch.setattr(runner, "run_specs", lambda specs, *_: dict.fromkeys(specs, "it exploded"))
     path = tmp_path / "figures" / "fig-11.png"
     path.parent.mkdir()
     path.write_text("an older one")

@@ -160,7 +160,7 @@ def test_fresh_replaces_another_comparison(tmp_path: Path) -> None:
 HOLD = """
 import sys, time
 from pathlib import Path
-from vsconstraints.runs.folder import held
+from vsconstraints.comparisons.runs.folder import held
 with held(Path(sys.argv[1]), "a comparison"):
     print("held", flush=True)
     time.sleep(300)

@@ -762,3 +762,12 @@ def test_a_constraint_that_goes_on_raising_leaves_the_trajectory(
     assert np.isnan(trajectory.clearance[:, late]).all()
     assert np.isfinite(trajectory.clearance[:, ~late]).all()
     assert np.isfinite(trajectory.phi).all()
+
+
+def test_values_from_python_may_be_those_of_numpy() -> None:
+    scenario = Scenario.load("example-2d-fov")
+    changed = scenario.with_override("duration", np.float64(1.5)).with_override("q0", np.array(scenario.tables["q0"]))
+    setup = changed.with_override("task.Kp0", np.float32(2.0)).setup()
+    assert (setup.duration, setup.task.gains.Kp0, setup.q0.tolist()) == (1.5, 2.0, scenario.tables["q0"])
+    with pytest.raises(ConfigurationError, match=r"camera must be a table, not 2\.0"):
+        scenario.with_override("camera", np.float64(2.0)).setup()

@@ -16,7 +16,7 @@ import pytest
 
 from processes import MAIN, left_over, marked, needs_proc
 from vsconstraints.cli.terminal import note_processes
-from vsconstraints.comparisons.runs import resources
+from vsconstraints.comparisons.runs import machine as resources
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.paper.studies import RunSummary, run_studies
 from vsconstraints.paper.studies.shrinking_region import ShrinkingRegion

@@ -14,12 +14,12 @@ import pytest
 
 from vsconstraints.comparisons import RunRecord, RunSpec, Suite, compare
 from vsconstraints.comparisons.evidence import Campaign
-from vsconstraints.comparisons.evidence.identity import differences
+from vsconstraints.comparisons.evidence.campaign import differences
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file, stored_run
 from vsconstraints.comparisons.runner import run_stored
 from vsconstraints.comparisons.runs import machine
-from vsconstraints.comparisons.runs.checksums import SUMS
+from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.runs.machine import package_versions
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.comparisons.tables import append_lines, read_table, write_table

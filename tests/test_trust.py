@@ -23,8 +23,7 @@ from vsconstraints.cli import app
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.evidence import Evidence, collect, merge
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
-from vsconstraints.comparisons.runs.checksums import SUMS
-from vsconstraints.comparisons.runs.files import write_arrays
+from vsconstraints.comparisons.runs.files import SUMS, write_arrays
 from vsconstraints.comparisons.tables import read_table, write_table
 from vsconstraints.errors import ConfigurationError, VsconstraintsError
 from vsconstraints.reports import write_report

@@ -23,8 +23,8 @@ from vsconstraints import Camera, Robot
 from vsconstraints.arms import Envelope
 from vsconstraints.arms.drivers.loopback import Behaviour, FakeArm, Server
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.tuning.journal import Journal
 from vsconstraints.comparisons.tuning.objectives import Judged
+from vsconstraints.comparisons.tuning.tune import Journal
 from vsconstraints.errors import VsconstraintsError
 
 NETWORK = ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.sendto", "urllib.Request")

@@ -19,14 +19,25 @@ from vsconstraints.comparisons.evidence import Campaign
 from vsconstraints.comparisons.runs.spec import ControllerSpec
 from vsconstraints.comparisons.tuning import Budget, Problem, Stage, Tuning, tune
 from vsconstraints.comparisons.tuning import tune as tune_function
-from vsconstraints.comparisons.tuning.evaluation import evaluating
-from vsconstraints.comparisons.tuning.fronts import choose, front, hypervolume
-from vsconstraints.comparisons.tuning.journal import Journal
-from vsconstraints.comparisons.tuning.objectives import FAILED, OBJECTIVES, REFERENCE, Judged, Outcome, judged, outcome
+from vsconstraints.comparisons.tuning.objectives import (
+    FAILED,
+    OBJECTIVES,
+    REFERENCE,
+    Judged,
+    Outcome,
+    choose,
+    front,
+    hypervolume,
+    judged,
+    outcome,
+)
+from vsconstraints.comparisons.tuning.problem import evaluating
 from vsconstraints.comparisons.tuning.result import Asked
 from vsconstraints.comparisons.tuning.search import Search, Searched
+from vsconstraints.comparisons.tuning.tune import Journal
 from vsconstraints.controllers import make_controller
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.reports.tuning import write_report
 from vsconstraints.rows import Array
 from vsconstraints.scenarios.families import Family
 from vsconstraints.scenarios.toml import read_toml
@@ -82,7 +93,9 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[Tuning, MadeUp]]
 
         monkeypatch.setattr(Problem, "stages", lambda self, *_: ())
         monkeypatch.setitem(tune_function.__globals__, "evaluating", evaluating)
-        return tune(problem, folder), evaluator
+        tuning = tune(problem, folder)
+        write_report(tuning, folder)
+        return tuning, evaluator
 
     return tuned
 

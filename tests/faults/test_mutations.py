@@ -11,7 +11,7 @@ from commands import Command, suite
 import mutated
 from test_mutated import outcomes, start
 from vsconstraints.comparisons import Suite
-from vsconstraints.comparisons.runs.checksums import SUMS
+from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.reports import write_report
 
 pytestmark = pytest.mark.faults

@@ -100,8 +100,7 @@ def compare(
     from ..comparisons import RunSpec, Suite, keep_trajectories
     from ..comparisons import compare as run
     from ..comparisons.metrics import Score
-    from ..comparisons.runs.folder import held
-    from ..comparisons.runs.keep import demand_keep
+    from ..comparisons.runs.folder import demand_keep, held
     from ..reports.failures import kind
     from ..reports.page import where
 

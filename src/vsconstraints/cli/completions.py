@@ -91,7 +91,7 @@ def _formats() -> Iterable[object]:
 
 
 def _ways_to_keep() -> Iterable[object]:
-    from ..comparisons.runs.keep import Keep
+    from ..comparisons.runs.folder import Keep
 
     return get_args(Keep)
 

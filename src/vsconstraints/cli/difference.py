@@ -41,7 +41,7 @@ def diff(
 
     demand("evidence", "a difference of two folders")
     from ..comparisons.difference.difference import TOLERANCE, Question, difference
-    from ..comparisons.difference.page import page, verdict
+    from ..reports.difference import page, verdict
 
     renamed = dict(_renaming(text) for text in rename or ())
     question = Question(metric or (), strict, TOLERANCE if tolerance is None else tolerance, renamed)

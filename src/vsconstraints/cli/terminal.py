@@ -80,7 +80,7 @@ def typed_command() -> list[str]:
 
 def note_processes(asked: int | None) -> None:
     """Say so where fewer processes are used than were asked for."""
-    from ..comparisons.runs.resources import process_count
+    from ..comparisons.runs.machine import process_count
 
     used = process_count(asked)
     if asked is not None and used < asked:

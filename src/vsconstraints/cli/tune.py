@@ -43,8 +43,9 @@ def tune(
     from ..comparisons.evidence import Campaign
     from ..comparisons.tuning import Budget, Problem
     from ..comparisons.tuning import tune as run
-    from ..comparisons.tuning.storing import REPORT, TUNED
+    from ..comparisons.tuning.result import TUNED
     from ..reports.page import where
+    from ..reports.tuning import REPORT, write_report
 
     for setting in settings or ():
         key = setting.partition("=")[0].strip()
@@ -64,6 +65,7 @@ def tune(
             command=typed_command(),
             on_progress=lambda what, done, total: progress.update(bar, description=what, completed=done, total=total),
         )
+        write_report(tuning, out)
     for law in tuning.laws:
         if law.chosen is not None and not law.chosen.feasible:
             errors.print(f"note: no setting of {law.law.law.name} keeps to the violations that are allowed")

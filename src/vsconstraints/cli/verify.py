@@ -60,7 +60,7 @@ def _evidence(folder: Path) -> tuple[str, list[str]]:
     demand("evidence", "a campaign")
     from ..comparisons.evidence import Evidence, Shard
     from ..comparisons.evidence.folder import MARK, Facts, shard_file, shard_names, stored_files
-    from ..comparisons.evidence.shards import missing_scenes
+    from ..comparisons.evidence.stored import missing_scenes
 
     try:
         evidence = Evidence.load(folder, trust=True)  # nothing of it is built
@@ -76,7 +76,7 @@ def _evidence(folder: Path) -> tuple[str, list[str]]:
 
 def _of_files(folder: Path, paths: list[Path]) -> list[str]:
     """What is otherwise than it was recorded, trajectories included, which readers can do without."""
-    from ..comparisons.runs.checksums import Difference, recorded
+    from ..comparisons.runs.files import Difference, recorded
 
     sums = recorded(folder)
     if sums is None:

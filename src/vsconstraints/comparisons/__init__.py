@@ -1,6 +1,6 @@
 """Comparisons: suites, the runner, scores, and what is stored."""
 
-from .keeping import keep_trajectories
+from .folder import keep_trajectories
 from .metrics import DEFINITIONS, score
 from .record import RunRecord
 from .runner import Finished, compare

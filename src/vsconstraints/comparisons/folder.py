@@ -8,13 +8,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from ..errors import ConfigurationError
-from .record import stored_run
-from .runs.checksums import TRAJECTORIES, demand_unchanged
-from .runs.files import plain
-from .runs.folder import MANIFEST, manifest_of
+from ..errors import ConfigurationError, StorageError
+from .metrics import RESULT_COLUMNS
+from .record import run_file, stored_run
+from .runs.files import TRAJECTORIES, demand_unchanged, plain, seal
+from .runs.folder import MANIFEST, Keep, Kinds, kept_lines, manifest_of
 from .runs.spec import RunSpec
 from .suite import Suite
+from .tables import read_table
 
 ARM_LOG = Path("arm", "log.npz")
 """What a run on an arm leaves in its folder beside what all runs do."""
@@ -93,3 +94,35 @@ def _finished(folder: Path) -> dict[tuple[str, str, str], str]:
         for line in lines
         if all(line.get(name) for name in ("scenario", "controller", "trial"))
     }
+
+
+KINDS = Kinds(("scenario", "controller"), "trial", "scenario")
+
+
+def keep_trajectories(folder: Path, keep: Keep) -> int:
+    """Remove the trajectories of all other runs of a stored comparison; how many stay.
+
+    The same command makes those runs again: it keeps what it makes until its report is written. What an arm has done
+    stays, since no command makes it again.
+
+    Raises
+    ------
+    ConfigurationError
+        if there is no comparison in the folder.
+    StorageError
+        if a trajectory cannot be removed.
+    """
+    lines = read_table(folder / "results.csv", RESULT_COLUMNS)
+    driven = [line for line in lines if ON_ARM.match(line["reason"])]
+    files = {
+        run_file(folder, line["scenario"], line["controller"], int(line["trial"]))
+        for line in (*kept_lines(lines, keep, KINDS), *driven)
+    }
+    stored = set((folder / "trajectories").glob("*.npz"))
+    try:
+        for path in stored - files:
+            path.unlink(missing_ok=True)
+        seal(folder, stored_files(folder))
+    except OSError as error:
+        raise StorageError(f"trajectories that are not to be kept stay in {folder}: {error}") from error
+    return len(stored & files)

@@ -17,8 +17,7 @@ from ..rows import Array, BoolArray
 from ..rows.readable import in_one_line
 from ..simulation import Setup, Trajectory
 from ..simulation.trajectory import Outcome
-from .runs.checksums import TRAJECTORIES
-from .runs.files import MOST_EXPANDED, read_arrays, write_arrays
+from .runs.files import MOST_EXPANDED, TRAJECTORIES, read_arrays, write_arrays
 from .runs.spec import RunSpec
 
 SAMPLE_MEMORY = 65_536.0

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import chdir, suppress
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import chdir, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..constraints import Constraint
+from ..errors import ConfigurationError
 from ..plugins.classes import beside
 from ..rows import Array
 from ..simulation import Setup, Trajectory, intervals, simulate, until_settled
@@ -182,3 +185,35 @@ def kept_run(spec: RunSpec, file: Path) -> Run:
     with suppress(OSError):  # the run is there: it can only not be taken up again
         run.record.save(file)
     return run
+
+
+def kept_file(folder: Path, spec: RunSpec, what: str = "record") -> Path:
+    """Where something of a run is kept; another file if anything it is made of, the code included, is another."""
+    return folder / f"{spec.fingerprint}-{what}.npz"
+
+
+@contextmanager
+def unfinished(folder: Path | None) -> Iterator[Path]:
+    """The folder ``unfinished`` below a command's own; it goes when the block has been carried out to its end.
+
+    Parameters
+    ----------
+    folder
+        The command's; nothing is kept if None.
+
+    Raises
+    ------
+    ConfigurationError
+        if it cannot be made.
+    """
+    if folder is None:
+        with tempfile.TemporaryDirectory() as temporary:
+            yield Path(temporary)
+        return
+    kept = folder / "unfinished"
+    try:
+        kept.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"results cannot be written to {folder}: {error}") from error
+    yield kept
+    shutil.rmtree(kept, ignore_errors=True)

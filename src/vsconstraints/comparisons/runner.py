@@ -17,12 +17,10 @@ from .folder import demand_arm_kept, demand_nothing_lost, stored_files
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, Score, score
 from .record import RunRecord, run_file, stored_run
 from .run import perform
-from .runs.checksums import SUMS, TRAJECTORIES, add_sums, remove_changed, seal
-from .runs.files import storing, write_json
+from .runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed, seal, storing, write_json
 from .runs.folder import MANIFEST, held
-from .runs.machine import loaded_versions, made_by, used_versions
+from .runs.machine import loaded_versions, made_by, run_limit, used_versions
 from .runs.pool import Failure, carry_out
-from .runs.resources import run_limit
 from .runs.signals import INTERRUPTS, signal_of
 from .runs.spec import BASELINE, RunSpec
 from .suite import Suite
@@ -96,7 +94,7 @@ def compare(
         runs what no other can.
     limit
         How long a run may take [s]; by its number of samples if None
-        (:func:`vsconstraints.comparisons.runs.resources.run_limit`).
+        (:func:`vsconstraints.comparisons.runs.machine.run_limit`).
     fresh
         Whether to run again what is stored, and to replace another comparison.
     command

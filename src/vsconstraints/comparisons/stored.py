@@ -17,9 +17,9 @@ from .entries import demand_stored_names
 from .folder import stored_files
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from .record import RunRecord, run_file
-from .runs.checksums import demand_inside, demand_unchanged
+from .runs.files import demand_inside, demand_unchanged
 from .runs.folder import manifest_of, read_manifest
-from .runs.resources import most_samples
+from .runs.machine import most_samples
 from .tables import read_table
 
 Part = TypeVar("Part")

@@ -261,7 +261,7 @@ def _share(module: str) -> None:
         return
     package = __name__.rpartition(".")[0]
     code = (
-        f"from {package.rpartition('.')[0]}.runs.worker import end_with\nend_with({os.getpid()})\n"
+        f"from {package.rpartition('.')[0]}.plugins.processes import end_with\nend_with({os.getpid()})\n"
         f"from {package} import MODULES, load\n"
         f"for name in reversed(MODULES):\n    if name != {module!r}:\n        load(name)"
     )

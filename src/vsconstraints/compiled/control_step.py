@@ -13,7 +13,6 @@ from ..constraints import Constraint, ConstraintSet
 from ..errors import InvalidInput
 from ..formulas.innovation import slip
 from ..formulas.limits import joint_box
-from ..plugins.renamed import renamed
 from ..robots.geometry import Pose
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import Array, BoolArray, Command
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from .packing import Packed
 
 
-@renamed(told="known")
 class ControlStep:
     """Evaluates a scene, its constraints and its task together: at compiled speed where all of them have that form.
 

@@ -12,7 +12,6 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ConfigurationError
-from ..plugins.renamed import renamed
 from ..robots.geometry import Pose, Vector3, vector
 from ..robots.meshes import mesh_files
 from ..robots.robot import Robot
@@ -54,7 +53,6 @@ def attached_body(robot: Robot, link: str, solid: coal.CollisionGeometry, pose: 
     return Body(name or link, int(frame.parentJoint), ((placement, convex(solid, name or link)),))
 
 
-@renamed(radius="link_radius")
 def link_bodies(robot: Robot, link_radius: float | None = None) -> tuple[Body, ...]:
     """One body for each link, from base to tip.
 

@@ -46,15 +46,8 @@ class ByFormula(Protocol):
     frame: Frame | None
 
 
-REPLACED = ("distance", "outwards", "evaluate", "bending")
-"""Methods that regions and shapes were written by before they had formulas."""
-
-
 def demand_own_curvature(kind: type) -> None:
-    """Raise ConfigurationError if a class gives a formula of its own but inherits another one's curvature.
-
-    Likewise if it gives methods that nobody calls any more: its rows would be those of the class that it derives from.
-    """
+    """Raise ConfigurationError if a class gives a formula of its own but inherits another one's curvature."""
     giver = {
         name: next((c for c in kind.__mro__ if name in vars(c)), object) for name in ("formula", "curvature_formula")
     }
@@ -63,11 +56,6 @@ def demand_own_curvature(kind: type) -> None:
         raise ConfigurationError(
             f"{own.__name__} has a formula of its own, but the curvature_formula of {inherited.__name__}: give its own "
             "too, or None"
-        )
-    old = [name for name in REPLACED if hasattr(kind, name)]
-    if old:
-        raise ConfigurationError(
-            f"{kind.__name__} gives {' and '.join(old)}, which nothing asks for: give formula and curvature_formula"
         )
 
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import curves as formulas
-from ..plugins.renamed import renamed
 from ..robots.geometry import Vector2, vector
 from ..rows import Array
 from . import by_formula
@@ -105,7 +104,6 @@ SHAPES: dict[str, type[Shape]] = {shape.name: shape for shape in (Circle, Hypere
 """Shapes by the name scenario files use."""
 
 
-@renamed(centre="centre_px")
 class Curve:
     """A shape put somewhere in the image.
 

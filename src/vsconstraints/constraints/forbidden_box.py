@@ -6,13 +6,11 @@ from collections.abc import Sequence
 
 from ..errors import ConfigurationError
 from ..formulas import regions as formulas
-from ..plugins.renamed import renamed
 from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
 from .forbidden_region import ForbiddenRegion
 
 
-@renamed(robot_points="points")
 class ForbiddenBox(ForbiddenRegion):
     """Robot points stay out of a box, also a turned one.
 

@@ -9,13 +9,11 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..formulas import regions as formulas
 from ..formulas.regions import SMALL
-from ..plugins.renamed import renamed
 from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
 from .forbidden_region import ForbiddenRegion, frame_along
 
 
-@renamed(robot_points="points")
 class ForbiddenHalfSpace(ForbiddenRegion):
     """Robot points stay on one side of a plane: above a table, before a wall.
 

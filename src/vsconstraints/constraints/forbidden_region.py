@@ -8,7 +8,6 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..formulas.regions import SMALL
-from ..plugins.renamed import renamed
 from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
 from ..rows import Array
@@ -16,7 +15,6 @@ from .base import demand_margin, demand_positive
 from .point_constraint import PointConstraint
 
 
-@renamed(robot_points="points")
 class ForbiddenRegion(PointConstraint):
     """Margin − d(p) ≤ 0 for any robot points (section 4.3.6), d the Euclidean signed distance to a region.
 
@@ -68,7 +66,6 @@ class ForbiddenRegion(PointConstraint):
         self.frame = pose.R, pose.t
 
 
-@renamed(robot_points="points")
 class RegionAroundAxis(ForbiddenRegion):
     """A region of a radius around the axis from one point to another, which is the z axis of its frame.
 

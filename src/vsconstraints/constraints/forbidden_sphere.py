@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..formulas import regions as formulas
-from ..plugins.renamed import renamed
 from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
 from ..rows import Array
@@ -15,7 +14,6 @@ from .base import demand_positive
 from .forbidden_region import ForbiddenRegion
 
 
-@renamed(robot_points="points")
 class ForbiddenSphere(ForbiddenRegion):
     """Robot points stay out of a sphere.
 

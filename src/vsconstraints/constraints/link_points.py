@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ConfigurationError, unknown_name
-from ..plugins.renamed import renamed
 from ..qp.decomposition import svd
 from ..robots.kinematics import RobotPoint
 from ..robots.robot import Robot
@@ -41,7 +40,6 @@ class LinkPoints:
     enlargement: float
 
 
-@renamed(radius="link_radius")
 def link_points(
     robot: Robot, *, spacing: float = 0.1, link_radius: float | None = None, links: Sequence[str] | None = None
 ) -> LinkPoints:

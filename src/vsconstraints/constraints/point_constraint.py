@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import ConfigurationError
-from ..plugins.renamed import renamed
 from ..robots.kinematics import RobotPoint
 from ..rows import Array
 from ..vision.scene import PointMotion, Scene, State
@@ -15,7 +14,6 @@ from .base import PositionConstraint, RowBlock, Trace, demand_positive, to_first
 from .form import Form
 
 
-@renamed(robot_points="points")
 class PointConstraint(PositionConstraint):
     """A constraint on the position y = p (3,) of robot points, in the base frame [m].
 

@@ -13,10 +13,10 @@ from ..errors import SolverError, shown
 from ..rows import Array, BoolArray, Command, Rows, Status, Task, keep_box
 from ..rows.checks import beyond_rounding, check
 from ..rows.readable import in_one_line
+from .model import Model
 from .ranges import Declared
 
 if TYPE_CHECKING:
-    from ..compiled.model import Model
     from .compiled import BoundLaw
 
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import lapack
 
 from ..compiled import load
-from ..compiled.model import Prediction
 from ..formulas import plans
+from ..qp.decomposition import lapack
 from ..qp.penalised import Cost
 from ..rows import UNKNOWN, Array, IntArray, Rows, Task
-from ..vision.tracking import Rest
 from .horizon import Horizon, Instants
 
 
@@ -51,7 +49,7 @@ def loops() -> Any:
     return load("plans") or plans
 
 
-def look_ahead(rows: Rows, task: Task, seen: Prediction, at: Instants, plan: Array, K: Array) -> Lookahead:
+def look_ahead(rows: Rows, task: Task, seen: Any, at: Instants, plan: Array, K: Array) -> Lookahead:
     """Linearise a prediction along a plan; rows and task are those of now, K (m,) is 0 for rows on φ itself."""
     # what the model says otherwise of now than φ does is otherwise of σ too, where that is not given
     sigma = rows.sigma if len(rows.sigma) else seen.sigma[0] + rows.phi - seen.phi[0]
@@ -66,7 +64,7 @@ def look_ahead(rows: Rows, task: Task, seen: Prediction, at: Instants, plan: Arr
     return Lookahead(plan, at.first(len(seen)), value, gradient, K, J, b, seen.error, rest)
 
 
-def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest: Rest | None = None) -> Cost:
+def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest: Any | None = None) -> Cost:
     """Σ‖J(uₖ − q̈ₖ)‖² + λ‖u − q̈₀‖² of a plan u (Hn,).
 
     Parameters
@@ -100,7 +98,7 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest:
         q += weight * (C[: len(begins)].T @ (ahead.rest[begins] + feedback @ ahead.plan)).ravel()
     else:
         P.ravel()[:: H * n + 1] += weight
-    L, center, refused = lapack.dposv(P.T, q, lower=1, overwrite_a=1)
+    L, center, refused = lapack().dposv(P.T, q, lower=1, overwrite_a=1)
     if refused:
         raise np.linalg.LinAlgError(f"the plan has no one optimum: rounding exceeds the damping {damping:g}")
     return Cost(center, L)

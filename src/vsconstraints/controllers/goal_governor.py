@@ -7,12 +7,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..compiled.model import Model
 from ..errors import ConfigurationError, InvalidInput, shown
 from ..formulas.tracking import retargeted
 from ..rows import Array, Command, Rows, Task
 from .base import Controller, restart
 from .least_norm import RANK_TOLERANCE, least_norm
+from .model import Model
 from .named import Pair
 from .options import positive
 from .ranges import Choices, Declared, Range

@@ -8,7 +8,6 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ..compiled.model import Model, Prediction, Present
 from ..errors import InvalidInput, SolverError, shown
 from ..qp import SolverChain
 from ..qp.lexicographic import PULLING, ZERO_GRADIENT
@@ -17,6 +16,7 @@ from ..rows import Array, BoolArray, Command, IntArray, Rows, Status, Task, in_b
 from .base import Controller
 from .condensed import Lookahead, cost, limits, look_ahead
 from .horizon import Horizon, Instants, stopping_time
+from .model import Model
 from .options import positive
 from .ranges import Declared, Range
 from .resolvers import Hierarchy
@@ -192,7 +192,7 @@ class PredictiveControl(Controller):
         now, most = model.present, self._most(model)
         low, high = self._box(rows, most)
 
-        def seen_along(plan: Array) -> tuple[Instants, Prediction]:
+        def seen_along(plan: Array) -> tuple[Instants, Any]:
             at = horizon.instants(now.q, now.qd, plan, most)
             return at, model.along(now.t + at.times, at.q, at.qd)
 
@@ -251,7 +251,7 @@ class PredictiveControl(Controller):
         low[0], high[0] = in_box(rows, low[0]), in_box(rows, high[0])
         return low, high
 
-    def continued(self, horizon: Horizon, now: Present, low: Array, high: Array) -> Array:
+    def continued(self, horizon: Horizon, now: Any, low: Array, high: Array) -> Array:
         """The last sample's plan, as it goes on from now; braking if there is none."""
         plan = self.plan
         if plan is None or not 0.0 <= now.t - plan.made < horizon.blocks * horizon.length:
@@ -259,7 +259,7 @@ class PredictiveControl(Controller):
         return np.minimum(np.maximum(horizon.later(plan.qdd, plan.then, now.t - plan.made), low), high)
 
     @staticmethod
-    def _planned(horizon: Horizon, plan: Array, now: Present, most: Array, held: IntArray) -> Plan:
+    def _planned(horizon: Horizon, plan: Array, now: Any, most: Array, held: IntArray) -> Plan:
         end = now.qd + horizon.V[-1] @ plan
         stops = stopping_time(end, most)
         return Plan(plan, -end / stops if stops > 0.0 else np.zeros_like(end), now.t, held)

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiled import load
-from ..compiled.model import Model
 from ..errors import InvalidInput, SceneError
 from ..formulas.tracking import held_gains, held_rest, retargeted
 from ..rows import Array
 from .compiled import SCRATCH
 from .least_norm import RANK_TOLERANCE, least_norm
+from .model import Model
 
 NEWTON = 2
 """Steps of Newton from where a response ends to where it comes to rest."""
@@ -78,7 +78,8 @@ def _in_numpy(model: Model, reference: Array, periods: Array, scale: Array) -> R
             least = np.minimum(least, -found.sigma / scale)
         if k < N:
             h = float(periods[k])
-            then = held_gains(*gains.at(e - reference), h)
+            Kp, Kv = gains.at(e - reference)
+            then = held_gains(Kp, Kv, h)
             b = retargeted(task.b, e, task.error_rate, reference, gains.at(e), then)
             rest = task.rest
             if len(rest):

@@ -1,8 +1,7 @@
-"""The whole paper, claim by claim: what it says, what is measured here, and our counterparts of its figures."""
+"""The paper claim by claim: its sentences, what is measured of each here, and counterparts of its figures."""
 
-from .parts import check, chosen_claims, chosen_figures, redraw
 from .report import Reproduction
-from .runner import reproduce
+from .runner import check, chosen_claims, chosen_figures, redraw, reproduce
 from .verdicts import CLAIMS, Claim, Finding, Verdict, all_claims
 
 __all__ = [

@@ -1,9 +1,11 @@
-"""The text of the report."""
+"""The report: verdicts, figures and studies, written by a template."""
 
 from __future__ import annotations
 
+import re
+import tomllib
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import groupby
@@ -12,57 +14,33 @@ from typing import Any
 
 from ..comparisons.runs.machine import git_commit, machine, package_versions
 from ..comparisons.tables import write_table
+from ..errors import VsconstraintsError
 from ..reports.markdown import bold, bullets, code, plain, table
 from ..reports.page import where, write_pages
 from ..reports.plots import PNG, Formats
+from ..scenarios import Scenario
 from .figures import FIGURES
-from .reconstructed import reconstructed
 from .studies import STUDIES, data_file, figure_file
 from .verdicts import VERDICTS, Claim, Finding, all_claims
 
-Found = Sequence[tuple[Claim, Finding]]
+Findings = Sequence[tuple[Claim, Finding]]
 
 COLUMNS = ("claim", "where", "sentence", "rule", "verdict", "measured")
 
-TOPICS = {
-    1: "First example: sliding along the border of the image",
-    2: "Fast motion and the switching gain",
-    3: "A trap",
-    4: "Corners",
-    5: "The case study",
-    6: "The experiments, simulated",
-    7: "Against potential fields",
-    8: "A limit case of potential fields",
-    9: "What the law needs to know",
-    10: "Gain, speed, sampling and rank",
-    11: "Moving obstacles and targets",
-    12: "Computation time",
-}
+DATA: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("report.toml").read_text(encoding="utf-8"))
+
+TOPICS: dict[int, str] = {int(number): topic for number, topic in DATA["topics"].items()}
 """What the claims of each number are about."""
-
-OPENING = """\
-Muñoz-Benavent et al., *Robust fulfillment of constraints in robot visual servoing*, Control Engineering Practice
-71 (2018), [doi 10.1016/j.conengprac.2017.10.017](https://doi.org/10.1016/j.conengprac.2017.10.017): what it says,
-sentence by sentence, what the same law does here, and our counterparts of its figures. Every verdict follows from
-the measured numbers by a rule that is [printed below](#rules); none is set by hand."""
-
-SAMPLING = """\
-**φ ≤ 0 and σ ≤ 0.** A constraint is σ ≤ 0; the law acts on φ = σ + K σ̇ and switches where φ reaches zero. A
-sampled law finds φ above zero before it acts: eq. (43) bounds what one switching step of the constraint action
-takes back, T_s u⁺. On a step on which the row is inactive the tracking acceleration moves φ as well, by
-T_s (L_fφ + L_gφ q̈), which can be larger. So wherever the paper prints φ ≤ 0, "holds partly" means: the constraint
-σ ≤ 0 holds in every sample, and φ is above zero by no more than sampling explains. Where φ stays at or above zero for
-many samples, and for more of them with a shorter period, it is not sampling: u⁺ is below (12)."""
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What came of it.
+    """The result of checking every claim.
 
     Attributes
     ----------
     report
-        Where the report is.
+        Path of the report.
     findings
         By the claims' keys, in the report's order.
     problems
@@ -87,8 +65,8 @@ class Reproduction:
     @property
     def counts(self) -> dict[str, int]:
         """How many claims have each verdict."""
-        verdicts = [finding.verdict for finding in self.findings.values()]
-        return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
+        verdicts = Counter(finding.verdict for finding in self.findings.values())
+        return {verdict: verdicts[verdict] for verdict in VERDICTS}
 
     def summary(self) -> str:
         """One line for the command line."""
@@ -97,7 +75,7 @@ class Reproduction:
 
 
 def write_report(
-    result: Reproduction, drawn: Mapping[int, str], studies: Mapping[str, Any], command: Sequence[str]
+    result: Reproduction, missing: Mapping[int, str], studies: Mapping[str, Any], command: Sequence[str]
 ) -> None:
     """Write report.md, the same as report.html, and claims.csv; each whole or not at all.
 
@@ -105,123 +83,110 @@ def write_report(
     ----------
     result
         The findings.
-    drawn
-        Of each figure why it is not there; an empty text if it is.
+    missing
+        By figure the reason why it could not be drawn; an empty text if it was.
     studies
-        Results by name, or texts why there are none.
+        Results by name, or the reason why there are none.
     command
         What the user typed.
     """
-    folder, found = result.folder, [(claim, result.findings[claim.key]) for claim in all_claims()]
-    parts = [
-        "# The paper, claim by claim",
-        OPENING,
-        _summary(result, found),
-        SAMPLING,
-        *_claims(result, found),
-        '<a id="rules"></a>\n\n## Rules\n\nA claim holds if:',
-        table(["claim", "rule"], [[claim.key, plain(claim.rule)] for claim, _ in found], text_columns=2),
-        *_figures(result, drawn),
-        *_studies(result, studies),
-        reconstructed(),
-        differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1),
-        *_problems(result),
-        "## Machine and versions",
-        _machine(result, command),
-    ]
-    write_pages(result.report, "\n\n".join(text.strip() for text in parts if text) + "\n")
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    findings = [(claim, result.findings[claim.key]) for claim in all_claims()]
+    numbered = {number: list(group) for number, group in groupby(findings, key=lambda pair: pair[0].number)}
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent), undefined=StrictUndefined, autoescape=False
+    )
+    environment.filters |= {"plain": plain, "bullets": bullets}
+    text = environment.get_template("report.md.j2").render(
+        topics=TOPICS,
+        summary=summary_table(result, numbered),
+        claims={number: claims_table(result, group) for number, group in numbered.items()},
+        rules=table(["claim", "rule"], [[claim.key, plain(claim.rule)] for claim, _ in findings], text_columns=2),
+        figures=FIGURES,
+        missing=missing,
+        formats=result.formats,
+        folder=result.folder,
+        studies=studies,
+        shipped=STUDIES,
+        figure_file=figure_file,
+        data_file=data_file,
+        reconstructed=reconstructed(),
+        differences=differences().replace("\n## ", "\n### ").replace("# Differences", "## Differences", 1),
+        problems=result.problems,
+        machine=machine_table(result, command),
+    )
+    write_pages(result.report, re.sub(r"\n{3,}", "\n\n", text.strip()) + "\n")
     lines = [
-        (claim.key, claim.where, claim.sentence, claim.rule, finding.verdict, finding.text) for claim, finding in found
+        (claim.key, claim.where, claim.sentence, claim.rule, finding.verdict, finding.text)
+        for claim, finding in findings
     ]
-    write_table(folder / "claims.csv", COLUMNS, [dict(zip(COLUMNS, line, strict=True)) for line in lines])
+    write_table(result.folder / "claims.csv", COLUMNS, [dict(zip(COLUMNS, line, strict=True)) for line in lines])
 
 
 def differences() -> str:
-    """Where this project differs from the paper, as Markdown: the one text there is of it."""
+    """Where this project differs from the paper, as Markdown; the documentation shows the same text."""
     return files(__package__).joinpath("differences.md").read_text(encoding="utf-8")
 
 
-def _by_number(found: Found) -> Iterator[tuple[int, Found]]:
-    for number, group in groupby(found, key=lambda pair: pair[0].number):
-        yield number, list(group)
-
-
-def _summary(result: Reproduction, found: Found) -> str:
+def summary_table(result: Reproduction, numbered: Mapping[int, Findings]) -> str:
+    """How many claims of each number have each verdict."""
     lines = []
-    for number, group in _by_number(found):
+    for number, group in numbered.items():
         counts = Counter(finding.verdict for _, finding in group)
         lines.append([f"[{number}. {TOPICS[number]}](#claim-{number})", *(str(counts[v] or "") for v in VERDICTS)])
     total = [bold(str(count)) if count else "" for count in result.counts.values()]
     return table(["claims", *VERDICTS], [*lines, [bold("all"), *total]])
 
 
-def _claims(result: Reproduction, found: Found) -> Iterator[str]:
-    yield "## Claims"
-    for number, group in _by_number(found):
-        yield f'<a id="claim-{number}"></a>\n\n### {number}. {TOPICS[number]}'
-        lines = [
+def claims_table(result: Reproduction, findings: Findings) -> str:
+    """The claims of one number with their verdicts; sections of the paper link to our counterparts of their figures."""
+    lines = []
+    for claim, finding in findings:
+        figure = f"figures/{PurePath(claim.figure).stem}.{result.formats[0]}"
+        shown = claim.figure and (result.folder / figure).exists()
+        lines.append(
             [
                 f'<a id="{claim.key}"></a>{claim.key}',
-                _where(result, claim),
+                f"[{claim.where}]({figure})" if shown else claim.where,
                 plain(claim.sentence),
                 plain(finding.text),
                 finding.verdict if finding.verdict == "holds" else bold(finding.verdict),
             ]
-            for claim, finding in group
-        ]
-        yield table(["", "where", "the paper says", "measured here", "verdict"], lines, text_columns=5)
-
-
-def _where(result: Reproduction, claim: Claim) -> str:
-    figure = f"figures/{PurePath(claim.figure).stem}.{result.formats[0]}"
-    return f"[{claim.where}]({figure})" if claim.figure and (result.folder / figure).exists() else claim.where
-
-
-def _figures(result: Reproduction, drawn: Mapping[int, str]) -> Iterator[str]:
-    yield "## Figures"
-    yield (
-        "Our counterparts, with the paper's numbers. Figs. 1 and 13 show frames and a laboratory, and have none. In "
-        "Figs. 4 to 8 v points upwards, as in the paper; in the others downwards, as in an image. What is forbidden is "
-        "shaded."
-    )
-    for number, figure in FIGURES.items():
-        why = drawn[number]
-        image = (
-            f"![{figure.title}](figures/{figure.file_in(result.formats)})" if not why else f"Not drawn: {plain(why)}"
         )
-        yield f"### {figure.title}\n\n{image}\n\n{plain(figure.caption)}"
+    return table(["", "where", "the paper says", "measured here", "verdict"], lines, text_columns=5)
 
 
-def _studies(result: Reproduction, studies: Mapping[str, Any]) -> Iterator[str]:
-    folder = result.folder
-    if studies:
-        yield "## Studies"
-        yield "Sweeps that go beyond the paper's single runs."
-    for name, answer in studies.items():
-        if isinstance(answer, str):
-            yield f"{code(name)}: not measured, {plain(answer)}"
-            continue
-        study, image = STUDIES[name], figure_file(folder, name, result.formats)
-        yield f"### {study.title}"
-        yield study.question
-        yield bullets([plain(sentence) for sentence in answer.sentences])
-        if image.exists():
-            yield f"![{study.title}]({image.relative_to(folder)})\n\n{plain(study.figure_caption)}"
-        if answer.failures:
-            yield bullets([f"failed: {plain(failure)}" for failure in answer.failures])
-        if data_file(folder, name).exists():
-            yield f"Data: [studies/{name}.csv](studies/{name}.csv)"
-
-
-def _problems(result: Reproduction) -> Iterator[str]:
-    if result.problems:
-        yield "## What could not be run or drawn"
-        yield bullets([f"{plain(name)}: {plain(why)}" for name, why in result.problems.items()])
-
-
-def _machine(result: Reproduction, command: Sequence[str]) -> str:
+def machine_table(result: Reproduction, command: Sequence[str]) -> str:
+    """Machine, versions, command and wall time."""
     facts = {**machine(), **package_versions(), "git commit": git_commit()}
     lines = [[name, plain(str(value))] for name, value in facts.items() if value]
     lines += [["command", code(" ".join(command))]] if command else []
     lines.append(["wall time [s]", f"{result.wall_time:.0f}"])
     return table(["what", "value"], lines, text_columns=2)
+
+
+def reconstructed() -> str:
+    """A table of the values that the paper does not print, taken from the scenarios that use them."""
+    lines = []
+    for name, keys in DATA["not-printed"].items():
+        try:
+            tables = Scenario.load(name).tables
+        except VsconstraintsError as error:
+            lines.append([name, "", plain(str(error).split(". ")[0])])
+            continue
+        for key in keys:
+            value: Any = tables
+            for part in key.split("."):
+                value = value.get(part) if isinstance(value, dict) else None
+            lines += [[name, key, code(toml_value(value))]] if value is not None else []
+    return table(["scenario", "key", "value"], lines, text_columns=3)
+
+
+def toml_value(value: Any) -> str:
+    """A value as a TOML file spells it, on one line, with six significant digits."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {toml_value(part)}" for key, part in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    return f"{value:.6g}" if isinstance(value, float) else f'"{value}"' if isinstance(value, str) else str(value)

@@ -1,84 +1,201 @@
-"""Runs everything the claims need, measures them, draws the figures and writes the report."""
+"""Simulates what claims and figures need, measures the claims, draws the figures, and writes the report."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from itertools import chain
 from pathlib import Path
+from string import ascii_lowercase
 from typing import Any
 
-from ..comparisons.run import Run, kept_run
+from ..comparisons.run import Run, kept_file, kept_run, unfinished
 from ..comparisons.runs.pool import Failure, carry_out
-from ..comparisons.runs.spec import RunSpec, longest_first
-from ..comparisons.unfinished import kept_file, unfinished
+from ..comparisons.runs.spec import ControllerSpec, RunSpec, longest_first
 from ..compiled import prepare
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, shown, unknown_name
 from ..reports.plots import PNG, Figure, Formats
 from . import claims as _claims  # noqa: F401 - registers every claim
 from .figures import FIGURES
-from .report import Reproduction, write_report
+from .report import TOPICS, Reproduction, write_report
 from .studies import run_studies
-from .verdicts import all_claims
+from .verdicts import CLAIMS, Claim, Finding, all_claims
 
 Progress = Callable[[str, int, int], None]
-"""Told what is being done, how much of it is done, and how much there is."""
+"""Called with the current activity, the number of its tasks that are done, and their total."""
 
 Amount = Callable[[int, int], None]
-"""Told how much of something is done, and how much there is."""
+"""Called with the number of tasks done and their total."""
+
+
+def silent(activity: str, done: int, total: int) -> None:
+    """The default :data:`Progress`: report nothing."""
 
 
 def reproduce(
     folder: Path,
     *,
     workers: int | None = None,
-    on_progress: Progress = lambda what, done, total: None,
+    on_progress: Progress = silent,
     command: Sequence[str] = (),
     formats: Formats = PNG,
 ) -> Reproduction:
     """Check every claim of the paper and redraw its figures.
 
-    Everything is simulated anew, but for what the same command has simulated before it was interrupted. Whatever
-    fails, a scenario, a run, a study or a figure, costs only what rests on it: those claims become ``not measured``,
-    with the reason.
+    Everything is simulated anew, except what an interrupted call of the same command had finished. A scenario, run,
+    study or figure that fails affects only the claims that need it: they become ``not measured``, with the reason.
 
     Parameters
     ----------
     folder
-        Where report.md, claims.csv and figures go; made if it is not there.
+        Where report.md, claims.csv and figures go; created if missing.
     workers
-        Number of processes at most; see :func:`vsconstraints.comparisons.runs.resources.process_count`.
+        Maximum number of processes; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
     on_progress
-        Told of what is done.
+        See :data:`Progress`.
     command
         What the user typed, for the report.
     formats
-        In which figures are written; the report shows the first.
+        File formats of the figures; the report shows the first.
 
     Raises
     ------
     ConfigurationError
-        if the folder cannot be made.
+        if the folder cannot be created.
     """
     started = time.perf_counter()
     figures = figures_folder(folder)
+    needs = [need for claim in all_claims() for need in claim.needs]
+    needs += [need for figure in FIGURES.values() for need in figure.needs]
     with unfinished(folder) as kept:
         prepare()
-        runs = made(wanted_runs(), kept, workers, partial(on_progress, "simulating"))
+        runs = run_specs(needs, kept, workers, partial(on_progress, "simulating"))
         studies = study_results(folder, workers, partial(on_progress, "studying"), kept, None, formats)
-        available: dict[RunSpec | str, Any] = dict(chain(runs.items(), studies.items()))
+        available: dict[Any, Any] = {**runs, **studies}
         findings = {claim.key: claim.check(available) for claim in all_claims()}
-        missing = drawn(FIGURES, available, figures, workers, partial(on_progress, "drawing"), formats)
-        problems = {str(spec): found for spec, found in available.items() if isinstance(found, str)}
+        missing = draw_figures(FIGURES, available, figures, workers, partial(on_progress, "drawing"), formats)
+        problems = {str(spec): reason for spec, reason in available.items() if isinstance(reason, str)}
         problems |= {f"figure {number}": why for number, why in missing.items() if why}
         result = Reproduction(folder / "report.md", findings, problems, time.perf_counter() - started, formats)
         write_report(result, missing, studies, command)
     return result
 
 
+def redraw(
+    numbers: Sequence[int],
+    folder: Path,
+    *,
+    controller: str | None = None,
+    workers: int | None = None,
+    on_progress: Progress = silent,
+    formats: Formats = PNG,
+) -> dict[Path, str]:
+    """Redraw some figures of the paper, simulating only the runs that they show.
+
+    Parameters
+    ----------
+    numbers
+        The paper's figure numbers.
+    folder
+        Figures are written to its subfolder ``figures``, created if missing.
+    controller
+        A law instead of the paper's: a name, or ``module:Class``. It becomes part of the file's name.
+    workers, on_progress, formats
+        See :func:`reproduce`.
+
+    Returns
+    -------
+    dict
+        By each figure's file the reason why it could not be drawn; an empty text if it was.
+
+    Raises
+    ------
+    ConfigurationError
+        for a number without a figure, an invalid law, and if the folder cannot be created.
+    """
+    figures = chosen_figures(numbers, controller)
+    place = figures_folder(folder)
+    prepare()
+    with unfinished(None) as kept:
+        needs = [need for figure in figures.values() for need in figure.needs]
+        runs = run_specs(needs, kept, workers, partial(on_progress, "simulating"))
+    missing = draw_figures(figures, runs, place, workers, partial(on_progress, "drawing"), formats)
+    return {place / figure.file_in(formats): missing[number] for number, figure in figures.items()}
+
+
+def check(
+    keys: Sequence[str], folder: Path, *, workers: int | None = None, on_progress: Progress = silent
+) -> dict[Claim, Finding]:
+    """Measure some claims of the paper, on the runs and studies that they need.
+
+    Parameters
+    ----------
+    keys
+        Numbers, such as ``"5"`` for all of its claims, or keys, such as ``"5d"``.
+    folder
+        Where figures and tables of studies go, if a claim needs any.
+    workers, on_progress
+        See :func:`reproduce`.
+
+    Returns
+    -------
+    dict
+        In the order of the report.
+
+    Raises
+    ------
+    ConfigurationError
+        for an unknown claim, and if the folder cannot be created.
+    """
+    claims = chosen_claims(keys)
+    needs = [need for claim in claims for need in claim.needs]
+    names = [need for need in dict.fromkeys(needs) if isinstance(need, str)]
+    prepare()
+    with unfinished(None) as kept:
+        available: dict[Any, Any] = {**run_specs(needs, kept, workers, partial(on_progress, "simulating"))}
+        if names:
+            available |= study_results(folder, workers, partial(on_progress, "studying"), kept, names)
+        return {claim: claim.check(available) for claim in claims}
+
+
+def chosen_figures(numbers: Sequence[int], controller: str | None = None) -> dict[int, Figure]:
+    """Figures by number, with another law if one is named; raises ConfigurationError for unknown ones."""
+    for number in numbers:
+        if number not in FIGURES:
+            raise ConfigurationError(
+                f"there is no counterpart of Fig. {number}. Available: {', '.join(map(str, FIGURES))}; Figs. 1 and 13 "
+                "of the paper show frames and a laboratory"
+            )
+    figures = {number: FIGURES[number] for number in numbers}
+    if controller is None:
+        return figures
+    law = ControllerSpec(controller, folder=Path.cwd())
+    law = replace(law, name=law.make().name)
+    for number, figure in figures.items():
+        if figure.needs:  # Fig. 2 shows no run
+            needs = tuple(replace(need, controller=law) for need in figure.needs)
+            figures[number] = replace(figure, name=f"{figure.name}--{law.name}", needs=needs)
+    return figures
+
+
+def chosen_claims(keys: Sequence[str]) -> list[Claim]:
+    """Claims by number or key, each once, in the order of the report; raises ConfigurationError for unknown ones."""
+    chosen: set[str] = set()
+    for key in keys:
+        number = key.rstrip(ascii_lowercase)
+        of_number = [claim.key for claim in all_claims() if str(claim.number) == number]
+        if not of_number:
+            topics = ", ".join(f"{number} ({topic})" for number, topic in TOPICS.items())
+            raise ConfigurationError(f"unknown claim {shown(key)}. Available: {topics}")
+        if key not in CLAIMS and not key.isdecimal():
+            raise unknown_name("claim", key, of_number)
+        chosen |= {key} if key in CLAIMS else set(of_number)
+    return [claim for claim in all_claims() if claim.key in chosen]
+
+
 def figures_folder(folder: Path) -> Path:
-    """Where figures go, made if it is not there; raises ConfigurationError if it cannot be."""
+    """The folder for figures, created if missing; raises ConfigurationError if that fails."""
     try:
         (folder / "figures").mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -86,22 +203,17 @@ def figures_folder(folder: Path) -> Path:
     return folder / "figures"
 
 
-def wanted_runs() -> list[RunSpec]:
-    """Every run that a claim or a figure needs, once."""
-    needs = [need for claim in all_claims() for need in claim.needs]
-    needs += [need for figure in FIGURES.values() for need in figure.needs]
-    return list(dict.fromkeys(need for need in needs if isinstance(need, RunSpec)))
-
-
-def made(specs: Sequence[RunSpec], kept: Path, workers: int | None, on_progress: Amount) -> dict[RunSpec, Run | str]:
-    """Runs, or why there is none: the first sentence of what was raised."""
-    limits = longest_first(specs)
+def run_specs(
+    needs: Iterable[RunSpec | str], kept: Path, workers: int | None, on_progress: Amount
+) -> dict[RunSpec, Run | str]:
+    """The runs among ``needs``, each simulated once; for a run that failed the first sentence of the reason."""
+    limits = longest_first(need for need in needs if isinstance(need, RunSpec))
     calls = {spec: (spec, kept_file(kept, spec)) for spec in limits}
-    found = carry_out(kept_run, calls, workers=workers, limits=limits, on_progress=on_progress)
-    return {spec: one.reason.split(". ")[0] if isinstance(one, Failure) else one for spec, one in found.items()}
+    runs = carry_out(kept_run, calls, workers=workers, limits=limits, on_progress=on_progress)
+    return {spec: run.reason.split(". ")[0] if isinstance(run, Failure) else run for spec, run in runs.items()}
 
 
-def drawn(
+def draw_figures(
     figures: Mapping[int, Figure],
     available: Mapping[Any, Any],
     folder: Path,
@@ -109,7 +221,7 @@ def drawn(
     on_progress: Amount,
     formats: Formats = PNG,
 ) -> dict[int, str]:
-    """Of each figure why it is not there; an empty text if it is."""
+    """Draw figures from the available runs; by number the reason why one could not be drawn, or an empty text."""
     why, calls = dict.fromkeys(figures, ""), {}
     for number, figure in figures.items():
         runs = [available[need] for need in figure.needs]
@@ -122,9 +234,9 @@ def drawn(
     for number, answer in carry_out(write, calls, workers=workers, on_progress=on_progress).items():
         why[number] = answer.reason if isinstance(answer, Failure) else ""
     for number, reason in why.items():
-        if reason:
-            for one in formats:
-                (folder / figures[number].file_in((one,))).unlink(missing_ok=True)
+        if reason:  # no older figure stays in its place
+            for suffix in formats:
+                (folder / figures[number].file_in((suffix,))).unlink(missing_ok=True)
     return why
 
 
@@ -136,7 +248,7 @@ def study_results(
     names: Sequence[str] | None = None,
     formats: Formats = PNG,
 ) -> dict[str, Any]:
-    """Results of studies by name, of all if none is named; a text instead of a result where there is none."""
+    """Results of the named studies, or of all; the reason instead of the results if they could not be run."""
     try:
         return dict(run_studies(names, folder, workers, on_progress, kept=kept, formats=formats))
     except Exception as error:  # claims and figures of the paper do not depend on it

@@ -24,7 +24,7 @@ class Extra:
     modules: tuple[str, ...]
 
 
-_TABLES = ("pandas", "pyarrow", "statsmodels", "scikit_posthocs")
+_TABLES = ("pandas", "pyarrow")
 
 EXTRAS = {
     "evidence": Extra("evidence of drawn scenes", _TABLES),

@@ -5,6 +5,9 @@ LAPACK's iterations were measured never to end on an infinity.
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import Any
+
 import numpy as np
 
 from ..rows import Array
@@ -28,3 +31,8 @@ def svd(A: Array, *, full_matrices: bool = True) -> tuple[Array, Array, Array]:
 def norm(A: Array) -> float:
     """Return the largest singular value, 0 of an empty matrix; raise as :func:`svd` does."""
     return float(svd(A, full_matrices=False)[1].max(initial=0.0))
+
+
+def lapack() -> Any:
+    """SciPy's :mod:`scipy.linalg.lapack`, imported at first use: that takes longer than importing all laws."""
+    return import_module("scipy.linalg.lapack")

@@ -10,11 +10,11 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from scipy.linalg import lapack
 
 from ..errors import InvalidInput, SolverError
 from ..rows import Array, IntArray
 from .chain import SolverChain, Verified
+from .decomposition import lapack
 from .least_distance import Scaled, scale
 from .solver import QPSolver
 
@@ -77,12 +77,12 @@ class Cost(NamedTuple):
 
     def gradients(self, A: Array) -> Array:
         """(m, n) by v of rows with the gradients A (m, n) by x."""
-        G: Array = lapack.dtrtrs(self.L, A.T, lower=1)[0].T
+        G: Array = lapack().dtrtrs(self.L, A.T, lower=1)[0].T
         return G
 
     def point(self, v: Array) -> Array:
         """(n,) x."""
-        x: Array = self.center + lapack.dtrtrs(self.L, v, lower=1, trans=1)[0]
+        x: Array = self.center + lapack().dtrtrs(self.L, v, lower=1, trans=1)[0]
         return x
 
 

@@ -11,8 +11,8 @@ from pathlib import Path, PurePath
 from ..comparisons import RunRecord
 from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
+from ..comparisons.runs.machine import most_samples, process_count
 from ..comparisons.runs.pool import Failure, carry_out
-from ..comparisons.runs.resources import most_samples, process_count
 from ..scenarios import Scenario
 from ..simulation import Setup
 from .figures import DISTURBANCE, ENDINGS, FIGURES, OVERVIEW, View

@@ -11,7 +11,6 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..errors import ConfigurationError, unknown_name
-from ..plugins.renamed import renamed
 from ..rows import Array
 from ..rows.readable import amount, counted, in_one_line, span
 from .dh import DhRow, dh_limits, read_dh
@@ -102,7 +101,6 @@ class Robot:
         return ("tip", *(frame.name for frame in self.model.frames if frame.name not in ("tip", "universe")))
 
     @classmethod
-    @renamed(table="dh")
     def from_dh(
         cls,
         dh: Sequence[DhRow],
@@ -145,7 +143,6 @@ class Robot:
         return cls(model, frame, name, low, high, speed, limits=limits)
 
     @classmethod
-    @renamed(path="urdf")
     def from_urdf(
         cls,
         urdf: str | Path,

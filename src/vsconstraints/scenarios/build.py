@@ -33,7 +33,6 @@ from .cameras import make_camera
 from .constraint_types import make_constraint
 from .goals import make_goal
 from .reading import Table, checked, chosen, demand_table, made, split
-from .toml import in_todays_words
 
 OF_ROBOT = "robot"
 """Where a scenario takes its limits of actuators from the robot."""
@@ -92,7 +91,7 @@ def build(
     ConfigurationError, InvalidInput
         for unknown keys and unusable values; the message names them.
     """
-    file: File = made(File, in_todays_words(tables, where), where)
+    file: File = made(File, tables, where)
     robot = _robot(file.robot, f"{where}.robot", folder)
     camera = make_camera(file.camera, f"{where}.camera", folder)
     markers, motion = _target(file.target, f"{where}.target")

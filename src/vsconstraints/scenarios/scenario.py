@@ -21,7 +21,7 @@ from ..robots.meshes import mesh_files, mesh_folders
 from ..simulation import Setup
 from .build import build
 from .cameras import not_said_again
-from .toml import file_named, in_todays_words, override, read_toml
+from .toml import file_named, override, read_toml
 
 SHIPPED = Path(__file__).parent
 """Folder of the scenarios that come with the package."""
@@ -222,7 +222,7 @@ def _tables(path: Path) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    return in_todays_words(read_toml(path), str(path))
+    return read_toml(path)
 
 
 def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:

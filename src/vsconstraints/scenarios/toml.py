@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import tomllib
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,9 +21,6 @@ BY_TYPE = ("sensor",)
 
 DEEPEST = 30
 """Levels of tables and lists in each other that a file may have."""
-
-OLD_WORDS = {"Kp_slope0": "Kp_slope", "Kv_over_sqrt_Kp": "damping"}
-"""Keys that are still read, and what they are called now."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -77,21 +73,6 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
     return tables
 
 
-def in_todays_words(tables: dict[str, Any], where: str) -> dict[str, Any]:
-    """A scenario's tables with today's words for the old ones of its task, each with a note for whoever wrote them."""
-    task = tables.get("task")
-    if not isinstance(task, dict) or not OLD_WORDS.keys() & task.keys():
-        return tables
-    return {**tables, "task": {todays_word(key, f"{where}.task"): value for key, value in task.items()}}
-
-
-def todays_word(key: str, where: str) -> str:
-    """What a key of a task is called now."""
-    if key in OLD_WORDS:
-        warnings.warn(f"{where}: the key {key} is now called {OLD_WORDS[key]}", FutureWarning, stacklevel=2)
-    return OLD_WORDS.get(key, key)
-
-
 def override(table: dict[str, Any], key: str, value: object, where: str) -> None:
     """Set a dotted key such as ``task.Kp0`` or ``constraints.0.K`` in nested tables, in place.
 
@@ -106,7 +87,7 @@ def override(table: dict[str, Any], key: str, value: object, where: str) -> None
         _child(at, last, where)
         at[int(last)] = value
     elif isinstance(at, dict):
-        at[todays_word(last, f"{where}.task") if way == ["task"] else last] = value
+        at[last] = value
     else:
         raise ConfigurationError(f"{where}: {key!r} does not lead to a table")
 

@@ -13,7 +13,6 @@ from ..constraints import ConstraintSet, Trace
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
 from ..formulas.poses import reached
 from ..formulas.tracking import goals_at
-from ..plugins.renamed import renamed
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import Array, BoolArray
 from ..rows.readable import amount, counted, in_one_line
@@ -36,7 +35,6 @@ MOST_MEMORY = 2e9
 """What a run may take of memory, in which it is kept whole [bytes]."""
 
 
-@renamed(translation="translation_m", rotation="rotation_rad", feature="feature_px", dwell="dwell_s", rest="rest_s")
 @dataclass(frozen=True)
 class Tolerances:
     """When a motion counts as settled or at rest.
@@ -70,11 +68,6 @@ class Tolerances:
                 raise InvalidInput(f"tolerance {name} must be positive, not {getattr(self, name)}")
 
 
-@renamed(
-    Ts="sampling_time",
-    abort_on_rank_loss=("on_rank_loss", {True: "abort", False: "continue"}),
-    refuse_hidden_markers=("on_hidden_markers", {True: "refuse", False: "continue"}),
-)
 @dataclass(frozen=True)
 class Setup:
     """A complete simulation, except for the controller.

@@ -13,7 +13,6 @@ from typing import Literal, get_args
 import numpy as np
 
 from ..errors import ConfigurationError, InvalidInput, unknown_name
-from ..plugins.renamed import renamed
 from ..robots.geometry import Pose, Vector2, vector
 from ..rows import Array, BoolArray
 from ..rows.readable import amounts, in_one_line
@@ -27,7 +26,6 @@ Count = Literal["edges", "centres"]
 """What pixels are counted by."""
 
 
-@renamed(focal="focal_px", size="size_px", principal_point="principal_point_px")
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera, with or without distortion of its lens, carried by the end-effector or fixed in space.

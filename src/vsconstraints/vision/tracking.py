@@ -10,7 +10,6 @@ import numpy as np
 
 from ..errors import ConfigurationError, InvalidInput, shown, unknown_name
 from ..formulas.tracking import demanded, gains, goal_at, resting
-from ..plugins.renamed import renamed
 from ..rows import UNKNOWN, Array, Task
 from ..rows.readable import amount, counted, in_one_line
 from .features import CameraPose, Feature, FeatureMotion, Goal, ImagePoints
@@ -21,7 +20,6 @@ DERIVATIVES = ("exact", "differences")
 Derivative = Literal["exact", "differences"]
 
 
-@renamed(slope="Kp_slope")
 @dataclass(frozen=True, slots=True)
 class TrackingGains:
     """K_T,p and K_T,v of eq. (42), falling exponentially with the error.

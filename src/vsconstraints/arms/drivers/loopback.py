@@ -20,8 +20,8 @@ from typing import Literal, cast
 
 import numpy as np
 
-from ...comparisons.runs.worker import end_with
 from ...errors import ConfigurationError
+from ...plugins.processes import end_with
 from ...rows import Array
 from ...simulation import Setup
 from ...simulation.plant import cubic

@@ -1,16 +1,15 @@
 """Evidence: thousands of drawn scenes, run with every law, scored where they are run, and stored as Parquet shards."""
 
-from ..runs.keep import Keep
+from ..runs.folder import Keep
+from ..runs.pool import OpenWorkers, Workers, processes
 from .campaign import Campaign
-from .columns import KEYS, ROWS, RUNS, SCENES, TABLES, TIMING, Column
+from .folder import RunKey
 from .merge import Merged, merge
-from .progress import Finished, Progress
-from .runner import Plan, collect
+from .parquet import KEYS, ROWS, RUNS, SCENES, TABLES, TIMING, Column
+from .runner import Finished, Plan, Progress, collect
 from .stored import Evidence
 from .task import Batch, Shard
-from .trajectories import RunKey
 from .worker import Part, scored
-from .workers import OpenWorkers, Workers, processes
 
 __all__ = [
     "KEYS",

@@ -10,16 +10,13 @@ from typing import Any
 
 from ... import __version__
 from ...errors import ConfigurationError
-from ..runs.checksums import TRAJECTORIES, demand_unchanged, seal
-from ..runs.files import replaced, storing, write_json
+from ..runs.files import TRAJECTORIES, demand_unchanged, replaced, seal, storing, write_json
 from ..runs.folder import MANIFEST, held, manifest_of
 from . import parquet
-from .columns import TABLES, TIMING
-from .folder import MARK, Facts, clear, shard_file, shard_names, stored_files, write_parts
-from .identity import differences, in_words
-from .shards import missing_scenes
-from .stored import Evidence
-from .trajectories import chosen, trajectory_file
+from .campaign import differences, in_words
+from .folder import MARK, Facts, chosen, clear, shard_file, shard_names, stored_files, trajectory_file, write_parts
+from .parquet import TABLES, TIMING
+from .stored import Evidence, missing_scenes
 
 OWN = (
     "shard",

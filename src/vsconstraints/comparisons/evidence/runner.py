@@ -3,27 +3,151 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...compiled import prepare
-from ..runs.checksums import seal
-from ..runs.files import storing, write_json
-from ..runs.folder import MANIFEST, held, manifest_of
-from ..runs.keep import Keep, demand_keep
+from ..runs.files import seal, storing, write_json
+from ..runs.folder import MANIFEST, Keep, demand_keep, held, manifest_of
 from ..runs.machine import loaded_versions, made_by, used_versions
-from ..runs.pool import Failure
+from ..runs.pool import Failure, OpenWorkers, Workers, processes
 from ..runs.signals import INTERRUPTS, signal_of
+from ..runs.spec import BASELINE
 from .campaign import Campaign
-from .folder import clear, stored_files, what_is_there, write_shard
-from .pieces import by_pieces
-from .progress import Finished, Progress
+from .folder import clear, keep_trajectories, stored_files, what_is_there, write_shard
 from .task import Batch, Shard, Work
-from .trajectories import keep_trajectories
-from .worker import Part, scored
-from .workers import OpenWorkers, Workers, processes
+from .worker import Part, failed, scored
+
+
+class Kind(NamedTuple):
+    """Runs that are alike but for their scene."""
+
+    family: str
+    condition: str
+    controller: str
+
+
+@dataclass
+class Progress:
+    """How far a campaign is: counts, whatever there is to be counted.
+
+    Attributes
+    ----------
+    scenes, stored_before
+        How many there are to be done, and how many of them were before.
+    done, found, runs
+        Scenes that are done, those of before included; that were found now; runs that were made now.
+    of_kind, failed
+        Runs that were made now, and those of them that failed.
+    reasons
+        Why the first of each kind failed.
+    seconds
+        Time of one process that they took [s].
+    """
+
+    scenes: int
+    stored_before: int
+    done: int = 0
+    found: int = 0
+    runs: int = 0
+    of_kind: Counter[Kind] = field(default_factory=Counter)
+    failed: Counter[Kind] = field(default_factory=Counter)
+    reasons: dict[Kind, str] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    def add(self, task: Batch, part: Part) -> None:
+        """Count what a task came to."""
+        self.done += len(task.scenes)
+        self.found += sum(part.scenes["found"].to_pylist())
+        self.runs += part.runs.num_rows
+        self.seconds += part.seconds
+        for line in part.runs.select([*Kind._fields, "status", "reason"]).to_pylist():
+            kind = Kind(*(line[name] for name in Kind._fields))
+            self.of_kind[kind] += 1
+            if line["status"] == "failed":
+                self.failed[kind] += 1
+                self.reasons.setdefault(kind, line["reason"])
+
+    @property
+    def all_failed(self) -> bool:
+        """Whether runs were made, and none of a controller that is compared came to anything."""
+        compared = [kind for kind in self.of_kind if kind.controller != BASELINE] or list(self.of_kind)
+        return bool(compared) and all(self.failed[kind] == self.of_kind[kind] for kind in compared)
+
+
+@dataclass(frozen=True)
+class Finished:
+    """What a campaign came to.
+
+    Attributes
+    ----------
+    folder
+        Where it is stored.
+    progress
+        How far it is.
+    wall_time
+        [s].
+    kept
+        How many trajectories there are.
+    interrupted
+        Number of the signal that ended it; 0 if none did.
+    """
+
+    folder: Path
+    progress: Progress
+    wall_time: float
+    kept: int
+    interrupted: int
+
+    @property
+    def rate(self) -> float:
+        """Runs made a second."""
+        return self.progress.runs / self.wall_time
+
+
+GRACE = 60.0
+"""A run that is alone is ended by whoever watches it, who says why; so much later [s] its process ends itself."""
+
+Scene = tuple[int, int]
+"""Number of a task, and of a scene in it."""
+
+
+def by_pieces(tasks: Sequence[Batch], workers: Workers) -> Iterator[tuple[Batch, Part]]:
+    """Tasks scene by scene and, of scenes that no worker survives, run by run; such a run fails with the reason.
+
+    Scenes of all tasks stand in one queue, and so do the runs after them: no process waits for the last piece of a
+    task. A task comes as soon as its last scene is done.
+    """
+    scenes = {(i, j): scene for i, task in enumerate(tasks) for j, scene in enumerate(task.each())}
+    done: dict[Scene, Part] = {}
+    for (i, j), part in _scenes(scenes, workers):
+        done[i, j] = part
+        own = [(i, k) for k in range(len(tasks[i].scenes))]
+        if all(scene in done for scene in own):
+            yield tasks[i], Part.joined([done.pop(scene) for scene in own])
+
+
+def _scenes(scenes: Mapping[Scene, Batch], workers: Workers) -> Iterator[tuple[Scene, Part]]:
+    broken = []
+    # not once more as a whole, with nothing beside it: it can be innocent, and its runs say so sooner
+    for key, answer in workers.run({key: (scene,) for key, scene in scenes.items()}, again=False):
+        if isinstance(answer, Failure):
+            broken.append(key)
+        else:
+            yield key, answer
+    runs = {(key, i): single for key in broken for i, single in enumerate(scenes[key].singles())}
+    limits = {key: single.limit for key, single in runs.items() if single.limit is not None}
+    patient = {key: replace(runs[key], limit=limit + GRACE) for key, limit in limits.items()}
+    parts: dict[Scene, dict[int, Part]] = {key: {} for key in broken}
+    left = {key: sum(own == key for own, _ in runs) for key in broken}
+    for (key, i), answer in workers.run({run: (single,) for run, single in {**runs, **patient}.items()}, limits):
+        parts[key][i] = failed(runs[key, i], answer.reason) if isinstance(answer, Failure) else answer
+        if len(parts[key]) == left[key]:
+            yield key, Part.joined([part for _, part in sorted(parts.pop(key).items())])
+
 
 OF_WORK = ("wall_time_s", "runs_per_s")
 """Of a manifest: how long the command took that made runs last, and how many a second they were."""

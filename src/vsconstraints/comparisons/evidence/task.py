@@ -10,7 +10,7 @@ from math import ceil
 from ...errors import ConfigurationError
 from ...scenarios.families import Family
 from ..entries import Entries
-from ..runs.resources import run_limit
+from ..runs.machine import run_limit
 from .campaign import Campaign
 
 RUNS_OF_TASK = 600

@@ -15,11 +15,10 @@ from ...scenarios.families import Drawn
 from ...simulation import Prepared, Setup, simulate, until_settled
 from ..metrics import Score, score
 from ..record import RunRecord
-from ..runs.deadline import Deadline
-from ..runs.signals import INTERRUPTS
+from ..runs.signals import INTERRUPTS, Deadline
 from ..runs.spec import BASELINE, ControllerSpec
 from . import parquet
-from .columns import TABLES
+from .parquet import TABLES
 from .task import Batch
 
 Line = dict[str, Any]

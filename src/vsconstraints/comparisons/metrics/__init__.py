@@ -2,10 +2,18 @@
 
 from .chattering import SLIDING_GAP
 from .clearance import NEGLIGIBLE, TOLERANCES, TOLERANT
-from .measured import Measured
-from .metric import Metric
-from .score import Score, score
-from .table import CONSTRAINT_COLUMNS, DEFINITIONS, METRICS, RESULT_COLUMNS, ROW_METRICS, RUN, TIMING_COLUMNS
+from .measured import Measured, Metric
+from .table import (
+    CONSTRAINT_COLUMNS,
+    DEFINITIONS,
+    METRICS,
+    RESULT_COLUMNS,
+    ROW_METRICS,
+    RUN,
+    TIMING_COLUMNS,
+    Score,
+    score,
+)
 
 __all__ = [
     "CONSTRAINT_COLUMNS",

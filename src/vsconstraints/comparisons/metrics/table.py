@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
+from ...rows.readable import in_one_line
 from ...simulation import PATIENCE
-from . import chattering, clearance, task, timing, utilization
+from ..record import RunRecord
+from . import chattering, clearance
 from .chattering import SLIDING_GAP
-from .clearance import NEGLIGIBLE, TOLERANT
-from .metric import Metric
+from .clearance import NEGLIGIBLE, TOLERANT, first_active, utilization
+from .measured import Measured, Metric, missed_periods, rows_time, settling_time, step_time
 
 METRICS = (
     Metric("status", lambda m: m.run.status, kind="text", definition="converged: every goal is reached before the next "
@@ -22,7 +29,7 @@ METRICS = (
            "ends with the duration or, after it, as soon as that is seen."),
     Metric("reason", lambda m: m.run.reason, kind="text"),
     Metric("duration_s", lambda m: m.run.t[-1], definition="Time of the last sample: see status."),
-    Metric("settling_time_s", task.settling_time, "settling time [s]", group="task",
+    Metric("settling_time_s", settling_time, "settling time [s]", group="task",
            definition="From the beginning of each goal until the error stays within its tolerance, added up over the "
            "goals."),
     Metric("final_translation_error_m", lambda m: m.run.camera_error[-1, 0], "position error [mm]",
@@ -31,7 +38,7 @@ METRICS = (
            group="task", factor=1e3, style="error"),
     Metric("final_feature_error_px", lambda m: m.run.feature_error_px[-1], "image error [px]",
            group="task", style="error"),
-    Metric("utilization", lambda m: utilization.utilization(m.record, m.usage, m.outside_alone), "utilization [%]",
+    Metric("utilization", lambda m: utilization(m.record, m.usage, m.outside_alone), "utilization [%]",
            "more", group="outcome", style="percent", overall="median utilization [%]",
            finding=("Most of the allowed space used", "%"),
            definition="Mean usage, from 0 to 1, over the sampling periods in which tracking alone is outside: of each "
@@ -74,19 +81,19 @@ METRICS = (
            finding=("Least chattering (acceleration variation)", "rad/s³")),
     Metric("jerk_rms", lambda m: chattering.jerk_rms(m.record), "RMS jerk [rad/s³]",
            definition="Root mean square of ‖Δq̈_c‖ / T_s, over the scenario's duration."),
-    Metric("step_time_median_us", lambda m: timing.step_time(m.record, np.median), "call, median [µs]", None,
+    Metric("step_time_median_us", lambda m: step_time(m.record, np.median), "call, median [µs]", None,
            "Wall time of the call controller.command(rows, task) [µs], the same call for every law, shipped or own, "
            "with its checks of input and answer; without the first call. Laws with a compiled form answer it from "
            "there, all others in Python.", "time", "time", overall="median call [µs]"),
-    Metric("step_time_p99_us", lambda m: timing.step_time(m.record, lambda each: np.quantile(each, 0.99)),
+    Metric("step_time_p99_us", lambda m: step_time(m.record, lambda each: np.quantile(each, 0.99)),
            "p99 [µs]", None, kind="time", group="time"),
-    Metric("step_time_max_us", lambda m: timing.step_time(m.record, np.max), "max [µs]", None,
+    Metric("step_time_max_us", lambda m: step_time(m.record, np.max), "max [µs]", None,
            kind="time", group="time"),
-    Metric("rows_time_median_us", lambda m: timing.rows_time(m.record), "rows and task, median [µs]", None,
+    Metric("rows_time_median_us", lambda m: rows_time(m.record), "rows and task, median [µs]", None,
            "Wall time of kinematics, features, rows and task [µs], the same code for every controller. Where a "
            "controller is deceived (disturbances, motions it is not told of) without the kinematics, and in the NumPy "
            "form.", "time", "time"),
-    Metric("missed_periods", lambda m: timing.missed_periods(m.record), "missed periods", None,
+    Metric("missed_periods", lambda m: missed_periods(m.record), "missed periods", None,
            "Samples in which rows, task and controller together took longer than T_s; without the first.", "time",
            "time", style="count"),
     Metric("compiled", lambda m: m.run.compiled, kind="flag", added=1,
@@ -119,8 +126,8 @@ ROW_METRICS = (
     Metric("challenged", lambda m: m.outside_alone.any(axis=0).tolist(), kind="flag",
            definition="A row that tracking alone violates in this scenario and trial, by the strict standard."),
     Metric("active_time_s", lambda m: m.run.active.sum(axis=0) * m.Ts),
-    Metric("first_active_s", lambda m: utilization.first_active(m.run.t, m.run.active)),
-    Metric("last_active_s", lambda m: utilization.first_active(m.run.t[::-1], m.run.active[::-1])),
+    Metric("first_active_s", lambda m: first_active(m.run.t, m.run.active)),
+    Metric("last_active_s", lambda m: first_active(m.run.t[::-1], m.run.active[::-1])),
     Metric("clearance_min", lambda m: m.clearances.least),
     Metric("usage_max", lambda m: 1.0 - m.clearances.least / m.record.length),
     Metric("mean_unused_margin",
@@ -171,3 +178,37 @@ TIMING_COLUMNS = tuple(metric.column for metric in METRICS if metric.kind == "ti
 
 DEFINITIONS = TERMS | {metric.column: metric.definition for metric in (*METRICS, *ROW_METRICS) if metric.definition}
 """What the scores mean: the one source of reports and documentation."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """One line of results.csv and one of constraints.csv for each row, without suite, scenario, controller, trial."""
+
+    result: Mapping[str, Any]
+    constraints: Sequence[Mapping[str, Any]]
+
+    @in_one_line
+    def __repr__(self) -> str:
+        outside = self.result["violated"] or "none"
+        return f"<Score: {self.result['status']}, violated rows: {outside}, of {len(self.constraints)}>"
+
+
+def score(record: RunRecord, baseline: RunRecord | None) -> Score:
+    """Score a run.
+
+    Parameters
+    ----------
+    record
+        The run. If it has no sample, what is a number does not exist.
+    baseline
+        The tracking-only run of the same scenario and trial; without one (it failed) no row counts as challenged.
+    """
+    run, some = Measured.of(record, baseline), len(record.trajectory.t) > 0
+    result = {
+        metric.column: metric.value(run) if some or metric.kind in ("text", "flag") else math.nan
+        for metric in METRICS
+        if metric.value is not None
+    }
+    columns = {metric.column: metric.value(run) for metric in ROW_METRICS if some and metric.value is not None}
+    lines = zip(*columns.values(), strict=True)
+    return Score(result, [dict(zip(columns, line, strict=True)) for line in lines])

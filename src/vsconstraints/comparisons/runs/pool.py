@@ -6,21 +6,23 @@ import math
 import multiprocessing
 import os
 import pickle
+import signal
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
 from multiprocessing import resource_tracker
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
 from types import TracebackType
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
+from ...compiled import COMPLAINT
 from ...errors import VsconstraintsError
-from .resources import process_count
-from .signals import signals_held
-from .worker import Failure, serve
-
-__all__ = ["Failure", "Pool", "carry_out"]
+from ...plugins.processes import end_with
+from .machine import process_count
+from .signals import SIGNALS, signals_held
 
 Key = TypeVar("Key", bound=Hashable)
 Answer = TypeVar("Answer")
@@ -31,36 +33,56 @@ THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 DIED = "the process that ran it died"
 
 CHECK = 1.0
-"""How often processes that say nothing are checked [s]."""
+"""How often silent processes are checked [s]."""
 
 PATIENCE = 5.0
-"""How long processes may take to end by themselves when there is nothing left to do [s]."""
+"""How long processes may take to end by themselves when nothing is left to do [s]."""
 
-MOST_STARTS = 5
-"""So many processes in a row may die before they are ready."""
+MAX_FAILED_STARTS = 5
+"""Processes in a row that may die before they are ready."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a call has no answer: what it raised, that its process died, or that it took too long."""
+
+    reason: str
+
+
+class Workers(Protocol):
+    """What calls one function elsewhere: a :class:`Pool`, or a cluster."""
+
+    def run(
+        self, calls: Mapping[Key, tuple[Any, ...]], limits: Mapping[Key, float] | None = None, *, again: bool = True
+    ) -> Iterator[tuple[Key, Any]]:
+        """Answers as they come, with their keys, a :class:`Failure` where there is none: see :meth:`Pool.run`."""
+
+
+OpenWorkers = Callable[[Callable[..., Any]], AbstractContextManager[Workers]]
+"""From a function of a module to the workers that call it, for as long as the ``with`` block lasts."""
 
 
 class Pool(Generic[Answer]):
-    """Answers calls of one function in several processes.
+    """Calls one function in several processes.
 
     A call that raises, or whose answer cannot be sent, is answered by a :class:`Failure` with the reason. If a process
-    dies, the call it was answering is made once more when all others are done and with nothing beside it; another
-    process takes over the others. A call that takes longer than its limit is ended with its process.
+    dies, its call is made once more when all others are done and nothing else runs; another process takes over the
+    others. A call that takes longer than its limit is ended with its process.
 
     Processes end with the pool, at once if the ``with`` block is left by an exception, and with the process that
-    made them, whatever ends that one.
+    started them, for whatever reason that ends.
 
     Parameters
     ----------
     function
         What is called; a function of a module, so that other processes can import it.
     processes
-        How many there are at most; they are started as they are needed.
+        Maximum number of processes; they are started when they are needed.
     """
 
     def __init__(self, function: Callable[..., Answer], processes: int) -> None:
         self._function = function
-        self._most = max(1, processes)
+        self._max_processes = max(1, processes)
         self._workers: list[_Worker] = []
         self._failed_starts = 0
 
@@ -72,9 +94,9 @@ class Pool(Generic[Answer]):
     ) -> None:
         for worker in self._workers:
             worker.connection.close()
-        patience = time.monotonic() + (PATIENCE if kind is None else 0.0)
+        deadline = time.monotonic() + (PATIENCE if kind is None else 0.0)
         for worker in self._workers:
-            worker.end(max(0.0, patience - time.monotonic()))
+            worker.end(max(0.0, deadline - time.monotonic()))
         self._workers.clear()
 
     def run(
@@ -85,9 +107,9 @@ class Pool(Generic[Answer]):
         Parameters
         ----------
         calls
-            The function's arguments; the first are begun first.
+            The function's arguments; they are started in this order.
         limits
-            How long a call may take [s]; as long as it likes if it is not there.
+            How long a call may take [s]; without an entry, as long as it likes.
         again
             Whether a call whose process died is made once more.
 
@@ -103,22 +125,23 @@ class Pool(Generic[Answer]):
             if not waiting and not self._busy():
                 waiting.append(suspects.popleft())
                 repeated.add(waiting[0])
-            self._employ(len(waiting))
+            self._start_missing(len(waiting))
             for worker in self._workers:
                 if waiting and worker.ready and worker.key is None:
                     key = waiting.popleft()
                     try:
                         worker.begin(key, pickle.dumps(calls[key]), limits.get(key, math.inf))
-                    except Exception as error:  # own parts can raise anything when they are packed
+                    except Exception as error:  # user code can raise anything when it is pickled
                         yield key, Failure(f"it cannot be sent to a process: {type(error).__name__}: {error}")
-            self._wait()
+            nearest = min((worker.remaining() for worker in self._workers), default=CHECK)
+            wait([worker.connection for worker in self._workers], max(0.0, min(CHECK, nearest)))
             for worker in list(self._workers):
-                said = worker.news()
-                key = worker.key
-                if said is not None:
-                    if worker.heard():
-                        yield key, unpacked(said)
-                    else:
+                message, key = worker.receive(), worker.key
+                if message is not None:
+                    was_ready, worker.ready, worker.key = worker.ready, True, None
+                    if was_ready:
+                        yield key, unpacked(message)
+                    else:  # the first message says that it is ready
                         self._failed_starts = 0
                 elif worker.dead:
                     self._dismiss(worker)
@@ -126,18 +149,17 @@ class Pool(Generic[Answer]):
                         yield key, Failure(DIED)
                     elif key is not None:
                         suspects.append(key)
-                elif worker.overdue_in() <= 0.0:
+                elif worker.remaining() <= 0.0:
                     self._dismiss(worker)
                     yield key, Failure(f"it took longer than its limit of {worker.limit:g} s and was ended")
 
     def _busy(self) -> int:
         return sum(worker.key is not None for worker in self._workers)
 
-    def _employ(self, waiting: int) -> None:
-        """Start as many processes as are missing for this many calls beside those under way."""
-        while len(self._workers) < min(self._most, self._busy() + waiting):
+    def _start_missing(self, waiting: int) -> None:
+        while len(self._workers) < min(self._max_processes, self._busy() + waiting):
             worker = _Worker()
-            # listed first: it ends with the pool, whatever interrupts its start
+            # listed first: it ends with the pool even if its start is interrupted
             self._workers.append(worker)
             worker.start(self._function)
 
@@ -146,17 +168,17 @@ class Pool(Generic[Answer]):
         worker.connection.close()
         worker.end(0.0)
         self._failed_starts += not worker.ready
-        if self._failed_starts >= MOST_STARTS:
+        if self._failed_starts >= MAX_FAILED_STARTS:
             raise VsconstraintsError(
                 f"{self._failed_starts} processes in a row ended before they were ready, the last one with exit code "
                 f"{worker.process.exitcode}; a script that uses several needs `if __name__ == '__main__':` around "
                 "what it does"
             )
 
-    def _wait(self) -> None:
-        """Until a process says something, a call is overdue, or it is time to check whether one has died."""
-        nearest = min((worker.overdue_in() for worker in self._workers), default=CHECK)
-        wait([worker.connection for worker in self._workers], max(0.0, min(CHECK, nearest)))
+
+def processes(count: int | None = None) -> OpenWorkers:
+    """Processes of this machine, as many as requested, or as there are cores and memory for."""
+    return lambda function: Pool(function, process_count(count))
 
 
 def carry_out(
@@ -167,51 +189,46 @@ def carry_out(
     on_answer: Callable[[Key, Answer | Failure], None] = lambda key, answer: None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[Key, Answer | Failure]:
-    """Make calls in processes of their own: see :class:`Pool`.
+    """Make calls in a :class:`Pool`, and return all answers by their keys.
 
     Parameters
     ----------
-    function
-        What is called; a function of a module, so that other processes can import it.
+    function, limits
+        See :class:`Pool`.
     batches
-        Its arguments by keys; calls of a batch are begun when all of the one before are answered.
+        Arguments by keys; calls of a batch are started when all of the one before are answered.
     workers
-        Number of processes at most; see :func:`vsconstraints.comparisons.runs.resources.process_count`.
-    limits
-        How long a call may take [s]; as long as it likes if it is not there.
-    on_answer
-        Told of every answer as it comes.
-    on_progress
-        Told how many calls are answered, and how many there are.
+        Maximum number of processes; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
+    on_answer, on_progress
+        Called with every answer as it comes, and with the numbers of calls that are answered and that there are.
     """
     answers: dict[Key, Answer | Failure] = {}
-    done, total = 0, sum(map(len, batches))
-    on_progress(done, total)
+    total = sum(map(len, batches))
+    on_progress(0, total)
     with Pool(function, min(process_count(workers), max(map(len, batches), default=1))) as pool:
         for batch in batches:
             for key, answer in pool.run(batch, limits):
                 answers[key] = answer
                 on_answer(key, answer)
-                done += 1
-                on_progress(done, total)
+                on_progress(len(answers), total)
     return answers
 
 
-class _Worker:
-    """A process as its pool sees it.
+def unpacked(packed: bytes) -> Any:
+    """The answer of another process; a :class:`Failure` if it cannot be read."""
+    try:
+        return pickle.loads(packed)
+    except Exception as error:  # user code can raise anything when it is unpickled
+        return Failure(f"the answer cannot be read: {type(error).__name__}: {error}")
 
-    Attributes
-    ----------
-    key, limit
-        Of the call it is answering, None if it is none, and how long that may take [s].
-    ready, dead
-        Whether it has come up, and whether it has gone down.
-    """
+
+class _Worker:
+    """A process as its pool sees it: the call that it answers, with its limit, and whether it is ready or dead."""
 
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")  # they start alike on every system and inherit no threads
         self.connection, self._theirs = context.Pipe()
-        self.process = context.Process(target=serve, args=(self._theirs, os.getpid()))
+        self.process = context.Process(target=_serve, args=(self._theirs, os.getpid()))
         self.key: Any = None
         self.limit = math.inf
         self.ready = self.dead = False
@@ -229,12 +246,11 @@ class _Worker:
         self._send(packed)
 
     def _send(self, packed: bytes) -> None:
-        with suppress(OSError):  # it died: that is seen when it is looked at
+        with suppress(OSError):  # it died: receive() notices
             self.connection.send_bytes(packed)
 
-    def news(self) -> bytes | None:
-        """What it has said, if anything."""
-        alive = self.process.is_alive()  # asked first: what it said before it died is still there
+    def receive(self) -> bytes | None:
+        alive = self.process.is_alive()  # first: what it sent before it died is still there
         try:
             if self.connection.poll():
                 return self.connection.recv_bytes()
@@ -243,30 +259,19 @@ class _Worker:
         self.dead = not alive
         return None
 
-    def heard(self) -> bool:
-        """Note that it has said something: an answer, or, as False, that it is ready."""
-        answered, self.ready, self.key = self.ready, True, None
-        return answered
-
-    def overdue_in(self) -> float:
-        """How long until its call is overdue [s]."""
+    def remaining(self) -> float:
         return math.inf if self.key is None else self._begun + self.limit - time.monotonic()
 
     def end(self, patience: float) -> None:
-        """See it end within this time [s], or end it."""
-        if self.process.pid is None:
-            return
-        self.process.join(patience)
-        self.process.kill()
-        self.process.join()
+        if self.process.pid is not None:
+            self.process.join(patience)
+            self.process.kill()
+            self.process.join()
 
 
 @contextmanager
 def _single_threaded() -> Iterator[None]:
-    """A process that is started meanwhile finds :data:`THREAD_VARIABLES` set; for this one nothing is changed.
-
-    Libraries read them when they are loaded, and a process that is spawned gets no other environment than this one's.
-    """
+    """Set :data:`THREAD_VARIABLES` for processes that start meanwhile: libraries read them when they are loaded."""
     missing = [variable for variable in THREAD_VARIABLES if variable not in os.environ]
     os.environ.update(dict.fromkeys(missing, "1"))
     try:
@@ -276,9 +281,25 @@ def _single_threaded() -> Iterator[None]:
             del os.environ[variable]
 
 
-def unpacked(packed: bytes) -> Any:
-    """What another process answered; a :class:`Failure` if that cannot be read."""
+def _serve(connection: Connection, parent: int) -> None:
+    """In a worker: receive a function, confirm, then answer tuples of arguments until the connection closes."""
+    end_with(parent)
+    warnings.filterwarnings("ignore", COMPLAINT, RuntimeWarning)  # the pool's process says it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the pool handles it: Ctrl-C reaches all processes of a terminal
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    with suppress(EOFError, OSError):  # the pool is gone
+        function = connection.recv()
+        connection.send(None)
+        while True:
+            connection.send_bytes(_answer(function, connection.recv_bytes()))
+
+
+def _answer(function: Callable[..., object], packed: bytes) -> bytes:
     try:
-        return pickle.loads(packed)
-    except Exception as error:  # own parts can raise anything when they are unpacked
-        return Failure(f"the answer cannot be read: {type(error).__name__}: {error}")
+        answer = function(*pickle.loads(packed))
+    except BaseException as error:  # even SystemExit: this is where one call ends and the others begin
+        answer = Failure(f"{type(error).__name__}: {error}")
+    try:
+        return pickle.dumps(answer)
+    except Exception as error:  # user code can raise anything when it is pickled
+        return pickle.dumps(Failure(f"the answer cannot be sent: {type(error).__name__}: {error}"))

@@ -16,8 +16,7 @@ from ...controllers.base import Controller
 from ...errors import ConfigurationError, VsconstraintsError
 from ...plugins.classes import module_files
 from ...scenarios import Scenario
-from .machine import code_hash, package_versions, used_versions
-from .resources import run_limit
+from .machine import code_hash, package_versions, run_limit, used_versions
 
 
 @dataclass(frozen=True)

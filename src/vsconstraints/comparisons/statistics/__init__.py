@@ -3,17 +3,24 @@
 Pure functions of arrays, one entry per scene, and of tables of runs. What they rest on is in the guide.
 """
 
-from .comparing import compare_laws
-from .inputs import simultaneous
+from .inputs import Verdict, distinguishable, simultaneous, verdict
 from .judged import LAW, OUTCOMES, SCENE, judged_metrics
-from .median import Median, median
-from .paired import Paired, paired
-from .profiles import Profile, profile
-from .ranking import Ranks, ranks
-from .rates import PairedRates, Rate, detectable, difference_interval, mcnemar, rate, rate_of
-from .tables import costs, medians, rates
+from .ranking import Profile, Ranks, profile, ranks
+from .rates import (
+    Median,
+    Paired,
+    PairedRates,
+    Rate,
+    detectable,
+    difference_interval,
+    mcnemar,
+    median,
+    paired,
+    rate,
+    rate_of,
+)
+from .tables import compare_laws, costs, medians, rates
 from .text import p_text, rate_text, rounded, with_interval
-from .verdicts import Verdict, distinguishable, verdict
 
 __all__ = [
     "LAW",

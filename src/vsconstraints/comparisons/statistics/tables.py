@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...errors import unknown_name
 from ...plugins.extras import demand
-from .judged import LAW, OUTCOMES, SCENE, checked, counts, judged_metric, values
-from .median import median
-from .rates import rate
+from ...rows import Array
+from .inputs import FEWEST, Better, checked_confidence, simultaneous, verdict
+from .judged import LAW, OUTCOMES, SCENE, checked, counts, judged_metric, resolution, values
+from .rates import mcnemar, median, paired, rate
 
 BY = ("family", "condition")
 """Scenes that have these in common are looked at together."""
@@ -107,3 +111,133 @@ def frame(columns: Sequence[str], lines: Sequence[tuple[Any, ...]]) -> Any:
     import pandas
 
     return pandas.DataFrame(lines, columns=list(columns))
+
+
+class Comparison(NamedTuple):
+    """A pair of laws: columns of :func:`compare_laws`."""
+
+    scenes: int
+    paired: int
+    only_a: int
+    only_b: int
+    differ: int
+    difference: float
+    low: float
+    high: float
+    ratio: float
+    ratio_low: float
+    ratio_high: float
+    effect: float
+    p: float
+
+
+Compare = Callable[[Array, Array, float], Comparison]
+"""Two columns, NaN where a run does not count, compared with so much confidence."""
+
+
+def _by_outcome(better: Better) -> Compare:
+    def compare(a: Array, b: Array, confidence: float) -> Comparison:
+        found = mcnemar(a, b, confidence)
+        gain = (found.difference if found.n else 0.0) * (1.0 if better == "more" else -1.0)
+        return Comparison(
+            found.n, found.n, found.only_a, found.only_b, found.only_a + found.only_b,
+            found.difference, found.low, found.high, math.nan, math.nan, math.nan, (1.0 + gain) / 2.0, found.p,
+        )  # fmt: skip
+
+    return compare
+
+
+def _by_metric(better: Better, least: float) -> Compare:
+    def compare(a: Array, b: Array, confidence: float) -> Comparison:
+        one, other = ~np.isnan(a), ~np.isnan(b)
+        both = one & other
+        rule: dict[str, Any] = {"better": better, "least": least, "confidence": confidence}
+        found, ratios = paired(a, b, **rule), (math.nan, math.nan, math.nan)
+        if both.any() and min(a[both].min(), b[both].min()) >= 0.0:
+            with np.errstate(over="ignore"):  # a ratio beyond 1e308 is infinite
+                ratios = tuple(np.exp(paired(a, b, "log-ratio", **rule)[:3]).tolist())
+        return Comparison(
+            len(a), found.n, int((one & ~other).sum()), int((other & ~one).sum()), found.wins + found.losses,
+            found.median, found.low, found.high, *ratios, found.effect, found.p,
+        )  # fmt: skip
+
+    return compare
+
+
+def compare_laws(
+    runs: Any,
+    metric: str,
+    reference: str | None = None,
+    *,
+    by: Sequence[str] = BY,
+    least: float | None = None,
+    confidence: float = 0.95,
+) -> Any:
+    """Every pair of laws on the same scenes, by a metric or an outcome; or each law against one reference.
+
+    In an outcome, all scenes are compared that both laws ran. In a metric, those of them in which both runs count
+    (:func:`.judged.counts`): ``only_a`` and ``only_b`` say how many more there are in which one does.
+
+    Intervals are simultaneous, and p-values corrected, for all pairs of a group that are tested (Bonferroni), those of
+    :data:`.inputs.FEWEST` scenes or more. A reference has to be chosen before looking at the runs; the best of them is
+    one of all pairs.
+
+    Parameters
+    ----------
+    runs
+        One line per run: the columns :data:`.judged.SCENE`, ``controller``, ``status``, ``violated`` and the metric's.
+    metric
+        One of :func:`.judged.judged_metrics` or of :data:`.judged.OUTCOMES`.
+    reference
+        Law that is b in every pair.
+    by
+        Columns that tell the groups apart.
+    least
+        Values that are no more than this apart are equal; :func:`.judged.resolution` if not given.
+    confidence
+        That all intervals of a group hold at once.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``by``, metric, a, b; scenes (that both ran), paired (that are compared), only_a, only_b, differ (of the scenes
+        that are compared, those in which the two are not equal); difference, low, high: of the rates, or the median of
+        a − b, as stored, over the scenes in which they differ; ratio, ratio_low, ratio_high: the same of a/b (empty of
+        outcomes and where values are negative); effect: chance that a is better on a scene, equal values counting half;
+        p (of McNemar's test, or of the sign test), p_corrected; verdict: what is said of a against b,
+        :func:`.verdicts.verdict`, which is that p_corrected is at most 1 − confidence.
+    """
+    checked_confidence(confidence)
+    if metric in OUTCOMES:
+        judged, better = None, OUTCOMES[metric].better
+        compare, column = _by_outcome(better), OUTCOMES[metric].flag
+    else:
+        judged = judged_metric(metric)
+        better = judged.better  # type: ignore[assignment]  # of judged metrics it is said
+        compare = _by_metric(better, resolution(judged) if least is None else least)
+        column = partial(values, metric=judged)
+    known = [str(name) for name in dict.fromkeys(checked(runs, by, judged)[LAW])]
+    if reference is not None and reference not in known:
+        raise unknown_name("controller", reference, known)
+    lines: list[tuple[Any, ...]] = []
+    each, ran = (by_law(runs, (*by, *SCENE), value) for value in (column(runs).astype(float), 1.0))
+    for group, own in groups(each, by):
+        there = ran.loc[own.index].notna()
+        pairs = []
+        for a, b in _pairs([law for law in own.columns if there[law].any()], reference):
+            both = (there[a] & there[b]).to_numpy()
+            pairs.append((a, b, own[a].to_numpy()[both], own[b].to_numpy()[both]))
+        tests = sum(int((~np.isnan(one + other)).sum()) >= FEWEST for *_, one, other in pairs)
+        level = simultaneous(confidence, tests)
+        for a, b, one, other in pairs:
+            found = compare(one, other, level)
+            said = verdict(found.low, found.high, n=found.paired, better=better)
+            corrected = min(found.p * tests, 1.0) if found.paired >= FEWEST else 1.0
+            lines.append((*group, metric, a, b, *found, corrected, said))
+    return frame((*by, "metric", "a", "b", *Comparison._fields, "p_corrected", "verdict"), lines)
+
+
+def _pairs(laws: Sequence[str], reference: str | None) -> Iterator[tuple[str, str]]:
+    if reference is None:
+        return combinations(laws, 2)
+    return ((law, reference) for law in laws if law != reference and reference in laws)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...comparisons.run import Run
 from ...comparisons.runs.spec import ControllerSpec, RunSpec
+from ...controllers import Controller, SlidingMode
+from ...rows import Command, Rows, Task
 from ...rows.readable import amount
 from ..verdicts import Finding, NotMeasured, claim, finding
 from .case_study import CASE
@@ -13,8 +17,26 @@ from .first_example import FOV, SECOND
 
 PARAMETERS = (0.1, 0.2, 0.4)
 APPROACHES = tuple(RunSpec("example-2d-fov", overrides={"constraints.0.K": K}) for K in PARAMETERS)
-WITHOUT_DRIFT = ControllerSpec("vsconstraints.paper.without_drift:WithoutDrift")
+WITHOUT_DRIFT = ControllerSpec("vsconstraints.paper.claims.general:WithoutDrift")
 BLIND = tuple(RunSpec(spec.name, WITHOUT_DRIFT) for spec in (FOV, CASE))
+
+
+class WithoutDrift(Controller):
+    """The sliding-mode law with random numbers in place of L_fφ, which contains all second derivatives."""
+
+    name = "sliding-mode-without-drift"
+
+    def __init__(self) -> None:
+        self.law = SlidingMode()
+        self.reset()
+
+    def reset(self, period: float | None = None) -> None:
+        """Restart the random numbers."""
+        self.random = np.random.default_rng(0)
+
+    def solve(self, rows: Rows, task: Task) -> Command:
+        """See the class."""
+        return self.law.command(replace(rows, Lf=self.random.normal(scale=100.0, size=rows.Lf.shape)), task)
 
 
 @claim("7b", *APPROACHES)

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.record import RunRecord
-from ...comparisons.run import perform
+from ...comparisons.run import kept_file, perform, unfinished
 from ...comparisons.runs.pool import Failure, carry_out
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec, longest_first
 from ...comparisons.tables import write_table
-from ...comparisons.unfinished import kept_file, unfinished
 from ...compiled import prepare
 from ...errors import ConfigurationError, unknown_name
 from ...reports.plots import PNG, Formats
@@ -85,7 +84,7 @@ def run_studies(
     folder
         ``figures/study-NAME`` and ``studies/NAME.csv`` are written below it; nothing is if None.
     workers
-        Number of processes at most; see :func:`vsconstraints.comparisons.runs.resources.process_count`.
+        Number of processes at most; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
     on_progress
         Told after every simulation how many are done, and how many there are.
     small

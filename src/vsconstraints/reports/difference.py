@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from ...reports.markdown import bold, bullets, code, enumeration, plain, table
-from ...reports.numbers import DASH, number
-from ..statistics import median, with_interval
-from .changes import Change
-from .difference import SIGNIFICANT, Difference, significant
-from .groups import LEAST_PAIRS
-from .outcomes import Outcome
-from .shifts import Shift
-from .times import ratios
+import numpy as np
+
+from ..comparisons.difference.difference import SIGNIFICANT, Change, Difference, Outcome, Shift, significant
+from ..comparisons.difference.pairs import LEAST_PAIRS
+from ..comparisons.statistics import median, with_interval
+from .markdown import bold, bullets, code, enumeration, plain, table
+from .numbers import DASH, number
+
+TIMES = ("step_time_median_us", "step_time_p99_us", "rows_time_median_us")
+"""Columns that are compared for information."""
 
 FIRST = 10
 """So many runs or names of a kind are named, and the others counted."""
@@ -156,11 +157,14 @@ def _shifts(found: Difference) -> str:
 
 
 def _times(found: Difference) -> str:
-    lines = [
-        [plain(one.group.law), *map(plain, one.group.place), one.column, number(one.before), number(one.after),
-         number(one.ratio)]
-        for one in ratios(found.groups)
-    ]  # fmt: skip
+    lines = []
+    for group in found.groups:
+        for column in TIMES:
+            a, b = (runs[column].to_numpy(dtype=float) for runs in (group.a, group.b))
+            exist = np.isfinite(a) & np.isfinite(b) & (a > 0.0)
+            if exist.any():
+                medians = (float(np.median(each[exist])) for each in (a, b, b / np.where(exist, a, 1.0)))
+                lines.append([plain(group.law), *map(plain, group.place), column, *map(number, medians)])
     header = ["law", *found.a.group, "time", "A", "B", "median of B / A"]
     text = "They are those of two commands, perhaps on two machines, and decide nothing."
     return f"{text}\n\n{table(header, lines, text_columns=2 + len(found.a.group))}" if lines else "None."

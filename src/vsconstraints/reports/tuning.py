@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from statistics import median
 
-from ...reports.markdown import table
-from .objectives import OBJECTIVES, REFERENCE
-from .problem import Problem
-from .result import Evaluation, Tuned, Tuning
+from ..comparisons.runs.files import storing
+from ..comparisons.tuning.objectives import OBJECTIVES, REFERENCE
+from ..comparisons.tuning.problem import Problem
+from ..comparisons.tuning.result import Evaluation, Tuned, Tuning
+from .markdown import table
+from .page import write_pages
+
+REPORT = "report.md"
 
 HEAD = ("law", "setting", *(objective.title for objective in OBJECTIVES), "violated runs", "hypervolume")
+
+
+def write_report(tuning: Tuning, folder: Path) -> None:
+    """Write it into a folder as Markdown and HTML; raises StorageError."""
+    with storing("the report", folder):
+        write_pages(folder / REPORT, report(tuning))
 
 
 def report(tuning: Tuning) -> str:
