@@ -13,7 +13,7 @@ from vsconstraints import Camera
 from vsconstraints.compiled import available, load
 from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.compiled.model import Model
-from vsconstraints.compiled.structures import Step, frozen
+from vsconstraints.compiled.structures import Step, pack_struct
 from vsconstraints.constraints import ConstraintSet, FieldOfView, RowBlock
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode
 from vsconstraints.errors import SceneError
@@ -92,7 +92,7 @@ def seen_by_both(markers: Array, seed: int, noise: float) -> tuple[State, Step] 
     assert other is not None
     assert one.evaluate(0.0, q, np.zeros(6)) == 0
     sensing = sensor.sensing(1)
-    words = frozen(sensing)
+    words = pack_struct(sensing)
     refused = load("sensing").observe(words.ctypes.data, one.packed.address, other.packed.address, 0.0, 0)
     state = scene.evaluate(0.0, q, np.zeros(6))
     if refused:

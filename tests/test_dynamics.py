@@ -13,7 +13,7 @@ import pinocchio as pin
 import pytest
 
 from vsconstraints import Robot
-from vsconstraints.compiled.structures import frozen
+from vsconstraints.compiled.structures import pack_struct
 from vsconstraints.controllers import HierarchicalQP, SlidingMode
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.reports.figures.disturbance import draw_disturbance
@@ -53,7 +53,7 @@ def free(there: DynamicPlant) -> DynamicPlant:
     drive = there.arm.drive._replace(effort=np.full(there.robot.n, 1e-300))
     there.arm = there.arm._replace(drive=drive)
     there.arm.memory.torque[:], there.arm.memory.under_way[:] = 0.0, 0.0
-    there.frozen_arm = frozen(there.arm)
+    there.frozen_arm = pack_struct(there.arm)
     there.mover = there.mover[0], int(there.frozen_arm.ctypes.data)
     return there
 

@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 
 from oracle import KINDS, Problem, lexicographic_optimum, random_problem
 from vsconstraints.compiled import load
-from vsconstraints.compiled.structures import DONE, RELAXED_ROWS, RELAXED_SHORT, SHORT
+from vsconstraints.compiled.structures import RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED
 from vsconstraints.controllers import HierarchicalQP, Tracking
 from vsconstraints.controllers.least_norm import least_norm
 from vsconstraints.controllers.resolvers.hierarchy import Hierarchy, row_weights
@@ -851,7 +851,7 @@ def test_labels_that_are_no_names_are_refused_where_the_answer_names_rows():
 def test_each_code_of_the_compiled_answer_has_its_status() -> None:
     slack, acted = np.array([0.5, 0.0]), np.zeros(2, dtype=np.bool_)
     codes = (
-        (DONE, "ok", False),
+        (SOLVED, "ok", False),
         (RELAXED_ROWS, "relaxed", False),
         (SHORT, "suboptimal", True),
         (RELAXED_SHORT, "relaxed", True),

@@ -5,21 +5,16 @@ that stay where they are. :func:`load` imports a module of this package when it 
 a compiler who does not use it.
 
 - ``step`` evaluates a scene, its constraints and its task on the arrays of ``structures``, which ``packing`` fills.
-- ``parts`` compiles what varies, rows of constraints and laws, into functions of their own that are called by address;
+- ``parts`` reaches structures and functions by address, and compiles what varies, rows of constraints and laws;
   ``*_rows`` are the rows of the kinds of constraints.
 - ``laws.follow`` carries out a law, demand and resolver; ``task_priority`` and ``hierarchical_qp`` are the resolvers.
 - ``closed_loop`` runs step, law and robot together; ``samples`` says what is kept and scored of each sample.
 - ``sensing`` and ``gradient_error`` are what the control believes wrongly, ``images`` how images come.
-
-Two things have another form than in NumPy: the kinematics of a chain, which Pinocchio computes there, and least
-squares, that of a camera's pose among them, by reflections here and by singular values there. Tests hold these
-together.
+- ``compiler`` and ``numba_internals`` are how all that is compiled, or left to Python for debugging.
 """
 
 from __future__ import annotations
 
-import os
-import warnings
 from importlib import import_module
 from typing import Any
 
@@ -35,60 +30,38 @@ Rows of constraints are compiled where a scene has such constraints; of several 
 compiles them and the others wait for it.
 """
 
-COMPLAINT = "vsconstraints runs in its NumPy form"
+COMPLAINT = "vsconstraints runs without its compiler"
 """How the warning begins that says why nothing is compiled; processes that another one starts do not repeat it."""
 
-_told = False
-"""Whether this process has said that it has no compiler: once is enough, whoever asks."""
-
 loaded: dict[str, Any] = {}
-"""Modules by their names, None for those that cannot be had: like ``sys.modules``, for as long as the process lives."""
+"""Modules by their names: like ``sys.modules``, for as long as the process lives."""
 
 
 def load(name: str) -> Any:
-    """Module ``vsconstraints.compiled.<name>``, compiled or read from the cache; None where there is no compiler.
+    """Module ``vsconstraints.compiled.<name>``, compiled or read from the cache.
 
-    The reason is told once, as a RuntimeWarning, and not again by processes that this one starts: numba is missing,
-    broken or does not fit NumPy, or its cache cannot be written. With ``VSCONSTRAINTS_COMPILE=0`` in the environment
-    there is nothing to tell.
+    Where numba is missing, broken or does not fit NumPy, or its cache cannot be written, the same functions run in
+    Python, some 200 times slower, and a RuntimeWarning says why; it is not repeated by processes that this one starts.
+    With ``VSCONSTRAINTS_COMPILE=0`` in the environment they do so without a warning.
     """
     try:
         return loaded[name]
     except KeyError:
-        return loaded.setdefault(name, _load(name))
+        return loaded.setdefault(name, import_module(f"{__name__}.{name}"))
 
 
 def entry(function: Any) -> Any:
     """The compiled function without the search for the one that fits its arguments: for arrays that are known to."""
-    return function.overloads[function.signatures[0]].entry_point
+    return function.overloads[function.signatures[0]].entry_point if hasattr(function, "overloads") else function
 
 
 def available() -> bool:
     """Whether all that a simulation may need runs compiled here; imports or compiles it to find out."""
-    return all(load(name) is not None for name in MODULES)
+    prepare()
+    return bool(load("compiler").compiles())
 
 
 def prepare() -> None:
     """Compile, or read from the cache, all that a simulation may need: once, before several processes do it."""
     for name in MODULES:
         load(name)
-
-
-def _load(name: str) -> Any:
-    if os.environ.get(VARIABLE, "").strip() == "0":
-        return None
-    try:
-        if import_module("numba").config.DISABLE_JIT:
-            raise RuntimeError("NUMBA_DISABLE_JIT is set")
-        return import_module(f"{__name__}.{name}")
-    except Exception as error:  # whatever is wrong with the compiler, the definition runs
-        global _told
-        if _told:
-            return None
-        _told = True
-        warnings.warn(
-            f"{COMPLAINT}, which is slower: {type(error).__name__}: {error} (set {VARIABLE}=0 to say nothing)",
-            RuntimeWarning,
-            stacklevel=3,
-        )
-        return None

@@ -16,9 +16,9 @@ import numpy as np
 from ..formulas.rotation import turn_about
 from ..formulas.vectors import along_with, cross, dot, matrix, plus, product, times, turned, vector
 from ..rows import Array, BoolArray, IntArray
-from .compiler import in_place, know
+from .compiler import in_place, register_formulas
 
-know()
+register_formulas()
 
 TORQUE, POSITION, SPEED = range(3)
 """Controllers of the joints: computed torque; a speed loop with a position loop around it; the speed loop alone."""

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 
 from ..formulas.limits import JointLimits
 from ..rows import IntArray
 from . import samples
-from .compiler import IN_PLACE, compiled, in_place, know, numba, part_of_others
-from .laws import carry_out
-from .laws import thaw as thaw_law
-from .parts import address, ask, thaw_as
+from .compiler import IN_PLACE, compiled, in_place, register_formulas
+from .laws import carry_out, load_law
+from .parts import address, call_int_pointer, monotonic, struct_loader
 from .samples import ALONE, LAW, STEP, Goals, Kept, Loop, PlantArrays, Running
 from .step import evaluate_step
-from .structures import DONE, RELAXED_ROWS, Answer, RowArrays, TaskArrays
+from .structures import RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays
 
 for function in (
     samples.put,
@@ -30,8 +28,8 @@ for function in (
     samples.score,
     samples.finish,
 ):
-    part_of_others(function, IN_PLACE)
-know()
+    in_place(function)
+register_formulas()
 
 
 def _example() -> Loop:
@@ -47,32 +45,23 @@ def _example() -> Loop:
     return Loop(counts, one, counts, rows, task, answer, one, rows, *seen, goals, plant, kept, scores)
 
 
-LOOP = numba.typeof(_example())
-
-thaw = thaw_as(LOOP)
+load_loop = struct_loader(_example())
 
 EVALUATE = address(evaluate_step)
 """Where the function begins that evaluates a step."""
-
-_clock_gettime = numba.types.ExternalFunction("clock_gettime", numba.types.int32(numba.types.int32, numba.types.intp))
-_MONOTONIC = time.CLOCK_MONOTONIC
 
 
 @in_place
 def now(clock: IntArray) -> float:
     """Time of a clock that only goes forward [s], or 0 where nobody asks; ``clock`` (2,) or (0,) is scratch."""
-    if clock.size == 0:
-        return 0.0
-    _clock_gettime(_MONOTONIC, clock.ctypes.data)
-    seconds: float = clock[0] + 1e-9 * clock[1]
-    return seconds
+    return monotonic(clock) if clock.size else 0.0
 
 
 @in_place
-def answered(law_address: int, loop: Loop, answer: Answer) -> bool:
+def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
     """Ask a law for the command; False if Python has to be asked."""
     code = carry_out(law_address, loop.rows, loop.task, answer)
-    return code == DONE or code >= RELAXED_ROWS
+    return code == SOLVED or code >= RELAXED_ROWS
 
 
 @compiled("UniTuple(int64, 2)(int64, int64, int64, int64)", IN_PLACE)
@@ -84,37 +73,39 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
     tuple
         The sample, and the stage of it that Python has to be asked for; ``end`` and ``STEP`` if all is done.
     """
-    loop = thaw(loop_address)
+    loop = load_loop(loop_address)
     evaluate, believed, true, law, alone, observe, sensing, move, moved = loop.parts
     q, qd, kept = loop.plant.x[0], loop.plant.x[1], loop.kept
     while k < end:
         at = k % len(kept.rows_time)
         if stage == STEP:
             t = k * loop.Ts[0]
-            if evaluate == 0 or (true != believed and ask(evaluate, (true, t, q, qd)) != 0):
+            if evaluate == 0 or (true != believed and call_int_pointer(evaluate, (true, t, q, qd)) != 0):
                 return k, STEP
             # what comes before is the world's part, not the control's
-            if observe != 0 and ask(observe, (sensing, true, believed, t, k)) != 0:
+            if observe != 0 and call_int_pointer(observe, (sensing, true, believed, t, k)) != 0:
                 return k, STEP
             started = now(loop.clock)
-            if ask(evaluate, (believed, t, q, qd)) != 0:
+            if call_int_pointer(evaluate, (believed, t, q, qd)) != 0:
                 return k, STEP
             kept.rows_time[at] = now(loop.clock) - started
             stage = LAW
         if stage == LAW:
             loop.alone[0] = math.nan
             started = now(loop.clock)
-            if law == 0 or not answered(law, loop, loop.answer):
+            if law == 0 or not law_solved(law, loop, loop.answer):
                 return k, LAW
             kept.step_time[at] = now(loop.clock) - started
             stage = ALONE
         # unless the law has found it on its way
         if stage == ALONE and math.isnan(loop.alone[0]):
-            tracking, task = thaw_law(alone), loop.task
-            ask(tracking.track, (tracking.scratch, task.J, task.b, tracking.options[0], task.rest, loop.alone))
+            tracking, task = load_law(alone), loop.task
+            call_int_pointer(
+                tracking.track, (tracking.scratch, task.J, task.b, tracking.options[0], task.rest, loop.alone)
+            )
         samples.finish(loop, k)
         k, stage = k + 1, STEP
         # a motion without bounds is for Python to tell
-        if move != 0 and ask(move, (moved, loop.plant.x)) != 0:
+        if move != 0 and call_int_pointer(move, (moved, loop.plant.x)) != 0:
             return k, STEP
     return k, STEP

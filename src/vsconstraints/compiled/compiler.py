@@ -1,4 +1,4 @@
-"""How functions of this package are compiled, and where the result is kept."""
+"""How functions of this package are compiled, or left to Python, and where the result is kept."""
 
 from __future__ import annotations
 
@@ -6,87 +6,139 @@ import fcntl
 import gc
 import hashlib
 import inspect
+import math
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from functools import wraps
 from importlib import import_module
+from numbers import Real
 from pathlib import Path
-from typing import Any, TypeVar
+from types import SimpleNamespace
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from ..formulas import FORMULAS
-from . import VARIABLE
-from .embedded import Part
-
-numba = import_module("numba")  # not typed
+from . import COMPLAINT, VARIABLE
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 OPTIONS = {"error_model": "numpy", "fastmath": False}
 """Division by zero gives an infinity, as in NumPy; sums are never reordered, so that results repeat bit by bit."""
 
+IN_PLACE = {**OPTIONS, "_nrt": False}
+"""For functions that make no arrays: counting references to every view of one takes as long as computing."""
 
-ALONE = "alone"
+SINGLE_PROCESS = "alone"
 """Value of the environment variable with which a process compiles everything it needs by itself."""
 
 KEPT, KEPT_PARTS, HASH = 8, 64, 16
 """States of a module's code that are kept compiled, those used last, without formulas of their own and with them, and
 the length of their names' ends."""
 
-IN_PLACE = {**OPTIONS, "_nrt": False}
-"""For functions that make no arrays: counting references to every view of one takes as long as computing."""
+_warned = False
+"""Whether this process has said why nothing is compiled: once is enough."""
 
 
-def part_of_others(function: F, options: dict[str, Any] = OPTIONS) -> F:
-    """Let compiled functions call this one, which stays as it is in Python."""
-    known: F = numba.extending.register_jitable(**options, no_cfunc_wrapper=True, pipeline_class=Part)(function)
-    return known
+def _warn(error: Exception) -> None:
+    global _warned
+    if not _warned:
+        _warned = True
+        warnings.warn(
+            f"{COMPLAINT}, which is slower: {type(error).__name__}: {error} (set {VARIABLE}=0 to say nothing)",
+            RuntimeWarning,
+            stacklevel=5,
+        )
 
 
-FRAME = 2**17
-"""Words of the frame behind which numba runs."""
+def _internals() -> Any:
+    """:mod:`.numba_internals`; None where nothing is to be compiled, or numba is missing or broken."""
+    if os.environ.get(VARIABLE, "").strip() == "0":
+        return None
+    try:
+        return import_module(f"{__package__}.numba_internals")
+    except Exception as error:  # whatever is wrong with the compiler, Python runs
+        _warn(error)
+        return None
 
-INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": Part}
-"""For functions that only compiled ones call."""
 
-_known: set[Callable[..., Any]] = set()
+internals = _internals()
+numba: Any = internals and internals.numba
+VOID, INT, FLOAT, VECTOR, MATRIX = (
+    getattr(internals, name, None) for name in ("VOID", "INT", "FLOAT", "VECTOR", "MATRIX")
+)
+"""Types in signatures; None where nothing is compiled."""
+
+QUIET = SimpleNamespace(**vars(math))
+"""``math`` for functions that run in Python: as compiled, they give NaN and infinity where ``math`` raises."""
+for _name in ("sqrt", "sin", "cos", "exp", "expm1", "log", "copysign"):
+    setattr(QUIET, _name, getattr(np, _name))
+
+
+def compiles() -> bool:
+    """Whether functions are compiled; otherwise they run in Python, some 200 times slower, to the same results."""
+    return internals is not None
+
+
+def type_of(example: Any) -> Any:
+    """The compiler's type of a structure of arrays."""
+    return None if internals is None else numba.typeof(example)
+
+
+def signature(result: Any, *arguments: Any) -> Any:
+    """The signature of a function that takes these types."""
+    return None if internals is None else result(*arguments)
+
+
+def _as_compiled(function: Callable[..., Any]) -> None:
+    """Let a function that stays in Python compute as if it were compiled."""
+    names = function.__globals__
+    if names.get("math") is math:
+        names["math"] = QUIET
+
+
+_registered: set[Callable[..., Any]] = set()
 """Formulas that compiled code can call."""
 
 
-@numba.extending.overload(np.where)  # type: ignore[untyped-decorator]
-def _where(condition: Any, x: Any, y: Any) -> Any:
-    """``np.where`` of single numbers makes no arrays."""
-
-    def choose(condition: Any, x: Any, y: Any) -> Any:
-        return x if condition else y
-
-    numbers = numba.types.Boolean, numba.types.Number
-    return choose if all(isinstance(each, numbers) for each in (condition, x, y)) else None
-
-
-def know(*formulas: Callable[..., Any]) -> None:
+def register_formulas(*formulas: Callable[..., Any]) -> None:
     """Let compiled code call these functions and every marked formula: see :mod:`vsconstraints.formulas`."""
     for function in (*FORMULAS, *formulas):
-        if function not in _known:
-            _known.add(function)
-            part_of_others(function, {"error_model": "numpy"})
+        if function not in _registered and internals is not None:
+            _registered.add(function)
+            internals.part_of_others(function, {"error_model": "numpy"})
 
 
-def inner(function: F) -> F:
-    """Compile for use by other compiled functions only."""
-    compiled_function: F = numba.njit(**OPTIONS, **INNER)(function)
-    return compiled_function
+def inner(function: F, options: dict[str, Any] = OPTIONS) -> F:
+    """Let compiled functions call this one, which stays as it is in Python."""
+    if internals is None:
+        _as_compiled(function)
+    else:
+        internals.part_of_others(function, options)
+    return function
 
 
 def in_place(function: F) -> F:
     """As :func:`inner`, for what makes no arrays."""
-    compiled_function: F = numba.njit(**IN_PLACE, **INNER)(function)
-    return compiled_function
+    return inner(function, IN_PLACE)
+
+
+def overload(function: Callable[..., Any]) -> Callable[[F], F]:
+    """Make a decorator of what compiled code calls in place of a function: it gives a function for given types."""
+
+    def decorate(definition: F) -> F:
+        if internals is not None:
+            numba.extending.overload(function, jit_options=IN_PLACE)(definition)
+        return definition
+
+    return decorate
 
 
 def compiled(
@@ -99,41 +151,91 @@ def compiled(
 
     The function may call ``formulas`` beside the marked ones. Arguments of other types raise TypeError. What is only
     called by its address, not ``from_python``, compiles faster: whole structures take long to be taken apart.
+
+    Where nothing is compiled, the function runs in Python. Where the compiler fails for a function without formulas of
+    its own, a RuntimeWarning says why, and nothing more is compiled in this process.
     """
 
     def decorate(function: F) -> F:
-        know(*formulas)
-        before = numba.config.CACHE_DIR
-        with _writable(cache_of(function, formulas)) as folder:
-            numba.config.CACHE_DIR = str(folder)
-            try:
-                jit = numba.njit(
-                    signature, cache=True, no_cfunc_wrapper=True, no_cpython_wrapper=not from_python, **options
-                )
-                with alone(folder):
-                    try:
-                        result: F = _compile_or_read(jit, function)
-                    except Exception:  # a file that was cut short, for example on a full disk, can raise anything
-                        kept = list(folder.rglob(f"*.{function.__name__}-*.nb[ci]"))
-                        if not kept:
-                            raise
-                        for file in kept:
-                            file.unlink()
-                        result = _compile_or_read(jit, function)
-            finally:
-                numba.config.CACHE_DIR = before
-        return result
+        global internals
+        if internals is None:
+            return in_python(function, signature)
+        register_formulas(*formulas)
+        try:
+            return _compiled(function, internals.jit(signature, from_python, options), formulas)
+        except Exception as error:
+            if formulas:
+                raise
+            internals = None
+            _warn(error)
+            return in_python(function, signature)
 
     return decorate
 
 
-def _compile_or_read(jit: Any, function: F) -> F:
-    """Let numba compile or read a function without what else takes a tenth of its time, and with bad luck a quarter.
+def in_python(function: F, signature: Any = None) -> F:
+    """The function as Python runs it: it checks arrays and numbers if its signature is text, and never warns."""
+    _as_compiled(function)
+    checks = _checks(signature) if isinstance(signature, str) else []
 
-    Garbage is not looked for: there is hardly any before the end. And CPython keeps frames in pieces of 16 kB: where
-    calls cross the end of one over and over, memory is mapped and unmapped each time. Behind a large frame, which this
-    function has, there is room for all.
-    """
+    @wraps(function)
+    def quiet(*arguments: Any) -> Any:
+        for check, argument in zip(checks, arguments, strict=False):
+            if not check(argument):
+                raise TypeError(f"{function.__name__} does not take {argument!r}")
+        with np.errstate(all="ignore"):
+            return function(*arguments)
+
+    return cast("F", quiet)
+
+
+def _checks(signature: str) -> list[Callable[[Any], bool]]:
+    """Whether the arguments fit, as the compiler would see it, of a signature without tuples."""
+    _, _, arguments = signature.partition("(")
+    if "Tuple" in signature:
+        return []
+    found = re.findall(r"Array\((\w+), (\d), 'C', readonly=True\)|(\w+)\[([:, 1]+)\]|(\w+)", arguments)
+
+    def array(dtype: str, dimensions: int, contiguous: bool) -> Callable[[Any], bool]:
+        kind = np.dtype(dtype.replace("boolean", "bool"))
+        return lambda x: (
+            isinstance(x, np.ndarray)
+            and x.dtype == kind
+            and x.ndim == dimensions
+            and (x.flags.c_contiguous or not contiguous)
+        )
+
+    return [
+        array(constant, int(d), True)
+        if constant
+        else array(dtype, layout.count(",") + 1, "1" in layout)
+        if dtype
+        else lambda x: isinstance(x, (Real, np.bool_))
+        for constant, d, dtype, layout, _ in found
+    ]
+
+
+def _compiled(function: F, jit: Any, formulas: Sequence[Callable[..., Any]]) -> F:
+    before = numba.config.CACHE_DIR
+    with _writable(cache_of(function, formulas)) as folder:
+        numba.config.CACHE_DIR = str(folder)
+        try:
+            with compile_lock(folder):
+                try:
+                    return _compile_or_read(jit, function)
+                except Exception:  # a file that was cut short, for example on a full disk, can raise anything
+                    kept = list(folder.rglob(f"*.{function.__name__}-*.nb[ci]"))
+                    if not kept:
+                        raise
+                    for file in kept:
+                        file.unlink()
+                    return _compile_or_read(jit, function)
+        finally:
+            numba.config.CACHE_DIR = before
+
+
+def _compile_or_read(jit: Any, function: F) -> F:
+    """Let numba compile or read a function without looking for garbage, of which there is hardly any before the end."""
     collects = gc.isenabled()
     gc.disable()
     try:
@@ -144,11 +246,12 @@ def _compile_or_read(jit: Any, function: F) -> F:
     return result
 
 
-_compile_or_read.__code__ = _compile_or_read.__code__.replace(co_stacksize=FRAME)
+if internals is not None:
+    internals.with_large_frame(_compile_or_read)
 
 
 @contextmanager
-def alone(folder: Path) -> Iterator[None]:
+def compile_lock(folder: Path) -> Iterator[None]:
     """One process at a time: of workers that need the same function, one compiles it and the others read it."""
     with ExitStack() as stack:
         # where files cannot be locked each compiles for itself
@@ -257,7 +360,7 @@ def _share(module: str) -> None:
     Locks keep the two from compiling the same; nothing waits for that process, which ends with this one, and nothing
     is lost if it fails.
     """
-    if os.environ.get(VARIABLE) == ALONE or not sys.executable or (os.cpu_count() or 1) < 2:
+    if os.environ.get(VARIABLE) == SINGLE_PROCESS or not sys.executable or (os.cpu_count() or 1) < 2:
         return
     package = __name__.rpartition(".")[0]
     code = (
@@ -274,6 +377,6 @@ def _share(module: str) -> None:
                 stdin=nowhere,
                 stdout=nowhere,
                 stderr=nowhere,
-                env={**os.environ, VARIABLE: ALONE, "PYTHONPATH": path},
+                env={**os.environ, VARIABLE: SINGLE_PROCESS, "PYTHONPATH": path},
             )
         )

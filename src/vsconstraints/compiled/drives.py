@@ -8,8 +8,8 @@ import numpy as np
 
 from ..rows import Array
 from .arm import TORQUE, Arm, BodyArrays, Drive, accelerate, blank, evaluate
-from .compiler import IN_PLACE, compiled, in_place, numba
-from .parts import address, thaw_as
+from .compiler import IN_PLACE, compiled, in_place
+from .parts import address, struct_loader
 
 BOUND = 1e4
 """Speed of a joint beyond which the motion counts as unbounded [rad/s or m/s]."""
@@ -210,13 +210,13 @@ def _example() -> Arm:
     return blank((bodies, bodies), Drive(0, 0, 1.0, 1.0, *(one,) * 7, 0, 1.0, 1, 0), 1, 1, 1.0)
 
 
-thaw = thaw_as(numba.typeof(_example()))
+load_arm = struct_loader(_example())
 
 
 @compiled("void(int64, float64[:, ::1])", IN_PLACE)
 def begin(arm_address: int, x: Array) -> None:
     """Begin a run at the state x (s, n): the gears give what the controller commands where q̈_c is zero."""
-    arm, q, qd = thaw(arm_address), x[0], x[1]
+    arm, q, qd = load_arm(arm_address), x[0], x[1]
     memory, effort = arm.memory, arm.drive.effort
     update_gravity(arm, q)
     for j in range(len(q)):
@@ -236,7 +236,7 @@ def drive_period(arm_address: int, x: Array) -> int:
 
     Returns 0, or 1 if the motion is unbounded.
     """
-    arm, q, qd, command = thaw(arm_address), x[0], x[1], x[-2]
+    arm, q, qd, command = load_arm(arm_address), x[0], x[1], x[-2]
     for i in range(arm.substeps):
         drive(arm, q, qd, command, i == 0)
         if arm.drive.fourth_order:
@@ -253,13 +253,13 @@ def drive_period(arm_address: int, x: Array) -> int:
 @compiled("void(int64, float64[:, ::1], boolean)", IN_PLACE)
 def drive_substep(arm_address: int, x: Array, first: bool) -> None:
     """As :func:`drive`, where another program integrates the motion."""
-    drive(thaw(arm_address), x[0], x[1], x[-2], first)
+    drive(load_arm(arm_address), x[0], x[1], x[-2], first)
 
 
 @compiled("void(int64, float64[:, ::1])", IN_PLACE)
 def end_substep(arm_address: int, x: Array) -> None:
     """As :func:`update_motion`, likewise."""
-    update_motion(thaw(arm_address), x[0], x[1])
+    update_motion(load_arm(arm_address), x[0], x[1])
 
 
 MOVE = address(drive_period)

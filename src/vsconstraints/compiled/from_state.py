@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from ..rows import Array
 from .compiler import IN_PLACE, compiled
-from .laws import carry_out, thaw_answer
+from .laws import carry_out, load_answer
+from .parts import load_step
 from .step import evaluate_step
-from .structures import ASK
-from .thawed import thaw
+from .structures import NEEDS_PYTHON
 
 REFUSED = -1
 """The step cannot be evaluated: the definition says why."""
@@ -21,9 +21,9 @@ def command(step: int, law: int, answer: int, t: float, q: Array, qd: Array) -> 
     """
     if evaluate_step(step, t, q, qd):
         return REFUSED
-    now, given = thaw(step), thaw_answer(answer)
+    now, given = load_step(step), load_answer(answer)
     code: int = carry_out(law, now.rows, now.task, given)
-    if code != ASK:
+    if code != NEEDS_PYTHON:
         for j in range(len(now.limits.acceleration)):
             now.last_command[j] = given.qdd[j]
     return code

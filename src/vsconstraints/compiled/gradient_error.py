@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from ..formulas.gradient_error import gradient_error
 from .compiler import IN_PLACE, compiled
-from .parts import address
-from .thawed import thaw
+from .parts import address, load_step
 
 
 @compiled("void(int64, int64)", IN_PLACE, from_python=False)
 def spoil(step_address: int, in_phi: int) -> None:
     """Put ∇σ_e in place of ∇σ in the rows of a step: in L_gφ, and in φ and L_fφ if so."""
-    step = thaw(step_address)
+    step = load_step(step_address)
     rows, share = step.rows, step.gradient_share
     for i in range(len(rows.phi)):
         change = 0.0

@@ -11,13 +11,13 @@ from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import Array
 from .compiler import compiled, in_place
 from .hierarchy import Demands, Priorities, Resolved, hierarchy
-from .laws import RESOLVER, thaw, within
+from .laws import RESOLVER, load_law, within
 from .least_violation import GREATEST, LEAST
 from .linear import finite
-from .parts import ask
+from .parts import call_int_pointer
 from .resolving import checkable, follow_alone, rates, remember, valid
 from .scratch import emptied, matrix
-from .structures import ASK, FAILED, NEAREST, SCALED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
+from .structures import FAILED, NEAREST, NEEDS_PYTHON, SCALED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
 
 
 @in_place
@@ -45,11 +45,11 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     Returns
     -------
     int
-        The code of :func:`vsconstraints.compiled.hierarchy.hierarchy`, or ``ASK``.
+        The code of :func:`vsconstraints.compiled.hierarchy.hierarchy`, or ``NEEDS_PYTHON``.
     """
-    law = thaw(address)
+    law = load_law(address)
     if not valid(law, rows, task, answer) or answer.slack.size != rows.phi.size or answer.iterations.size == 0:
-        return ASK
+        return NEEDS_PYTHON
     tolerance, bound, damping, aim = law.options[0], law.options[1], law.options[2], law.options[3]
     m, n, qdd, scratch = rows.phi.size, answer.qdd.size, answer.qdd, emptied(law)
     box = matrix(scratch, 2, n)
@@ -59,8 +59,8 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     if aim == NEAREST or law.tracks != 0:
         follow_alone(law, task, answer)
     c = law.asked
-    if ask(law.demand, (address, rows, rates(law, rows, qdd), BOUND, law.after, c)):
-        return ASK
+    if call_int_pointer(law.demand, (address, rows, rates(law, rows, qdd), BOUND, law.after, c)):
+        return NEEDS_PYTHON
     kappa = scale_down(law, rows, box, qdd) if aim == SCALED else 1.0
     if aim in (NEAREST, SCALED):
         J, b, rest = np.eye(n), qdd.copy(), rest[:0]
@@ -71,7 +71,7 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     if code == FAILED:
         return FAILED
     if not (checkable(law, rows, qdd) and finite(answer.slack)):
-        return ASK
+        return NEEDS_PYTHON
     if kappa < 1.0:
         for i in range(m):
             answer.acted[i] |= law.tracked[i] <= kappa

@@ -24,7 +24,7 @@ from .least_violation import GREATEST, LEAST, least_violation
 from .levels import CENTER, OFFSET, ORIGIN, ROWS_OF_X, damped, join, meets, metric, optimal, settle, with_room
 from .linear import ONE, S_ROWS, START, apply, constant, copy, dot
 from .scratch import blank, matrix, vector
-from .structures import DONE, FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, Scratch
+from .structures import FAILED, RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, Scratch
 
 HARD, RELAXING, STRICT_TASK = constant(0), constant(1), constant(2)
 """Stages: all rows; the points that violate least; level 2 by itself."""
@@ -105,7 +105,7 @@ def hierarchy(
     Returns
     -------
     tuple
-        ``DONE``; ``RELAXED_ROWS``, where demands are unmet; ``SHORT``, where levels 2 and 3 may be better met;
+        ``SOLVED``; ``RELAXED_ROWS``, where demands are unmet; ``SHORT``, where levels 2 and 3 may be better met;
         ``RELAXED_SHORT``, both; or ``FAILED``. And the iterations of the active-set method, at least 1 if it was
         needed.
     """
@@ -145,7 +145,7 @@ def hierarchy(
     if within and (below or tracks):
         for i in range(m):
             acted[i] = False
-        return DONE, 0
+        return SOLVED, 0
 
     w = free
     for j in range(n):
@@ -182,7 +182,7 @@ def hierarchy(
     while True:
         if stage == RELAXING:
             code = least_violation(walls[:free], sides[:free], W, box, qdd)
-            if code != DONE:
+            if code != SOLVED:
                 return code, steps
             for j in range(n):
                 X[ORIGIN, j] = qdd[j]
@@ -233,13 +233,13 @@ def hierarchy(
         metric(G, damping, Z, X, R, T, scratch)
         code, more = nearest(H, rows, R, T, X, scratch)
         steps = steps + more if stage == STRICT_TASK else more
-        if code == DONE:
+        if code == SOLVED:
             for j in range(n):
                 point[0, j] = X[POINT, j] if p == n else 0.0
                 for d in range(p if p < n else START):
                     point[0, j] += X[POINT, d] * Z[d, j]
                 point[0, j] = min(max(X[ORIGIN, j] + point[0, j], box[LEAST, j]), box[GREATEST, j])
-        good = code == DONE and meets(walls, sides, violation, point)
+        good = code == SOLVED and meets(walls, sides, violation, point)
         good = good and optimal(G, damping, Z, walls, limits, rows, X, point)
         if good:
             for j in range(n):
@@ -267,4 +267,4 @@ def hierarchy(
         acted[at] = violation[i] > 0.0 or held[i]
     if short:
         return (RELAXED_SHORT if unmet else SHORT), steps
-    return (RELAXED_ROWS if unmet else DONE), steps
+    return (RELAXED_ROWS if unmet else SOLVED), steps

@@ -6,15 +6,15 @@ from collections.abc import Callable
 
 from ..formulas.features import image_row
 from .funnel import funnel_now
+from .parts import load_step
 from .row import write_row
-from .thawed import thaw
 
 
 def template() -> Callable[[int, int], None]:
     """Make the function that writes the rows of a constraint, by its number among the parts of a step at an address."""
 
     def rows(address: int, i: int) -> None:
-        step = thaw(address)
+        step = load_step(address)
         part, J, wanted = step.parts[i], step.camera_J, step.parameters[i]
         at, width, rate, bend = funnel_now(wanted, step.time[0], 2 * len(step.seen))
         for row in range(part.first, part.first + part.count):

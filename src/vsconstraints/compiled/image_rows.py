@@ -7,8 +7,8 @@ from typing import Any
 
 from ..formulas.frames import differences_in_image, turned_back_in_image, turned_in_image
 from ..formulas.image import interaction
-from .row import away, to_fixed_tuple, write_row
-from .thawed import thaw
+from .parts import load_step, to_fixed_tuple
+from .row import obstacle_motion, write_row
 
 
 def template(
@@ -25,10 +25,10 @@ def template(
     """
 
     def rows(address: int, i: int) -> None:
-        step = thaw(address)
+        step = load_step(address)
         part, focal, offset = step.parts[i], step.camera[0].focal, step.camera[0].offset
         parameters, K, R, Jc = to_fixed_tuple(step.parameters[i], count), part.K, part.R, step.camera_J
-        moved, velocity, acceleration = away(part, step.time[0])
+        moved, velocity, acceleration = obstacle_motion(part, step.time[0])
         for row in range(part.first, part.first + part.count):
             marker = step.seen[step.which[row]]
             u = focal[0] * marker.xy[0] - moved[0] + offset[0]

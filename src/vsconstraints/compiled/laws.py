@@ -5,38 +5,32 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from ..formulas.row import Row, asked_for
 from ..rows import Array, BoolArray, IntArray
-from .compiler import IN_PLACE, compiled, in_place, numba
-from .parts import INT, ask, make_part, tell_refused, thaw_as
-from .structures import ASK, Answer, LawArrays, RowArrays, Scratch, TaskArrays
-
-to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not typed
+from .compiler import IN_PLACE, INT, MATRIX, VECTOR, compiled, in_place, signature, type_of
+from .parts import call_int_pointer, make_part, struct_loader, tell_refused, to_fixed_tuple
+from .structures import NEEDS_PYTHON, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 _one, _two, _count = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
+_law = LawArrays(1, 1, 1, 1, 1, 1.0, _one, _one, _one, _two, *(_one,) * 3, _two, _one, _one, Scratch(_one, _count))
+_answer = Answer(_one, np.zeros(1, dtype=np.bool_), _one, _count, _one)
 
-LAW = numba.typeof(
-    LawArrays(1, 1, 1, 1, 1, 1.0, _one, _one, _one, _two, *(_one,) * 3, _two, _one, _one, Scratch(_one, _count))
-)
-ROWS = numba.typeof(RowArrays(_one, _two, *(_one,) * 8))
-TASK = numba.typeof(TaskArrays(_two, *(_one,) * 4))
-ANSWER = numba.typeof(Answer(_one, np.zeros(1, dtype=np.bool_), _one, _count, _one))
-SCRATCH = numba.typeof(Scratch(_one, _count))
-VECTOR, MATRIX = numba.types.float64[::1], numba.types.float64[:, ::1]
+ROWS = type_of(RowArrays(_one, _two, *(_one,) * 8))
+TASK = type_of(TaskArrays(_two, *(_one,) * 4))
+SCRATCH = type_of(_law.scratch)
 
-RESOLVER = INT(INT, ROWS, TASK, ANSWER)
+RESOLVER = signature(INT, INT, ROWS, TASK, type_of(_answer))
 """Signature of a resolver, and so of a law: see :class:`.LawArrays`."""
 
-DEMAND = INT(INT, ROWS, VECTOR, INT, MATRIX, VECTOR)
+DEMAND = signature(INT, INT, ROWS, VECTOR, INT, MATRIX, VECTOR)
 """Signature of a demand: see :func:`demand_part`."""
 
-thaw, thaw_answer = thaw_as(LAW), thaw_as(ANSWER)
-"""For compiled code: the law at an address, and the answer at one."""
+load_law, load_answer = struct_loader(_law), struct_loader(_answer)
+"""The law at an address, and the answer at one."""
 
 
 @in_place
@@ -54,7 +48,7 @@ def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: 
     """
 
     def demands(address: int, rows: RowArrays, tracked: Array, purpose: int, after: Array, c: Array) -> int:
-        law, wrong = thaw(address), 0
+        law, wrong = load_law(address), 0
         for i in range(c.size):
             total = 0.0
             for j in range(rows.Lg.shape[1]):
@@ -73,7 +67,7 @@ def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: 
                 law.effort[0],
                 given(law.last_rates, i),
                 law.period,
-                law.memory[i],
+                law.memory[i] if memory else law.parameters,
             )
             asked = formula(row, *to_fixed_tuple(law.parameters, count))
             # constants decide at compilation
@@ -131,9 +125,9 @@ def write_rates(Lg: Array, qdd: Array, out: Array) -> None:
 @in_place
 def carry_out(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """Ask the resolver of the law at an address, and bring what it answers into the box of the rows; its code."""
-    law = thaw(address)
-    code: int = ask(law.resolver, (address, rows, task, answer))
-    if rows.qdd_max.size and code != ASK:
+    law = load_law(address)
+    code: int = call_int_pointer(law.resolver, (address, rows, task, answer))
+    if rows.qdd_max.size and code != NEEDS_PYTHON:
         for j in range(answer.qdd.size):
             answer.qdd[j] = within(rows, j, answer.qdd[j])
         write_rates(rows.Lg, answer.qdd, law.last_rates)
@@ -187,10 +181,10 @@ def follow(
     """Carry out the law at an address, which uses no more than these of m rows and a task; returns its code."""
     none = phi[:0]
     if phi.size != m or acted.size != m:
-        return ASK
+        return NEEDS_PYTHON
     rows = RowArrays(phi, Lg, Lf, none, none, none, gain, scale, none, none)
     task = TaskArrays(J, b, none, none, none)
-    code: int = ask(thaw(law).resolver, (law, rows, task, Answer(qdd, acted, slack, iterations, none)))
+    code: int = call_int_pointer(load_law(law).resolver, (law, rows, task, Answer(qdd, acted, slack, iterations, none)))
     return code
 
 
@@ -224,11 +218,11 @@ def follow_whole(
 ) -> int:
     """As :func:`follow`, with all that rows and task may say."""
     if phi.size != m or acted.size != m or not (fits(sigma, m) and fits(sigma_dot, m) and fits(K, m)):
-        return ASK
+        return NEEDS_PYTHON
     if not (fits(error, b.size) and fits(error_rate, b.size) and fits(rest, qdd.size)):
-        return ASK
+        return NEEDS_PYTHON
     if not bounds(qdd_min, qdd_max, qdd.size):
-        return ASK
+        return NEEDS_PYTHON
     none = phi[:0]
     rows = RowArrays(phi, Lg, Lf, sigma, sigma_dot, K, gain, scale, qdd_min, qdd_max)
     task = TaskArrays(J, b, error, error_rate, rest)

@@ -22,7 +22,7 @@ from .linear import (
     solve_upper,
 )
 from .scratch import matrix
-from .structures import DONE, FAILED, INCOMPATIBLE, Scratch
+from .structures import FAILED, INCOMPATIBLE, SOLVED, Scratch
 
 EXCEEDED = 1e-12
 """A row exceeded by less than this fraction of its terms is met."""
@@ -173,4 +173,4 @@ def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratc
     met = met and math.sqrt(dot(X, NEW, X, NEW, START, p)) <= OPTIMAL * length
     add(X, POINT, -1.0, R, p, START, p)
     solve_upper(R, S, p, X, POINT)
-    return (DONE if met else FAILED), steps
+    return (SOLVED if met else FAILED), steps

@@ -12,7 +12,7 @@ from .compiler import inner
 from .least_squares import WELL, pseudoinverse
 from .linear import ONE, START, constant, dot
 from .scratch import no_scratch
-from .structures import DONE, FAILED
+from .structures import FAILED, SOLVED
 
 LEAST, GREATEST = constant(0), constant(1)
 """Rows of a box: (2, n) least and greatest x, infinite where there is no bound."""
@@ -52,7 +52,7 @@ def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array) ->
             if violated[i]:
                 value += residual[i] * residual[i]
         if met:
-            return DONE
+            return SOLVED
         # the step that takes the violated rows to their bounds in the least-squares sense, held coordinates apart
         M = newton_system(B, residual, pulled, held)
         pseudoinverse(M, START, WELL, RANK, M, Y, START, no_scratch())
@@ -85,7 +85,7 @@ def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array) ->
             # in a corner several releases may be needed before there is descent; more than n are a cycle of rounding
             fruitless = fruitless + 1 if value >= released_at else 0
             if strongest <= threshold or fruitless > n:
-                return DONE
+                return SOLVED
             released_at = value
             held[worst] = 0.0
             last = math.inf

@@ -10,8 +10,7 @@ from typing import Any
 from ..formulas.lenses import extended, newton
 from ..rows import Array
 from ..vision.distortion import ACCURACY, ENOUGH, INSIDE, ITERATIONS, MODELS
-from .parts import address, make_part
-from .row import to_fixed_tuple
+from .parts import address, make_part, to_fixed_tuple
 
 FIXED = 5
 """Numbers of an eye before the coefficients of its lens: F_u, F_v, the principal point, the lens's reach."""

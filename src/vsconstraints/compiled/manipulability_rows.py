@@ -19,8 +19,8 @@ from .compiler import inner
 from .kinematics import point_jacobian
 from .least_squares import orthogonalise
 from .linear import START, add, dot
-from .row import to_fixed_tuple, write_row
-from .thawed import thaw
+from .parts import load_step, to_fixed_tuple
+from .row import write_row
 
 MAKES_ARRAYS = True
 """Whether such functions make arrays, which takes as long as some thirty products."""
@@ -41,7 +41,7 @@ def add_bracket(a: Array, b: Array, out: Array) -> None:
 @inner
 def tip_twists(address: int, T: Array) -> None:
     """Write J, J̇ and J̈ of the tip when q̈ = 0, by columns (3, n, 6)."""
-    step = thaw(address)
+    step = load_step(address)
     n, J, after, body = len(step.joints), step.J_point, np.zeros((2, 6)), step.bodies[len(step.joints)]
     tip = plus(turned(matrix(body.R), vector(step.camera[0].tip_t)), vector(body.origin))
     point_jacobian(address, n, tip, J)
@@ -175,7 +175,7 @@ def template() -> Callable[[int, int], None]:
     """
 
     def rows(address: int, i: int) -> None:
-        step = thaw(address)
+        step = load_step(address)
         n, part = len(step.qd), step.parts[i]
         minimum, scale, start, count = to_fixed_tuple(step.parameters[i], 4)
         T, slope, rate = np.empty((3, n, 6)), np.empty(n), 0.0

@@ -21,7 +21,7 @@ from ..vision.scene import Scene
 from ..vision.tracking import Rest, TrackingGains, VisualTask
 from .cameras import write_camera
 from .constraint_parts import NotCompiled, Parts, demand, write_motion
-from .structures import Size, Step, frozen
+from .structures import Size, Step, pack_struct
 from .visual_task import CAMERA_POSE, IMAGE_POINTS
 
 SHARES = {"current": 0.0, "desired": 1.0, "mean": 0.5}
@@ -88,7 +88,7 @@ class Packed:
         self.others = parts.others
         shapes = self.size.outputs
         self.parts = {name: (where, shapes[name]) for name, where in self.size.where().items()}
-        self._frozen = frozen(self.step)
+        self._frozen = pack_struct(self.step)
         self.address = int(self._frozen.ctypes.data)
         self.reset()
 

@@ -1,98 +1,89 @@
-"""Parts that compiled code calls without knowing them: rows of a constraint, a law, made for one formula each.
+"""What compiled code reaches by its address: structures of arrays, and functions made for one formula each.
 
-What varies is compiled into a function of its own, and called by its address. So the step and the loop are compiled
-once for all constraints and laws, those of users among them.
+Rows of a constraint and laws vary from scene to scene. Each is compiled into a function of its own, and called by its
+address, so that the step and the loop are compiled once for all constraints and laws, those of users among them.
+
+In Python the functions of this module look up by the same addresses what was packed and whose address was taken.
 """
 
 from __future__ import annotations
 
 import hashlib
 import inspect
+import time
 import warnings
 from collections.abc import Callable
 from functools import lru_cache
+from importlib import import_module
 from typing import Any
 
-from .compiler import IN_PLACE, compiled, numba
+from ..rows import Array, IntArray
+from . import compiler
+from .compiler import IN_PLACE, INT, VOID, compiled, in_python
+from .structures import Size, packed_at
 
-VOID, INT = numba.types.void, numba.types.int64
+_functions: dict[int, Callable[..., Any]] = {}
+"""Functions whose address was taken, as Python calls them."""
 
 
 @lru_cache(maxsize=256)
 def address(function: Any) -> int:
-    """Where a compiled function of one signature begins; it stays there as long as the function is kept.
+    """Where a function of one signature begins; it stays there as long as the function is kept.
 
     Numba looks for it for as long as ten control steps take.
     """
-    result = function.overloads[function.signatures[0]]
-    return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
+    is_compiled = hasattr(function, "overloads")
+    at = import_module(f"{__package__}.numba_internals").address(function) if is_compiled else id(function)
+    _functions[at] = in_python(function.py_func) if is_compiled else function
+    return at
 
 
-class Stored(numba.types.Type):  # type: ignore[misc, name-defined]
-    """A structure of arrays that is stored: of its fields, only those are read that are asked for.
-
-    Code that has whole structures at hand takes several times as long to compile.
-    """
-
-    def __init__(self, structure: Any) -> None:
-        self.structure = structure
-        super().__init__(name=f"Stored({structure})")
+def call_void_pointer(address: int, arguments: tuple[Any, ...]) -> None:
+    """Call by its address a function that returns nothing."""
+    _functions[int(address)](*arguments)
 
 
-@numba.extending.register_model(Stored)
-class _StoredModel(numba.extending.models.PrimitiveModel):  # type: ignore[misc, name-defined]
-    def __init__(self, manager: Any, kind: Stored) -> None:
-        super().__init__(manager, kind, manager.lookup(INT).get_value_type())
+def call_int_pointer(address: int, arguments: tuple[Any, ...]) -> int:
+    """Call by its address a function that returns an integer."""
+    code: int = _functions[int(address)](*arguments)
+    return code
 
 
-@numba.extending.infer_getattr
-class _StoredFields(numba.core.typing.templates.AttributeTemplate):  # type: ignore[misc, name-defined]
-    key = Stored
-
-    def generic_resolve(self, kind: Stored, name: str) -> Any:
-        field = kind.structure.types[kind.structure.fields.index(name)]
-        return Stored(field) if isinstance(field, numba.types.BaseNamedTuple) else field
+def to_fixed_tuple(array: Array, count: int) -> tuple[float, ...]:
+    """The first so many entries of an array as a tuple; their number has to be known when a function is compiled."""
+    return tuple(array[:count])
 
 
-@numba.extending.lower_getattr_generic(Stored)  # type: ignore[untyped-decorator]
-def _read(context: Any, builder: Any, kind: Stored, value: Any, name: str) -> Any:
-    i = kind.structure.fields.index(name)
-    begin = builder.inttoptr(value, context.get_value_type(kind.structure).as_pointer())
-    field = numba.core.cgutils.gep_inbounds(builder, begin, 0, i)
-    if isinstance(kind.structure.types[i], numba.types.BaseNamedTuple):
-        return builder.ptrtoint(field, value.type)
-    # where references are counted, what is given back counts as one more
-    return numba.core.imputils.impl_ret_borrowed(context, builder, kind.structure.types[i], builder.load(field))
+def matrix_at(numbers: Array, at: int, rows: int, columns: int) -> Array:
+    """The matrix of that shape which begins with entry ``at`` of a vector."""
+    return numbers[at : at + rows * columns].reshape(rows, columns)
 
 
-def _caller(result: Any) -> Any:
-    """A function (address, arguments) for compiled code, which calls what begins there with a tuple of arguments.
-
-    Stored structures are passed whole.
-    """
-
-    def call(typing_context: Any, address: Any, arguments: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            types, unpacked = [], []
-            for i, given in enumerate(signature.args[1].types):
-                value = builder.extract_value(values[1], i)
-                if isinstance(given, Stored):
-                    given = given.structure
-                    value = builder.load(builder.inttoptr(value, context.get_value_type(given).as_pointer()))
-                types.append(given)
-                unpacked.append(value)
-            kind = context.call_conv.get_function_type(result, types)
-            function = builder.inttoptr(values[0], kind.as_pointer())
-            _, answer = context.call_conv.call_function(builder, function, result, types, unpacked)
-            return context.get_dummy_value() if result == VOID else answer
-
-        return result(address, arguments), generate
-
-    return numba.extending.intrinsic(call)
+def monotonic(scratch: IntArray) -> float:
+    """Time of a clock that only goes forward [s]; ``scratch`` (2,) is for compiled code."""
+    return time.clock_gettime(time.CLOCK_MONOTONIC)
 
 
-call, ask = _caller(VOID), _caller(INT)
-"""Call by address a function that returns nothing, and one that returns an integer: ``call(address, (a, b))``."""
+def struct_loader(example: Any) -> Callable[[int], Any]:
+    """A function that gives back the structure at an address; its fields are of the types of the example's."""
+
+    def load_struct(address: int) -> Any:
+        return packed_at(address)
+
+    if compiler.internals is not None:
+        compiler.internals.load_as(load_struct, example)
+    return load_struct
+
+
+if compiler.internals is not None:
+    compiler.internals.call_as(call_void_pointer, VOID)
+    compiler.internals.call_as(call_int_pointer, INT)
+    compiler.internals.fixed_tuple_as(to_fixed_tuple)
+    compiler.internals.matrix_at_as(matrix_at)
+    compiler.internals.monotonic_as(monotonic, time.CLOCK_MONOTONIC)
+
+load_step = struct_loader(Size().step()[0])
+"""The :class:`.Step` at an address: entry points take a number in place of fifty arrays."""
 
 
 def make_part(
@@ -121,9 +112,11 @@ def make_part(
         Whether Python calls it too.
     """
     function = template(*formulas, *constants)
+    if compiler.internals is None:
+        return in_python(function, signature)
     given = tuple(formula for formula in formulas if formula is not None)
     # functions from the disk are found by their names, of which every process counts its own
-    made_of = hashlib.sha256(repr(constants).encode() + numba.core.serialize.dumps(formulas)).hexdigest()[:16]
+    made_of = hashlib.sha256(repr(constants).encode() + compiler.internals.state_of(formulas)).hexdigest()[:16]
     function.__name__ = function.__qualname__ = f"{function.__name__}_{made_of}"
     return compiled(signature, options, given, from_python)(function)
 
@@ -141,15 +134,3 @@ def tell_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Excepti
         RuntimeWarning,
         stacklevel=3,
     )
-
-
-def thaw_as(structure: Any) -> Any:
-    """A function for compiled code that gives back the structure of that type which :func:`.frozen` has put there."""
-
-    def thaw(typing_context: Any, address: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            return values[0]
-
-        return Stored(structure)(address), generate
-
-    return numba.extending.intrinsic(thaw)

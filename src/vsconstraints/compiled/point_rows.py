@@ -8,8 +8,8 @@ from typing import Any
 from ..formulas.frames import differences_in_space
 from ..formulas.vectors import dot, matrix, minus, turned, turned_back, vector
 from .kinematics import point_jacobian
-from .row import away, to_fixed_tuple, write_row
-from .thawed import thaw
+from .parts import load_step, to_fixed_tuple
+from .row import obstacle_motion, write_row
 
 
 def template(
@@ -18,10 +18,10 @@ def template(
     """Make the function that writes the rows of a constraint; see :func:`.template`."""
 
     def rows(address: int, i: int) -> None:
-        step = thaw(address)
+        step = load_step(address)
         part, J = step.parts[i], step.J_point
         parameters, K, R = to_fixed_tuple(step.parameters[i], count), part.K, matrix(part.R)
-        moved, velocity, acceleration = away(part, step.time[0])
+        moved, velocity, acceleration = obstacle_motion(part, step.time[0])
         for row in range(part.first, part.first + part.count):
             which = step.which[row]
             place = step.places[which]

@@ -8,15 +8,15 @@ from ..formulas.features import pose_error, pose_rates
 from ..formulas.rotation import rotation_vector_rate
 from ..formulas.vectors import dot, matrix, vector
 from .funnel import funnel_now
+from .parts import load_step
 from .row import write_row
-from .thawed import thaw
 
 
 def template() -> Callable[[int, int], None]:
     """Make the function that writes the rows of a constraint, by its number among the parts of a step at an address."""
 
     def rows(address: int, i: int) -> None:
-        step = thaw(address)
+        step = load_step(address)
         part, eye, J, wanted = step.parts[i], step.eye[0], step.camera_J, step.parameters[i]
         at, width, rate, bend = funnel_now(wanted, step.time[0], 12)
         v, omega = vector(eye.velocity), vector(eye.angular_velocity)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..rows import Array
 from .compiler import IN_PLACE, compiled
-from .parts import address, ask
+from .parts import address, call_int_pointer
 from .step import evaluate_step
 
 EVALUATE = address(evaluate_step)
@@ -20,7 +20,7 @@ def predict_by(evaluate: int, step: int, t: Array, q: Array, qd: Array, now: Arr
     Returns how many states there are before the first that cannot be evaluated.
     """
     for k in range(len(t)):
-        if ask(evaluate, (step, t[k], q[k], qd[k])) != 0:
+        if call_int_pointer(evaluate, (step, t[k], q[k], qd[k])) != 0:
             return k
         for i in range(len(now)):
             out[k, i] = now[i]

@@ -11,11 +11,11 @@ import math
 from ..formulas.projection import opening
 from ..formulas.row import PUSH
 from .compiler import compiled
-from .laws import RESOLVER, fits, thaw
-from .parts import ask
+from .laws import RESOLVER, fits, load_law
+from .parts import call_int_pointer
 from .resolving import checkable, follow_alone, rates, remember, valid
 from .scratch import blank, emptied
-from .structures import ASK, DONE, Answer, RowArrays, TaskArrays
+from .structures import NEEDS_PYTHON, SOLVED, Answer, RowArrays, TaskArrays
 from .task_priority import pushed
 
 
@@ -28,17 +28,17 @@ def projection(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     Returns
     -------
     int
-        ``DONE``, or ``ASK`` where input is refused, the error is not given, and where numbers leave the range.
+        ``SOLVED``, or ``NEEDS_PYTHON`` where input is refused, the error is not given, or numbers leave the range.
     """
-    law = thaw(address)
+    law = load_law(address)
     e, J, qdd = task.error, task.J, answer.qdd
     if not valid(law, rows, task, answer) or e.size != task.b.size or not fits(e, e.size):
-        return ASK
+        return NEEDS_PYTHON
     k, n = J.shape
     scratch = emptied(law)
     follow_alone(law, task, answer)
-    if ask(law.demand, (address, rows, rates(law, rows, qdd), PUSH, law.after, law.asked)):
-        return ASK
+    if call_int_pointer(law.demand, (address, rows, rates(law, rows, qdd), PUSH, law.after, law.asked)):
+        return NEEDS_PYTHON
     X = blank(scratch, 3, n)
     z, unit, null, along = X[0], X[1], X[2], blank(scratch, 1, k)[0]
     if pushed(law, rows, answer.acted, z):
@@ -54,7 +54,7 @@ def projection(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         for j in range(n):
             size += unit[j] * unit[j]
         size = math.sqrt(size)
-        ask(law.track, (scratch, J, along, law.options[0], J[:0, 0], null))
+        call_int_pointer(law.track, (scratch, J, along, law.options[0], J[:0, 0], null))
         part = opening(largest * math.sqrt(error), law.options[1], law.options[2])
         for j in range(n):
             null[j] = (1.0 - part) * (z[j] - null[j])
@@ -68,6 +68,6 @@ def projection(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         for j in range(n):
             qdd[j] += part * z[j] + null[j]
     if not checkable(law, rows, qdd):
-        return ASK
+        return NEEDS_PYTHON
     remember(law, rows, qdd)
-    return DONE
+    return SOLVED

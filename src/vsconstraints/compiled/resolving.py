@@ -9,7 +9,7 @@ from ..rows.checks import FARTHEST, ROUNDING
 from .compiler import in_place, inner
 from .laws import write_rates
 from .linear import START, dot, finite, in_range, out_of_range
-from .parts import ask
+from .parts import call_int_pointer
 from .structures import Answer, LawArrays, RowArrays, TaskArrays
 
 
@@ -64,7 +64,7 @@ def tell_alone(answer: Answer) -> None:
 @in_place
 def follow_alone(law: LawArrays, task: TaskArrays, answer: Answer) -> None:
     """q̈ ← q̈₀ + J†(b − J q̈₀), with the law's rank tolerance."""
-    ask(law.track, (law.scratch, task.J, task.b, law.options[0], task.rest, answer.qdd))
+    call_int_pointer(law.track, (law.scratch, task.J, task.b, law.options[0], task.rest, answer.qdd))
     tell_alone(answer)
 
 

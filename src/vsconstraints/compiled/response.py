@@ -9,11 +9,10 @@ from __future__ import annotations
 from ..formulas.tracking import gains, held_gains, held_rest, retargeted
 from ..rows import Array, IntArray
 from .compiler import IN_PLACE, compiled
-from .parts import address, ask
+from .parts import address, call_int_pointer, load_step
 from .step import evaluate_step
 from .structures import Scratch
 from .task_priority import track
-from .thawed import thaw
 
 EVALUATE, TRACK = address(evaluate_step), address(track)
 """Where the functions begin that evaluate a step, and that track."""
@@ -47,12 +46,12 @@ def respond(
     int
         0, or 1 where a state cannot be evaluated.
     """
-    step, b, scratch = thaw(parts[2]), work[: len(reference)], Scratch(work[len(reference) :], parts[3:])
+    step, b, scratch = load_step(parts[2]), work[: len(reference)], Scratch(work[len(reference) :], parts[3:])
     options, rows, task = step.options[0], step.rows, step.task
     q, qd, qdd, t = state[0], state[1], state[2], numbers[0]
     N, last = len(periods), len(periods) + int(numbers[3])
     for k in range(last + 1):
-        if ask(parts[0], (parts[2], t, q, qd)) != 0:
+        if call_int_pointer(parts[0], (parts[2], t, q, qd)) != 0:
             return 1
         if 0 < k <= N or k == last:
             for i in range(len(least)):
@@ -74,7 +73,7 @@ def respond(
         rest = task.rest[: len(task.rest) if k < N else 0]
         for j in range(len(rest)):
             rest[j] = held_rest(rest[j], qd[j], options.rest_damping, options.rest_stiffness, h)
-        ask(parts[1], (scratch, task.J, b, numbers[2], rest, qdd))
+        call_int_pointer(parts[1], (scratch, task.J, b, numbers[2], rest, qdd))
         for j in range(len(q)):
             if k < N:
                 q[j] += h * (qd[j] + 0.5 * h * qdd[j])

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Any
 
 from ..formulas.motion import displacement
 from ..formulas.vectors import Vector
 from .compiler import in_place
-from .thawed import thaw
-
-to_fixed_tuple = import_module("numba.np.unsafe.ndarray").to_fixed_tuple  # not typed
-"""The first so many entries of an array as a tuple; their number has to be known when a function is compiled."""
+from .parts import load_step
 
 
 @in_place
@@ -24,7 +20,7 @@ def displaced(motion: Any, t: float) -> tuple[Vector, Vector, Vector]:
 
 
 @in_place
-def away(part: Any, t: float) -> tuple[Vector, Vector, Vector]:
+def obstacle_motion(part: Any, t: float) -> tuple[Vector, Vector, Vector]:
     """How far what a constraint forbids has moved, and how it moves, as far as that is known."""
     moved, velocity, acceleration = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if part.moves:
@@ -37,6 +33,6 @@ def away(part: Any, t: float) -> tuple[Vector, Vector, Vector]:
 @in_place
 def write_row(address: int, row: int, K: float, sigma: float, sigma_dot: float, drift: float) -> None:
     """Write all of a row but L_gφ: φ = σ + K σ̇ and L_fφ = σ̇ + K σ̈, with σ̈ as it is when q̈ = 0."""
-    rows = thaw(address).rows
+    rows = load_step(address).rows
     rows.sigma[row], rows.sigma_dot[row] = sigma, sigma_dot
     rows.phi[row], rows.Lf[row] = sigma + K * sigma_dot, sigma_dot + K * drift

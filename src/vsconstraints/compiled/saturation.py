@@ -15,13 +15,13 @@ from ..formulas.row import BOUND
 from ..qp.lexicographic import MET, STRICT, ZERO_GRADIENT
 from ..rows import Array, BoolArray
 from .compiler import compiled, in_place, inner
-from .laws import RESOLVER, thaw, within
+from .laws import RESOLVER, load_law, within
 from .least_squares import resolve
 from .linear import START, copy
-from .parts import ask
+from .parts import call_int_pointer
 from .resolving import checkable, follow_alone, rates, remember, valid
 from .scratch import blank, emptied, matrix
-from .structures import ASK, DONE, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .structures import NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 class Critical(NamedTuple):
@@ -120,17 +120,17 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
     Returns
     -------
     int
-        ``DONE``, or ``ASK`` where input is refused, and where numbers leave the range; that of the hierarchy, where it
-        has to answer.
+        ``SOLVED``, or ``NEEDS_PYTHON`` where input is refused, or numbers leave the range; that of the hierarchy, where
+        it has to answer.
     """
-    law = thaw(address)
+    law = load_law(address)
     if not valid(law, rows, task, answer) or answer.slack.size != rows.phi.size or answer.iterations.size == 0:
-        return ASK
+        return NEEDS_PYTHON
     tolerance, J, b, qdd, acted = law.options[0], task.J, task.b, answer.qdd, answer.acted
     m, n, scratch = rows.phi.size, qdd.size, emptied(law)
     follow_alone(law, task, answer)
-    if ask(law.demand, (address, rows, rates(law, rows, qdd), BOUND, law.after, law.asked)):
-        return ASK
+    if call_int_pointer(law.demand, (address, rows, rates(law, rows, qdd), BOUND, law.after, law.asked)):
+        return NEEDS_PYTHON
     W = bounds(law, rows, acted, scratch)
     held = np.zeros(W.shape[0], np.bool_)
     kept, saturated, A = held.copy(), matrix(scratch, n + 1, n + 1), matrix(scratch, n + 1, n + 1)
@@ -140,7 +140,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         tracking[j] = qdd[j]
     count, largest, taken = 0, -1.0, scratch.taken[0]
     if task.rest.size > 0:
-        ask(law.track, (scratch, J, nothing, tolerance, task.rest, none))
+        call_int_pointer(law.track, (scratch, J, nothing, tolerance, task.rest, none))
     while True:
         at, most, least = critical(W, held, qdd, none)
         if at < 0:
@@ -161,7 +161,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         rank = resolve(A[:count], J, b, tolerance, task.rest, qdd, scratch)[0]
         if rank < count or (law.options[4] != 0.0 and missed(J, qdd, tracking)):
             if largest < 0.0:
-                code: int = ask(law.otherwise, (address, rows, task, answer))
+                code: int = call_int_pointer(law.otherwise, (address, rows, task, answer))
                 return code
             for j in range(n):
                 qdd[j] = best[j]
@@ -178,7 +178,7 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
             acted[i] = held[at]
             at += 1
     if not checkable(law, rows, qdd):
-        return ASK
+        return NEEDS_PYTHON
     answer.iterations[0] = 0
     remember(law, rows, qdd)
-    return DONE
+    return SOLVED

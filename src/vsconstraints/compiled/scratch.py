@@ -2,29 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ..rows import Array
-from .compiler import inner, numba
+from .compiler import inner
+from .parts import matrix_at
 from .structures import LawArrays, Scratch
-
-
-@numba.extending.intrinsic  # type: ignore[untyped-decorator]
-def _part(typing_context: Any, numbers: Any, at: Any, rows: Any, columns: Any) -> Any:
-    """The matrix of that shape which begins with entry ``at`` of a vector; nobody counts references to it."""
-    kind, arrays = numba.types.Array(numbers.dtype, 2, "C"), numba.np.arrayobj
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        begin = builder.gep(arrays.make_array(numbers)(context, builder, values[0]).data, [values[1]])
-        each = context.get_constant(numba.types.intp, context.get_abi_sizeof(context.get_data_type(numbers.dtype)))
-        part = arrays.make_array(kind)(context, builder)
-        strides = builder.mul(values[3], each), each
-        arrays.populate_array(part, begin, shape=values[2:], strides=strides, itemsize=each, meminfo=None)
-        return part._getvalue()
-
-    return kind(numbers, *[numba.types.intp] * 3), generate
 
 
 @inner
@@ -34,7 +17,7 @@ def matrix(scratch: Scratch, rows: int, columns: int) -> Array:
     if at + rows * columns > scratch.numbers.size:
         return np.empty((rows, columns))
     scratch.taken[0] = at + rows * columns
-    part: Array = _part(scratch.numbers, at, rows, columns)
+    part: Array = matrix_at(scratch.numbers, at, rows, columns)
     return part
 
 

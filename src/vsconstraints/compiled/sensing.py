@@ -19,17 +19,16 @@ from ..vision.pose_estimate import CONVERGED, ITERATIONS, RANK_TOLERANCE
 from ..vision.scene import MINIMUM_DEPTH
 from . import images
 from . import scratch as parts
-from .compiler import IN_PLACE, OPTIONS, compiled, inner, know, numba, part_of_others
+from .compiler import OPTIONS, compiled, in_place, inner, register_formulas
 from .images import Images, Lenses, Sensing
 from .kinematics import put, put_matrix
 from .least_squares import pseudoinverse
 from .linear import START
-from .parts import address, ask, thaw_as
+from .parts import address, call_int_pointer, load_step, struct_loader
 from .structures import Scratch
-from .thawed import thaw
 
-part_of_others(images.usable, IN_PLACE)
-know()
+in_place(images.usable)
+register_formulas()
 
 CERTAIN = 1.01
 """Full rank is certain where the bound of the least singular value exceeds the tolerance by this factor: the search
@@ -74,13 +73,11 @@ def explain(markers: Array, seen: Array, R: Matrix, t: Vector, scratch: Scratch)
 
 
 _none = np.zeros((1, 1, 1))
-thaw_sensing = thaw_as(
-    numba.typeof(
-        Sensing(
-            Images(1, _none, np.zeros(1, dtype=np.bool_), _none),
-            Lenses(0, np.zeros(1), np.zeros(1), _none[0]),
-            Scratch(np.zeros(1), np.zeros(1, dtype=np.int64)),
-        )
+load_sensing = struct_loader(
+    Sensing(
+        Images(1, _none, np.zeros(1, dtype=np.bool_), _none),
+        Lenses(0, np.zeros(1), np.zeros(1), _none[0]),
+        Scratch(np.zeros(1), np.zeros(1, dtype=np.int64)),
     )
 )
 
@@ -91,14 +88,14 @@ def observe(sensing_address: int, true_address: int, believed_address: int, t: f
 
     Returns 0, or 1 if no pose with all markers in front of the camera explains the image.
     """
-    sensing, true, believed = thaw_sensing(sensing_address), thaw(true_address), thaw(believed_address)
+    sensing, true, believed = load_sensing(sensing_address), load_step(true_address), load_step(believed_address)
     lens, pixels, camera, scratch = sensing.lenses, true.pixels, believed.camera[0], sensing.scratch
     if lens.address != 0:
-        ask(lens.address, (lens.true, pixels, lens.pixels, False))
+        call_int_pointer(lens.address, (lens.true, pixels, lens.pixels, False))
         pixels = lens.pixels
     pixels = sensing.images.held[images.usable(sensing.images, k, pixels)]
     if lens.address != 0:
-        ask(lens.address, (lens.believed, pixels, lens.pixels, True))
+        call_int_pointer(lens.address, (lens.believed, pixels, lens.pixels, True))
         pixels = lens.pixels
     scratch.taken[0] = 0
     seen = parts.matrix(scratch, len(pixels), 2)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from .parts import load_step
 from .row import write_row
-from .thawed import thaw
 
 
 def template() -> Callable[[int, int], None]:
     """Make the function that writes the rows of a constraint, by its number among the parts of a step at an address."""
 
     def rows(address: int, i: int) -> None:
-        step = thaw(address)
+        step = load_step(address)
         part = step.parts[i]
         for row in range(part.first, part.first + part.count):
             value, g = step.offsets[row], step.gradients[row]

@@ -28,16 +28,15 @@ from ..rows import Array, BoolArray
 from ..vision.scene import MINIMUM_DEPTH
 from .compiler import IN_PLACE, compiled, in_place
 from .kinematics import move, place, point_jacobian, put, put_matrix
-from .parts import call
+from .parts import call_void_pointer, load_step
 from .row import displaced
-from .thawed import thaw
 from .visual_task import JUST_NOW, write_task
 
 
 @in_place
 def carry(address: int, number: int, r: Vector) -> tuple[Vector, Vector, Vector]:
     """Position, velocity and acceleration of the point at r from a body's origin."""
-    body = thaw(address).bodies[number]
+    body = load_step(address).bodies[number]
     velocity, acceleration = carried(
         r,
         vector(body.velocity),
@@ -51,7 +50,7 @@ def carry(address: int, number: int, r: Vector) -> tuple[Vector, Vector, Vector]
 @in_place
 def place_camera(address: int, t: float) -> None:
     """Write where the camera and the target are in the base frame, and the one relative to the other."""
-    step = thaw(address)
+    step = load_step(address)
     tip, camera, target = step.bodies[len(step.joints)], step.camera[0], step.target[0]
     tip_R, tip_origin, R, origin = matrix(tip.R), vector(tip.origin), matrix(camera.R), vector(camera.t)
     target_R, target_t = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0)
@@ -83,7 +82,7 @@ def place_camera(address: int, t: float) -> None:
 @in_place
 def move_camera(address: int, t: float) -> None:
     """Write the camera's twist and its Jacobian relative to the target, once its place is known."""
-    step = thaw(address)
+    step = load_step(address)
     n = len(step.joints)
     tip, camera, target, eye = step.bodies[n], step.camera[0], step.target[0], step.eye[0]
     R, origin = matrix(eye.R), vector(eye.origin)
@@ -116,7 +115,7 @@ def move_camera(address: int, t: float) -> None:
 @in_place
 def in_camera(address: int, i: int) -> Vector:
     """A marker in the camera frame, where the model has it."""
-    step = thaw(address)
+    step = load_step(address)
     there = turned(matrix(step.target_R), vector(step.markers[i]))
     away = minus(vector(step.target_t), vector(step.eye[0].origin))
     return turned_back(matrix(step.eye[0].R), plus(there, away))
@@ -125,7 +124,7 @@ def in_camera(address: int, i: int) -> Vector:
 @in_place
 def see(address: int, i: int, t: float) -> bool:
     """Write where a marker is in the image and how it moves; False if it is not in front of the camera."""
-    step = thaw(address)
+    step = load_step(address)
     eye, camera, marker = step.eye[0], step.camera[0], step.seen[i]
     P = in_camera(address, i)
     v, omega = vector(eye.velocity), vector(eye.angular_velocity)
@@ -155,7 +154,7 @@ def see(address: int, i: int, t: float) -> bool:
 @in_place
 def write_innovation(address: int, t: float) -> None:
     """Write how far what is measured is from the model; what is measured of the camera's pose is written by then."""
-    step = thaw(address)
+    step = load_step(address)
     innovation, measurement, camera = step.innovation, step.measurement[0], step.camera[0]
     innovation[0] = innovation[1] = innovation[4] = innovation[5] = innovation[6] = 0.0
     if measurement.given:
@@ -172,7 +171,7 @@ def write_innovation(address: int, t: float) -> None:
 @in_place
 def write_box(address: int, j: int) -> None:
     """Write what a joint's limits leave of its acceleration."""
-    step = thaw(address)
+    step = load_step(address)
     given = step.limits
     limits = JointLimits(
         given.acceleration[j], given.change[j], given.q_min[j], given.q_max[j], given.qd_max[j], given.ranges,
@@ -185,7 +184,7 @@ def write_box(address: int, j: int) -> None:
 @in_place
 def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
     """As :func:`evaluate_step`; False if it cannot be done."""
-    step = thaw(address)
+    step = load_step(address)
     n = len(step.joints)
     if q.size != n or qd.size != n or not abs(t) < np.inf:
         return False
@@ -215,10 +214,10 @@ def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
         put(drift, spot.drift)
         put(position, step.points[i])
     for i in range(len(step.parts)):
-        call(step.parts[i].address, (address, i))
+        call_void_pointer(step.parts[i].address, (address, i))
     error = step.gradient_error[0]
     if error.address != 0:
-        call(error.address, (address, error.in_phi))
+        call_void_pointer(error.address, (address, error.in_phi))
     write_task(address, t)
     for j in range(len(step.limits.acceleration)):
         write_box(address, j)
@@ -233,7 +232,7 @@ def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
     nothing in the outputs counts, and what the task remembers is as it was. What was measured is used up.
     """
     done = evaluate(address, t, q, qd)
-    measurement = thaw(address).measurement[0]
+    measurement = load_step(address).measurement[0]
     measurement.given = measurement.pose_given = 0
     return 0 if done else 1
 
@@ -244,7 +243,7 @@ def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -
 
     Returns 0, or 1 if the sizes are others, a number is infinite, a depth not positive or the time not before t [s].
     """
-    step = thaw(address)
+    step = load_step(address)
     M = len(step.seen)
     if pixels.shape[0] != M or pixels.shape[1] != 2 or depth.size != M or not -np.inf < taken <= t + JUST_NOW:
         return 1
@@ -265,7 +264,7 @@ def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: 
 
     ``seen`` (N,) says whether all markers are in front of the camera; where they are not, the pixels do not count.
     """
-    step = thaw(address)
+    step = load_step(address)
     camera = step.camera[0]
     for k in range(len(t)):
         place(address, q[k])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from .records import (
     Records,
 )
 
-DONE, ASK, FAILED, INCOMPATIBLE, RELAXED_ROWS, SHORT, RELAXED_SHORT = range(7)
+SOLVED, NEEDS_PYTHON, FAILED, INCOMPATIBLE, RELAXED_ROWS, SHORT, RELAXED_SHORT = range(7)
 """Codes of compiled functions: the outputs hold the answer; the definition has to be asked; no answer passes the check;
 rows contradict each other. And of answers of the hierarchy: demands are unmet; levels 2 and 3 may be better met; both.
 """
@@ -86,10 +87,9 @@ class Scratch(NamedTuple):
 class LawArrays(NamedTuple):
     """A compiled law: a demand and a resolver, each where its function begins, and what they work with.
 
-    The law at an address is carried out by ``ask(thaw(address).resolver, (address, rows, task, answer))`` with
-    :class:`RowArrays`, :class:`TaskArrays` and :class:`Answer`; see :mod:`vsconstraints.compiled.laws`. It returns
-    ``DONE`` or another code of an answer, or ``ASK``: then nothing is remembered, and the controller's ``command`` has
-    to be asked.
+    The law at an address is carried out by its ``resolver`` with :class:`RowArrays`, :class:`TaskArrays` and
+    :class:`Answer`; see :mod:`vsconstraints.compiled.laws`. It returns ``SOLVED`` or another code of an answer, or
+    ``NEEDS_PYTHON``: then nothing is remembered, and the controller's ``command`` has to be asked.
 
     Attributes
     ----------
@@ -327,12 +327,40 @@ class Size:
         return step, out
 
 
-def frozen(structure: Any) -> IntArray:
+class StructWords(np.ndarray[Any, np.dtype[np.int64]]):
+    """The words from which compiled code reads a structure: see :func:`pack_struct`."""
+
+    structure: Any
+    in_python: Any = None
+
+
+_packed: WeakValueDictionary[int, StructWords] = WeakValueDictionary()
+"""What is packed, by the address of its words."""
+
+
+def pack_struct(structure: Any) -> StructWords:
     """What compiled code reads a structure of arrays and numbers from: by the address where it begins.
 
-    Arrays are not copied. They, and what is returned, must live as long as its address is used.
+    Arrays are not copied, and live as long as what is returned, which must live as long as its address is used.
     """
-    return np.array(_words(structure), dtype=np.int64)
+    words = np.array(_words(structure), dtype=np.int64).view(StructWords)
+    words.structure = structure
+    _packed[words.ctypes.data] = words
+    return words
+
+
+def packed_at(address: int) -> Any:
+    """The structure that was packed at an address, with fields of records as attributes."""
+    words = _packed[int(address)]
+    if words.in_python is None:
+        words.in_python = _with_records(words.structure)
+    return words.in_python
+
+
+def _with_records(part: Any) -> Any:
+    if isinstance(part, tuple):
+        return type(part)(*(_with_records(field) for field in part))
+    return part.view(np.recarray) if isinstance(part, np.ndarray) and part.dtype.names else part
 
 
 def _words(part: Any) -> list[int]:

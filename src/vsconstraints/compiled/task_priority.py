@@ -7,14 +7,14 @@ import math
 from ..formulas.row import EQUAL, PUSH
 from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import Array, BoolArray
-from .compiler import compiled, in_place, numba
-from .laws import MATRIX, RESOLVER, SCRATCH, VECTOR, thaw
+from .compiler import FLOAT, INT, MATRIX, VECTOR, compiled, in_place, signature
+from .laws import RESOLVER, SCRATCH, load_law
 from .least_squares import bring, resolve
 from .linear import START
-from .parts import INT, ask
+from .parts import call_int_pointer
 from .resolving import checkable, follow_alone, rates, remember, tell_alone, valid
 from .scratch import emptied, matrix
-from .structures import ASK, DONE, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .structures import NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 @in_place
@@ -40,12 +40,12 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     Returns
     -------
     int
-        ``DONE``, or ``ASK`` where rows with φ ≥ 0 have lost full row rank, where input is refused, and where numbers
-        leave the range.
+        ``SOLVED``, or ``NEEDS_PYTHON`` where rows with φ ≥ 0 have lost full rank, input is refused, or numbers leave
+        the range.
     """
-    law = thaw(address)
+    law = load_law(address)
     if not valid(law, rows, task, answer):
-        return ASK
+        return NEEDS_PYTHON
     tolerance, qdd, acted, J, b, rest = law.options[0], answer.qdd, answer.acted, task.J, task.b, task.rest
     m, n, scratch = rows.phi.size, qdd.size, emptied(law)
     A: Array = matrix(scratch, m, n + 1)
@@ -55,8 +55,8 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     if tracked:
         _, F, S, least = resolve(A[:0], J, b, tolerance, rest, qdd, scratch)
         tell_alone(answer)
-    if ask(law.demand, (address, rows, rates(law, rows, qdd), EQUAL, law.after, law.asked)):
-        return ASK
+    if call_int_pointer(law.demand, (address, rows, rates(law, rows, qdd), EQUAL, law.after, law.asked)):
+        return NEEDS_PYTHON
     for i in range(m):
         acted[i] = law.asked[i] != math.inf
     acting = gather(law, rows, acted, -math.inf, A)
@@ -68,14 +68,14 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
         reached = gather(law, rows, acted, 0.0, A)
         unused = matrix(scratch, 1, n)[0]
         if reached == acting or resolve(A[:reached], J, b, tolerance, rest, unused, scratch)[0] < reached:
-            return ASK
+            return NEEDS_PYTHON
     if not checkable(law, rows, qdd):
-        return ASK
+        return NEEDS_PYTHON
     remember(law, rows, qdd)
-    return DONE
+    return SOLVED
 
 
-@compiled(INT(SCRATCH, MATRIX, VECTOR, numba.types.float64, VECTOR, VECTOR), from_python=False)
+@compiled(signature(INT, SCRATCH, MATRIX, VECTOR, FLOAT, VECTOR, VECTOR), from_python=False)
 def track(scratch: Scratch, J: Array, b: Array, tolerance: float, rest: Array, qdd: Array) -> int:
     """q̈ ← q̈₀ + J†(b − J q̈₀) of :func:`vsconstraints.controllers.least_norm.least_norm`; returns 0.
 
@@ -109,17 +109,17 @@ def additive(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     Returns
     -------
     int
-        ``DONE``, or ``ASK`` where input is refused, and where numbers leave the range.
+        ``SOLVED``, or ``NEEDS_PYTHON`` where input is refused, and where numbers leave the range.
     """
-    law = thaw(address)
+    law = load_law(address)
     if not valid(law, rows, task, answer):
-        return ASK
+        return NEEDS_PYTHON
     qdd = answer.qdd
     follow_alone(law, task, answer)
-    if ask(law.demand, (address, rows, rates(law, rows, qdd), PUSH, law.after, law.asked)):
-        return ASK
+    if call_int_pointer(law.demand, (address, rows, rates(law, rows, qdd), PUSH, law.after, law.asked)):
+        return NEEDS_PYTHON
     pushed(law, rows, answer.acted, qdd)
     if not checkable(law, rows, qdd):
-        return ASK
+        return NEEDS_PYTHON
     remember(law, rows, qdd)
-    return DONE
+    return SOLVED

@@ -9,7 +9,7 @@ from ..formulas.vectors import matrix, turned, vector
 from .compiler import in_place
 from .kinematics import put
 from .linear import START
-from .thawed import thaw
+from .parts import load_step
 
 CAMERA_POSE, IMAGE_POINTS = range(2)
 """Features."""
@@ -21,7 +21,7 @@ JUST_NOW = 1e-9
 @in_place
 def write_pose(address: int, goal: int, continues: bool) -> None:
     """Write J_s, the error, ṡ and J̇_s q̇ + ∂ṡ/∂t of (t, θu): see :class:`vsconstraints.vision.features.CameraPose`."""
-    step = thaw(address)
+    step = load_step(address)
     eye, task, wanted = step.eye[0], step.task, step.goals[goal]
     E, e, w = pose_error(
         matrix(wanted.R),
@@ -51,7 +51,7 @@ def write_pose(address: int, goal: int, continues: bool) -> None:
 @in_place
 def write_image(address: int, goal: int) -> None:
     """Write J_s, the error, ṡ, J̇_s q̇ + ∂ṡ/∂t and ∂s/∂t of markers: see :class:`.ImagePoints`."""
-    step = thaw(address)
+    step = load_step(address)
     eye, task, share, J = step.eye[0], step.task, step.options[0].share, step.camera_J
     for row in range(len(task.error)):
         marker, c = step.seen[row // 2], row % 2
@@ -77,7 +77,7 @@ def write_image(address: int, goal: int) -> None:
 @in_place
 def write_task(address: int, t: float) -> None:
     """Write J_s, b, q̈₀, the error and its rate, and remember them: see :class:`.VisualTask`."""
-    step = thaw(address)
+    step = load_step(address)
     options, last, task = step.options[0], step.last[0], step.task
     k, n = task.J.shape
     goal = START

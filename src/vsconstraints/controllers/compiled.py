@@ -48,7 +48,7 @@ class CompiledLaw:
     def __init__(self, arrays: LawArrays, labels: tuple[str, ...], remark: str, measures: bool, whole: bool) -> None:
         self._laws = load("laws")
         self.arrays, self.labels, self.remark, self.measures, self.whole = arrays, labels, remark, measures, whole
-        self._frozen = load("structures").frozen(arrays)
+        self._frozen = load("structures").pack_struct(arrays)
         self.address = int(self._frozen.ctypes.data)
 
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
@@ -155,7 +155,7 @@ class BoundLaw:
         self.count: IntArray = np.zeros(1, COUNT)
         structures = load("structures")
         outputs = qdd, acted, self.slack, self.count
-        self._frozen = structures.frozen(structures.Answer(*outputs, NO_SLACK))
+        self._frozen = structures.pack_struct(structures.Answer(*outputs, NO_SLACK))
         self.answer = int(self._frozen.ctypes.data)
         function, *arguments = made.call(rows, task)
         self._function = partial(entry(function), *arguments, *outputs)

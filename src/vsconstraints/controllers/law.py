@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.structures import ASK
+from ..compiled.structures import NEEDS_PYTHON
 from ..errors import ConfigurationError, InvalidInput, SolverError, shown
 from ..formulas.row import Row, asked_for
 from ..qp import SolverChain
@@ -236,7 +236,7 @@ class Law(Controller):
             if law.remark:
                 command.remark = law.remark
             return command
-        if code == ASK or self.solvers is None:
+        if code == NEEDS_PYTHON or self.solvers is None:
             return None
         self.solvers.failures[COMPILED] += 1
         answer = self.define(rows, task)

@@ -13,7 +13,7 @@ from ..compiled import load
 from ..compiled.evaluation import CompiledEvaluation
 from ..compiled.model import Model
 from ..compiled.samples import ALONE, LAW, MOVE, STEP, Loop, finish
-from ..compiled.structures import frozen
+from ..compiled.structures import pack_struct
 from ..controllers import Controller
 from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
@@ -188,13 +188,13 @@ class _Run:
             self.sensor.expected.write(believed.step)
             if self.sensor.estimates:
                 self._sensing = self.sensor.sensing(setup.samples_at_most)
-                self._sensed = frozen(self._sensing)
+                self._sensed = pack_struct(self._sensing)
                 loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.ctypes.data
         now, alone = self.bound.now, self.prepared.alone
         law = self.controller.bind(now.rows, now.task, loop.answer.acted, loop.answer.qdd)
         assert alone is not None  # where there is a compiler
         self.compiled = law is not None
-        self._laws = [frozen(part.arrays) for part in (alone, law) if part is not None]
+        self._laws = [pack_struct(part.arrays) for part in (alone, law) if part is not None]
         loop.parts[4] = self._laws[0].ctypes.data
         if law is not None and not by_public_call:
             loop.parts[3] = self.law = self._laws[1].ctypes.data
@@ -211,7 +211,7 @@ class _Run:
         self.pushes = self.plant.follows and mover[0] == 0
         self.at_once = 1 if self.pushes or isinstance(self.sensor, ImageSensor) else CHUNK
         if self.kernels is not None:
-            self._frozen = frozen(loop)
+            self._frozen = pack_struct(loop)
             self.address = int(self._frozen.ctypes.data)
 
     def _numpy_loop(self, features: int = 0) -> Loop:

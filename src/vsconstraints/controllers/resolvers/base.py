@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...compiled import load
-from ...compiled.structures import DONE
+from ...compiled.structures import SOLVED
 from ...qp import SolverChain
 from ...rows import Array, BoolArray, Command, Rows, Task
 from ..demands import Demand
@@ -55,7 +55,7 @@ class Resolver(ABC):
     otherwise: ClassVar[tuple[str, str] | None] = None
     uses: ClassVar[tuple[str, ...]] = ()
     measures: ClassVar[bool] = False
-    answers: ClassVar[Collection[int]] = (DONE,)
+    answers: ClassVar[Collection[int]] = (SOLVED,)
     ranges: ClassVar[Mapping[str, Declared]] = {}
 
     @abstractmethod

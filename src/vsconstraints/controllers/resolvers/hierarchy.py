@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compiled.structures import DONE, RELAXED_ROWS, RELAXED_SHORT, SHORT, STRICT
+from ...compiled.structures import RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED, STRICT
 from ...errors import ConfigurationError, InvalidInput, SolverError, shown
 from ...formulas.row import BOUND
 from ...qp import Cost, SolverChain, lexicographic
@@ -32,7 +32,7 @@ COMPILED = "compiled"
 HEAVIEST = 1e10
 """Largest weight of a row, and the inverse of the least: those without one have 1."""
 
-ANSWERS = {DONE: (False, False), RELAXED_ROWS: (True, False), SHORT: (False, True), RELAXED_SHORT: (True, True)}
+ANSWERS = {SOLVED: (False, False), RELAXED_ROWS: (True, False), SHORT: (False, True), RELAXED_SHORT: (True, True)}
 """Codes of answers: whether demands are unmet, and whether levels 2 and 3 may be."""
 
 UNPROVED = "rounding does not allow to prove that the task and the accelerations are the least that the rows allow"

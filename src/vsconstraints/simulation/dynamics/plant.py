@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from ...compiled import load
 from ...compiled.arm import POSITION, SPEED, TORQUE, Arm, BodyArrays, Drive, blank
-from ...compiled.structures import frozen
+from ...compiled.structures import pack_struct
 from ...errors import ConfigurationError, SceneError
 from ...formulas.limits import JointLimits
 from ...robots.robot import Robot
@@ -216,7 +216,7 @@ class DynamicPlant(Plant):
         )
         bodies = body_arrays(robot, self.model), body_arrays(robot, self.believed)
         self.arm: Arm = blank(bodies, drive, dynamics.slots(h), dynamics.substeps, h)
-        self.frozen_arm = frozen(self.arm)
+        self.frozen_arm = pack_struct(self.arm)
         self._mujoco, self._compiled = None, load("drives")
         if isinstance(dynamics, MujocoDynamics):
             self._mujoco = MujocoArm(robot, self.model, bodies[0], dynamics, h)

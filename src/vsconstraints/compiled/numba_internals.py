@@ -1,0 +1,219 @@
+"""Everything that touches private parts of numba: ``tests/test_numba_internals.py`` runs what is assumed of them.
+
+``pyproject.toml`` bounds numba's version from above by the last one with which these tests have passed. What stands
+here saves a third of the time of the first compilation, and lets compiled functions take the address of a structure in
+place of fifty arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+numba = import_module("numba")  # not typed
+codegen = import_module("numba.core.codegen")
+
+if numba.config.DISABLE_JIT:
+    raise RuntimeError("NUMBA_DISABLE_JIT is set")
+
+VOID, INT, FLOAT = numba.types.void, numba.types.int64, numba.types.float64
+VECTOR, MATRIX = FLOAT[::1], FLOAT[:, ::1]
+
+
+class Library(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
+    """Code that is not optimised by itself: the compiled functions that contain it optimise it again anyway."""
+
+    _final_module: Any
+
+    def _optimize_final_module(self) -> None:
+        """Do nothing."""
+
+    def _finalize_final_module(self) -> None:
+        """Make machine code of nothing but what numba insists on, a place for the environment of each function.
+
+        Nobody reads there: environments serve exceptions with arguments, and Python objects.
+        """
+        whole, common = self._final_module, codegen.ll.Linkage.common
+        places = [variable.name for variable in whole.global_variables if variable.linkage == common]
+        self._final_module = codegen.ll.parse_assembly("\n".join(f"@{name} = common global i64 0" for name in places))
+        super()._finalize_final_module()
+        self._final_module = whole
+
+
+class PartCompiler(import_module("numba.core.compiler").Compiler):  # type: ignore[misc]
+    """Compiles with a :class:`Library`."""
+
+    def define_pipelines(self) -> Any:
+        """As numba does, but for the library."""
+        state = self.state
+        state.library = Library(state.targetctx.codegen(), state.func_id.func_qualname)
+        return super().define_pipelines()
+
+
+def part_of_others(function: Callable[..., Any], options: dict[str, Any]) -> None:
+    """Let compiled functions call this one, which stays as it is in Python."""
+    inner = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": PartCompiler}
+    numba.extending.register_jitable(**options, **inner)(function)
+
+
+def jit(signature: Any, from_python: bool, options: dict[str, Any]) -> Callable[..., Any]:
+    """Make a decorator that compiles for a signature, and keeps the result in numba's cache folder."""
+    compiler: Callable[..., Any] = numba.njit(
+        signature, cache=True, no_cfunc_wrapper=True, no_cpython_wrapper=not from_python, **options
+    )
+    return compiler
+
+
+def with_large_frame(function: Callable[..., Any], words: int = 2**17) -> None:
+    """Give a function a large frame, behind which numba runs.
+
+    CPython keeps frames in pieces of 16 kB: where calls cross the end of one over and over, memory is mapped and
+    unmapped each time. Behind a large frame there is room for all.
+    """
+    function.__code__ = function.__code__.replace(co_stacksize=words)
+
+
+def address(function: Any) -> int:
+    """Where a compiled function of one signature begins; it stays there as long as the function is kept."""
+    result = function.overloads[function.signatures[0]]
+    return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
+
+
+def intrinsic(function: Callable[..., Any], prefer_literal: bool = False) -> Callable[[Callable[..., Any]], Any]:
+    """Let compiled code use what is decorated wherever Python calls ``function``: see ``numba.extending.intrinsic``."""
+
+    def decorate(definition: Callable[..., Any]) -> None:
+        templates = numba.core.typing.templates
+        template = templates.make_intrinsic_template(
+            function, definition, function.__name__, prefer_literal=prefer_literal
+        )
+        templates.infer_global(function, numba.types.Function(template))
+
+    return decorate
+
+
+@numba.extending.overload(np.where)  # type: ignore[untyped-decorator]
+def _where(condition: Any, x: Any, y: Any) -> Any:
+    """``np.where`` of single numbers makes no arrays."""
+
+    def choose(condition: Any, x: Any, y: Any) -> Any:
+        return x if condition else y
+
+    numbers = numba.types.Boolean, numba.types.Number
+    return choose if all(isinstance(each, numbers) for each in (condition, x, y)) else None
+
+
+class Stored(numba.types.Type):  # type: ignore[misc, name-defined]
+    """A structure of arrays that is stored at an address: only the fields that are used are read.
+
+    Code that has whole structures at hand takes several times as long to compile.
+    """
+
+    def __init__(self, structure: Any) -> None:
+        self.structure = structure
+        super().__init__(name=f"Stored({structure})")
+
+
+@numba.extending.register_model(Stored)
+class _StoredModel(numba.extending.models.PrimitiveModel):  # type: ignore[misc, name-defined]
+    def __init__(self, manager: Any, kind: Stored) -> None:
+        super().__init__(manager, kind, manager.lookup(INT).get_value_type())
+
+
+@numba.extending.infer_getattr
+class _StoredFields(numba.core.typing.templates.AttributeTemplate):  # type: ignore[misc, name-defined]
+    key = Stored
+
+    def generic_resolve(self, kind: Stored, name: str) -> Any:
+        field = kind.structure.types[kind.structure.fields.index(name)]
+        return Stored(field) if isinstance(field, numba.types.BaseNamedTuple) else field
+
+
+@numba.extending.lower_getattr_generic(Stored)  # type: ignore[untyped-decorator]
+def _read(context: Any, builder: Any, kind: Stored, value: Any, name: str) -> Any:
+    i = kind.structure.fields.index(name)
+    begin = builder.inttoptr(value, context.get_value_type(kind.structure).as_pointer())
+    field = numba.core.cgutils.gep_inbounds(builder, begin, 0, i)
+    if isinstance(kind.structure.types[i], numba.types.BaseNamedTuple):
+        return builder.ptrtoint(field, value.type)
+    # where references are counted, what is returned counts as one more
+    return numba.core.imputils.impl_ret_borrowed(context, builder, kind.structure.types[i], builder.load(field))
+
+
+def load_as(function: Callable[..., Any], example: Any) -> None:
+    """Let compiled code call ``function(address)`` for the structure at an address, of the types of an example."""
+    structure = numba.typeof(example)
+
+    @intrinsic(function)
+    def load(typing_context: Any, address: Any) -> Any:
+        return Stored(structure)(address), lambda context, builder, signature, values: values[0]
+
+
+def call_as(function: Callable[..., Any], result: Any) -> None:
+    """Let compiled code call ``function(address, arguments)`` for what begins at an address; structures pass whole."""
+
+    @intrinsic(function)
+    def call(typing_context: Any, address: Any, arguments: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            types, unpacked = [], []
+            for i, argument in enumerate(signature.args[1].types):
+                value = builder.extract_value(values[1], i)
+                if isinstance(argument, Stored):
+                    argument = argument.structure
+                    value = builder.load(builder.inttoptr(value, context.get_value_type(argument).as_pointer()))
+                types.append(argument)
+                unpacked.append(value)
+            kind = context.call_conv.get_function_type(result, types)
+            pointer = builder.inttoptr(values[0], kind.as_pointer())
+            _, answer = context.call_conv.call_function(builder, pointer, result, types, unpacked)
+            return context.get_dummy_value() if result == VOID else answer
+
+        return result(address, arguments), generate
+
+
+def matrix_at_as(function: Callable[..., Any]) -> None:
+    """Let compiled code call ``function(numbers, at, rows, columns)`` for a matrix without counted references."""
+
+    @intrinsic(function)
+    def matrix_at(typing_context: Any, numbers: Any, at: Any, rows: Any, columns: Any) -> Any:
+        kind, arrays = numba.types.Array(numbers.dtype, 2, "C"), numba.np.arrayobj
+
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            begin = builder.gep(arrays.make_array(numbers)(context, builder, values[0]).data, [values[1]])
+            each = context.get_constant(numba.types.intp, context.get_abi_sizeof(context.get_data_type(numbers.dtype)))
+            part = arrays.make_array(kind)(context, builder)
+            strides = builder.mul(values[3], each), each
+            arrays.populate_array(part, begin, shape=values[2:], strides=strides, itemsize=each, meminfo=None)
+            return part._getvalue()
+
+        return kind(numbers, *[numba.types.intp] * 3), generate
+
+
+def fixed_tuple_as(function: Callable[..., Any]) -> None:
+    """Let compiled code call ``function(array, count)`` for a tuple, whose size is known when it is compiled."""
+    intrinsic(function)(import_module("numba.np.unsafe.ndarray").to_fixed_tuple._defn)
+
+
+def monotonic_as(function: Callable[..., Any], clock: int) -> None:
+    """Let compiled code call ``function(clock)`` for the time of a clock [s], by way of two integers of scratch."""
+    clock_gettime = numba.types.ExternalFunction(
+        "clock_gettime", numba.types.int32(numba.types.int32, numba.types.intp)
+    )
+
+    @numba.extending.overload(function, jit_options={"_nrt": False})  # type: ignore[untyped-decorator]
+    def monotonic(scratch: Any) -> Any:
+        def read(scratch: Any) -> float:
+            clock_gettime(clock, scratch.ctypes.data)
+            seconds: float = scratch[0] + 1e-9 * scratch[1]
+            return seconds
+
+        return read
+
+
+def state_of(formulas: tuple[Any, ...]) -> bytes:
+    """Bytes that differ wherever formulas do, closures among them."""
+    dumped: bytes = numba.core.serialize.dumps(formulas)
+    return dumped
