@@ -14,7 +14,7 @@ from ..errors import ConfigurationError, described, shown
 from ..plugins.classes import beside
 from ..rows import Array
 from ..simulation import Setup
-from ..simulation.seeing import ImageSensor
+from ..simulation.image_sensor import ImageSensor
 from ..vision.measurement import Measurement
 
 ImageSource = Callable[[float, Array], Measurement | None]

@@ -22,11 +22,11 @@ from ..errors import SceneError, described
 from ..rows import Rows, Task
 from .arrays import blank_step, make_loop, rest
 from .between import between_clearance
-from .line_of_sight import hidden_markers
+from .image_sensor import ImageSensor
+from .occluders import hidden_markers
 from .outcome import judge
 from .prepared import Prepared
 from .scores import RunScores
-from .seeing import ImageSensor
 from .setup import Setup
 from .trajectory import Trajectory
 

@@ -24,9 +24,8 @@ from .disturbances import Disturbances
 from .dynamics import ArmDynamics, DynamicPlant
 from .dynamics.plant import Start
 from .gradient_error import GradientError
-from .photographer import Photographer
+from .image_sensor import ImageSensor, SceneRenderer
 from .plant import Actuation, Plant
-from .seeing import ImageSensor
 from .sensing import Sensor
 from .separation import separated_markers
 from .start import remarks_at_start
@@ -184,11 +183,11 @@ class Setup:
             return ImageSensor(self.scene, self.disturbances, self.images, self.photographer(), self.Ts)
         return Sensor(self.scene, self.disturbances, self.Ts, self.constraints.has_unknown_motion(self.scene))
 
-    def photographer(self) -> Photographer:
+    def photographer(self) -> SceneRenderer:
         """What takes the images that the control sees; raises ConfigurationError where it sees none."""
         if self.images is None:
             raise ConfigurationError('there are no images without sensor = "images"')
-        return Photographer(self.scene, self.images, self.constraints.constraints, self.q0, self.disturbances.seed)
+        return SceneRenderer(self.scene, self.images, self.constraints.constraints, self.q0, self.disturbances.seed)
 
     def gradient_error(self) -> GradientError:
         """What spoils the rows' gradients."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..constraints import ImageConstraint
 from ..errors import ConfigurationError
-from .line_of_sight import LinesOfSight
+from .occluders import LinesOfSight
 
 if TYPE_CHECKING:
     from .setup import Setup

@@ -10,7 +10,7 @@ from ...constraints import ImageConstraint
 from ...errors import ConfigurationError, VsconstraintsError, described
 from ...rows import Array, BoolArray
 from ...simulation import Setup
-from ...simulation.line_of_sight import LinesOfSight
+from ...simulation.occluders import LinesOfSight
 from ...vision.scene import MINIMUM_DEPTH
 
 ROUNDING = 1e-9

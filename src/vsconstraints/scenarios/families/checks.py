@@ -8,8 +8,8 @@ from ...controllers import Tracking
 from ...errors import SceneError, VsconstraintsError
 from ...rows import Array
 from ...simulation import RunScores, Setup, score_run
-from ...simulation.line_of_sight import LinesOfSight
-from ...simulation.seeing import ImageSensor
+from ...simulation.image_sensor import ImageSensor
+from ...simulation.occluders import LinesOfSight
 from .ends import last
 from .placements import Ends
 from .reasons import Reason, Rejected
