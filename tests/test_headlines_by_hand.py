@@ -20,7 +20,7 @@ from vsconstraints.reports.results import Results
 from vsconstraints.reports.scenario_section import metric_table
 from vsconstraints.reports.summary import MOST_COLUMNS, law_table, summary
 from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation.separation import UNSOLVABLE
+from vsconstraints.simulation.start import UNSOLVABLE
 
 TOLERATED = ("0.01 %", "0.1 %", "1 %", "2 %", "5 %", "10 %")
 WINNERS = "among the controllers that converged and violated no row"

@@ -36,7 +36,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/controllers/tracking.py",
         "src/vsconstraints/controllers/hierarchical_qp.py",
         "src/vsconstraints/simulation/plant.py",
-        "src/vsconstraints/simulation/gradient_error.py",
+        "src/vsconstraints/simulation/sensing.py",
         "src/vsconstraints/robots/order_filter.py",
         "src/vsconstraints/vision/tracking.py",
     ),

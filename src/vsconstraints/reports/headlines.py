@@ -9,7 +9,7 @@ from urllib.parse import quote
 from ..comparisons.metrics import METRICS, NEGLIGIBLE, TOLERANT, Metric
 from ..comparisons.suite import BASELINE
 from ..rows.readable import counted
-from ..simulation.separation import UNSOLVABLE
+from ..simulation.start import UNSOLVABLE
 from .best import shown
 from .markdown import bold, bullets, code, enumeration
 from .numbers import FORMATS, median, number, of_length
