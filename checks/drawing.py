@@ -16,10 +16,10 @@ from time import process_time
 from typing import Any
 
 from vsconstraints.comparisons import StoredComparison
-from vsconstraints.reports.drawing import draw_endings, draw_overview, draw_scenario, scenario_jobs
+from vsconstraints.reports.drawing import draw_overview, draw_scenario, scenario_jobs
 from vsconstraints.reports.page import html_page
 from vsconstraints.reports.results import Results
-from vsconstraints.reports.telling import telling
+from vsconstraints.reports.selection import shown_scenarios
 
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
@@ -37,7 +37,7 @@ def main(arguments: list[str]) -> int:
         return 2
     folder = folders[0]
     reading, results = timed(lambda: Results(StoredComparison.load(folder)))
-    jobs = scenario_jobs(results, None if "--all" in arguments else telling(results))
+    jobs = scenario_jobs(results, None if "--all" in arguments else shown_scenarios(results))
     (folder / "figures").mkdir(exist_ok=True)
     first, _ = timed(lambda: draw_scenario(jobs[0]))  # with the imports
     times, figures = [], 0
@@ -46,7 +46,7 @@ def main(arguments: list[str]) -> int:
         times.append((seconds, job.scenario.name))
         figures += len(drawn.files)
     with TemporaryDirectory() as made:
-        whole, _ = timed(lambda: [draw(results, Path(made)) for draw in (draw_endings, draw_overview)])
+        whole, _ = timed(lambda: draw_overview(results, Path(made)))
     text = (folder / "report.md").read_text(encoding="utf-8")
     html_page(text)  # with the imports
     page, _ = timed(lambda: html_page(text))

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 import typer
 
-from vsconstraints.cli.verify import verify
+from vsconstraints.cli.results import verify
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.difference.difference import Question, difference
 from vsconstraints.comparisons.evidence import TABLES, Campaign, Evidence, Plan, collect, merge

@@ -1,7 +1,8 @@
-"""``python -m checks.structure [FOLDER]``: how large the code is, its long files and parameter lists, circular imports.
+"""``python -m checks.structure [FOLDER]``: how much code each room holds, what it stands on, and what is allowed.
 
-Of every folder: lines of code, of docstrings (comments among them), and blank ones. A parameter list may be longer than
-others where each parameter is an option of the command line, or where compiled code takes numbers one by one.
+A room is a folder of the package. Rooms stand on floors: a room is one floor above the highest room that it imports. An
+import counts wherever it stands, at the top of a file, inside a function or for type checkers only; importing a module
+imports the packages that it lies in. The exit code is 1 if a budget is exceeded or anything is imported in a circle.
 """
 
 from __future__ import annotations
@@ -12,81 +13,96 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-MOST_PARAMETERS = 8
-"""More than so many are listed."""
+BUDGETS = {
+    "rows": 600,
+    "errors": 150,
+    "plugins": 250,
+    "formulas": 1300,
+    "robots": 900,
+    "vision": 2000,
+    "constraints": 1900,
+    "qp": 600,
+    "controllers": 2200,
+    "compiled": 4000,
+    "simulation": 2000,
+    "scenarios": 1800,
+    "comparisons": 4000,
+    "reports": 4000,
+    "paper": 2400,
+    "arms": 1300,
+    "cli": 700,
+}
+"""Lines a room may have, in the order in which rooms stand on each other."""
 
-MOST_LINES = 300
-"""Longer files are listed."""
+MAX_LINES, MAX_FILES, MAX_FLOORS, MAX_PARAMETERS, LONG_FILE = 31_000, 300, 14, 8, 300
+"""What the whole package may have; a file of more than ``LONG_FILE`` lines is listed, but allowed."""
 
 
 class Lines(NamedTuple):
-    """What the lines of files are."""
+    """How many lines are code, docstrings and comments, and blank."""
 
     code: int
-    docstrings: int
+    docs: int
     blank: int
 
     @classmethod
     def of(cls, text: str, tree: ast.Module) -> Lines:
-        """Those of one file; comments that stand alone count with docstrings."""
-        told = {line for first, last in docstrings(tree) for line in range(first, last + 1)}
-        every = list(enumerate(text.splitlines(), start=1))
-        blank = sum(not line.strip() and number not in told for number, line in every)
-        comments = sum(line.lstrip().startswith("#") and number not in told for number, line in every)
-        said = len(told) + comments
-        return cls(len(every) - said - blank, said, blank)
+        """Count those of one file; comments that stand alone count as docs."""
+        strings = {line for first, last in docstrings(tree) for line in range(first, last + 1)}
+        numbered = list(enumerate(text.splitlines(), start=1))
+        blank = sum(not line.strip() and number not in strings for number, line in numbered)
+        comments = sum(line.lstrip().startswith("#") and number not in strings for number, line in numbered)
+        docs = len(strings) + comments
+        return cls(len(numbered) - docs - blank, docs, blank)
 
-    @classmethod
-    def together(cls, parts: list[Lines]) -> Lines:
-        """The sum of all."""
-        return cls(*map(sum, zip(*parts, strict=True)))
+
+class Module(NamedTuple):
+    """One file of the package."""
+
+    name: str
+    file: Path
+    tree: ast.Module
+    lines: Lines
 
 
 def docstrings(tree: ast.Module) -> Iterator[tuple[int, int]]:
-    """First and last line of every text that stands by itself: of modules, classes, functions, and after values."""
+    """First and last line of every string that is a statement: of modules, classes, functions, and after values."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
-            assert node.end_lineno is not None
-            yield node.lineno, node.end_lineno
+            yield node.lineno, node.end_lineno or node.lineno
 
 
-def functions(tree: ast.AST) -> Iterator[tuple[ast.FunctionDef, int]]:
-    """Every function of a module, with the number of its parameters but for self and cls."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef):
-            given = node.args
-            names = [argument.arg for argument in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
-            yield node, len(names) - (names[:1] in (["self"], ["cls"]))
+def read(root: Path) -> dict[str, Module]:
+    """Every module below a folder, by its dotted name."""
+    modules = {}
+    for file in sorted(root.rglob("*.py")):
+        text = file.read_text(encoding="utf-8")
+        tree = ast.parse(text)
+        parts = file.relative_to(root).with_suffix("").parts
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        modules[name] = Module(name, file, tree, Lines.of(text, tree))
+    return modules
 
 
-def why_long(node: ast.FunctionDef) -> str:
-    """What excuses a long parameter list: they are options of the command line, or compiled code is called."""
-    if "typer." in ast.unparse(node.args) or "Option(" in ast.unparse(node.args):
-        return " (options)"
-    marks = " ".join(ast.unparse(mark) for mark in node.decorator_list)
-    return " (compiled)" if "formula" in marks or "compiled" in marks else ""
-
-
-def module_name(file: Path, root: Path) -> str:
-    """The name under which a file is imported."""
-    parts = file.relative_to(root).with_suffix("").parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-
-
-def imports(name: str, file: Path, tree: ast.Module, modules: set[str]) -> set[str]:
-    """Modules of the tree that a module imports when it is imported, relative imports being the only ones."""
-    package = name if file.name == "__init__.py" else name.rpartition(".")[0]
-    found = set()
-    for node in tree.body:
-        if isinstance(node, ast.ImportFrom) and node.level:
-            parts = package.split(".")
-            base = ".".join([*parts[: len(parts) - node.level + 1], *([node.module] if node.module else [])])
-            found |= {f"{base}.{alias.name}" if f"{base}.{alias.name}" in modules else base for alias in node.names}
-    return found & modules - {name}
+def imports(module: Module, names: set[str]) -> set[str]:
+    """Modules of the package that a module imports, with the packages around them that it is not itself in."""
+    package = module.name if module.file.name == "__init__.py" else module.name.rpartition(".")[0]
+    targets = set()
+    for node in ast.walk(module.tree):
+        if isinstance(node, ast.ImportFrom):
+            around = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            base = ".".join([*around, *([node.module] if node.module else [])])
+            targets |= {f"{base}.{alias.name}" if f"{base}.{alias.name}" in names else base for alias in node.names}
+        elif isinstance(node, ast.Import):
+            targets |= {alias.name for alias in node.names}
+    own = f"{module.name}."
+    packages = {target[:end] for target in targets for end, letter in enumerate(target) if letter == "."}
+    packages = {name for name in packages if not own.startswith(f"{name}.")}
+    return (targets | packages) & names - {module.name}
 
 
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
-    """Modules that import each other, as sorted groups: those from which each other one of the group is reached."""
+    """Groups of names, sorted, in which each is reached from each other."""
 
     def reached(start: str) -> set[str]:
         seen: set[str] = set()
@@ -103,37 +119,88 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     return [list(group) for group in sorted(groups) if group]
 
 
+def floors(graph: dict[str, set[str]]) -> dict[str, int]:
+    """The floor of each name, from 1; names in a circle share one."""
+    together = {name: frozenset(group) for group in circles(graph) for name in group}
+    known: dict[str, int] = {}
+
+    def floor(name: str) -> int:
+        if name not in known:
+            group = together.get(name, frozenset([name]))
+            below = {other for member in group for other in graph[member]} - group
+            height = 1 + max(map(floor, below), default=0)
+            known.update(dict.fromkeys(group, height))
+        return known[name]
+
+    return {name: floor(name) for name in graph}
+
+
+def room_of(name: str) -> str:
+    """The room that a module is in: the second part of its name, empty for the package itself."""
+    return [*name.split("."), ""][1]
+
+
+def long_parameter_lists(modules: dict[str, Module]) -> list[str]:
+    """Functions with more parameters than allowed; those of commands and of compiled formulas may have more."""
+    found = []
+    for module in modules.values():
+        for node in ast.walk(module.tree):
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            arguments = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+            count = len(arguments) - (arguments[:1] in (["self"], ["cls"]))
+            marks = " ".join(map(ast.unparse, node.decorator_list))
+            excused = "typer." in ast.unparse(node.args) or "formula" in marks or "compiled" in marks
+            if count > MAX_PARAMETERS and not excused:
+                found.append(f"{count} {module.name}.{node.name}")
+    return sorted(found, key=lambda entry: -int(entry.split()[0]))
+
+
 def main(arguments: list[str]) -> int:
-    """Print what the module says; 1 if there are circles."""
+    """Print what the module's docstring says."""
     root = Path(arguments[0]) if arguments else Path(__file__).parents[1] / "src"
-    files = sorted(root.rglob("*.py"))
-    if not files:
+    modules = read(root)
+    if not modules:
         print(f"there is no Python file in {root}", file=sys.stderr)
         return 2
-    texts = {file: file.read_text(encoding="utf-8") for file in files}
-    trees = {file: ast.parse(text) for file, text in texts.items()}
-    lines = {file: Lines.of(texts[file], trees[file]) for file in files}
-    total = Lines.together([*lines.values()])
-    others = sum(file.read_text(encoding="utf-8").count("\n") for file in root.rglob("*.toml"))
-    print(f"{sum(total)} lines of Python in {len(files)} files, {others} of TOML")
-    print(f"  {'lines':>6} {'code':>6} {'docs':>6} {'blank':>6}")
-    print(f"  {sum(total):6} {total.code:6} {total.docstrings:6} {total.blank:6} in all")
-    for folder in sorted({file.parent for file in files}):
-        own = Lines.together([lines[file] for file in files if file.parent == folder])
-        print(f"  {sum(own):6} {own.code:6} {own.docstrings:6} {own.blank:6} {folder.relative_to(root)}")
-    long_files = sorted(((sum(of), str(file.relative_to(root))) for file, of in lines.items()), reverse=True)
-    listed = [f"{count} {where}" for count, where in long_files if count > MOST_LINES]
-    print(f"files of more than {MOST_LINES} lines: {'; '.join(listed) or 'none'}")
-    longest = sorted(
-        ((count, f"{file.relative_to(root)}: {node.name}{why_long(node)}") for file in files
-         for node, count in functions(trees[file])), reverse=True,
-    )  # fmt: skip
-    named = [one for one in longest if one[0] > MOST_PARAMETERS] or longest[:1]
-    print("longest parameter lists: " + "; ".join(f"{count} {where}" for count, where in named))
-    names = {module_name(file, root): file for file in files}
-    found = circles({name: imports(name, file, trees[file], {*names}) for name, file in names.items()})
-    print("circles of imports: " + ("; ".join(", ".join(group) for group in found) or "none"))
-    return 1 if found else 0
+    graph = {name: imports(module, {*modules}) for name, module in modules.items()}
+    rooms: dict[str, list[Module]] = {}
+    for module in modules.values():
+        rooms.setdefault(room_of(module.name), []).append(module)
+    between = {
+        room: {room_of(target) for module in inside for target in graph[module.name]} - {room, ""}
+        for room, inside in rooms.items()
+        if room
+    }
+    heights = floors(between)
+    exceeded = []
+
+    def line(title: str, inside: list[Module], budget: int | None, floor: str) -> None:
+        lines = Lines(*map(sum, zip(*(module.lines for module in inside), strict=True)))
+        over = budget is not None and sum(lines) > budget
+        if over:
+            exceeded.append(f"{title}: {sum(lines)} lines, {budget} allowed")
+        numbers = f"{sum(lines):7} {budget or '':>7} {len(inside):6} {lines.code:6} {lines.docs:6} {lines.blank:6}"
+        print(f"{title:13}{numbers} {floor:>6}{'  over' if over else ''}")
+
+    print(f"{'room':13}{'lines':>7} {'allowed':>7} {'files':>6} {'code':>6} {'docs':>6} {'blank':>6} {'floor':>6}")
+    order = {room: i for i, room in enumerate(BUDGETS)}
+    for room, inside in sorted(rooms.items(), key=lambda entry: (order.get(entry[0], -1), entry[0])):
+        line(room or "(package)", inside, BUDGETS.get(room), str(heights.get(room, "")))
+    line("all", [*modules.values()], MAX_LINES, str(max(heights.values(), default=0)))
+    if len(modules) > MAX_FILES:
+        exceeded.append(f"{len(modules)} files, {MAX_FILES} allowed")
+    if max(heights.values(), default=0) > MAX_FLOORS:
+        exceeded.append(f"{max(heights.values())} floors, {MAX_FLOORS} allowed")
+    exceeded += [f"parameters: {entry}, {MAX_PARAMETERS} allowed" for entry in long_parameter_lists(modules)]
+    print(f"dependencies between rooms: {sum(map(len, between.values()))}")
+    long = sorted(((sum(module.lines), module.name) for module in modules.values()), reverse=True)
+    listed = "; ".join(f"{count} {name}" for count, name in long if count > LONG_FILE)
+    print(f"files of more than {LONG_FILE} lines: {listed or 'none'}")
+    loops = circles(graph) + circles(between)
+    print(f"circles of imports: {'; '.join(', '.join(group) for group in loops) or 'none'}")
+    print("exceeded: " + ("; ".join(exceeded) or "nothing"))
+    return 1 if loops or exceeded else 0
 
 
 if __name__ == "__main__":

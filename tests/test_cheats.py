@@ -11,7 +11,7 @@ from cheats import CHEATS, TUNNEL, Bounces, Cheat, Crawls, Exits, Overspeeds, Tu
 from vsconstraints.controllers import HierarchicalQP
 from vsconstraints.reports.notebooks import compare
 from vsconstraints.reports.results import Results, clean
-from vsconstraints.reports.scenario_section import metric_table
+from vsconstraints.reports.scenario import metric_table
 from vsconstraints.reports.summary import law_table
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import score_run, simulate, until_settled

@@ -5,18 +5,22 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import typer
 
 import vsconstraints
-from vsconstraints.cli import GROUPS
+from vsconstraints.cli import GROUPS, app
+from vsconstraints.cli.listing import KINDS, print_listing
 from vsconstraints.cli.terminal import console, errors
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.compiled import available
 from vsconstraints.controllers import CONTROLLERS
+from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import shipped_scenarios
 
 MAIN = [sys.executable, "-W", "error", "-c", "from vsconstraints.cli import main; main()"]
@@ -53,12 +57,36 @@ def test_what_is_printed_is_printed_as_it_is() -> None:
         assert printed.get() == "error: images by my_camera:eye: [1] of C:smile:\n"
 
 
-def test_list_names_everything() -> None:
+def test_list_names_everything_on_one_screen() -> None:
     shown = run("list")
-    assert "`" not in shown.stdout  # docstrings mark references and code
     assert shown.returncode == 0, shown.stderr
     for name in (*shipped_scenarios(), *CONTROLLERS, "proxqp", "osqp", "daqp", "quadprog", "ur5", "panda", "heart"):
         assert name in shown.stdout
+    assert shown.stdout.count("\n") < 60
+
+
+def test_list_describes_kinds_and_names(capsys: pytest.CaptureFixture[str]) -> None:
+    for kind in KINDS:
+        print_listing([kind])
+        shown = capsys.readouterr().out
+        assert "`" not in shown  # docstrings mark references and code
+        assert len(shown.splitlines()) < 80, f"{kind} is more than a screen"
+    print_listing(["controllers", "implicit-switch"])
+    shown = capsys.readouterr().out
+    assert "hierarchical-qp" in shown
+    for part in ("(laws)", "(demands)", "solver='auto'", "options: periods=1.0", "requires: T_s"):
+        assert part in shown
+    with pytest.raises(ConfigurationError, match="'sliding-mode'"):
+        print_listing(["sliding-mod"])
+
+
+def test_every_command_begins_its_help_with_an_example_that_can_be_typed() -> None:
+    group = typer.main.get_command(app)
+    for name, command in group.commands.items():  # type: ignore[attr-defined]
+        example = (command.help or "").partition("\n")[0]
+        words = shlex.split(example.removeprefix("Example: "))
+        assert words[:2] == ["vsconstraints", name]
+        command.make_context(name, words[2:])
 
 
 def test_compare_writes_a_report_and_report_writes_it_again(tmp_path: Path) -> None:

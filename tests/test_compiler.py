@@ -45,7 +45,6 @@ def run(folder, **environment):
 def test_compilation_can_be_turned_off(tmp_path):
     lines, errors = run(tmp_path, VSCONSTRAINTS_COMPILE="0")
     assert (lines[-1], errors) == ("False", "")
-    assert lines[2].endswith("daqp")
 
 
 @pytest.mark.parametrize(
@@ -62,7 +61,7 @@ def test_a_broken_compiler_is_told_once_and_the_definition_runs(tmp_path, numba,
     assert lines[:-1] == expected[:-1]
     assert errors.count("RuntimeWarning") == 1
     assert reason in errors
-    assert "NumPy form" in errors
+    assert "without its compiler" in errors
 
 
 def test_compilation_that_numba_is_told_to_leave_out_is_left_out(tmp_path):
@@ -150,7 +149,7 @@ def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
     types = {"rows"}
     for kernel in (package / "compiled").glob("*.py"):
         assert f"compiled/{kernel.stem}" in files
-        if kernel.stem in ("packing", "cameras", "compiler", "constraint_parts"):
+        if kernel.stem in ("packing", "cameras", "compiler", "constraint_parts", "numba_internals"):
             continue
         for node in ast.walk(ast.parse(kernel.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.level == 2:
@@ -201,11 +200,11 @@ def test_of_several_that_need_a_function_one_compiles_it(tmp_path):
     order = []
 
     def other():
-        with compiler.alone(tmp_path):
+        with compiler.compile_lock(tmp_path):
             order.append("second")
 
     waiting = threading.Thread(target=other)
-    with compiler.alone(tmp_path):
+    with compiler.compile_lock(tmp_path):
         waiting.start()
         waiting.join(0.2)
         order.append("first")

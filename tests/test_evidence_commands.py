@@ -25,7 +25,7 @@ from vsconstraints.scenarios.families import Family, families
 def _here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("vsconstraints.comparisons.evidence.processes", lambda asked: here)
     # reports have tests of their own
-    monkeypatch.setattr("vsconstraints.cli.evidence.evidence_report", lambda folder, figures: folder / "report.md")
+    monkeypatch.setattr("vsconstraints.cli.campaigns.evidence_report", lambda folder, figures: folder / "report.md")
     monkeypatch.chdir(tmp_path)
 
 
@@ -113,7 +113,7 @@ def test_the_real_world_is_a_study_of_the_same_laws(monkeypatch: pytest.MonkeyPa
     # folders within the package are told as seen from the shipped families
     assert {entry["folder"] for entry in real.resolved()["families"].values()} == {"real-world"}
     asked: list[tuple[Path, Path]] = []
-    monkeypatch.setattr("vsconstraints.cli.evidence", lambda file, out, **_: asked.append((file, out)))
+    monkeypatch.setattr("vsconstraints.cli.paper.evidence", lambda file, out, **_: asked.append((file, out)))
     assert say("study", "real-world", "--out", "all").exit_code == 0
     assert asked == [(Path("real-world"), Path("all/real-world"))]
     refused = say("study", "real-wold")

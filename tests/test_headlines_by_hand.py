@@ -1,4 +1,4 @@
-"""The findings, the table over all scenarios and what is marked best, of made-up results worked out by hand."""
+"""The answer, the tables over all scenarios and what is marked best, of made-up results worked out by hand."""
 
 from __future__ import annotations
 
@@ -13,18 +13,26 @@ from test_reports import result, row
 from vsconstraints.comparisons import StoredComparison
 from vsconstraints.comparisons.metrics import METRICS, Metric
 from vsconstraints.reports.best import Cell, comparable, judged_by, keeps_rows, marked
-from vsconstraints.reports.headlines import findings as findings_of
-from vsconstraints.reports.headlines import some
-from vsconstraints.reports.opening import opening
+from vsconstraints.reports.drawing import Drawn
+from vsconstraints.reports.report import Pictures, compared, report_text
 from vsconstraints.reports.results import Results
-from vsconstraints.reports.scenario_section import metric_table
-from vsconstraints.reports.summary import MOST_COLUMNS, law_table, summary
+from vsconstraints.reports.scenario import metric_table
+from vsconstraints.reports.summary import (
+    MAX_COLUMNS,
+    answer,
+    endings_table,
+    law_table,
+    score_table,
+    shortened_list,
+    tolerance_table,
+    unsolved,
+    violation_table,
+    winner_table,
+)
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation.start import UNSOLVABLE
 
-TOLERATED = ("0.01 %", "0.1 %", "1 %", "2 %", "5 %", "10 %")
-WINNERS = "among the controllers that converged and violated no row"
-USED, CALM = f"Most of the allowed space used, {WINNERS}: ", f"Least chattering (acceleration variation), {WINNERS}: "
+USED, CALM = "Most of the allowed space used [%]", "Least chattering (acceleration variation) [rad/s³]"
 
 
 def results_of(
@@ -45,34 +53,28 @@ def results_of(
     return Results(StoredComparison(Path(), {"configuration": chosen}, lines, rows or []))
 
 
-def findings(results: Results) -> list[str]:
-    """The lines under Findings."""
-    below = findings_of(results).removeprefix("## Findings\n\n")
-    return [line.removeprefix("- ") for line in below.splitlines()]
+def text_of(results: Results) -> str:
+    """The report."""
+    return report_text(results, Pictures({name: Drawn() for name in results.scenarios}))
 
 
-# --- the opening ---
+# --- the answer ---
 
 
 def test_the_title_is_that_of_the_configuration_or_else_the_suites_name() -> None:
     lines = [result("tracking"), result("a")]
-    assert opening(results_of(lines, title="Title", suite="suite")).startswith("# Title\n")
-    assert opening(results_of(lines, suite="suite")).startswith("# suite\n")
-    assert opening(results_of(lines)).startswith("# Comparison\n")
+    assert text_of(results_of(lines, title="Title", suite="suite")).startswith("# Title\n")
+    assert text_of(results_of(lines, suite="suite")).startswith("# suite\n")
+    assert text_of(results_of(lines)).startswith("# Comparison\n")
 
 
 def test_what_was_run_is_counted_and_what_is_missing_is_said() -> None:
-    whole = opening(results_of([result("tracking"), result("a")]))
-    assert " Compared here: 1 law, in 1 scenario.\n" in whole
+    whole = text_of(results_of([result("tracking"), result("a")]))
+    assert " Compared: 1 controller, in 1 scenario.\n" in whole
     assert "Incomplete" not in whole
-    part = opening(results_of([result("tracking"), result("a"), result("b", "two", 1)], trials=2))
-    assert " Compared here: 2 laws, in 2 scenarios, 2 trials each.\n" in part
-    assert "\n\n**Incomplete: 3 of 12 runs finished.** What is missing is blank below" in part
-
-
-def answer(results: Results) -> str:
-    """The paragraph behind title and question."""
-    return opening(results).split("\n\n")[2]
+    part = text_of(results_of([result("tracking"), result("a"), result("b", "two", 1)], trials=2))
+    assert " Compared: 2 controllers, in 2 scenarios, 2 trials each.\n" in part
+    assert "\n\n**Incomplete: 3 of 12 runs finished.**" in part
 
 
 OUT = {"violated": "x", "violation_depth": 0.5}
@@ -90,10 +92,8 @@ def test_the_answer_ranks_by_runs_that_converged_inside() -> None:
         *(result("few", name, compiled=False, step_time_median_us=us) for name, us in (("one", 500.0), ("two", 400.0))),
     ]
     assert answer(results_of(lines)) == (
-        "Tracking alone violates a row in 2 of 3 runs. Without violating a row by more than 0.01 % of L, **all** "
-        "converged in 3 of 3 runs; few in 2 of 2 runs; some and like in 2; none in 0. So it is with 1 % of L "
-        "tolerated. "
-        "The median call of a run took 1.00 µs compiled and 400 to 500 µs in NumPy."
+        "Unconstrained tracking violates a constraint in 2 of 3 runs. Converged without violating one by more than "
+        "0.01 % of L: **all** 3 of 3; few 2 of 2; some and like 2 of 3; none 0 of 3."
     )
 
 
@@ -112,26 +112,13 @@ def test_the_two_standards_stand_side_by_side() -> None:
         {"over": 1, "kept": 2, "slow": 1},
         {"over": 3, "kept": 2, "slow": 1},
     )
-    assert (
-        "Without violating a row by more than 0.01 % of L, **kept** converged in 2 of 3 runs; over and slow in 1. "
-        "Without violating a row by more than 1 % of L, **over** converged in 3 of 3 runs; kept in 2; slow in 1."
-    ) in answer(results)
-    assert findings(results)[:2] == [
-        "Runs that converged without violating a row by more than 0.01 % of L: **kept** 2 of 3, **over** 1 of 3 (3 "
-        "by no "
-        "more than 1 % of L), **slow** 1 of 3.",
-        "The two standards do not rank these laws alike: over is behind kept at 0.01 % of L, and ahead of it at 1 % "
-        "of L; "
-        "over is level with slow at 0.01 % of L, and ahead of it at 1 % of L.",
-    ]
+    assert answer(results).endswith(": **kept** 2 of 3; over and slow 1 of 3.")
     found = cells_of(law_table(results))
     assert {name: (line["converged inside"], line["at 1 % of L"]) for name, line in found.items()} == {
         "kept": ("**2 of 3**", "2"), "over": ("1 of 3", "**3**"), "slow": ("1 of 3", "1")
     }  # fmt: skip
-    curve = [line for line in summary(results).splitlines() if line.startswith("|")][-3:]
+    curve = tolerance_table(results).splitlines()[2:]
     assert [re.findall(r"\d+", line) for line in curve] == [list("113333"), list("222333"), list("111111")]
-    alike = results_of([result(name) for name in ("tracking", "a", "b")])
-    assert not any("two standards" in line for line in findings(alike))
 
 
 def test_trials_are_counted_with_exact_intervals() -> None:
@@ -139,8 +126,8 @@ def test_trials_are_counted_with_exact_intervals() -> None:
     lines = [result("tracking", "one", k, **OUT) for k in range(10)]
     lines += [result("a", "one", k) for k in range(10)] + [result("b", "one", k, status="failed") for k in range(10)]
     said = answer(results_of(lines, trials=10))
-    assert "**a** converged in 10 of 10: at least 69 % (95 %); b in 0 of 10: at most 31 % (95 %)." in said
-    assert said.count("Intervals are over the trials of these scenarios, not over others.") == 1
+    assert "**a** 10 of 10: at least 69 % (95 %); b 0 of 10: at most 31 % (95 %)." in said
+    assert said.count("Intervals are over trials of these scenarios") == 1
 
 
 def test_nobody_wins_where_nothing_is_challenged() -> None:
@@ -151,23 +138,23 @@ def test_nobody_wins_where_nothing_is_challenged() -> None:
         result("b", status="failed"),
     ]
     results = results_of(lines, [row(name, challenged=False) for name in ("tracking", "a", "b")])
-    assert answer(results).startswith("Tracking alone violates no row in its 1 run: nothing here tells laws apart.")
+    assert answer(results).startswith(
+        "Unconstrained tracking violates a constraint in 0 of 1 run. Controllers are not ranked."
+    )
     for group in ("outcome", "task", "chattering"):
         assert "**" not in metric_table(results, "one", group)
     assert "**" not in law_table(results)
-    assert not any(line.startswith((USED, CALM)) for line in findings(results))
+    assert winner_table(results) == ""
     challenged = results_of(lines, [row(name) for name in ("tracking", "a", "b")])
-    assert "**a** converged in 1 of 1 run; b in 0." in answer(challenged)
+    assert "**a** 1 of 1; b 0 of 1." in answer(challenged)
 
 
 def test_nobody_wins_where_all_are_alike_or_alone() -> None:
     alike = [result("tracking", **OUT), result("a"), result("b")]
-    assert "Without violating a row by more than 0.01 % of L, a and b converged in 1 of 1 run." in answer(
-        results_of(alike)
-    )
+    assert answer(results_of(alike)).endswith(" % of L: a and b 1 of 1.")
     alone = [result("tracking", **OUT), result("a"), result("b", status="trapped")]
     for lines in (alike, alone):
-        assert not any(line.startswith((USED, CALM)) for line in findings(results_of(lines)))
+        assert winner_table(results_of(lines)) == ""
 
 
 def test_the_opening_is_of_this_comparison() -> None:
@@ -183,9 +170,9 @@ def test_the_opening_is_of_this_comparison() -> None:
     ]
     for robot, name in tables:
         results.stored.scenarios["one"] = Scenario("one", {"robot": robot}, Path())
-        text = opening(results)
-        assert f"Compared here: 1 law on {name}, in 1 scenario." in text
-        assert "mine converged in 1 of 1 run" in text
+        assert compared(results) == f"Compared: 1 controller on {name}, in 1 scenario."
+        text = text_of(results).partition("## Definitions")[0]
+        assert "mine 1 of 1" in text
         assert not re.search(r"paper|sliding-mode|UR5|Panda|6R", text)
 
 
@@ -193,49 +180,16 @@ def test_the_first_table_has_at_most_eight_columns_and_begins_with_the_best() ->
     lines = [result("tracking", **OUT), result("a", status="trapped"), result("b"), result("c", compiled=False)]
     found = cells_of(law_table(results_of(lines)))
     assert list(found) == ["b", "c", "a"]
-    assert all(len(cells) + 1 <= MOST_COLUMNS for cells in found.values())
-    assert [cells["form"] for cells in found.values()] == ["compiled", "NumPy", "compiled"]
+    assert all(len(cells) + 1 <= MAX_COLUMNS for cells in found.values())
+    assert [cells["implementation"] for cells in found.values()] == ["compiled", "NumPy", "compiled"]
 
 
 def test_one_law_alone_is_compared_with_nothing() -> None:
-    assert findings(results_of([result("tracking")])) == ["Only tracking alone was run: there is nothing to compare."]
-    one, two = findings(results_of([result("tracking"), result("a")]))
-    assert one == "Runs that converged without violating a row by more than 0.01 % of L: **a** 1 of 1."
-    assert two == "**a** converged in 1 of 1 run; it violated no row."
+    assert answer(results_of([result("tracking")])) == "Only tracking was run: there is nothing to compare."
+    assert answer(results_of([result("tracking"), result("a")])).endswith(": a 1 of 1.")
 
 
-# --- the findings ---
-
-
-def test_clean_runs_are_counted_and_ranked() -> None:
-    """A law that is clean once, one that is clean three times and one that is clean twice, of three runs each."""
-    band = "speed[joint 1].upper"
-    lines = [
-        result("once", "one"),
-        result("once", "two", violated="x", violation_depth=0.5),
-        # outside by half a per cent, and by no more than its sampling band, which excuses nobody
-        result("once", "three", violated=band, violation_depth=0.005, within_band=band),
-        *(result("thrice", name) for name in ("one", "two", "three")),
-        *(result("twice", name) for name in ("one", "two")),
-        result("twice", "three", status="unfinished"),
-    ]
-    assert findings(results_of(lines, controllers=("idle",)))[0] == (
-        "Runs that converged without violating a row by more than 0.01 % of L: **thrice** 3 of 3, **twice** 2 of 3, "
-        "**once** 1 of 3 (2 by no more than 1 % of L), **idle** 0 of 0."
-    )
-
-
-def test_what_became_of_each_laws_runs() -> None:
-    ends = {"one": "converged", "two": "trapped", "three": "aborted", "four": "failed", "five": "unfinished"}
-    lines = [result("a", name, status=status) for name, status in ends.items()]
-    lines += [result("b", name, status="trapped" if name in ("one", "three") else "converged") for name in ends]
-    found = findings(results_of(lines, controllers=("idle",)))
-    assert found[1:4] == [
-        "**a** converged in 1 of 5 runs, was trapped in two, was aborted in three, failed in four, was still moving at "
-        "the end in five; until then it violated no row.",
-        "**b** converged in 3 of 5 runs, was trapped in one and three; it violated no row.",
-        "**idle**: no run finished.",
-    ]
+# --- violations, and the best ---
 
 
 def test_the_worst_violation_is_of_the_deepest_run_and_its_row() -> None:
@@ -254,9 +208,10 @@ def test_the_worst_violation_is_of_the_deepest_run_and_its_row() -> None:
         row("a", "kept", "two", trial=1, violation_depth=0.0, usage_max=2.0),
         row("b", "other law", "two", trial=1, violation_depth=5.0, usage_max=9.0),
     ]
-    said = "**a** converged in 4 of 4 runs; it violated rows in 3 runs (one and two), at worst by 37.5 % of L "
-    assert findings(results_of(lines, rows, trials=2))[1] == f"{said}(`y`, two)."
-    assert findings(results_of(lines, trials=2))[1] == f"{said}(row unknown, two)."
+    cells = ["3", "37.5", "`y`", "two", "one and two"]
+    assert list(cells_of(violation_table(results_of(lines, rows, trials=2)))["a"].values()) == cells
+    assert list(cells_of(violation_table(results_of(lines, trials=2)))["a"].values()) == [*cells[:2], "–", *cells[3:]]
+    assert violation_table(results_of([result("a")])) == ""
 
 
 def test_winners_are_the_best_of_the_clean() -> None:
@@ -280,25 +235,13 @@ def test_winners_are_the_best_of_the_clean() -> None:
         result("b", "four", 0, status="trapped"),
         result("b", "four", 1),
     ]
-    found = findings(results_of(lines, trials=3))
-    assert found[4:] == [
-        # in the third one both show the same
-        f"{USED}**used** in one (90.00 %); **b** in two (70.00 %).",
-        f"{CALM}**b** in one (2.00 rad/s³) and three (4.00 rad/s³).",
-        "Nobody converged without violating a row in [four](#scenario-four).",
-    ]
-
-
-def test_a_law_that_wins_more_stands_before_one_that_wins_first() -> None:
-    wins = {"one": ("early winner", 0.9), "two": ("b", 0.9), "three": ("b", 0.9)}
-    lines = [
-        result(name, scenario, utilization=best if name == winner else 0.5, acceleration_variation=math.nan)
-        for scenario, (winner, best) in wins.items()
-        for name in ("early winner", "b")
-    ]
-    assert findings(results_of(lines))[3:] == [
-        f"{USED}**b** in two (90.00 %) and three (90.00 %); **early winner** in one (90.00 %)."
-    ]
+    results = results_of(lines, trials=3)
+    # in the third one both show the same utilization
+    assert cells_of(winner_table(results)) == {
+        "used": {USED: "one (90.00)", CALM: "–"},
+        "b": {USED: "two (70.00)", CALM: "one (2.00) and three (4.00)"},
+    }
+    assert unsolved(results) == {"four": ""}
 
 
 def test_scenarios_that_nobody_solves_are_named_and_those_nobody_ran_are_not() -> None:
@@ -310,24 +253,18 @@ def test_scenarios_that_nobody_solves_are_named_and_those_nobody_ran_are_not() -
         result("a", "of both", status="failed"),
         result("b", "of both", violated="x", violation_depth=0.5),
     ]
-    assert findings(results_of(lines))[-1] == (
-        "Nobody converged without violating a row in [of one law](#scenario-of%20one%20law) and "
-        "[of both](#scenario-of%20both)."
-    )
+    assert unsolved(results_of(lines)) == {"of one law": "", "of both": ""}
     closed = f"at rest; marker 1 is closed off: {UNSOLVABLE}"
     walled = [result(name, "walled", status="trapped", reason=closed) for name in ("a", "b")]
-    assert findings(results_of(walled))[-1].endswith(
-        "in [walled](#scenario-walled) (nobody could: constraints close off a marker from its goal)."
-    )
-    solved = findings(results_of(lines[:2]))
-    # one law alone is clean there, and better than nobody
-    assert len(solved) == 3
+    assert unsolved(results_of(walled)) == {"walled": "constraints close off a marker from its goal"}
+    # the only one to solve it is better than nobody
+    assert winner_table(results_of(lines[:2])) == ""
 
 
-def test_a_sentence_names_nine_scenarios() -> None:
-    assert some(list("abcdefghi")) == list("abcdefghi")
-    assert some(list("abcdefghij")) == [*"abcdefgh", "2 more"]
-    assert some(list("abcdefghijkl")) == [*"abcdefgh", "4 more"]
+def test_a_cell_names_nine_scenarios() -> None:
+    assert shortened_list(list("abcdefghi")) == list("abcdefghi")
+    assert shortened_list(list("abcdefghij")) == [*"abcdefgh", "2 more"]
+    assert shortened_list(list("abcaba")) == list("abc")
 
 
 # --- the table over all scenarios ---
@@ -335,7 +272,7 @@ def test_a_sentence_names_nine_scenarios() -> None:
 
 def summary_of(results: Results) -> dict[str, dict[str, str]]:
     """Its cells and those of the first table, by controller and column."""
-    return cells_of(f"{law_table(results)}\n\n{summary(results)}")
+    return cells_of("\n\n".join(one(results) for one in (law_table, endings_table, score_table)))
 
 
 def cells_of(text: str) -> dict[str, dict[str, str]]:
@@ -376,10 +313,10 @@ def test_every_cell_of_the_summary() -> None:
     }
     headers = [
         "converged inside", "at 1 % of L", "median utilization [%]", "worst depth [% of L]",
-        "acceleration variation [rad/s³]", "median call [µs]", "form", "runs with a violated row", "beyond 1 % of L",
-        "within the sampling band", "worst φ band / bound", "switching rate [Hz]",
+        "acceleration variation [rad/s³]", "median call [µs]", "implementation", "runs with a violated row",
+        "beyond 1 % of L", "within the sampling band", "worst φ band / bound", "switching rate [Hz]",
     ]  # fmt: skip
-    assert [header for header in found["good"] if header not in ("runs", *ENDINGS, *TOLERATED)] == headers
+    assert [header for header in found["good"] if header not in ("runs", *ENDINGS)] == headers
     del found["tracking"]
     assert {name: [line[header] for header in headers] for name, line in found.items()} == {
         # (0.9 + 0.7)/2; (4 + 1)/2; the median of 10, 1 and 7; 3/2 is more than 8/16 and 1/1; (3 + 1)/2. No number is

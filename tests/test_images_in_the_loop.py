@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vsconstraints.cli.frames import frames as command
+from vsconstraints.cli.scenes import frames as command
 from vsconstraints.comparisons.suite import demand_variety
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError

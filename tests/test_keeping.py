@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from vsconstraints.cli import reporting
+from vsconstraints.cli import results
 from vsconstraints.comparisons import keep_trajectories
 from vsconstraints.comparisons.metrics import RESULT_COLUMNS
 from vsconstraints.comparisons.record import run_file
@@ -119,8 +119,8 @@ def test_the_table_of_the_report_is_printed(
     from vsconstraints.reports.results import Results
 
     folder = Path(__file__).parent.parent / "reports" / "default"
-    monkeypatch.setattr(reporting, "console", Console(force_terminal=terminal, width=80, markup=False, no_color=True))
-    reporting.print_laws(folder)
+    monkeypatch.setattr(results, "console", Console(force_terminal=terminal, width=80, markup=False, no_color=True))
+    results.print_laws(folder)
     told = capsys.readouterr().out
     assert "Bold is the best of a column" in told.replace("\n", " ")
     for line in law_table(Results(StoredComparison.load(folder))).splitlines()[2:]:

@@ -37,7 +37,7 @@ from vsconstraints.reports.replay.lamps import lamps_of, things_of
 from vsconstraints.reports.replay.solids import MOST_TRIANGLES, Links, Solid, links_of
 from vsconstraints.reports.replay.space import THINNER, Arm
 from vsconstraints.reports.replay.viewpoint import common_viewpoint, standpoint
-from vsconstraints.reports.replays import telling_laws
+from vsconstraints.reports.selection import replayed_runs
 from vsconstraints.robots import ready_made
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
@@ -462,7 +462,7 @@ def test_the_most_telling_runs_are_the_deepest_outside_and_the_best_inside() -> 
         names = tuple(lines)
         results: Any = type("Results", (), {"controllers": names, "competitors": names[1:]})()
         results.runs = lambda scenario, law: [lines[law]]
-        return telling_laws(results, "any")
+        return replayed_runs(results, "any")
 
     tracking = ("tracking", "converged", 0.5, 0.9)
     inside, better = ("a", "converged", 0.0, 0.8), ("b", "converged", 0.0, 0.9)

@@ -26,15 +26,16 @@ from vsconstraints.comparisons.record import run_file
 from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports import drawing, groups, scenario_section, write_report
+from vsconstraints.reports import drawing, groups, report, write_report
 from vsconstraints.reports.best import Cell, comparable, marked
 from vsconstraints.reports.figures import FIGURES
-from vsconstraints.reports.groups import MOST, grouped
+from vsconstraints.reports.groups import MAX_LAWS, grouped
 from vsconstraints.reports.markdown import code, plain, table
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.plots import Figure, looks
 from vsconstraints.reports.results import Results
-from vsconstraints.reports.rows_shown import MOST_LANES, MOST_PHI, acting_in, lane_rows, lanes_left_out, phi_rows
+from vsconstraints.reports.selection import MAX_LANES, MAX_PHI, acting_in, hidden_lanes, lane_rows, phi_rows
+from vsconstraints.reports.summary import endings_table, law_table, score_table
 
 COMPETITORS = ("sliding-mode", "potential-field")
 
@@ -100,6 +101,11 @@ def made(
     return folder
 
 
+def whole(report: Path) -> str:
+    """A report and its details."""
+    return "".join(path.read_text(encoding="utf-8") for path in (report, report.with_name("details.md")))
+
+
 def tables_of(text: str) -> list[list[dict[str, str]]]:
     """All tables of a report, each line by column."""
     found = []
@@ -149,14 +155,14 @@ def test_every_number_of_a_scenario_is_one_of_results_csv(real: Path) -> None:
     with (real / "results.csv").open(encoding="utf-8", newline="") as file:
         stored = {line["controller"]: line for line in csv.DictReader(file)}
     checked = 0
-    _, _, section = (real / "report.md").read_text(encoding="utf-8").partition("## Scenarios")
+    _, _, section = whole(real / "report.md").partition("## Scenarios")
     tables = [t for t in tables_of(section) if set(SOURCES) & set(t[0])]
     for line in (line for t in tables for line in t):
         source = stored[line["controller"]]
         for header, text in line.items():
             if header in ("controller", "status", "violated rows"):
                 continue
-            if header == "form":
+            if header == "implementation":
                 assert text == ("compiled" if source["compiled"] == "true" else "NumPy")
                 continue
             raw = SOURCES[header](source)
@@ -177,8 +183,8 @@ def test_every_number_of_a_scenario_is_one_of_results_csv(real: Path) -> None:
 def test_what_tracking_alone_does_is_a_sentence(real: Path) -> None:
     """It is not compared, and stands in no column with those that are, but for times and challenged rows."""
     (stored,) = (line for line in StoredComparison.load(real).results if line["controller"] == "tracking")
-    text = (real / "report.md").read_text(encoding="utf-8")
-    (said,) = re.findall(r"^Tracking alone: (.*)\.$", text, re.M)
+    text = whole(real / "report.md")
+    (said,) = re.findall(r"^Unconstrained tracking: (.*)\.$", text, re.M)
     assert said.startswith("converged; violated rows: `fov[marker 2]`; ")
     assert f"; settling time {number(stored['settling_time_s'])} s; " in said
     assert f"; worst depth {number(100.0 * stored['violation_depth'])} % of L; " in said
@@ -190,7 +196,7 @@ def test_what_tracking_alone_does_is_a_sentence(real: Path) -> None:
 
 def test_challenged_rows_show_clearance_and_margin_of_constraints_csv(real: Path) -> None:
     stored = StoredComparison.load(real)
-    lines = next(t for t in tables_of((real / "report.md").read_text(encoding="utf-8")) if "challenged rows" in t[0])
+    lines = next(t for t in tables_of(whole(real / "report.md")) if "challenged rows" in t[0])
     cells = {line["challenged rows"]: line["`fov[marker 2]` [px]"] for line in lines}
     assert list(cells) == ["tracking", *COMPETITORS]
     for name in COMPETITORS:
@@ -204,11 +210,13 @@ def test_challenged_rows_show_clearance_and_margin_of_constraints_csv(real: Path
 
 
 def summary_of(folder: Path, lines: list[dict[str, Any]]) -> dict[str, dict[str, str]]:
-    """What the tables over all scenarios say of each controller."""
-    text = write_report(made(folder, lines), figures=False).read_text(encoding="utf-8")
+    """What the tables over all scenarios say of each controller; the report is written."""
+    write_report(made(folder, lines), figures=False)
+    results = Results(StoredComparison.load(folder))
     found: dict[str, dict[str, str]] = {}
-    for line in (line for t in tables_of(text.partition("## Outcomes")[0]) for line in t):
-        found.setdefault(line["controller"], {}).update(line)
+    for lines_of in tables_of("\n\n".join(one(results) for one in (law_table, endings_table, score_table))):
+        for cells in lines_of:
+            found.setdefault(cells["controller"], {}).update(cells)
     return {name: line for name, line in found.items() if name != "tracking"}
 
 
@@ -300,7 +308,7 @@ def test_diverged_runs_and_lost_sliding_modes_are_never_the_best(tmp_path: Path)
     assert {name: line["diverged"] for name, line in found.items()} == {"calm": "0", "wild": "1", "lost": "0"}
     # of two runs that converged, one of which went wild, no mean and no median of both
     assert found["wild"]["acceleration variation [rad/s³]"] == "(1.00e6)"
-    text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    text = whole(tmp_path / "report.md")
     assert column(text, "band / bound") == {"calm": "1.50", "wild": "–", "lost": "(0.900)"}
     assert column(text, "RMS jerk [rad/s³]") == {"calm": "**887**", "wild": "1.60e7", "lost": "900"}
     assert column(text, "RMS jerk [rad/s³]", 1) == {"calm": "887", "wild": "(1.00)", "lost": "900"}
@@ -317,11 +325,11 @@ def test_a_frozen_law_is_best_in_nothing(tmp_path: Path) -> None:
     for scenario, status in (("one", "converged"), ("two", "trapped")):
         lines += [result(name, scenario, status=status) for name in ("tracking", "law", "other")]
         lines.append(result("frozen", scenario, status="trapped", **frozen, **times, **nothing))
-    text = write_report(made(tmp_path, lines)).read_text(encoding="utf-8")
+    text = whole(write_report(made(tmp_path, lines)))
     own = [line for t in tables_of(text) for line in t if line.get("controller") == "frozen"]
-    assert len(own) == 5 + 2 * 4 + 1
+    assert len(own) > 4 + 2 * 4
     assert not any("**" in cell for line in own for cell in line.values())
-    assert "**frozen** 0 of 2" in text
+    assert "frozen 0 of 2" in text
 
 
 def shown_values(line: dict[str, str]) -> dict[str, float]:
@@ -363,7 +371,7 @@ def test_no_bold_value_is_worse_than_another_of_its_column(tmp_path_factory: Any
         for line in lines
         for label in ("x", "y")
     ]
-    text = write_report(made(tmp_path_factory.mktemp("any"), lines, rows), figures=False).read_text(encoding="utf-8")
+    text = whole(write_report(made(tmp_path_factory.mktemp("any"), lines, rows), figures=False))
     for one in tables_of(text):
         # of tracking alone there is a clearance, and no margin that could be judged
         values = [shown_values(line) if line.get("challenged rows") != "tracking" else {} for line in one]
@@ -438,7 +446,7 @@ def test_marks_in_a_report(tmp_path: Path) -> None:
         result("d", jerk_rms=math.nan, utilization=math.nan, settling_time_s=math.nan),
         result("e", jerk_rms=8.0, utilization=0.99, status="aborted", reason="rank"),
     ]
-    text = write_report(made(tmp_path, lines)).read_text(encoding="utf-8")
+    text = whole(write_report(made(tmp_path, lines)))
     assert column(text, "RMS jerk [rad/s³]") == {
         "a": "**5.00**", "b": "**5.00**", "c": "(7.00)", "d": "–", "e": "(8.00)"
     }  # fmt: skip
@@ -446,41 +454,41 @@ def test_marks_in_a_report(tmp_path: Path) -> None:
     assert column(text, "utilization [%]") == {
         "a": "95.00", "b": "90.00", "c": "(100.00)", "d": "–", "e": "(99.00)"
     }  # fmt: skip
-    assert "**a** in one (95.00 %)" in text
+    assert column(text, "Most of the allowed space used [%]") == {"a": "one (95.00)"}
     assert "aborted at 1.00 s" in column(text, "status")["e"]
 
 
 def test_several_trials_show_median_and_range(tmp_path: Path) -> None:
     lines = [result("a", trial=k, jerk_rms=v) for k, v in enumerate([3.0, 1.0, 2.0])]
     lines += [result("b", trial=0, jerk_rms=5.0), result("b", trial=1, jerk_rms=5.0, status="trapped")]
-    text = write_report(made(tmp_path, lines, trials=3)).read_text(encoding="utf-8")
+    text = whole(write_report(made(tmp_path, lines, trials=3)))
     assert column(text, "RMS jerk [rad/s³]") == {"a": "**2.00 [1.00–3.00]**", "b": "(5.00)"}
     assert column(text, "status") == {"a": "3 converged", "b": "1 converged, 1 trapped"}
     assert "**Incomplete: 5 of 9 runs finished.**" in text
-    assert "- **b**, 1 of 2 trials: Trapped, first in trial 1." in text
+    assert ["b", "trapped", "–", "–", "–", "1 of 2 (1)"] in [list(line.values()) for t in tables_of(text) for line in t]
 
 
 def test_the_form_that_ran_is_told(tmp_path: Path) -> None:
     def told(*compiled: bool) -> str:
         lines = [result(name, compiled=flag) for name, flag in zip(("tracking", "own"), compiled, strict=True)]
-        text = write_report(made(tmp_path, lines), figures=False).read_text(encoding="utf-8")
+        text = whole(write_report(made(tmp_path, lines), figures=False))
         found = re.search(r"\| control step +\| (.*?) +\|", text)
         assert found is not None
         return found[1]
 
     assert told(True, True) == "compiled"
     assert told(False, False) == "NumPy"
-    assert told(True, False) == "compiled in 1 of 2 runs; in NumPy, in whole or in part, some of own"
+    assert told(True, False) == "compiled in 1 of 2 runs; NumPy in some of own"
 
 
 def test_without_challenged_rows_there_is_no_utilization(tmp_path: Path) -> None:
     lines = [result(name, utilization=math.nan) for name in ("tracking", "a", "b")]
     rows = [row(name, challenged=False) for name in ("tracking", "a", "b")]
-    text = write_report(made(tmp_path, lines, rows)).read_text(encoding="utf-8")
-    assert "nothing is challenged" in text
+    text = whole(write_report(made(tmp_path, lines, rows)))
+    assert "none is challenged" in text
     assert all("utilization [%]" not in t[0] for t in tables_of(text))
     assert "trade-off" not in text
-    text = write_report(made(tmp_path, lines)).read_text(encoding="utf-8")
+    text = whole(write_report(made(tmp_path, lines)))
     assert "no constraint rows" in text
 
 
@@ -489,10 +497,10 @@ def test_what_nobody_challenges_crowns_no_winner(tmp_path: Path) -> None:
     lines = [result("tracking"), result("a", jerk_rms=1.0, switching_rate_hz=1.0), result("b", status="trapped")]
     lines += [result("c", jerk_rms=2.0, switching_rate_hz=2.0, acceleration_variation=9.0)]
     rows = [row(name, challenged=False) for name in ("tracking", "a", "b", "c")]
-    calm = write_report(made(tmp_path / "calm", lines, rows), figures=False).read_text(encoding="utf-8")
+    calm = whole(write_report(made(tmp_path / "calm", lines, rows), figures=False))
     bold = [cell for t in tables_of(calm) for line in t for cell in line.values() if "**" in cell]
     assert bold == []
-    hard = write_report(made(tmp_path / "hard", lines, [row("a")]), figures=False).read_text(encoding="utf-8")
+    hard = whole(write_report(made(tmp_path / "hard", lines, [row("a")]), figures=False))
     assert any("**" in cell for t in tables_of(hard) for line in t for cell in line.values())
 
 
@@ -505,16 +513,13 @@ def test_what_only_the_strict_standard_calls_violated_is_marked(tmp_path: Path) 
         result("b", violation_depth=0.1, **both, **band),
         result("c"),
     ]
-    text = write_report(made(tmp_path, lines)).read_text(encoding="utf-8")
-    assert (
-        "Runs that converged without violating a row by more than 0.01 % of L: **c** 1 of 1, **a** 0 of 1 (1 by no "
-        "more "
-        "than 1 % of L), **b** 0 of 1." in text
-    )
+    text = whole(write_report(made(tmp_path, lines)))
+    assert column(text, "converged inside") == {"c": "1 of 1", "a": "0 of 1", "b": "0 of 1"}
+    assert column(text, "at 1 % of L") == {"c": "1", "a": "1", "b": "0"}
     # one line per controller: there are more of them than scenarios
     (endings,) = (t for t in tables_of(text) if "[one](#scenario-one)" in t[0])
     assert {line["controller"]: line["[one](#scenario-one)"] for line in endings} == {
-        "tracking": "converged", "a": "converged‡", "b": "converged†", "c": "converged"
+        "tracking": "converged", "a": "converged‡ 1.00", "b": "converged† 10.0", "c": "converged 90.0"
     }  # fmt: skip
     assert column(text, "violated rows") == {
         "a": "`speed[joint 2].upper` ‡",
@@ -527,10 +532,10 @@ def test_rows_that_held_the_arm_back_are_listed(tmp_path: Path) -> None:
     lines = [result(name) for name in ("tracking", "a", "b")]
     rows = [row(name, usage_held=0.97, held_time_s=1.5) for name in ("a", "b")]
     rows += [row("a", "range[joint 1].upper", active_time_s=0.0, usage_held=math.nan, held_time_s=0.0)]
-    text = write_report(made(tmp_path, lines, rows)).read_text(encoding="utf-8")
-    (held,) = (t for t in tables_of(text) if "rows that held the arm back" in t[0])
+    text = whole(write_report(made(tmp_path, lines, rows)))
+    (held,) = (t for t in tables_of(text) if "rows that limited the arm" in t[0])
     cells = {"`fov[marker 1]`": "97.00 / 1.50 s"}
-    assert held == [{"rows that held the arm back": name} | cells for name in ("a", "b")]
+    assert held == [{"rows that limited the arm": name} | cells for name in ("a", "b")]
 
 
 def test_what_it_takes_to_hold_rows_is_told_where_limits_are_stated(tmp_path: Path) -> None:
@@ -542,16 +547,15 @@ def test_what_it_takes_to_hold_rows_is_told_where_limits_are_stated(tmp_path: Pa
         for name, own in shares.items()
         for i, share in enumerate(own)
     ]
-    text = write_report(made(tmp_path, lines, rows, {"limits": {"acceleration": 2.0}})).read_text(encoding="utf-8")
-    (held,) = (t for t in tables_of(text) if "what holding takes" in t[0])
+    text = whole(write_report(made(tmp_path, lines, rows, {"limits": {"acceleration": 2.0}})))
+    (held,) = (t for t in tables_of(text) if "required acceleration" in t[0])
     expected = {"tracking": ("25.00", "–"), "a": ("150.00", "–"), "b": ("–", "80.00")}
-    columns = "what holding takes", "`fov[marker 1]`", "`fov[marker 2]`"
+    columns = "required acceleration", "`fov[marker 1]`", "`fov[marker 2]`"
     assert held == [dict(zip(columns, (name, *cells), strict=True)) for name, cells in expected.items()]
     assert "limits: acceleration 2.0" in text
-    assert "**What holding takes**" in text
     none = [row(name, share_to_hold=math.nan) for name in shares]
-    text = write_report(made(tmp_path, lines, none, {"limits": "robot"})).read_text(encoding="utf-8")
-    assert "olding takes" not in text
+    text = whole(write_report(made(tmp_path, lines, none, {"limits": "robot"})))
+    assert "| required acceleration" not in text
     assert "limits: those of the robot's actuators" in text
 
 
@@ -566,9 +570,12 @@ def test_failures_name_row_depth_time_and_reason(tmp_path: Path) -> None:
         row("b", last_active_s=5.9),
         row("b", "fov[marker 2]", last_active_s=1.0),
     ]
-    text = write_report(made(tmp_path, lines, rows)).read_text(encoding="utf-8")
-    assert "**a**: Converged. Outside `range[joint 6].upper` by up to 12.0 mrad for 0.500 s." in text
-    assert r"**b**: Trapped: at rest, ends 9 mm \| away. Acting in the last 0.5 s: `fov[marker 1]`." in text
+    text = whole(write_report(made(tmp_path, lines, rows)))
+    (found,) = (table for table in tables_of(text) if "failure" in table[0])
+    assert [list(line.values()) for line in found] == [
+        ["a", "violates", "`range[joint 6].upper`", "12.0 mrad", "0.500"],
+        ["b", "trapped", r"at rest, ends 9 mm \| away; acting in the last 0.5 s: `fov[marker 1]`", "–", "–"],
+    ]
 
 
 def test_failed_trials_are_counted_by_kind(tmp_path: Path) -> None:
@@ -583,21 +590,19 @@ def test_failed_trials_are_counted_by_kind(tmp_path: Path) -> None:
     rows = [
         row("a", trial=i, violation_depth=0.01 * i, violation_time_s=0.5 if i < 30 else 0.0) for i in range(0, 40, 3)
     ]
-    text = write_report(made(tmp_path, lines, rows, trials=200), figures=False).read_text(encoding="utf-8")
-    _, _, section = text.partition("## Where controllers fail")
-    entries = [line for line in section.partition("\n## ")[0].splitlines() if line.startswith("- ")]
-    assert entries == [
-        "- **a**, 103 of 200 trials: Failed, first in trial 0: t = 0 s: marker 1 is behind the camera.",
-        "- **a**, 1 of 200 trials: Trapped, first in trial 7: at rest, ends 9 mm from the goal.",
-        "- **a**, 13 of 200 trials: Outside `fov[marker 1]` by up to 0.390 px, between samples only, "
-        "at worst in trial 39.",
+    text = whole(write_report(made(tmp_path, lines, rows, trials=200), figures=False))
+    (found,) = (table for table in tables_of(text) if "failure" in table[0])
+    assert [list(line.values()) for line in found] == [
+        ["a", "failed", "t = 0 s: marker 1 is behind the camera", "–", "–", "103 of 200 (0)"],
+        ["a", "trapped", "at rest, ends 9 mm from the goal", "–", "–", "1 of 200 (7)"],
+        ["a", "violates", "`fov[marker 1]`", "0.390 px", "between samples", "13 of 200 (39)"],
     ]
 
 
 def test_a_report_without_figures_leaves_figures_alone(copy: Path) -> None:
     drawn = sorted(path.stat().st_mtime_ns for path in (copy / "figures").iterdir())
     told: list[tuple[int, int]] = []
-    text = write_report(copy, figures=False, on_drawn=lambda *count: told.append(count)).read_text(encoding="utf-8")
+    text = whole(write_report(copy, figures=False, on_drawn=lambda *count: told.append(count)))
     assert not links(text)
     assert "utilization" in text
     assert not told
@@ -610,7 +615,7 @@ def test_names_with_spaces_and_umlauts_have_links(tmp_path: Path) -> None:
     name = "mein Ärmchen"
     lines = [result(controller, scenario=name) for controller in ("tracking", "a")]
     lines.append(result("b", scenario=name, status="trapped"))
-    text = write_report(made(tmp_path, lines), figures=False).read_text(encoding="utf-8")
+    text = whole(write_report(made(tmp_path, lines), figures=False))
     anchors = set(re.findall(r'<a id="([^"]+)">', text))
     assert anchors == {"scenario-mein%20%C3%84rmchen"}
     assert {link for link in re.findall(r"\]\(#([^)]+)\)", text) if link.startswith("scenario-")} == anchors
@@ -621,7 +626,7 @@ def links(text: str) -> set[str]:
 
 
 def test_figures_are_all_there_and_all_shown(real: Path) -> None:
-    text = (real / "report.md").read_text(encoding="utf-8")
+    text = whole(real / "report.md")
     files = {path.relative_to(real).as_posix() for path in (real / "figures").iterdir()}
     assert links(text) == files
     assert len(files) == 5
@@ -633,7 +638,7 @@ def test_figures_are_all_there_and_all_shown(real: Path) -> None:
 
 
 def test_a_report_has_no_traces_of_missing_values(real: Path) -> None:
-    text = (real / "report.md").read_text(encoding="utf-8")
+    text = whole(real / "report.md")
     assert not re.search(r"\b(nan|NaN|None|inf)\b", text)
     for anchor in re.findall(r"\]\(#([^)]+)\)", text):
         headings = {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in re.findall(r"^## (.+)$", text, re.M)}
@@ -653,7 +658,7 @@ def test_missing_and_failed_runs_are_said_and_left_out(copy: Path) -> None:
     RunRecord.failed("it broke", "x").save(run_file(copy, "example-2d-fov", "potential-field", 0))
     (copy / "figures" / "gone--phi.png").write_bytes(b"of an earlier report")
     (copy / "figures" / "mine.png").write_bytes(b"not ours")
-    text = write_report(copy).read_text(encoding="utf-8")
+    text = whole(write_report(copy))
     assert "The trajectory of sliding-mode is missing; the figures leave it out." in text
     assert "The run of potential-field left no trajectory" in text
     assert "figures/example-2d-fov--errors.png" in links(text)
@@ -663,7 +668,7 @@ def test_missing_and_failed_runs_are_said_and_left_out(copy: Path) -> None:
 
 def test_without_any_trajectory_there_are_tables_only(copy: Path) -> None:
     shutil.rmtree(copy / "trajectories")
-    text = write_report(copy).read_text(encoding="utf-8")
+    text = whole(write_report(copy))
     assert text.count("is missing; the figures leave it out") == 3
     assert links(text) == {"figures/trade-off.png"}
     assert value(column(text, "utilization [%]")["sliding-mode"]) > 98.0
@@ -677,7 +682,7 @@ def test_bad_numbers_in_one_run_spoil_nothing(copy: Path) -> None:
     record.trajectory.phi[20:30] = np.inf
     record.trajectory.camera_error[:] = np.nan
     record.save(path)
-    text = write_report(copy).read_text(encoding="utf-8")
+    text = whole(write_report(copy))
     assert "could not be drawn" not in text
     assert len(links(text)) == 5
 
@@ -688,9 +693,9 @@ def test_a_scenario_that_cannot_be_built_costs_its_boundaries_only(copy: Path) -
         robot={"urdf": "lost.urdf"}, title="ü | <b>"
     )
     (copy / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
-    text = write_report(copy).read_text(encoding="utf-8")
+    text = whole(write_report(copy))
     assert "The scenario cannot be built here" in text
-    assert r"### example-2d-fov: ü \| &lt;b&gt;" in text
+    assert r"</a>example-2d-fov: ü \| &lt;b&gt;" in text
     assert len(links(text)) == 5
 
 
@@ -700,7 +705,7 @@ def test_a_figure_that_fails_costs_itself_only(copy: Path, monkeypatch: pytest.M
 
     table = tuple(replace(figure, draw=fails) if figure.name == "errors" else figure for figure in FIGURES)
     monkeypatch.setattr(drawing, "FIGURES", table)
-    text = write_report(copy).read_text(encoding="utf-8")
+    text = whole(write_report(copy))
     assert "The figure of the errors could not be drawn: ValueError: on purpose" in text
     assert len(links(text)) == 4
     assert not (copy / "figures" / "example-2d-fov--errors.png").exists()
@@ -708,9 +713,9 @@ def test_a_figure_that_fails_costs_itself_only(copy: Path, monkeypatch: pytest.M
 
 def test_a_line_in_the_table_is_enough_for_a_figure(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     extra = Figure("mine", "my own", "What is mine.", FIGURES[2].draw, reading="**Mine** is read like this.")
-    for module in (drawing, scenario_section):
+    for module in (drawing, report):
         monkeypatch.setattr(module, "FIGURES", (*FIGURES, extra))
-    text = write_report(copy).read_text(encoding="utf-8")
+    text = whole(write_report(copy))
     assert "![example-2d-fov: mine](figures/example-2d-fov--mine.png)\n\n*What is mine.*" in text
     assert "- **Mine** is read like this." in text
     assert (copy / "figures" / "example-2d-fov--mine.png").exists()
@@ -736,8 +741,8 @@ def test_many_laws_stand_together_by_what_they_use() -> None:
         "Laws without T_s, L_fφ, memory or model (2 of 2): field-5, field-6, field-7, field-8 and active; "
         "laws that use L_fφ: barrier; own laws: mine"
     )
-    (only,) = grouped(dict(list(MANY.items())[: MOST + 1]))
-    assert only.controllers == ("tracking", *fields[:MOST])
+    (only,) = grouped(dict(list(MANY.items())[: MAX_LAWS + 1]))
+    assert only.controllers == ("tracking", *fields[:MAX_LAWS])
     assert only.title == only.suffix == ""
 
 
@@ -755,7 +760,7 @@ def test_many_laws_stand_together_by_what_they_use() -> None:
     ],
 )
 def test_a_law_stands_by_the_last_that_it_uses(monkeypatch: pytest.MonkeyPatch, used: Any, suffix: str) -> None:
-    monkeypatch.setattr(groups, "uses", lambda name, entry: used if name == "it" else ("L_fφ",))
+    monkeypatch.setattr(groups, "required_information", lambda name, entry: used if name == "it" else ("L_fφ",))
     found = grouped({name: {} for name in ("a", "b", "c", "d", "e", "f", "g", "it")} | {"tracking": {}, "h": {}})
     (own,) = (group for group in found if "it" in group.controllers)
     assert own.suffix.split("--")[-1] == suffix
@@ -769,7 +774,7 @@ def test_groups_are_small_and_their_colours_differ(kinds: list[str]) -> None:
     assert sorted(name for group in found for name in group.controllers[1:]) == sorted(list(entries)[1:])
     for group in found:
         assert group.controllers[0] == "tracking"
-        assert len(group.controllers) <= MOST + 1
+        assert len(group.controllers) <= MAX_LAWS + 1
         assert len({look.colour for look in looks(group.controllers).values()}) == len(group.controllers)
 
 
@@ -783,7 +788,7 @@ def test_a_report_of_many_laws_has_figures_and_tables_of_few(copy: Path) -> None
         (copy / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
         write_table(copy / "results.csv", RESULT_COLUMNS, lines)
         write_table(copy / "constraints.csv", CONSTRAINT_COLUMNS, rows)
-        return write_report(copy).read_text(encoding="utf-8")
+        return whole(write_report(copy))
 
     def like(lines: list[dict[str, Any]], name: str) -> list[dict[str, Any]]:
         source = "tracking" if name == "tracking" else "sliding-mode"
@@ -802,7 +807,7 @@ def test_a_report_of_many_laws_has_figures_and_tables_of_few(copy: Path) -> None
     for group in grouped(MANY):
         assert text.count(f"{group.title}.*") == len(FIGURES) + 1
         assert f"- {group.listed}." in text
-    for first in ("controller", "challenged rows", "rows that held the arm back"):
+    for first in ("controller", "challenged rows", "rows that limited the arm"):
         found = [t for t in tables_of(text) if first in t[0] and len(t) > 5]
         assert found
         for t in (t for t in found if "type" not in t[0]):
@@ -843,10 +848,10 @@ def test_figures_keep_the_rows_that_matter_most(tmp_path: Path) -> None:
     results = Results(StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], rows)))
     assert phi_rows(results, "one") == (labels[3], labels[17])
     assert lane_rows(results, "one") == (labels[3], *labels[9:])
-    assert lanes_left_out(results, "one") == 19 - MOST_LANES
+    assert hidden_lanes(results, "one") == 19 - MAX_LANES
     unchallenged = [{**line, "challenged": False} for line in rows]
     results = Results(StoredComparison.load(made(tmp_path, [result("tracking"), result("a")], unchallenged)))
-    assert phi_rows(results, "one") == tuple(labels[-MOST_PHI:])
+    assert phi_rows(results, "one") == tuple(labels[-MAX_PHI:])
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False, width=32))

@@ -25,7 +25,7 @@ from vsconstraints.paper.claims.erroneous_gradients import Difference
 from vsconstraints.paper.figures import FIGURES, planar
 from vsconstraints.paper.report import TOPICS, differences, reconstructed
 from vsconstraints.paper.studies import StudyResult
-from vsconstraints.paper.studies.points import Numbers, under
+from vsconstraints.paper.studies.study import Numbers, keyed
 from vsconstraints.paper.verdicts import TEXTS, VERDICTS, Claim, Finding, claim
 from vsconstraints.reports.plots import Figure
 from vsconstraints.robots.geometry import skew
@@ -352,17 +352,17 @@ def numbers_of(key: str) -> Numbers:
         fields = {"sliding-mode": 0.1, "potential-field": 1.0, "potential-field-priority": 0.2}
         pareto |= {(s, law, "least_unused"): left for law, left in fields.items()}
         pareto |= {(s, "printed", "kept"): 1.0, (s, "printed", "unused"): 0.1, (s, "sliding-mode", "kept"): 3.0}
-        shrinking |= under({"sampling_distance": 0.001}, s)
+        shrinking |= keyed({"sampling_distance": 0.001}, s)
         paths = {"distance_falls": 1.0, "distance_largest_region": 0.2, "distance_smallest_region": 0.0}
-        shrinking |= under(paths | {"region_largest": 0.5, "region_smallest": 1e-4}, s, "priority")
-        exact |= under({"violation": 0.0, "converged": 1.0}, s, "sliding-mode", 0.3)
+        shrinking |= keyed(paths | {"region_largest": 0.5, "region_smallest": 1e-4}, s, "priority")
+        exact |= keyed({"violation": 0.0, "converged": 1.0}, s, "sliding-mode", 0.3)
     return {
         "7a": pareto,
         "7c": pareto,
         "8a": shrinking,
         "9b": exact,
-        "10a": under({"bound_12": 5.0, "smallest_in_band": 10.0}, 20.0)
-        | under({"bound_12": 20.0, "smallest_in_band": 40.0}, 50.0),
+        "10a": keyed({"bound_12": 5.0, "smallest_in_band": 10.0}, 20.0)
+        | keyed({"bound_12": 20.0, "smallest_in_band": 40.0}, 50.0),
         "10d": {("example-2d-fov", "band", 1.0): 0.01, ("example-2d-fov", "band", 10.0): 0.1},
     }[key]
 

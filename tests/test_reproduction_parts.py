@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from matplotlib.image import imread
 
-from vsconstraints.cli.reproduce import reproduce
+from vsconstraints.cli.paper import reproduce
 from vsconstraints.comparisons.run import perform
 from vsconstraints.comparisons.runs.spec import ControllerSpec, RunSpec
 from vsconstraints.errors import ConfigurationError

@@ -19,7 +19,7 @@ from vsconstraints.cli.terminal import note_processes
 from vsconstraints.comparisons.runs import machine as resources
 from vsconstraints.comparisons.tables import read_table
 from vsconstraints.paper.studies import RunSummary, run_studies
-from vsconstraints.paper.studies.shrinking_region import ShrinkingRegion
+from vsconstraints.paper.studies.potential_fields import ShrinkingRegion
 
 pytestmark = needs_proc
 

@@ -11,38 +11,52 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from checks import structure
 
 
-def test_nothing_is_imported_in_circles(capsys):
-    assert structure.main([]) == 0
-    said = capsys.readouterr().out
-    assert "circles of imports: none" in said
+def package(folder, **files):
+    (folder / "p").mkdir()
+    for name, text in {"__init__": "", **files}.items():
+        (folder / "p" / f"{name}.py").write_text(text)
+    return structure.main([str(folder)])
 
 
-def test_circles_and_long_lists_are_found(tmp_path, capsys):
-    package = tmp_path / "p"
-    package.mkdir()
-    (package / "__init__.py").write_text("")
-    (package / "a.py").write_text("from . import b\n\n\ndef f(self, a, b, c, d, e, g, h, *, i, j):\n    pass\n")
-    (package / "b.py").write_text("from .c import x\n")
-    (package / "c.py").write_text("from .a import f\n\nx = 1\n")
-    assert structure.main([str(tmp_path)]) == 1
+def test_circles_are_found_wherever_imports_stand(tmp_path, capsys):
+    """At the top, in a function, for type checkers only, and through a package around what is imported."""
+    inside = "def f():\n    from .c import x\n"
+    typed = "from typing import TYPE_CHECKING\n\nif TYPE_CHECKING:\n    from .a import f\n\nx = 1\n"
+    (tmp_path / "circle").mkdir()
+    assert package(tmp_path / "circle", a="from . import b\n", b=inside, c=typed) == 1
+    assert "circles of imports: p.a, p.b, p.c" in capsys.readouterr().out
+    (tmp_path / "chain").mkdir()
+    assert package(tmp_path / "chain", a="from . import b\n", b=inside, c="x = 1\n") == 0
+    assert "circles of imports: none" in capsys.readouterr().out
+    for room, text in (("q", "from ..r.deep import x\n"), ("r", "from ..q import y\n")):
+        (tmp_path / "chain" / "p" / room).mkdir()
+        (tmp_path / "chain" / "p" / room / "__init__.py").write_text(text if room == "r" else "")
+        (tmp_path / "chain" / "p" / room / "deep.py").write_text(text if room == "q" else "x = 1\n")
+    assert structure.main([str(tmp_path / "chain")]) == 1
+    assert "circles of imports: q, r" in capsys.readouterr().out
+
+
+def test_floors_are_counted(tmp_path, capsys):
+    names = {"a": "", "b": "from .a import x\n", "c": "from .b import x\nfrom .a import x\n"}
+    assert package(tmp_path, **names) == 0
+    lines = {line.split()[0]: line.split()[-1] for line in capsys.readouterr().out.splitlines() if line[:1] in "abc"}
+    assert {name: lines[name] for name in names} == {"a": "1", "b": "2", "c": "3"}
+    assert lines["all"] == "3"
+
+
+def test_what_is_over_its_budget_is_named(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(structure.BUDGETS, "rows", 2)
+    assert package(tmp_path, rows="x = 1\n\n\ndef f(self, a, b, c, d, e, g, h, *, i, j):\n    pass\n") == 1
     said = capsys.readouterr().out
-    assert "circles of imports: p.a, p.b, p.c" in said
-    assert "longest parameter lists: 9 p/a.py: f" in said
-    assert "9 lines of Python in 4 files" in said
-    assert "files of more than 300 lines: none" in said
+    assert "rows: 5 lines, 2 allowed" in said
+    assert "parameters: 9 p.rows.f, 8 allowed" in said
     assert structure.main([str(tmp_path / "nowhere")]) == 2
 
 
-def test_lines_are_told_apart(tmp_path, capsys):
+def test_lines_are_told_apart():
     """By hand: a text of three lines with a blank one in it, a comment, code, and what is between them."""
     module = '"""One.\n\nTwo.\n"""\n\n# a remark\nx = 1  # code\n"""Of x."""\n\n\ny = """no\ndocstring"""\n'
-    (tmp_path / "m.py").write_text(module)
-    (tmp_path / "long.py").write_text("x = 1\n" * 301)
-    assert structure.main([str(tmp_path)]) == 0
-    said = capsys.readouterr().out
     assert structure.Lines.of(module, structure.ast.parse(module)) == (3, 6, 3)
-    assert "   313    304      6      3 in all" in said
-    assert "files of more than 300 lines: 301 long.py" in said
 
 
 def test_the_page_on_structure_names_what_is_there():

@@ -21,18 +21,20 @@ from vsconstraints.paper.studies import (
     StudyResult,
     data_file,
     figure_file,
-    gradient_error,
-    robustness,
     run_studies,
-    sampling_time,
-    shrinking_region,
-    switching_gain,
 )
-from vsconstraints.paper.studies.experiment_scenes import EXPERIMENTS, kept_scenes
-from vsconstraints.paper.studies.laws import LAWS, scaled_gains
-from vsconstraints.paper.studies.pareto import front, not_kept, unused
+from vsconstraints.paper.studies.disturbances import GradientErrors, Robustness
+from vsconstraints.paper.studies.drawing import LAWS
+from vsconstraints.paper.studies.gains import SamplingTime, SwitchingGain
+from vsconstraints.paper.studies.potential_fields import ShrinkingRegion, front, not_kept, scaled_gains, unused
 from vsconstraints.paper.studies.summary import clearance_distance, gains, joint_distance, pixel_distance
-from vsconstraints.paper.studies.unselected_experiments import compared, counted, why_not
+from vsconstraints.paper.studies.unselected_experiments import (
+    EXPERIMENTS,
+    compared,
+    counted,
+    kept_scenes,
+    why_not,
+)
 from vsconstraints.scenarios import Scenario
 
 
@@ -199,7 +201,7 @@ class TestDrift:
 
 class TestEvaluation:
     def test_shrinking_region_on_a_field_that_approaches_and_one_that_does_not(self):
-        case = partial(shrinking_region.Case, "example-2d-fov")
+        case = partial(ShrinkingRegion.Case, "example-2d-fov")
         runs = {case("sliding-mode"): summary(), case("halved"): summary(q=0.001)}
         for region, near, far in ((0.5, 1.0, 1.0), (0.01, 0.1, 0.5), (0.001, 0.0, 2.0)):
             runs[case("priority", region)] = summary(q=near)
@@ -216,10 +218,10 @@ class TestEvaluation:
             return summary(result={"violation_depth": depth}, **gains)
 
         runs = {
-            switching_gain.Case(50.0, 5.0): run(0.1, 1.0, 30),
-            switching_gain.Case(50.0, 10.0): run(0.0, 0.2, 20),
-            switching_gain.Case(50.0, 20.0): run(0.0, 0.06, 3),
-            switching_gain.Case(50.0, 40.0): run(0.0, 0.06, 1),
+            SwitchingGain.Case(50.0, 5.0): run(0.1, 1.0, 30),
+            SwitchingGain.Case(50.0, 10.0): run(0.0, 0.2, 20),
+            SwitchingGain.Case(50.0, 20.0): run(0.0, 0.06, 3),
+            SwitchingGain.Case(50.0, 40.0): run(0.0, 0.06, 1),
         }
         numbers = STUDIES["switching-gain"].evaluate(runs).numbers
         assert numbers[50.0, "smallest_allowed"] == 10.0
@@ -231,7 +233,7 @@ class TestEvaluation:
 
     def test_switching_gain_counts_only_what_holds_for_all_larger_ones(self):
         made = {10.0: summary(phi_max=0.0), 20.0: summary("failed"), 40.0: summary(phi_max=0.0)}
-        runs = {switching_gain.Case(50.0, gain): run for gain, run in made.items()}
+        runs = {SwitchingGain.Case(50.0, gain): run for gain, run in made.items()}
         assert STUDIES["switching-gain"].evaluate(runs).numbers[50.0, "smallest_allowed"] == 40.0
 
     def test_sampling_time_finds_the_exponent(self):
@@ -240,13 +242,13 @@ class TestEvaluation:
                 Ts=Ts, entry_push=4.0, longest_run=1, result={"phi_band": 15.0 * Ts**2, "phi_band_bound": 10 * Ts}
             )
 
-        runs = {sampling_time.Case("example-2d-fov", 1e3 * Ts): run(Ts) for Ts in (0.001, 0.01, 0.1)}
+        runs = {SamplingTime.Case("example-2d-fov", 1e3 * Ts): run(Ts) for Ts in (0.001, 0.01, 0.1)}
         numbers = STUDIES["sampling-time"].evaluate(runs).numbers
         assert numbers["example-2d-fov", "exponent"] == pytest.approx(2.0)
         assert numbers["example-2d-fov", "greatest_share_of_expected"] == pytest.approx(1.5 / 14.0)
 
     def test_gradient_error_compares_with_the_same_controllers_exact_run(self):
-        case = partial(gradient_error.Case, "example-2d-fov")
+        case = partial(GradientErrors.Case, "example-2d-fov")
         runs = {
             case("sliding-mode", 0.0): summary(),
             case("sliding-mode", 0.3): summary(pixel=5.0, result={"violation_depth": 0.01, "violated": "fov"}),
@@ -274,10 +276,10 @@ class TestEvaluation:
 
     def test_robustness_counts(self):
         runs = {
-            robustness.Case("none", "", "sliding-mode"): summary(),
-            robustness.Case("lag", "0.1", "sliding-mode"): summary(result={"violation_depth": 0.03}),
-            robustness.Case("lag", "0.2", "sliding-mode"): summary("aborted"),
-            robustness.Case("delay", "1", "sliding-mode"): summary("unfinished"),
+            Robustness.Case("none", "", "sliding-mode"): summary(),
+            Robustness.Case("lag", "0.1", "sliding-mode"): summary(result={"violation_depth": 0.03}),
+            Robustness.Case("lag", "0.2", "sliding-mode"): summary("aborted"),
+            Robustness.Case("delay", "1", "sliding-mode"): summary("unfinished"),
         }
         numbers = STUDIES["robustness"].evaluate(runs).numbers
         assert numbers["sliding-mode", "runs"] == 3.0

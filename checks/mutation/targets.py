@@ -16,7 +16,6 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "metrics": (
         "src/vsconstraints/comparisons/metrics",
         "src/vsconstraints/reports/best.py",
-        "src/vsconstraints/reports/headlines.py",
         "src/vsconstraints/reports/summary.py",
         "src/vsconstraints/compiled/samples.py",
     ),

@@ -96,7 +96,9 @@ class Commands(SphinxDirective):
         for name, command in typer.main.get_command(app).commands.items():
             section = nodes.section("", ids=[nodes.make_id(f"command-{name}")], names=[])
             section += nodes.title("", "", nodes.literal("", f"vsconstraints {name}"))
-            section += nodes.paragraph("", (command.help or "").strip())
+            example, _, text = (command.help or "").strip().partition("\n\n")
+            section += _code(example.removeprefix("Example: "))
+            section += nodes.paragraph("", text)
             lines = [[_code(self._shown(given)), prose(getattr(given, "help", "") or "")] for given in command.params]
             if lines:
                 section += table(("argument or option", "what"), lines, [35, 65])

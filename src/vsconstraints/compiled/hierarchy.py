@@ -149,7 +149,7 @@ def hierarchy(
 
     w = free
     for j in range(n):
-        w += (box[GREATEST, j] < math.inf) + (box[LEAST, j] > -math.inf)
+        w += int(box[GREATEST, j] < math.inf) + int(box[LEAST, j] > -math.inf)
     walls, sides, W, index = blank(scratch, w, n), vector(scratch, w), vector(scratch, free), np.empty(free, np.int64)
     violation, rows = vector(scratch, free), matrix(scratch, KINDS, w)
     at = START

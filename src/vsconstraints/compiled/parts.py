@@ -34,7 +34,7 @@ def address(function: Any) -> int:
     """
     is_compiled = hasattr(function, "overloads")
     at = import_module(f"{__package__}.numba_internals").address(function) if is_compiled else id(function)
-    _functions[at] = in_python(function.py_func) if is_compiled else function
+    _functions[at] = function.py_func if is_compiled else function
     return at
 
 

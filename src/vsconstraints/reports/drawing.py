@@ -1,33 +1,37 @@
-"""Draws a report's figures, in several processes when there are many; whatever goes wrong costs one figure."""
+"""Draws a report's figures and replays, in several processes when there are many; an error costs one figure."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, product
 from pathlib import Path, PurePath
+from urllib.parse import quote
 
 from ..comparisons import RunRecord
 from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
 from ..comparisons.runs.machine import most_samples, process_count
 from ..comparisons.runs.pool import Failure, carry_out
+from ..errors import ConfigurationError, described
 from ..scenarios import Scenario
 from ..simulation import Setup
-from .figures import DISTURBANCE, ENDINGS, FIGURES, OVERVIEW, View
+from .figures import DISTURBANCE, FIGURES, OVERVIEW, View
 from .figures.trade_off import shown_runs
 from .groups import Group
-from .picture import picture
-from .plots import FORMATS, PNG, Formats
+from .markdown import code
+from .plots import FORMATS, PNG, Figure, Formats
+from .replay import write_replay
+from .replay.asked import of_record
 from .results import Results
-from .rows_shown import acting_in, lane_rows, phi_rows
+from .selection import TRIAL_SHOWN, acting_in, lane_rows, phi_rows, replayed_runs
 
-TRIAL_SHOWN = 0
-"""The trial that figures show: the one that starts where the scenario says."""
-
-FEW = 2
+IN_PROCESS = 2
 """Up to this many scenarios are drawn in this process: starting others takes about as long."""
+
+REPLAYS = "replays"
+"""Folder below that of the comparison."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ class ScenarioJob:
     groups
         The controllers that figures show together.
     finished
-        Those that have a line in results.csv for this trial.
+        Those that have a line in results.csv for the shown trial.
     seed
         Of the comparison.
     phi_rows, lane_rows
@@ -64,7 +68,7 @@ class ScenarioJob:
 
 @dataclass
 class Drawn:
-    """What came of it.
+    """The figures of one scenario.
 
     Attributes
     ----------
@@ -73,9 +77,9 @@ class Drawn:
     problems
         Sentences on what is missing.
     first_outside
-        When a controller's run is first outside a row [s], for rows it violates.
+        When a controller first violates a row [s].
     replay
-        Where its replay is, in a sentence.
+        A link to its replay.
     """
 
     files: dict[tuple[str, str], str] = field(default_factory=dict)
@@ -84,35 +88,45 @@ class Drawn:
     replay: str = ""
 
 
+def picture(figure: Figure, folder: Path, formats: Formats, *needed: object, suffix: str = "", remark: str = "") -> str:
+    """Draw a figure into ``folder`` and show it with its caption; on an error, say so instead.
+
+    Empty where there is nothing to show. The ``suffix`` ends the file's name, and the ``remark`` the caption.
+    """
+    file = figure.file_in(formats, suffix)
+    try:
+        folder.mkdir(exist_ok=True)
+        if not figure.write(folder / file, *needed, formats=formats):
+            return ""
+    except Exception as error:  # a figure must not cost the report
+        return f"The figure of {figure.title} could not be drawn: {type(error).__name__}: {error}"
+    title = figure.title[0].upper() + figure.title[1:]
+    return f"![{title}](figures/{file})\n\n*{figure.caption}{remark}*"
+
+
 def scenario_jobs(
     results: Results, scenarios: Sequence[str] | None = None, formats: Formats = PNG
 ) -> list[ScenarioJob]:
-    """What is to be drawn of each of these scenarios of a stored comparison, or of all."""
+    """The jobs that draw these scenarios of a stored comparison, or all."""
     stored = results.stored
-    return [
-        ScenarioJob(
-            stored.folder,
-            scenario,
-            results.groups,
-            tuple(
+    seed = int(stored.manifest["configuration"].get("seed", 0))
+    jobs = []
+    for name, scenario in stored.scenarios.items():
+        if scenarios is None or name in scenarios:
+            finished = tuple(
                 controller
                 for controller in results.controllers
                 if any(line["trial"] == TRIAL_SHOWN for line in results.runs(name, controller))
-            ),
-            int(stored.manifest["configuration"].get("seed", 0)),
-            phi_rows(results, name),
-            lane_rows(results, name),
-            formats,
-        )
-        for name, scenario in stored.scenarios.items()
-        if scenarios is None or name in scenarios
-    ]
+            )
+            rows = phi_rows(results, name), lane_rows(results, name)
+            jobs.append(ScenarioJob(stored.folder, scenario, results.groups, finished, seed, *rows, formats))
+    return jobs
 
 
 def draw_all(
-    jobs: Sequence[ScenarioJob], whole: Sequence[Callable[[], str]], on_drawn: Callable[[int, int], None]
-) -> tuple[dict[str, Drawn], list[str]]:
-    """Draw the figures of every scenario, and those of the whole comparison beside them.
+    jobs: Sequence[ScenarioJob], overview: Callable[[], str], on_drawn: Callable[[int, int], None]
+) -> tuple[dict[str, Drawn], str]:
+    """Draw the figures of every scenario, and the overview of the whole comparison beside them.
 
     A scenario whose figures cannot be drawn is reported, not raised.
 
@@ -120,23 +134,19 @@ def draw_all(
     ----------
     jobs
         The scenarios.
-    whole
-        What draws a figure of all, and says what it shows.
+    overview
+        Draws the figure of the whole comparison, and returns the text that shows it.
     on_drawn
-        Told how many scenarios are done, and how many there are.
-
-    Returns
-    -------
-    tuple
-        What came of each scenario, and what is said of the whole.
+        Called with how many scenarios are done, and how many there are.
     """
     drawn: dict[str, Drawn] = {}
-    said = [""] * len(whole)
+    text = ""
     on_drawn(0, len(jobs))
 
-    def done(key: str | int, answer: Drawn | str | Failure) -> None:
-        if isinstance(key, int):
-            said[key] = f"A figure could not be drawn: {answer.reason}." if isinstance(answer, Failure) else str(answer)
+    def done(key: str, answer: Drawn | str | Failure) -> None:
+        nonlocal text
+        if not key:
+            text = f"A figure could not be drawn: {answer.reason}." if isinstance(answer, Failure) else str(answer)
             return
         if not isinstance(answer, Drawn):
             answer = Drawn(problems=[f"Its figures could not be drawn: {getattr(answer, 'reason', answer)}."])
@@ -145,16 +155,16 @@ def draw_all(
 
     # the longest first, so that no process is left with one at the end
     longest_first = sorted(jobs, key=_stored_size, reverse=True)
-    calls: dict[str | int, Callable[[], Drawn | str]] = {
+    calls: dict[str, Callable[[], Drawn | str]] = {
         **{job.scenario.name: partial(draw_scenario, job) for job in longest_first},
-        **dict(enumerate(whole)),
+        "": overview,
     }
-    if len(jobs) <= FEW or process_count() < 2:
+    if len(jobs) <= IN_PROCESS or process_count() < 2:
         for key, call in calls.items():
             done(key, call())
     else:
         carry_out(_called, {key: (call,) for key, call in calls.items()}, on_answer=done)
-    return drawn, said
+    return drawn, text
 
 
 def _called(call: Callable[[], Drawn | str]) -> Drawn | str:
@@ -162,7 +172,7 @@ def _called(call: Callable[[], Drawn | str]) -> Drawn | str:
 
 
 def draw_scenario(job: ScenarioJob) -> Drawn:
-    """Draw what can be drawn; whatever goes wrong with one figure leaves only that one out, with a sentence why."""
+    """Draw what can be drawn; an error in one figure leaves out only that one, and is reported."""
     drawn = Drawn()
     runs = stored_runs(job, drawn)
     if not runs:
@@ -183,17 +193,8 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
     return drawn
 
 
-def draw_endings(results: Results, folder: Path, formats: Formats = PNG) -> str:
-    """Draw how every scenario ended into ``folder``, and say what it shows; nothing of one scenario alone."""
-    _remove(folder, f"{ENDINGS.name}.*")
-    if len(results.scenarios) < 2:
-        return ""
-    several = " Of several trials: the median, or in how many a run converged inside and the worst."
-    return picture(ENDINGS, folder, formats, results, remark=several if results.trials > 1 else "")
-
-
 def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str:
-    """Draw the figure of a whole comparison into ``folder``, and say what it shows; nothing if there is nothing."""
+    """Draw the figure of a whole comparison into ``folder``, and return the text that shows it."""
     _remove(folder, f"{OVERVIEW.name}.*", f"{OVERVIEW.name}--*")
     return "\n\n".join(text for group in results.groups if (text := _overview_of(results, group, folder, formats)))
 
@@ -202,7 +203,7 @@ def _overview_of(results: Results, group: Group, folder: Path, formats: Formats)
     own, remark = shown_runs(results, group.controllers), group.sentence
     left_out = sum(len(results.all_runs(name)) - len(runs) for name, runs in own.items())
     if left_out:
-        remark += f" Left out are runs that did not converge, or that no row held back: {left_out}."
+        remark += f" {left_out} runs that did not converge, or were not limited by any row, are left out."
     return picture(OVERVIEW, folder, formats, results, group.controllers, suffix=group.suffix, remark=remark)
 
 
@@ -224,14 +225,14 @@ def remove_stale(folder: Path, kept: Iterable[str], formats: Formats = PNG) -> N
 
 
 def _remove(folder: Path, *patterns: str, but: Collection[str] = ()) -> None:
-    """Remove figures whose names are like these, in every format."""
+    """Remove figures whose names match, in every format."""
     for path in chain.from_iterable(map(folder.glob, patterns)):
         if path.suffix.removeprefix(".") in FORMATS and path.name not in but:
             path.unlink(missing_ok=True)
 
 
 def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
-    """The runs with at least two samples, by controller; notes in ``drawn`` what is missing, and who is outside."""
+    """The runs with at least two samples, by controller; notes in ``drawn`` what is missing, and first violations."""
     runs = {}
     for name in job.finished:
         path = run_file(job.folder, job.scenario.name, name, TRIAL_SHOWN)
@@ -266,3 +267,26 @@ def _setup(job: ScenarioJob, drawn: Drawn) -> Setup | None:
 def _stored_size(job: ScenarioJob) -> int:
     files = (run_file(job.folder, job.scenario.name, name, TRIAL_SHOWN) for name in job.finished)
     return sum(path.stat().st_size for path in files if path.is_file())
+
+
+def add_replays(results: Results, scenarios: Sequence[str], drawn: Mapping[str, Drawn]) -> None:
+    """Write a replay page for each of these scenarios, and link it; an error costs that page only."""
+    stored = results.stored
+    for name in scenarios:
+        controllers = replayed_runs(results, name)
+        if not controllers:
+            continue
+        try:
+            runs = []
+            for controller in controllers:
+                record = stored.run(name, controller, TRIAL_SHOWN)
+                if record is None:
+                    file = run_file(stored.folder, name, controller, TRIAL_SHOWN)
+                    raise ConfigurationError(f"the trajectory {file.name} is missing or damaged")
+                runs.append(of_record(stored, stored.scenarios[name], controller, TRIAL_SHOWN, record))
+            write_replay(runs, stored.folder / REPLAYS / f"{name}.html")
+        except Exception as error:  # one bad run or page must not cost the report
+            drawn[name].problems.append(f"Its replay could not be made: {described(error)}.")
+            continue
+        link = f"[Replay in a browser]({REPLAYS}/{quote(name)}.html)"
+        drawn[name].replay = f"{link}: {' and '.join(map(code, controllers))}."

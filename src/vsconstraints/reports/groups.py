@@ -1,4 +1,4 @@
-"""Which laws stand together in figures: all of a few, of many those that know the same."""
+"""Controllers that share a figure: all where there are few, otherwise those that require the same information."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ..controllers import CONTROLLERS, make_controller
 from ..controllers.demands import USES
 from .markdown import enumeration
 
-MOST = 8
-"""How many laws a figure shows beside tracking alone."""
+MAX_LAWS = 8
+"""How many controllers a figure shows beside tracking alone."""
 
 KINDS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("plain", f"Laws without {USES['period']}, {USES['Lf']}, memory or model", ()),
@@ -61,8 +61,8 @@ class Group:
         return Group(controllers, title, f"{self.suffix}-{other.suffix.removeprefix('--')}", listed)
 
 
-def uses(name: str, entry: Mapping[str, Any]) -> tuple[str, ...] | None:
-    """What the law of a suite's entry uses beside rows and task; None for an own law, whose code says it."""
+def required_information(name: str, entry: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """What a controller requires beside rows and task; None for an own one, whose code says it."""
     kind = str(entry.get("type", name))
     if kind not in CONTROLLERS:
         return None
@@ -70,24 +70,27 @@ def uses(name: str, entry: Mapping[str, Any]) -> tuple[str, ...] | None:
 
 
 def grouped(entries: Mapping[str, Mapping[str, Any]]) -> tuple[Group, ...]:
-    """The groups of a suite's controllers, each with at most :data:`MOST` laws beside tracking alone.
+    """The groups of a suite's controllers, each with at most :data:`MAX_LAWS` laws beside tracking alone.
 
     Where there are more laws, those of a kind stay together, several kinds where they fit.
     """
     laws = [name for name in entries if name != BASELINE]
-    if len(laws) <= MOST:
+    if len(laws) <= MAX_LAWS:
         return (Group(tuple(entries)),)
-    kinds, baseline = {name: _kind(uses(name, entries[name])) for name in laws}, set(entries) - set(laws)
+    kinds, baseline = (
+        {name: _kind(required_information(name, entries[name])) for name in laws},
+        set(entries) - set(laws),
+    )
     groups: list[Group] = []
     for file, title, _ in KINDS:
         members = [name for name in laws if kinds[name] == file]
-        parts = -(-len(members) // MOST)
+        parts = -(-len(members) // MAX_LAWS)
         for k in range(parts):
             own = members[k * len(members) // parts : (k + 1) * len(members) // parts]
             of, number = (f" ({k + 1} of {parts})", f"-{k + 1}") if parts > 1 else ("", "")
             new = Group((*baseline, *own), title + of, f"--{file}{number}", f"{title}{of}: {enumeration(own)}")
             both = groups[-1].and_also(new) if groups else new
-            if groups and len(both.controllers) - len(baseline) <= MOST:
+            if groups and len(both.controllers) - len(baseline) <= MAX_LAWS:
                 groups[-1] = both
             else:
                 groups.append(new)

@@ -1,22 +1,22 @@
-"""A report as two files: Markdown, and the same as a page for a browser, on a screen as on a phone."""
+"""A report as Markdown and as a page for a browser or a phone; details are folded, or in a second file."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
-from string import Template
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ..comparisons.runs.files import replaced
-from .markdown import PAGE, page_widths
+from .markdown import PAGE, bold, bullets, code, page_widths, plain
 
 if TYPE_CHECKING:
     from markdown_it.token import Token
 
-HERE = Path(__file__).parent
+TEMPLATES = Path(__file__).parent / "templates"
 
 PHONE = 358
 """A table that is no wider stays one on a phone, which is 390 px wide with its margins [px]."""
@@ -24,20 +24,36 @@ PHONE = 358
 BESIDE = re.compile(r"(?!/|[\w.+-]+:).+")
 """Where figures are: beside the page. An address of anything else in a network would tell who reads it."""
 
-ANCHOR = re.compile(r'<a id="[\w.-]+">')
-"""The one thing in HTML that a report holds: a place that links lead to."""
+ANCHOR = re.compile(r'<a id="[\w.%-]+">')
+"""A place that links lead to."""
 
-SECTIONS = 4
+OPENING = re.compile(r"<details><summary>([^<>\n]*)</summary>")
+"""The line that begins details, which end with the line ``</details>``; with anchors the only HTML in a report."""
+
+DETAILS = re.compile(rf"^{OPENING.pattern}\n\n(.*?)\n\n</details>\n*", re.MULTILINE | re.DOTALL)
+
+MIN_SECTIONS = 4
 """From so many sections on a page has a list of them."""
 
 
+def render(template: str, **context: Any) -> str:
+    """The text of a Markdown template; nothing is escaped: values from elsewhere must be ``plain`` or ``code``."""
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters |= {"bold": bold, "bullets": bullets, "code": code, "plain": plain}
+    text = environment.get_template(template).render(context)
+    return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+
+
 def write_pages(report: Path, text: str) -> None:
-    """Write a report's Markdown, and the page made from it beside it; each whole or not at all.
+    """Write a report's Markdown and the page made from it; each whole or not at all.
 
     Parameters
     ----------
     report
-        Where the Markdown goes; the page is :func:`page_of` it.
+        Where the Markdown goes; the page is :func:`page_of` it. Details, which the page folds, have a file of their
+        own, ``details.md``.
     text
         The report.
 
@@ -46,9 +62,24 @@ def write_pages(report: Path, text: str) -> None:
     OSError
         if they cannot be written.
     """
-    for path, content in ((report, text), (page_of(report), html_page(text))):
-        with replaced(path) as part:
-            part.write_text(content, encoding="utf-8")
+    short, details = split_details(text)
+    for path, content in ((report, short), (details_of(report), details), (page_of(report), html_page(text))):
+        if content:
+            with replaced(path) as part:
+                part.write_text(content, encoding="utf-8")
+
+
+def split_details(text: str) -> tuple[str, str]:
+    """A report without its details, and its details with their headings; the latter empty where there are none."""
+    title = text.partition("\n")[0]
+    details = [f"## {found[1]}\n\n{found[2]}\n" for found in DETAILS.finditer(text)]
+    linked = "\n".join(details).replace("](#", "](report.md#")
+    return DETAILS.sub("", text), f"{title}: details\n\n{linked}" if details else ""
+
+
+def details_of(report: Path) -> Path:
+    """Where the details of a report are."""
+    return report.with_name("details.md")
 
 
 def page_of(report: Path) -> Path:
@@ -65,8 +96,8 @@ def html_page(text: str) -> str:
     """A report in Markdown as one HTML file, without scripts and without anything from a network.
 
     Links stay as they are: figures, tables and replays are found beside the page. Whatever looks like HTML in the text
-    is shown as it stands, but for the places that links lead to. Cells have the heading of their column as
-    ``data-label``: where a window is too narrow for a table, its lines are shown as lists of headings and values.
+    is shown as it stands, but for anchors and details. Cells have the heading of their column as ``data-label``: where
+    a window is too narrow for a table, its lines are shown as lists of headings and values.
     """
     from markdown_it import MarkdownIt
 
@@ -76,23 +107,31 @@ def html_page(text: str) -> str:
     headings = _named_headings(tokens)
     _label_tables(tokens)
     _link_images(tokens)
-    contents = _contents(headings)
     first = next((heading.place for heading in headings if heading.tag == "h2"), len(tokens))
     before, after = (parser.renderer.render(part, parser.options, {}) for part in (tokens[:first], tokens[first:]))
-    return Template((HERE / "page.html").read_text(encoding="utf-8")).substitute(
-        title=escape(next((heading.text for heading in headings), "Report")),
-        style=(HERE / "page.css").read_text(encoding="utf-8"),
+    sections = sum(heading.tag == "h2" for heading in headings)
+    page = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True).get_template("page.html")
+    return page.render(
+        title=next((heading.text for heading in headings), "Report"),
+        style=(TEMPLATES / "page.css").read_text(encoding="utf-8"),
         before=before,
-        contents=contents,
+        contents=[one for one in headings if one.tag in ("h2", "h3")] if sections >= MIN_SECTIONS else [],
         after=after,
     )
 
 
 def _disarm(tokens: Sequence[Token]) -> None:
-    """Make text of everything that would be HTML, but for places that links lead to, and of pictures from elsewhere."""
+    """Make text of everything that would be HTML, but for anchors and details, and of pictures from elsewhere."""
+    opened: Token | None = None
     for token in tokens:
         if token.type == "html_block":
+            line, kind = token.content.strip(), token.type
             token.type = "code_block"
+            if opened is None and token.level == 0 and OPENING.fullmatch(line):
+                opened = token
+            elif opened is not None and token.level == 0 and line == "</details>":
+                opened.type = token.type = kind
+                opened = None
         children = token.children or []
         for k, child in enumerate(children):
             if child.type == "html_inline":
@@ -116,7 +155,7 @@ class Heading:
 
 def _named_headings(tokens: Sequence[Token]) -> list[Heading]:
     """Give headings the names by which GitHub knows them, where no place has that name."""
-    taken = {place for token in tokens for place in re.findall(r'<a id="([\w.-]+)">', token.content)}
+    taken = {place for token in tokens for place in re.findall(r'<a id="([\w.%-]+)">', token.content)}
     headings = []
     for k, token in enumerate(tokens):
         if token.type == "heading_open":
@@ -127,18 +166,6 @@ def _named_headings(tokens: Sequence[Token]) -> list[Heading]:
             token.attrSet("id", name)
             headings.append(Heading(k, token.tag, text, name))
     return headings
-
-
-def _contents(headings: Sequence[Heading]) -> str:
-    """Links to the sections and, in a line below each, to their parts; nothing if there are few."""
-    if sum(heading.tag == "h2" for heading in headings) < SECTIONS:
-        return ""
-    lines = []
-    for heading in headings:
-        if heading.tag in ("h2", "h3"):
-            link = f'<a href="#{escape(heading.name)}">{escape(heading.text)}</a>'
-            lines.append(f'<li class="{heading.tag}">{link}</li>')
-    return "\n".join(('<nav aria-label="Contents">', "<ul>", *lines, "</ul>", "</nav>"))
 
 
 def _label_tables(tokens: Sequence[Token]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -12,9 +13,6 @@ from ..comparisons.suite import BASELINE
 from .groups import grouped
 
 Line = Mapping[str, Any]
-
-CARRIED_THROUGH = ("converged", "slow", "trapped", "unfinished")
-"""Statuses of runs that went on to the end of their time."""
 
 DIVERGED = 1.0
 """A run that does not converge and is outside by more than this share of L has diverged."""
@@ -28,11 +26,11 @@ class Results:
     stored
         Where they come from.
     groups
-        The controllers that figures and wide tables show together.
+        The controllers that a figure shows together.
     controllers
         All, in the suite's order and that of the groups, tracking alone first.
     competitors
-        Those that are compared: all but tracking alone.
+        All but tracking alone, which is the unconstrained baseline and is not ranked.
     """
 
     def __init__(self, stored: StoredComparison) -> None:
@@ -56,17 +54,17 @@ class Results:
 
     @cached_property
     def trials(self) -> int:
-        """How often everything was to be run."""
+        """How many trials of each run were planned."""
         return int(self.stored.manifest["configuration"].get("trials", 1))
 
     @property
     def planned(self) -> int:
-        """How many runs there were to be."""
+        """How many runs were planned."""
         return len(self.scenarios) * len(self.controllers) * self.trials
 
     @property
     def finished(self) -> int:
-        """How many runs there are."""
+        """How many runs are stored."""
         return sum(len(self.runs(s, c)) for s in self.scenarios for c in self.controllers)
 
     def runs(self, scenario: str, controller: str) -> Sequence[Line]:
@@ -79,7 +77,7 @@ class Results:
 
     @cached_property
     def clean(self) -> dict[str, int]:
-        """How many runs of each controller that is compared converged and violated no row, by the strict standard."""
+        """By competitor, how many runs converged and violated no row, by the strict standard."""
         return {name: sum(map(clean, self.all_runs(name))) for name in self.competitors}
 
     @cached_property
@@ -91,17 +89,17 @@ class Results:
 
     @property
     def challenged_scenarios(self) -> list[str]:
-        """Names of the scenarios that tell laws apart."""
-        return [name for name in self.scenarios if self.tells_apart(name)]
+        """Names of the scenarios in which controllers are ranked."""
+        return [name for name in self.scenarios if self.is_ranked(name)]
 
-    def form(self, controller: str, scenario: str | None = None) -> str:
-        """What answered a controller's calls, in a scenario or in all."""
+    def implementation(self, controller: str, scenario: str | None = None) -> str:
+        """Whether compiled or NumPy code answered a controller's calls, in a scenario or in all."""
         lines = self.all_runs(controller) if scenario is None else self.runs(scenario, controller)
-        forms = {bool(line.get("compiled")) for line in lines if line["duration_s"] >= 0.0}
-        return " and ".join(name for compiled, name in ((True, "compiled"), (False, "NumPy")) if compiled in forms)
+        flags = {bool(line.get("compiled")) for line in lines if line["duration_s"] >= 0.0}
+        return " and ".join(name for compiled, name in ((True, "compiled"), (False, "NumPy")) if compiled in flags)
 
     def statuses(self, scenario: str) -> list[list[str]]:
-        """For each controller that is compared, the status of each trial."""
+        """By competitor, the status of each trial."""
         return [[line["status"] for line in self.runs(scenario, name)] for name in self.competitors]
 
     def rows(self, scenario: str, controller: str, label: str | None = None) -> list[Line]:
@@ -121,8 +119,8 @@ class Results:
         }
         return tuple(label for label in self.labels(scenario) if label in hit)
 
-    def tells_apart(self, scenario: str) -> bool:
-        """Whether a scenario challenges anything, as far as is known; in one that does not, no law is the best."""
+    def is_ranked(self, scenario: str) -> bool:
+        """Whether unconstrained tracking violates a row, as far as is known; otherwise no controller is the best."""
         baseline = self.runs(scenario, BASELINE)
         return bool(self.challenged(scenario)) or not baseline or any(violated(line) for line in baseline)
 
@@ -133,7 +131,7 @@ def clean(line: Line, column: str = "violated") -> bool:
 
 
 def diverged(line: Line) -> bool:
-    """Whether a run did not converge and was outside by more than L."""
+    """Whether a run did not converge and violated a row by more than L."""
     return bool(line["status"] != "converged" and line["violation_depth"] > DIVERGED)
 
 
@@ -146,3 +144,8 @@ def tolerated(line: Line) -> list[str]:
     """Labels of the rows that a run violated by the strict standard, and not by the tolerant one."""
     beyond = violated(line, "violated_tolerant")
     return [label for label in violated(line) if label not in beyond]
+
+
+def reason_kind(reason: str) -> str:
+    """A reason without its numbers: runs that fail in the same way at other times and places have the same."""
+    return re.sub(r"\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)

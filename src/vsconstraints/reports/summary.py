@@ -1,96 +1,101 @@
-"""The tables over all scenarios: the one that a report begins with, how runs ended, and further scores."""
+"""Tables over all scenarios: the answer a report begins with, outcomes, scores, violations and the best of each."""
 
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Sequence
+from urllib.parse import quote
 
 from ..comparisons.metrics import METRICS, NEGLIGIBLE, TOLERANCES, TOLERANT, Metric
+from ..comparisons.statistics import rate_of, rate_text
+from ..comparisons.suite import BASELINE
+from ..rows.readable import counted
+from ..simulation.separation import UNSOLVABLE
 from .best import Better, Cell, judged_by, marked, shown
-from .markdown import bullets, tables
-from .numbers import DASH, FORMATS, count, largest, median, of_length
-from .results import DIVERGED, Line, Results, diverged, violated
+from .markdown import bold, code, enumeration, tables
+from .numbers import DASH, FORMATS, count, largest, median, number, of_length
+from .results import Line, Results, clean, diverged, violated
 
 STATUSES = ("converged", "slow", "trapped", "unfinished", "aborted", "failed")
 
 CONDENSED: dict[str, Callable[[Sequence[float]], float]] = {"worst": largest, "median": median}
-"""What stands for the values of several runs."""
+"""How several runs become one value."""
 
 FIRST = ("violation_depth", "utilization", "acceleration_variation", "step_time_median_us")
-"""What the table that a report begins with has of the metrics."""
+"""Columns of results.csv in the first table."""
 
-MOST_COLUMNS = 8
-"""Of that table."""
+MAX_COLUMNS = 8
+"""Of the first table."""
+
+MAX_NAMES = 9
+"""A cell names no more scenarios than this."""
+
+FIRST_LEGEND = (
+    "*Converged inside*: runs that converged and violated no constraint, strictly (by more than "
+    f"{of_length(NEGLIGIBLE)}); next to it with {of_length(TOLERANT)} tolerated. Medians over converged runs; timing "
+    "medians over all runs. **Bold**: best of the column. Values in parentheses are excluded from the ranking: the "
+    "controller failed a run that another controller solved, or violated a constraint. Timings are not ranked; "
+    "*implementation* says whether compiled or NumPy code was timed."
+)
 
 Column = tuple[str, list[str]]
 
 
+def answer(results: Results) -> str:
+    """How often the unconstrained baseline violates a constraint, and each controller converges without doing so."""
+    if not results.competitors:
+        return f"Only {BASELINE} was run: there is nothing to compare."
+    sentences = []
+    baseline = results.all_runs(BASELINE)
+    if baseline:
+        times = sum(bool(violated(run)) for run in baseline)
+        sentences.append(f"Unconstrained tracking violates a constraint in {times} of {counted(len(baseline), 'run')}.")
+    if baseline and not results.challenged_scenarios:
+        sentences.append("Controllers are not ranked.")
+    ranking: dict[tuple[int, int], list[str]] = defaultdict(list)
+    for name, good in results.clean.items():
+        ranking[good, len(results.all_runs(name))].append(name)
+    ordered = sorted(ranking.items(), key=lambda item: (-item[0][0], item[0][1]))
+    contested = len(ordered) > 1 and bool(results.challenged_scenarios)
+    texts = []
+    for place, ((good, runs), names) in enumerate(ordered):
+        named = enumeration([bold(name) for name in names] if contested and place == 0 else names)
+        texts.append(f"{named} {rate_text(rate_of(good, runs)) if results.trials > 1 else f'{good} of {runs}'}")
+    sentences.append(f"Converged without violating one by more than {of_length(NEGLIGIBLE)}: {'; '.join(texts)}.")
+    if results.trials > 1:
+        sentences.append("Intervals are over trials of these scenarios, not over other scenarios.")
+    return " ".join(sentences)
+
+
 def law_table(results: Results) -> str:
-    """What matters most of each law, best first, in at most :data:`MOST_COLUMNS` columns; what is best is bold."""
-    names, columns = law_columns(results)
-    return _table(names, columns)
+    """What matters most of each controller, best first, in at most :data:`MAX_COLUMNS` columns."""
+    return _table(*law_columns(results))
 
 
 def law_columns(results: Results) -> tuple[list[str], list[Column]]:
-    """The laws in the order of that table, and its columns: what stands above each, and a text for each law."""
+    """The controllers in the order of the first table, and its columns: header, and a text for each controller."""
     names = results.competitors
     runs = [len(results.all_runs(name)) for name in names]
-    good = [
-        Cell(f"{n} of {of}", float(n) if of else math.nan, str(n))
-        for n, of in zip(results.clean.values(), runs, strict=True)
-    ]
-    tolerant = [
-        Cell(str(n), float(n) if of else math.nan, str(n))
-        for n, of in zip(results.clean_tolerant.values(), runs, strict=True)
-    ]
+    strict, tolerant = (
+        [Cell(f"{n} of {of}" if first else str(n), float(n) if of else math.nan, str(n))
+         for n, of in zip(counts.values(), runs, strict=True)]
+        for first, counts in ((True, results.clean), (False, results.clean_tolerant))
+    )  # fmt: skip
+    more = _better(results, "more")
     scores = dict(_column(results, one) for one in METRICS if one.overall and one.column in FIRST)
     columns = [
-        ("converged inside", marked(good, [True] * len(names), _better(results, "more"))),
-        (f"at {of_length(TOLERANT)}", marked(tolerant, [True] * len(names), _better(results, "more"))),
+        ("converged inside", marked(strict, [True] * len(names), more)),
+        (f"at {of_length(TOLERANT)}", marked(tolerant, [True] * len(names), more)),
         *scores.items(),
-        ("form", [results.form(name) for name in names]),
+        ("implementation", [results.implementation(name) for name in names]),
     ]
     order = sorted(range(len(names)), key=lambda i: (-results.clean[names[i]], -results.clean_tolerant[names[i]]))
     return [names[i] for i in order], [(header, [texts[i] for i in order]) for header, texts in columns]
 
 
-FIRST_LEGEND = (
-    "*Converged inside*: runs that converged and violated no row, by the strict standard: none was deeper outside than "
-    f"{of_length(NEGLIGIBLE)}; beside it by the tolerant one, {of_length(TOLERANT)}. Medians are of the runs that "
-    "converged, those of times of all. **Bold** is the best of a column where no other value in it is better; in "
-    "parentheses is what is not compared, since the law did not converge in every run in which another one did, or "
-    "violated a row, strictly. Times are not compared: *form* says what they are times of."
-)
-
-
-def summary(results: Results) -> str:
-    """How all runs ended, and the scores that the first table does not have."""
-    legend = [
-        f"*Diverged*: did not converge, and was outside by more than {100.0 * DIVERGED:g} % of L. These runs are "
-        "counted under their status, too.",
-        "*Worst* is the greatest of all runs. Medians are of the runs that converged, and say of how many if not all "
-        f"of these have a value; {DASH} stands where none has: the φ band needs a row at its boundary, utilization a "
-        "row that tracking alone violates.",
-        "**Bold** is the best of a column, judged by the digits shown; ties are all bold. Nothing is bold where "
-        "another value of the column is better, nor where all are alike. In parentheses is what is not compared: "
-        "that of a controller that did not converge in every run in which another one did. Only controllers that "
-        "violated no row in the runs concerned are compared in other columns than those of violations, and only "
-        "those that never lost a sliding mode by their φ band.",
-        "Depth is relative to the row's characteristic length L. A row is violated if it is deeper outside than "
-        f"{of_length(NEGLIGIBLE)}; of the runs in which one is, those are counted where one is deeper than "
-        f"{of_length(TOLERANT)}, and those where none is deeper than its sampling band T_s u⁺, which excuses nobody.",
-        "The φ band is compared with T_s u⁺ (43): up to 1 "
-        "means chattering as small as the sampling time allows, and much more that a sliding mode was lost.",
-    ]
-    return "\n\n".join(
-        text
-        for text in ("## All scenarios", _endings(results), _scores(results), bullets(legend), _by_tolerance(results))
-        if text
-    )
-
-
-def _endings(results: Results) -> str:
-    """How many runs of each controller ended how; tracking alone, too."""
+def endings_table(results: Results) -> str:
+    """How many runs of each controller, tracking alone included, ended in each status."""
     lines = {name: results.all_runs(name) for name in results.controllers}
     columns: list[Column] = [("runs", [str(len(own)) for own in lines.values()])]
     for status in STATUSES:
@@ -99,19 +104,147 @@ def _endings(results: Results) -> str:
     return _table(results.controllers, columns)
 
 
-def _scores(results: Results) -> str:
-    if not results.competitors:
-        return ""
+def score_table(results: Results) -> str:
+    """Violations, and the scores that the first table does not have."""
     lines = {name: results.all_runs(name) for name in results.competitors}
-    outside = [_count(sum(bool(violated(line)) for line in own)) for own in lines.values()]
-    beyond = [_count(sum(bool(violated(line, "violated_tolerant")) for line in own)) for own in lines.values()]
+    strict, tolerant = (
+        [_count(sum(bool(violated(line, column)) for line in own)) for own in lines.values()]
+        for column in ("violated", "violated_tolerant")
+    )
+    less = _better(results, "less")
     columns: list[Column] = [
-        ("runs with a violated row", marked(outside, _whole(results), _better(results, "less"))),
-        (f"beyond {of_length(TOLERANT)}", marked(beyond, _whole(results), _better(results, "less"))),
+        ("runs with a violated row", marked(strict, _complete(results), less)),
+        (f"beyond {of_length(TOLERANT)}", marked(tolerant, _complete(results), less)),
         ("within the sampling band", [str(sum(map(_within_band, own))) for own in lines.values()]),
     ]
     columns += [_column(results, metric) for metric in METRICS if metric.overall and metric.column not in FIRST]
-    return _table(results.competitors, columns)
+    return _table(results.competitors, columns) if results.competitors else ""
+
+
+def tolerance_table(results: Results) -> str:
+    """How many runs of each controller are successes at each tolerance."""
+    lines = []
+    for name in results.competitors:
+        depths = [line["violation_fraction"] for line in results.all_runs(name) if line["status"] == "converged"]
+        lines.append([name, *(str(sum(depth <= tolerance for depth in depths)) for tolerance in TOLERANCES)])
+    return tables(["controller", *(f"{100.0 * one:g} %" for one in TOLERANCES)], lines) if lines else ""
+
+
+def violation_table(results: Results) -> str:
+    """Where each controller that violates constraints does, and its deepest violation."""
+    lines = []
+    for name in results.competitors:
+        runs = [line for line in results.all_runs(name) if violated(line)]
+        if runs:
+            worst = max(runs, key=lambda line: float(line["violation_depth"]))
+            depth = number(100.0 * worst["violation_depth"])
+            where = enumeration(shortened_list([line["scenario"] for line in runs]))
+            lines.append([name, str(len(runs)), depth, _deepest_row(results, worst), worst["scenario"], where])
+    header = ["controller", "runs", "worst depth [% of L]", "row", "scenario", "violates a row in"]
+    return tables(header, lines, 6) if lines else ""
+
+
+def _deepest_row(results: Results, run: Line) -> str:
+    """The row that is violated by the greatest share of its characteristic length."""
+    rows = results.rows(run["scenario"], run["controller"])
+    rows = [row for row in rows if row["trial"] == run["trial"] and row["violation_depth"] > 0.0]
+    worst = max(rows, key=lambda row: float(row["usage_max"]), default=None)
+    return code(worst["constraint"]) if worst else DASH
+
+
+def winner_table(results: Results) -> str:
+    """By metric, the scenarios in which each controller is the best of those that solved it in every trial."""
+    metrics = [metric for metric in METRICS if metric.finding[0]]
+    won = [_won(results, metric) for metric in metrics]
+    names = [name for name in results.competitors if any(name in one for one in won)]
+    lines = [[name, *(enumeration(shortened_list(one.get(name, []))) or DASH for one in won)] for name in names]
+    header = ["controller", *("{} [{}]".format(*metric.finding) for metric in metrics)]
+    return tables(header, lines, len(header)) if lines else ""
+
+
+def _won(results: Results, metric: Metric) -> dict[str, list[str]]:
+    """The scenarios a controller wins, with its value; none where values are alike as printed."""
+    show = FORMATS[metric.style]
+    won: dict[str, list[str]] = defaultdict(list)
+    for scenario in results.challenged_scenarios:
+        values = {
+            name: median([shown(metric, line) for line in results.runs(scenario, name)])
+            for name in solvers(results, scenario)
+        }
+        values = {name: value for name, value in values.items() if math.isfinite(value)}
+        if len({show(value) for value in values.values()}) < 2:
+            continue
+        top = show((max if metric.better == "more" else min)(values.values()))
+        for name, value in values.items():
+            if show(value) == top:
+                won[name].append(f"{scenario} ({top})")
+    return won
+
+
+def unsolved(results: Results) -> dict[str, str]:
+    """The scenarios that no controller solved, and why none can, where that is known."""
+    reasons = {}
+    for scenario in results.scenarios:
+        lines = [line for name in results.competitors for line in results.runs(scenario, name)]
+        if lines and not solvers(results, scenario):
+            closed = all(UNSOLVABLE in line["reason"] for line in lines)
+            reasons[scenario] = "constraints close off a marker from its goal" if closed else ""
+    return reasons
+
+
+def solvers(results: Results, scenario: str) -> list[str]:
+    """Controllers that converged and violated nothing, in every trial."""
+    runs = {name: results.runs(scenario, name) for name in results.competitors}
+    return [name for name, lines in runs.items() if lines and all(map(clean, lines))]
+
+
+def outcome_table(results: Results) -> str:
+    """One line per scenario and one column per controller; the other way round where there are more controllers."""
+    names, scenarios = results.controllers, results.scenarios
+    linked = {name: f"[{name}](#{anchor(name)})" for name in scenarios}
+    if len(names) > len(scenarios):
+        header = ["controller", *linked.values()]
+        lines = [[name, *(_scored_outcome(results, scenario, name) for scenario in scenarios)] for name in names]
+    else:
+        header = ["scenario", *names]
+        lines = [[linked[one], *(_scored_outcome(results, one, name) for name in names)] for one in scenarios]
+    return tables(header, lines, len(header))
+
+
+def outcome(results: Results, scenario: str, controller: str) -> str:
+    """How a controller ended on a scenario, with marks for violations; counted where there are several trials."""
+    lines = results.runs(scenario, controller)
+    if not lines:
+        return "not run"
+    endings = [f"{line['status'] or 'unknown'}{_mark(line)}" for line in lines]
+    if len(lines) == 1:
+        return endings[0]
+    return ", ".join(f"{endings.count(ending)} {ending}" for ending in dict.fromkeys(endings))
+
+
+def _scored_outcome(results: Results, scenario: str, controller: str) -> str:
+    """The outcome; of a single run with its utilization [%] or, where it violated a row, its depth [% of L]."""
+    lines, text = results.runs(scenario, controller), outcome(results, scenario, controller)
+    if len(lines) != 1 or controller == BASELINE:
+        return text
+    column = "violation_depth" if violated(lines[0]) else "utilization"
+    value = 100.0 * lines[0][column]
+    return f"{text} {number(value)}" if math.isfinite(value) else text
+
+
+def _mark(line: Line) -> str:
+    return "†" if violated(line, "violated_tolerant") else "‡" if violated(line) else ""
+
+
+def anchor(scenario: str) -> str:
+    """Where a scenario's section is, in links."""
+    return quote(f"scenario-{scenario}")
+
+
+def shortened_list(names: Sequence[str]) -> list[str]:
+    """Different names or, if there are more than :data:`MAX_NAMES`, the first of them and how many more there are."""
+    names = list(dict.fromkeys(names))
+    return names if len(names) <= MAX_NAMES else [*names[: MAX_NAMES - 1], f"{len(names) - MAX_NAMES + 1} more"]
 
 
 def _within_band(line: Line) -> bool:
@@ -119,52 +252,40 @@ def _within_band(line: Line) -> bool:
     return bool(violated(line)) and violated(line) == violated(line, "within_band")
 
 
-def _by_tolerance(results: Results) -> str:
-    """How many runs of each law are successes at each tolerance."""
-    if not results.competitors:
-        return ""
-    lines = []
-    for name in results.competitors:
-        depths = [line["violation_fraction"] for line in results.all_runs(name) if line["status"] == "converged"]
-        lines.append([name, *(str(sum(depth <= tolerance for depth in depths)) for tolerance in TOLERANCES)])
-    told = "Runs that converged with no row deeper outside than the head of the column says, in % of L:"
-    return f"{told}\n\n" + tables(["controller", *(f"{100.0 * one:g} %" for one in TOLERANCES)], lines)
-
-
-def _whole(results: Results) -> list[bool]:
-    """Who converged in every run in which anybody that is compared did; nobody if there is only one."""
-    goals = {
+def _complete(results: Results) -> list[bool]:
+    """Who converged in every run in which any competitor did; nobody if there is only one competitor."""
+    solved = {
         name: {(line["scenario"], line["trial"]) for line in results.all_runs(name) if line["status"] == "converged"}
         for name in results.competitors
     }
-    anyone = set().union(*goals.values())
+    anyone = set().union(*solved.values())
     several = sum(bool(results.all_runs(name)) for name in results.competitors) > 1
-    return [several and bool(anyone) and own == anyone for own in goals.values()]
+    return [several and bool(anyone) and runs == anyone for runs in solved.values()]
 
 
 def _column(results: Results, metric: Metric) -> Column:
-    """A metric over all scenarios, of each controller that is compared."""
-    cells, may = [], []
-    for name, whole in zip(results.competitors, _whole(results), strict=True):
+    """A metric over all scenarios, of each competitor."""
+    cells, eligible = [], []
+    for name, complete in zip(results.competitors, _complete(results), strict=True):
         lines = results.all_runs(name)
         if metric.condensed != "worst" and metric.kind != "time":
             lines = [line for line in lines if line["status"] == "converged"]
         cells.append(_cell(metric, lines))
-        may.append(whole and judged_by(metric, lines))
-    return metric.overall, marked(cells, may, _better(results, metric.better))
+        eligible.append(complete and judged_by(metric, lines))
+    return metric.overall, marked(cells, eligible, _better(results, metric.better))
 
 
 def _better(results: Results, better: Better | None) -> Better | None:
-    """What nobody challenges crowns no winner."""
+    """Nothing is ranked where tracking alone violates no row."""
     return better if results.challenged_scenarios else None
 
 
-def _cell(metric: Metric, lines: list[Line]) -> Cell:
-    """One value of several runs; if it does not rest on all of them, with how many it rests on."""
+def _cell(metric: Metric, lines: Sequence[Line]) -> Cell:
+    """One value of several runs, with how many have a value where not all do."""
     values = [shown(metric, line) for line in lines]
     value = CONDENSED[metric.condensed](values)
-    text, rests_on = FORMATS[metric.style](value), sum(v == v for v in values)
-    return Cell(text if text == DASH or rests_on == len(lines) else f"{text}, {rests_on} of {len(lines)}", value, text)
+    text, finite = FORMATS[metric.style](value), sum(v == v for v in values)
+    return Cell(text if text == DASH or finite == len(lines) else f"{text}, {finite} of {len(lines)}", value, text)
 
 
 def _count(value: int) -> Cell:

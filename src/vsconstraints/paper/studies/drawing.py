@@ -1,4 +1,4 @@
-"""What the figures of studies have in common: points by controller, scenario and outcome."""
+"""Laws that studies compare, and what the figures of studies share: lines by law, panels by scenario, outcomes."""
 
 from __future__ import annotations
 
@@ -7,11 +7,32 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from typing import Any
 
+from ...comparisons.runs.spec import SLIDING_MODE, ControllerSpec
 from ...reports.plots import INK, Look, Sheet, darker, line, looks
-from .laws import LAWS
-from .points import where
+from .study import where
 
-LOOKS: dict[str, Look] = looks(["tracking", *(law.name for law in LAWS)])
+
+def potential_field(blend: str, region: float = 0.2, strength: float = 1.0) -> ControllerSpec:
+    """A potential field; the default region is that of studies that do not vary it."""
+    name = "potential-field" if blend == "additive" else f"potential-field-{blend}"
+    options = {"blend": blend, "region": region} | ({"strength": strength} if strength != 1.0 else {})
+    return ControllerSpec(name, "potential-field", options)
+
+
+def hierarchical_qp(alpha: float = 20.0) -> ControllerSpec:
+    """The hierarchical QP with barrier rows of rate α [1/s]; the default is that of studies that do not vary it."""
+    return ControllerSpec("hierarchical-qp", options={"rows": "barrier", "alpha": alpha})
+
+
+ACTIVE_QP = ControllerSpec("hierarchical-qp-active", "hierarchical-qp", {"rows": "active"})
+
+LAWS: dict[str, ControllerSpec] = {
+    law.name: law
+    for law in (SLIDING_MODE, potential_field("additive"), potential_field("priority"), hierarchical_qp(), ACTIVE_QP)
+}
+"""Every law that studies compare with its usual options, by name."""
+
+LOOKS: dict[str, Look] = looks(["tracking", *LAWS])
 SCENARIO_TITLES: dict[str, str] = {
     "example-2d-fov": "first example",
     "example-2d-fast-high-gain": "first example, fast",
@@ -35,14 +56,14 @@ def sentence_start(scenario: str) -> str:
 def scenario_panels(
     sheet: Sheet, scenarios: Sequence[str], measures: Sequence[str], below: str, *, height: float, gap: float
 ) -> dict[tuple[int, str], Any]:
-    """A row of panels for each measure, which is named at the left, and a column for each scenario, with its title.
+    """A row of panels for each measure, labelled at the left, and a column for each scenario, with its title.
 
-    ``below`` names the common horizontal axis; height of panels and gap between columns are inches.
+    ``below`` labels the common horizontal axis; the height of panels and the gap between columns are in inches.
 
     Returns
     -------
     dict
-        Panels by the measure's number and the scenario.
+        Panels by the measure's index and the scenario.
     """
     sheet.at += 0.15
     places = list(product(range(len(measures)), scenarios))
@@ -56,19 +77,19 @@ def scenario_panels(
 
 
 def entry(label: str, colour: str, marker: str = "", **look: Any) -> dict[str, Any]:
-    """Legend entry of points that a line joins."""
+    """Legend entry of points joined by a line."""
     return line(label, colour, **{"marker": marker, "markersize": 5.0, "linewidth": 1.4, **look})
 
 
-def controller_entries(names: Iterable[str]) -> list[dict[str, Any]]:
-    """Legend entries of controllers, with their markers."""
+def law_entries(names: Iterable[str]) -> list[dict[str, Any]]:
+    """Legend entries of laws, with their markers."""
     return [entry(name, LOOKS[name].colour, LOOKS[name].marker) for name in names]
 
 
 def joined(
     ax: Any, points: Iterable[dict[str, Any]], x: str, y: str, colour: str, marker: str = "", **look: Any
 ) -> None:
-    """Points joined by a line in their order; what is no number is left out."""
+    """Points joined by a line in their order; those that are not finite are left out."""
     pairs = [(p[x], p[y]) for p in points if math.isfinite(p[x]) and math.isfinite(p[y])]
     if pairs:
         edge = {"markeredgecolor": darker(colour), "markeredgewidth": 0.6}
@@ -76,20 +97,20 @@ def joined(
         ax.plot(*zip(*pairs, strict=True), **line)
 
 
-def by_outcome(
-    ax: Any, points: Iterable[dict[str, Any]], x: str, y: str, outcomes: Mapping[str, tuple[str, str, str]]
-) -> None:
-    """A marker for each run, that shows its outcome; colour, marker and label of each are given."""
+Outcomes = Mapping[str, tuple[str, str, str]]
+"""Colour, marker and label of each outcome of a run."""
+
+
+def by_outcome(ax: Any, points: Iterable[dict[str, Any]], x: str, y: str, outcomes: Outcomes) -> None:
+    """A marker for each run that shows its outcome."""
     for name, (colour, marker, _) in outcomes.items():
         own, edge = where(points, outcome=name), colour if marker == "x" else INK
         look = {"marker": marker, "color": colour, "markersize": 7.5, "markeredgecolor": edge, "markeredgewidth": 0.5}
         ax.plot([p[x] for p in own], [p[y] for p in own], **look, linestyle="none", zorder=3)
 
 
-def outcome_entries(
-    points: Iterable[dict[str, Any]], outcomes: Mapping[str, tuple[str, str, str]]
-) -> list[dict[str, Any]]:
-    """Legend entries of the outcomes that there are."""
+def outcome_entries(points: Iterable[dict[str, Any]], outcomes: Outcomes) -> list[dict[str, Any]]:
+    """Legend entries of the outcomes that occur."""
     shown = [look for name, look in outcomes.items() if where(points, outcome=name)]
     return [entry(label, colour, marker, linestyle="none", markersize=7.0) for colour, marker, label in shown]
 

@@ -17,20 +17,16 @@ from ...comparisons.tables import write_table
 from ...compiled import prepare
 from ...errors import ConfigurationError, unknown_name
 from ...reports.plots import PNG, Formats
-from .gradient_error import GradientErrors
-from .non_static import NonStatic
-from .pareto import Pareto
-from .robustness import Robustness
-from .sampling_time import SamplingTime
-from .shrinking_region import ShrinkingRegion
+from .disturbances import GradientErrors, Robustness
+from .gains import SamplingTime, SwitchingGain
+from .moving_obstacles import NonStatic
+from .potential_fields import Pareto, ShrinkingRegion
 from .study import Study, StudyResult
 from .summary import RunSummary, summarise
-from .switching_gain import SwitchingGain
 from .unselected_experiments import UnselectedExperiments
 
 Progress = Callable[[int, int], None]
-"""Told how many runs are done, and how many there are in all."""
-
+"""Called with the number of runs done and their total."""
 
 STUDIES: dict[str, Study] = {
     study.name: study
@@ -48,8 +44,8 @@ STUDIES: dict[str, Study] = {
 """Studies by the name files and the command line use."""
 
 CAMPAIGNS = ("real-world",)
-"""Studies that are campaigns of :mod:`.evidence`, with a folder and a report of their own: they take long,
-and run only where they are named."""
+"""Studies that are campaigns of drawn scenes, with a folder and a report of their own: they take long, and run only
+where they are named."""
 
 
 def figure_file(folder: Path, name: str, formats: Formats = PNG) -> Path:
@@ -84,22 +80,22 @@ def run_studies(
     folder
         ``figures/study-NAME`` and ``studies/NAME.csv`` are written below it; nothing is if None.
     workers
-        Number of processes at most; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
+        Maximum number of processes; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
     on_progress
-        Told after every simulation how many are done, and how many there are.
+        See :data:`Progress`.
     small
         A few short runs of each study instead of all.
     studies
-        What there is to choose from.
+        Available studies.
     formats
-        In which figures are written.
+        File formats of the figures.
     kept
         Where finished runs are kept until all are; below the folder, until the studies are finished, if None.
 
     Raises
     ------
     ConfigurationError
-        for unknown names, and if the folder cannot be made.
+        for unknown names, and if the folder cannot be created.
     """
     chosen = list(dict.fromkeys(names or studies))
     for name in chosen:
@@ -112,10 +108,10 @@ def run_studies(
         except OSError as error:
             raise ConfigurationError(f"studies cannot be stored in {folder}: {error}") from error
     runs = {name: studies[name].runs(small=small) for name in chosen}
-    noted = {run: False for own in runs.values() for run in own.values()}
-    noted |= {run: True for name, own in runs.items() if studies[name].drift_noted for run in own.values()}
+    drift_noted = {run: False for own in runs.values() for run in own.values()}
+    drift_noted |= {run: True for name, own in runs.items() if studies[name].drift_noted for run in own.values()}
     with nullcontext(kept) if kept else unfinished(folder) as store:
-        summaries = _run_all(noted, store, workers, on_progress)
+        summaries = _run_all(drift_noted, store, workers, on_progress)
         return {
             name: _finish(studies[name], {case: summaries[run] for case, run in own.items()}, folder, formats)
             for name, own in runs.items()
@@ -125,18 +121,8 @@ def run_studies(
 def _run_all(
     runs: Mapping[RunSpec, bool], kept: Path, workers: int | None, on_progress: Progress
 ) -> dict[RunSpec, RunSummary]:
-    """Summaries of runs; one that raised, whose process died, or that took too long has the status ``failed``.
-
-    Parameters
-    ----------
-    runs
-        Whether each is asked what moved φ.
-    kept
-        Where runs are kept until all are finished.
-    workers, on_progress
-        See :func:`run_studies`.
-    """
-    # tracking on the scenario as it is shipped tells which rows are challenged
+    """Summaries of runs, with drift where that is True; a run without an answer has the status ``failed``."""
+    # tracking on the scenario as it is shipped shows which rows are challenged
     baselines = {name: RunSpec(name, ControllerSpec(BASELINE)) for name in dict.fromkeys(run.name for run in runs)}
     limits = longest_first(runs)
     prepare()
@@ -152,7 +138,7 @@ def _run_all(
 
 
 def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -> RunSummary:
-    """Make a run, or take its summary from where it is kept; raises whatever goes wrong."""
+    """Make a run, or load its summary from an interrupted call; raises whatever goes wrong."""
     file = kept_file(kept, run, "drift" if drift_noted else "summary")
     stored = RunSummary.load(file)
     if stored is not None:
@@ -160,7 +146,7 @@ def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -
     # some studies are about runs that diverge
     with np.errstate(over="ignore", invalid="ignore"):
         made = perform(run)
-        with suppress(OSError):  # it is there: it can only not be taken up again
+        with suppress(OSError):  # then it can only not be taken up again
             if run == baseline:
                 made.record.save(kept_file(kept, run))
         summary = summarise(made, RunRecord.load(kept_file(kept, baseline)), drift_noted=drift_noted)
@@ -170,7 +156,7 @@ def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -
 
 
 def _finish(study: Study, summaries: Mapping[Any, RunSummary], folder: Path | None, formats: Formats) -> StudyResult:
-    """Evaluate and draw one study; what goes wrong stays in it."""
+    """Evaluate and draw one study; its own mistakes become failures of its result."""
     try:
         result = study.evaluate(summaries)
     except Exception as error:  # one study's mistake must not cost the others
@@ -181,9 +167,9 @@ def _finish(study: Study, summaries: Mapping[Any, RunSummary], folder: Path | No
         columns = list(dict.fromkeys(column for point in result.points for column in point))
         lines = [{column: point.get(column, "") for column in columns} for point in result.points]
         write_table(data_file(folder, study.name), columns, lines)
-        for one in formats:
-            study.draw(result, figure_file(folder, study.name, (one,)))
-    except Exception as error:  # a figure must not cost what was found
+        for suffix in formats:
+            study.draw(result, figure_file(folder, study.name, (suffix,)))
+    except Exception as error:  # a figure must not cost the numbers
         failure = f"figure: {type(error).__name__}: {error}"
         return StudyResult(study.name, result.numbers, result.sentences, result.points, (*result.failures, failure))
     return result

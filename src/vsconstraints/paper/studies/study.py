@@ -1,37 +1,49 @@
-"""What a study is: runs that differ in one thing, and what their comparison answers."""
+"""What a study is: runs that differ in what is varied, numbers and sentences about them, and one figure."""
 
 from __future__ import annotations
 
 import math
+import tomllib
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import product, takewhile
 from pathlib import Path
+from string import Formatter
 from typing import Any, ClassVar
 
 from ...comparisons.runs.spec import RunSpec
+from ...reports.numbers import largest, number, percent
 from ...reports.plots import Figure, Sheet
-from .points import Measured, Numbers
 from .summary import RunSummary
 
+TABLES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("studies.toml").read_text(encoding="utf-8"))
+"""Texts and varied values of the shipped studies, by name."""
+
 Case = Hashable
-"""What tells a run from the others of its study: a NamedTuple of what is varied, None where something is not."""
+"""Identifies a run of a study: a NamedTuple of what is varied, None where something does not apply."""
+
+Points = list[dict[str, Any]]
+"""Lines of a study's data, by column."""
+
+Numbers = dict[tuple[str | float, ...], float]
+"""Keyed by what they are about (a scenario, a law, a gain …) and, last, by their name."""
 
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What a study found.
+    """The result of a study.
 
     Attributes
     ----------
     study
         Its name.
     numbers
-        What verdicts are made of, by name; NaN where it could not be measured.
+        What verdicts are based on; NaN where it could not be measured.
     sentences
         The findings, with their numbers.
     points
-        The data of the figure: one line of the study's CSV file each, failed runs included.
+        The data of the figure, one line of the study's CSV file each, failed runs included.
     failures
         Case and reason of every run that failed or was aborted, and of an evaluation or drawing that failed.
     """
@@ -46,7 +58,7 @@ class StudyResult:
 class Study(ABC):
     """A question, the runs that answer it, and one figure.
 
-    A new study gives the attributes below, :meth:`runs`, :meth:`measure` and :meth:`figure`, and a line in
+    A new study defines the attributes below, :meth:`runs`, :meth:`measure` and :meth:`figure`, and is listed in
     :data:`vsconstraints.paper.studies.STUDIES`.
 
     Attributes
@@ -58,51 +70,142 @@ class Study(ABC):
     figure_caption
         What the figure shows.
     drift_noted
-        Whether runs are asked what moved φ, which takes about as long as they do.
+        Whether summaries include what moved φ, which takes about as long as the runs do.
     """
 
     name: ClassVar[str]
-    title: ClassVar[str]
-    question: ClassVar[str]
-    claims: ClassVar[tuple[int, ...]]
-    figure_caption: ClassVar[str]
-    drift_noted: ClassVar[bool] = False
+    title: str
+    question: str
+    claims: tuple[int, ...]
+    figure_caption: str
+    drift_noted: bool = False
 
     @abstractmethod
     def runs(self, *, small: bool = False) -> Mapping[Any, RunSpec]:
         """Every run by its case, in the order of the figure's data; ``small`` asks for a few short ones."""
 
     @abstractmethod
-    def measure(self, results: Mapping[Any, RunSummary]) -> Measured:
-        """The points, numbers and sentences of :class:`StudyResult`; runs that failed are in ``results`` as such."""
+    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
+        """The points, numbers and sentences of :class:`StudyResult`; failed runs are in ``results``, too."""
 
     def figure(self, result: StudyResult) -> Sheet:
         """The figure, drawn from the result's points."""
         raise NotImplementedError(f"{type(self).__name__} has neither figure nor draw")
 
     def draw(self, result: StudyResult, path: Path) -> None:
-        """Draw the figure and write it in the format that the path's suffix says."""
+        """Draw the figure and write it in the format given by the path's suffix."""
         Figure(self.name, self.title, self.figure_caption, self.figure).write(path, result)
 
     def evaluate(self, results: Mapping[Any, RunSummary]) -> StudyResult:
-        """What the runs say.
-
-        Parameters
-        ----------
-        results
-            By the runs' cases. Runs may be missing; a run that failed or was aborted is listed with its reason.
-        """
+        """The result, from summaries by case. Some may be missing; those that ended early are listed as failures."""
         points, numbers, sentences = self.measure(results)
-        failures = [f"{_said(case)}: {run.status}, {run.reason}" for case, run in results.items() if run.ended_early]
+        failures = [
+            f"{case_text(case)}: {run.status}, {run.reason}" for case, run in results.items() if run.ended_early
+        ]
         return StudyResult(self.name, numbers, tuple(sentences), tuple(points), tuple(failures))
 
 
+class Sweep(Study):
+    """A study whose texts and varied values are the table of its name in ``studies.toml``.
+
+    Each table of ``runs`` (``small`` for the small form) is a product: it gives values, or a list of them, for fields
+    of :attr:`Case`, the last one varied first, and may set keys of the scenario (``overrides``).
+    """
+
+    Case: ClassVar[Callable[..., Any]]
+
+    def __init__(self) -> None:
+        self.table = TABLES[self.name]
+        self.title, self.question = self.table["title"], self.table["question"]
+        self.figure_caption, self.claims = self.table["caption"], tuple(self.table["claims"])
+        self.drift_noted = self.table.get("drift", False)
+
+    @abstractmethod
+    def spec(self, case: Any) -> RunSpec:
+        """The run of a case."""
+
+    def runs(self, *, small: bool = False) -> dict[Any, RunSpec]:
+        """See :class:`Study`."""
+        runs = {}
+        for table in self.table["small" if small else "runs"]:
+            overrides = table.get("overrides", {})
+            values = {name: value if isinstance(value, list) else [value] for name, value in table.items()}
+            values.pop("overrides", None)
+            for chosen in product(*values.values()):
+                case = self.Case(**dict(zip(values, chosen, strict=True)))
+                spec = self.spec(case)
+                runs[case] = replace(spec, overrides={**spec.overrides, **overrides})
+        return runs
+
+    def sentence(self, key: str, **values: Any) -> str:
+        """A sentence of the table with values filled in: ``{x!n}`` as reports print numbers, ``{x!p}`` as percent."""
+        return _Sentences().vformat(self.table["sentences"][key], (), values)
+
+
+class _Sentences(Formatter):
+    def convert_field(self, value: Any, conversion: str | None) -> Any:
+        styles = {"n": number, "p": percent}
+        return styles[conversion](value) if conversion in styles else super().convert_field(value, conversion)
+
+
+def case_text(case: Case) -> str:
+    """A case in a message."""
+    parts = case if isinstance(case, tuple) else (case,)
+    return " ".join(f"{part:g}" if isinstance(part, float) else str(part) for part in parts if part is not None)
+
+
 def begun(case: Any, run: RunSummary) -> dict[str, Any]:
-    """How a run's line of the figure's data begins: its case, a NamedTuple, and how it ended."""
+    """The first columns of a run's line: its case, a NamedTuple, and how it ended."""
     varied = {name: math.nan if value is None else value for name, value in case._asdict().items()}
     return {**varied, "status": run.status, "reason": run.reason}
 
 
-def _said(case: Case) -> str:
-    parts = case if isinstance(case, tuple) else (case,)
-    return " ".join(f"{part:g}" if isinstance(part, float) else str(part) for part in parts if part is not None)
+def columns(run: RunSummary, *names: str) -> dict[str, Any]:
+    """Columns of a run's line: ``violation`` [% of L], ``violated``, and numbers of the summary or of results.csv."""
+    special: dict[str, Any] = {
+        "violation": 100.0 * run.value("violation_depth"),
+        "violated": run.result.get("violated", ""),
+        "phi_max": run.phi_max,
+        "longest_run": float(run.longest_run),
+        "bound_12": run.needed_gain,
+    }
+    return {name: special[name] if name in special else run.value(name) for name in names}
+
+
+def grouped(points: Iterable[dict[str, Any]], column: str) -> dict[Any, Points]:
+    """Points by their value in a column, in the order in which the values come."""
+    groups: dict[Any, Points] = {}
+    for point in points:
+        groups.setdefault(point[column], []).append(point)
+    return groups
+
+
+def where(points: Iterable[dict[str, Any]], **values: Any) -> Points:
+    """Points whose columns have these values."""
+    return [point for point in points if all(point[column] == value for column, value in values.items())]
+
+
+def ended_early(point: Mapping[str, Any]) -> bool:
+    """Whether a point's run failed or was aborted."""
+    return point["status"] in ("failed", "aborted")
+
+
+def completed(points: Iterable[dict[str, Any]]) -> Points:
+    """Points of runs that neither failed nor were aborted."""
+    return [point for point in points if not ended_early(point)]
+
+
+def keyed(values: Mapping[str, float], *about: str | float) -> Numbers:
+    """Numbers by name as numbers about something."""
+    return {(*about, name): float(value) for name, value in values.items()}
+
+
+def greatest(points: Iterable[Mapping[str, Any]], column: str) -> float:
+    """Greatest finite value of a column; NaN if there is none."""
+    return largest([point[column] for point in points])
+
+
+def smallest_enough(points: Iterable[Mapping[str, Any]], column: str, good: Callable[[Any], bool]) -> float:
+    """Smallest value of a column from which on every point is good; NaN if that of the greatest value is not."""
+    downwards = sorted(points, key=lambda point: point[column], reverse=True)
+    return min((float(point[column]) for point in takewhile(good, downwards)), default=math.nan)

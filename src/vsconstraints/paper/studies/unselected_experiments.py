@@ -1,11 +1,21 @@
-"""The paper's experiments in scenes that nobody selected by what comes of them."""
+"""The paper's experiments in scenes that nobody selected by their outcome.
+
+The paper does not print where robot and target were. ``examples/draw_experiment_scenes.py`` draws an arm with its
+camera looking down; a horizontal screen in what the camera sees from the goal; and by how much the start is off. A
+scene is one of the experiment's geometry if ideal tracking would take exactly one marker across the boundary. No
+simulation takes part, and no error of a gradient. Drawing takes a minute, so the scenes are kept in
+``experiment_scenes.json`` beside this file, with how many draws were rejected, and why.
+"""
 
 from __future__ import annotations
 
+import json
 import math
 from collections import Counter
 from collections.abc import Mapping
+from functools import cache
 from itertools import product
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,20 +25,17 @@ from ...reports.numbers import median
 from ...reports.plots import REFERENCE, Sheet, logarithmic
 from ...simulation.disturbances import GRADIENT_SIGNS
 from .drawing import entry, scenario_title, sentence_start
-from .experiment_scenes import EXPERIMENTS, Experiment, kept_scenes
-from .points import Measured, Numbers, Points, grouped, under, where
-from .study import Study, StudyResult
+from .study import Numbers, Points, StudyResult, Sweep, grouped, keyed, where
 from .summary import NOT_RUN, RunSummary, pixel_distance, speed_difference
 
 EXACT = "exact"
 SHIPPED = "shipped"
 
 _ERROR = {"gradient_error": 0.3}
-_REVERSED = {**_ERROR, "gradient_error_signs": [-sign for sign in GRADIENT_SIGNS]}
 CASES: dict[str, dict[str, Any]] = {
     EXACT: {},
     "plus": _ERROR,
-    "minus": _REVERSED,
+    "minus": {**_ERROR, "gradient_error_signs": [-sign for sign in GRADIENT_SIGNS]},
     "plus-action": {**_ERROR, "gradient_error_in_phi": False},
 }
 """``[disturbances]``: none, (49) as printed, with its signs reversed, and with ∇σ_e in L_gφ alone."""
@@ -48,8 +55,11 @@ LITTLE = 0.1
 APPLIED = 0.01
 """Tracks that differ by less than this show no effect of an error [px]."""
 
+WIDTH, HEIGHT = 640.0, 480.0
+"""Of the experiments' image [px]."""
+
 PANELS = (
-    ("track_px", "greatest difference\nof tracks [px]", (0.1, 1.0, 10.0, 100.0, 1000.0), 640.0 * VERY_SIMILAR),
+    ("track_px", "greatest difference\nof tracks [px]", (0.1, 1.0, 10.0, 100.0, 1000.0), WIDTH * VERY_SIMILAR),
     (
         "speed_share",
         "greatest difference of joint\nspeeds [% of the greatest]",
@@ -58,73 +68,89 @@ PANELS = (
     ),
     ("clearance_share", "least clearance\n[% of L]", (-100.0, -10.0, -1.0, 0.0, 1.0, 10.0), 0.0),
 )
-"""Column, label, ticks, and what the claims ask for."""
+"""Column, label, ticks, and the threshold of the claims."""
 
 
-class Case(NamedTuple):
-    """A scenario, which scene of its geometry, and one of :data:`CASES`."""
+class Experiment(NamedTuple):
+    """One of the two experiments: the shipped scenario's name, and the kind of its visibility rows."""
 
     scenario: str
-    scene: str
-    case: str
+    kind: str
 
 
-class UnselectedExperiments(Study):
+EXPERIMENTS = (Experiment("experiment-1-pbvs", "fov"), Experiment("experiment-2-ibvs", "occlusion"))
+
+
+@cache
+def kept_scenes() -> dict[str, Any]:
+    """By scenario: ``scenes``, entries by dotted keys, and ``rejected``, how many draws by reason."""
+    kept: dict[str, Any] = json.loads(Path(__file__).with_name("experiment_scenes.json").read_text(encoding="utf-8"))
+    return kept
+
+
+class UnselectedExperiments(Sweep):
     """Both experiments, without and with the gradient error (49), in scenes selected by geometry alone.
 
-    The scenes are those of :mod:`.experiment_scenes`. A scene counts if, without an error, the
-    goal is reached and exactly one row acts, which is a visibility row that is not violated: as in the experiments.
-    No run with an error takes part in that.
+    A scene counts if, without an error, the goal is reached and exactly one row acts, which is a visibility row that is
+    not violated: as in the experiments. No run with an error takes part in that.
     """
 
     name = "unselected-experiments"
-    title = "The experiments in unselected scenes"
-    question = "Does an error of 30 % in the gradient change little in scenes that were not chosen for that?"
-    claims = (6,)
-    figure_caption = (
-        "Experiment 1 above, experiment 2 below: share of the unselected scenes in which the run with the error "
-        "differs by less than the value below. Dotted: the error in L_gφ alone. Triangles: the scenes of Figs. 16 and "
-        "19. Dashed: what the claims ask for."
-    )
 
-    def runs(self, *, small: bool = False) -> dict[Case, RunSpec]:
+    class Case(NamedTuple):
+        """A scenario, which scene of its geometry, and one of :data:`CASES`."""
+
+        scenario: str
+        scene: str
+        case: str
+
+    def spec(self, case: Any) -> RunSpec:
+        """See :class:`Sweep`."""
+        scene = {} if case.scene == SHIPPED else kept_scenes()[case.scenario]["scenes"][int(case.scene)]
+        error = {"disturbances": CASES[case.case]} if CASES[case.case] else {}
+        return RunSpec(case.scenario, overrides={**scene, **error})
+
+    def runs(self, *, small: bool = False) -> dict[Any, RunSpec]:
         """The shipped scene and every kept one, in every case."""
-        runs = {}
-        for experiment in EXPERIMENTS:
-            kept = kept_scenes()[experiment.scenario]["scenes"][: 2 if small else None]
-            scenes: dict[str, dict[str, Any]] = {SHIPPED: {}} | {str(i): scene for i, scene in enumerate(kept)}
-            for scene, entries in scenes.items():
-                for case, disturbances in CASES.items():
-                    if small and "action" in case:
-                        continue
-                    overrides = {**entries, **({"disturbances": disturbances} if disturbances else {})}
-                    runs[Case(experiment.scenario, scene, case)] = RunSpec(experiment.scenario, overrides=overrides)
-        return runs
+        cases = []
+        for scenario, _ in EXPERIMENTS:
+            count = 2 if small else len(kept_scenes()[scenario]["scenes"])
+            scenes = (SHIPPED, *map(str, range(count)))
+            cases += [self.Case(scenario, *each) for each in product(scenes, list(CASES)[: 3 if small else 4])]
+        return {case: self.spec(case) for case in cases}
 
-    def measure(self, results: Mapping[Case, RunSummary]) -> Measured:
+    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
         """What every error changes in every scene, and in how many scenes it is little."""
         points: Points = []
         numbers: Numbers = {}
         sentences = []
         for experiment in EXPERIMENTS:
-            name, judged = experiment.scenario, Points()
+            name = experiment.scenario
             rejected: Counter[str] = Counter()
+            accepted: Points = []
             for scene in dict.fromkeys(case.scene for case in results if case.scenario == name):
-                cases = {case.case: run for case, run in results.items() if case[:2] == (name, scene)}
-                exact = cases.get(EXACT, NOT_RUN)
-                reason = why_not(experiment, exact) if EXACT in cases else "no run without an error"
+                runs = {case.case: run for case, run in results.items() if case[:2] == (name, scene)}
+                exact = runs.get(EXACT, NOT_RUN)
+                reason = why_not(experiment, exact) if EXACT in runs else "no run without an error"
                 rejected[reason] += scene != SHIPPED and bool(reason)
                 lines = [
                     {"scenario": name, "scene": scene, "case": case, "rejected": reason}
                     | compared(experiment, run, exact)
-                    for case, run in cases.items()
+                    for case, run in runs.items()
                 ]
                 points += lines
-                judged += [line for line in lines if not reason and line["case"] != EXACT]
-            counts = counted(judged)
+                accepted += [line for line in lines if not reason and line["case"] != EXACT]
+            counts = counted(accepted)
+            title = sentence_start(name)
+            by_geometry = kept_scenes()[name]["rejected"]
+            reasons = "; ".join(f"{reason}: {count}" for reason, count in by_geometry.items())
+            by_run = ", ".join(f"{count} ({reason})" for reason, count in (+rejected).items()) or "none"
+            draws = sum(by_geometry.values())
+            sentences.append(self.sentence("rejected", title=title, draws=draws, reasons=reasons, runs=by_run))
             for case, found in counts.items():
-                numbers |= under(found, name, case)
-            sentences += _sentences(experiment, counts, +rejected)
+                numbers |= keyed(found, name, case)
+            for case in (case for case in LOOKS if case in counts):
+                sentences.append(self.sentence("case", title=title, shown=LOOKS[case][2], **counts[case]))
         return points, numbers, sentences
 
     def figure(self, result: StudyResult) -> Sheet:
@@ -177,7 +203,6 @@ def compared(experiment: Experiment, run: RunSummary, exact: RunSummary) -> dict
     lengths = {label: row["clearance_min"] / (1.0 - row["usage_max"]) for label, row in rows.items()}
     share = {label: 100.0 * row["clearance_min"] / lengths[label] for label, row in rows.items()}
     nearest = min(share, key=lambda label: share[label], default="")
-    width = 0.5 * np.array([640.0, 480.0])
     track, (fastest, rms) = pixel_distance(run, exact), speed_difference(run, exact)
     good = run.status == "converged" and bool(share) and min(share.values()) >= 0.0
     return {
@@ -188,8 +213,8 @@ def compared(experiment: Experiment, run: RunSummary, exact: RunSummary) -> dict
         "track_px": track,
         "speed_share": 100.0 * fastest,
         "speed_rms_share": 100.0 * rms,
-        "satisfactory": good and bool((np.abs(run.pixels) <= width).all()),
-        "similar": good and nearest in acting_rows(exact) and track <= VERY_SIMILAR * 2.0 * width[0],
+        "satisfactory": good and bool((np.abs(run.pixels) <= [0.5 * WIDTH, 0.5 * HEIGHT]).all()),
+        "similar": good and nearest in acting_rows(exact) and track <= VERY_SIMILAR * WIDTH,
         "little_speed": run.status == "converged" and fastest <= LITTLE,
         "applied": track > APPLIED,
     }
@@ -218,25 +243,3 @@ def _distribution(ax: Any, points: Points, column: str, case: str) -> None:
         if point["scene"] == SHIPPED and math.isfinite(point[column]):
             filled = colour if line == "-" else "white"
             ax.plot([point[column]], [2.0], "^", color=colour, markerfacecolor=filled, markersize=6.0, zorder=4)
-
-
-def _sentences(
-    experiment: Experiment, counts: Mapping[str, Mapping[str, float]], rejected: Mapping[str, int]
-) -> list[str]:
-    title, geometry = sentence_start(experiment.scenario), kept_scenes()[experiment.scenario]["rejected"]
-    sentences = [
-        f"{title}: rejected by geometry, {sum(geometry.values())} draws ("
-        + "; ".join(f"{reason}: {count}" for reason, count in geometry.items())
-        + "); by the run without an error, "
-        + (", ".join(f"{count} ({reason})" for reason, count in rejected.items()) or "none")
-        + "."
-    ]
-    for case, (_, _, shown) in LOOKS.items():
-        if of := counts.get(case):
-            sentences.append(
-                f"{title}, error of 30 %, {shown}: of {of['scenes']:.0f} scenes very similar in {of['similar']:.0f}, "
-                f"satisfactory in {of['satisfactory']:.0f}, little difference of joint speeds in "
-                f"{of['little_speed']:.0f}; medians: tracks {of['median_track_px']:.2g} px, joint speeds "
-                f"{of['median_speed_share']:.2g} % of the greatest."
-            )
-    return sentences

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from ...comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANT
-from ..closing import command_of, facts_table, machine_of
 from ..markdown import bullets
 from ..numbers import DASH, number, of_length
+from ..report import command_facts, facts_table, machine_facts
 from .material import Material
 
 WORDS = {
@@ -72,9 +72,9 @@ def _machine(material: Material) -> str:
     wall, runs = manifest.get("wall_time_s"), len(material.evidence.runs)
     rate = manifest.get("runs_per_s") or (runs / wall if wall else None)
     facts = {
-        **machine_of(manifest),
+        **machine_facts(manifest),
         "packages": ", ".join(f"{name} {version}" for name, version in packages.items()),
-        **command_of(manifest),
+        **command_facts(manifest),
         "half, seed": f"{configuration.get('half', DASH)}, {configuration.get('seed', DASH)}",
         "wall time [s]": None if wall is None else number(float(wall)),
         "runs": str(runs),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..picture import picture
+from ..drawing import picture
 from ..plots import Figure
 from .material import Material
 

@@ -7,10 +7,10 @@ from typing import Any
 
 from ...comparisons.runs.spec import BASELINE
 from ...rows.readable import counted
-from ..challenges import FINER
-from ..failures import kind
 from ..markdown import code, enumeration, plain, table
 from ..numbers import DASH, number
+from ..results import reason_kind
+from ..scenario import FINER
 from .drawing import shown
 from .figures.worst import WORST, Shown
 from .material import Material
@@ -113,7 +113,7 @@ def _way(status: str, violated: str, why: str) -> str:
     """A way to fail: which kinds of rows the run left or, if none, how it ended."""
     kinds = enumeration(sorted({plain(label.partition("[")[0]) for label in violated.split("; ") if label}))
     if status == "failed":
-        return f"failed: {plain(kind(why))}" if why else status
+        return f"failed: {plain(reason_kind(why))}" if why else status
     return f"{kinds} violated" if kinds else f"{status}, all rows kept"
 
 

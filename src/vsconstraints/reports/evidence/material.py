@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from ...comparisons.runs.spec import BASELINE
 from ...comparisons.statistics.judged import OUTCOMES
-from ..groups import uses
+from ..groups import required_information
 from ..plots import PNG, Formats
 from ..plots.style import TUNED
 
@@ -106,7 +106,7 @@ class Material:
     def uses(self) -> dict[str, tuple[str, ...] | None]:
         """What each law uses beside rows and task; None for an own law, whose code says it."""
         entries = self.configuration["controllers"]
-        return {name: uses(name, entries.get(name, {})) for name in self.laws}
+        return {name: required_information(name, entries.get(name, {})) for name in self.laws}
 
     def among(self, condition: str, families: Sequence[str] | None = None) -> pd.DataFrame:
         """Runs in a condition, of some families or of all."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from ...comparisons.runs.spec import BASELINE
 from ..figures import FIGURES, View
-from ..groups import MOST
+from ..groups import MAX_LAWS
 from ..markdown import enumeration, plain
 from ..plots import Figure
 from .drawing import shown
@@ -41,7 +41,7 @@ def _single(material: Material, family: str) -> str:
     condition, scene = material.conditions[0], telling(material, family)
     if scene is None:
         return ""
-    best = standing(material, condition, families=[family]).laws[:MOST]
+    best = standing(material, condition, families=[family]).laws[:MAX_LAWS]
     laws = [law for law in material.laws if law in best]  # in this order they have the colours of other figures
     own: Any = material.paired(condition, "success", [family]).astype(bool).loc[(family, scene)]
     try:

@@ -16,10 +16,9 @@ from ...rows.readable import counted, in_one_line
 from ..best import shown
 from ..figures import View
 from ..numbers import FORMATS, over_trials
-from ..outcomes import outcome
 from ..results import Results
-from ..rows_shown import lane_rows, phi_rows
-from ..summary import FIRST
+from ..selection import lane_rows, phi_rows
+from ..summary import FIRST, outcome
 from .frames import table_of
 from .html import paragraph, table
 from .notebook_run import NotebookRun, ReplayPage

@@ -8,7 +8,7 @@ from typing import Any
 from ...comparisons.metrics import Score
 from ...errors import ConfigurationError, unknown_name
 from ..figures import FIGURES, View
-from ..rows_shown import Weights, acting, telling
+from ..selection import Weights, active_rows, relevant_rows
 
 
 @dataclass(frozen=True)
@@ -74,4 +74,4 @@ def rows_of(score: Score) -> dict[str, tuple[str, ...]]:
         str(line["constraint"]): (bool(line["challenged"]) or line["violation_depth"] > 0.0, line["active_time_s"])
         for line in score.constraints
     }
-    return {"phi_rows": telling(weights), "lane_rows": acting(weights)}
+    return {"phi_rows": relevant_rows(weights), "lane_rows": active_rows(weights)}

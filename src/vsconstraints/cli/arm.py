@@ -4,72 +4,78 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from ..errors import ConfigurationError
-from . import completions
-from .terminal import NOTHING_DONE, Figures, console, errors, typed_command
+from . import options
+from .results import ReportOptions, comparison_report
+from .terminal import NOTHING_DONE, console, errors, note, typed_command
 
-if TYPE_CHECKING:
-    from ..arms import ArmLog
-    from ..comparisons import Suite
+SIMULATED_ARM = "simulated://"
+NO_WATCHDOG = "the driver knows of no watchdog in the arm"
 
-DRY = "simulated://"
 
-UNWATCHED = "nothing of the arm's own is known to its driver"
+def _robot_names(incomplete: str) -> list[str]:
+    from ..arms import DRIVERS
+
+    return [name for scheme in DRIVERS if (name := f"{scheme}://").startswith(incomplete)]
+
+
+def _image_names(incomplete: str) -> list[str]:
+    from ..arms.images import MODEL, SIMULATED
+
+    return [name for name in (MODEL, SIMULATED) if name.startswith(incomplete)]
 
 
 def run(
     context: typer.Context,
-    scenario: Annotated[
-        str, typer.Argument(help="A name, or the path of a file.", autocompletion=completions.scenarios)
-    ],
-    controller: Annotated[
-        str, typer.Option(help="The law.", autocompletion=completions.controllers)
-    ] = "hierarchical-qp",
+    scenario: options.Scenario,
+    controller: options.Controller = "hierarchical-qp",
     robot: Annotated[
         str,
         typer.Option(
             metavar="ADDRESS",
             help="ur-rtde://192.168.0.2, loopback://; a simulated arm, as fast as it goes, if not given.",
-            autocompletion=completions.robots,
+            autocompletion=_robot_names,
         ),
-    ] = DRY,
+    ] = SIMULATED_ARM,
     images: Annotated[
         str | None,
         typer.Option(
             help="What sees the markers: simulated, model (nothing does), or one's own module:function.",
-            autocompletion=completions.images,
+            autocompletion=_image_names,
         ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Yes, move a real arm.")] = False,
     from_arm: Annotated[bool, typer.Option("--from-arm", help="Start where the arm stands.")] = False,
     rate: Annotated[float | None, typer.Option(min=1.0, metavar="HZ", help="Instead of the scenario's.")] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, as with `compare`. Can be repeated."),
-    ] = None,
+    settings: options.Settings = None,
     priority: Annotated[
         bool, typer.Option("--real-time/--no-real-time", help="Whether to ask the system for real time.")
     ] = True,
     out: Annotated[Path | None, typer.Option(help="Folder for log and results; one of its own for each run.")] = None,
-    figures: Figures = True,
+    figures: options.Figures = True,
 ) -> None:
     """Run a law on an arm, supervised; without --robot a dry run, in which nothing moves."""
     from ..arms import Job, driver_for, image_source, real_time, run_on_arm, store
     from ..arms.images import MODEL, SIMULATED
     from ..arms.record import demand_own_folder, punctuality
+    from ..comparisons import Suite
+    from ..comparisons.entries import chosen_entries
     from ..comparisons.runs.folder import held
     from ..comparisons.runs.signals import exit_code
     from ..compiled import prepare
     from ..reports.page import where
-    from .reporting import Asked, comparison_report
+    from ..scenarios import Scenario
 
-    suite = _suite(scenario, controller, rate, settings or [])
-    made, law = suite.scenarios[0], suite.controllers[0].make()
-    setup = made.setup()
+    chosen = Scenario.load(scenario)
+    settings = [*(settings or ()), *([] if rate is None else [f"scenario.sampling_time={1.0 / rate!r}"])]
+    suite = Suite("run", f"{chosen.title}, on an arm", (chosen,), chosen_entries((), [controller]))
+    suite = suite.select(settings=settings)
+    loaded, law = suite.scenarios[0], suite.controllers[0].make()
+    setup = loaded.setup()
     driver = driver_for(robot, setup)
     if driver.real and not yes:
         raise ConfigurationError(
@@ -81,28 +87,32 @@ def run(
             f"{robot} is a real arm: say what sees the markers, --images module:function, or --images {MODEL} where "
             "nothing does and the image is predicted from the joints"
         )
-    source = image_source(images or SIMULATED, setup, made.folder)
+    source = image_source(images or SIMULATED, setup, loaded.folder)
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-    out = out or Path("vsconstraints-runs") / f"{made.name}--{controller}--{stamp}"
+    out = out or Path("vsconstraints-runs") / f"{loaded.name}--{controller}--{stamp}"
     demand_own_folder(out)
     context.with_resource(held(out, "a comparison"))
     prepare()
-    if robot == DRY:
+    if robot == SIMULATED_ARM:
         console.print("Dry run: no arm is connected; the scenario's robot is simulated, as fast as it goes.")
     elif not driver.real:
         console.print(f"Dry run: {robot} is not a real arm, and nothing moves.")
     with real_time(priority and not driver.simulated_time) as permitted:
         if not driver.simulated_time:
             console.print(f"Real time: {'; '.join(permitted.said())}.")
-            console.print(f"If the loop falls silent: {driver.watchdog or UNWATCHED}.")
+            console.print(f"If the loop stops sending: {driver.watchdog or NO_WATCHDOG}.")
             for warning in permitted.warnings():
                 errors.print(f"warning: {warning}")
         setup, log = run_on_arm(Job(setup, law, driver, source, from_arm=from_arm))
     for line in punctuality(log).lines() if not driver.simulated_time else ():
         console.print(line)
-    _tell(log)
+    if log.cause:
+        errors.print(f"{log.ended}: {log.cause}")
+    for remark in log.remarks:
+        note(remark)
+    (console if log.at_rest else errors).print(f"The arm: {log.stop}.")
     trajectory, _ = store(out, suite, setup, log, robot, typed_command())
-    report = comparison_report(out, Asked(figures, trust=True))
+    report = comparison_report(out, ReportOptions(figures, trust=True))
     if trajectory is not None:
         console.print(f"{trajectory.status}: {trajectory.reason}")
     console.print(f"Log and results: {out}. {where(report)}")
@@ -110,25 +120,3 @@ def run(
         raise typer.Exit(exit_code(log.signal))
     if log.ended != "done":
         raise typer.Exit(NOTHING_DONE)
-
-
-def _suite(scenario: str, controller: str, rate: float | None, settings: list[str]) -> Suite:
-    """One scenario and one controller, with settings changed."""
-    from ..comparisons import Suite
-    from ..comparisons.entries import chosen_entries
-    from ..scenarios import Scenario
-
-    chosen = Scenario.load(scenario)
-    if rate is not None:
-        settings = [*settings, f"scenario.sampling_time={1.0 / rate!r}"]
-    suite = Suite("run", f"{chosen.title}, on an arm", (chosen,), chosen_entries((), [controller]))
-    return suite.select(settings=settings)
-
-
-def _tell(log: ArmLog) -> None:
-    """How it ended, and how the arm came to rest."""
-    if log.cause:
-        errors.print(f"{log.ended}: {log.cause}")
-    for remark in log.remarks:
-        errors.print(f"note: {remark}")
-    (console if log.at_rest else errors).print(f"The arm: {log.stop}.")

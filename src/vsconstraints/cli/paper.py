@@ -1,0 +1,138 @@
+"""``reproduce``: the whole paper, one of its figures or claims; ``study``: a general question about the laws."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import ConfigurationError, unknown_name
+from ..reports.plots import formats_of
+from . import options
+from .campaigns import evidence
+from .terminal import NOTHING_DONE, console, errors, note_processes, progress_bar, resumable, typed_command
+
+
+def _claim_names(incomplete: str) -> list[str]:
+    from ..paper import all_claims
+
+    claims = all_claims()
+    names = [*dict.fromkeys(claim.number for claim in claims), *(claim.key for claim in claims)]
+    return [str(name) for name in names if str(name).startswith(incomplete)]
+
+
+def reproduce(
+    figure: Annotated[
+        list[int] | None,
+        typer.Option(
+            metavar="NUMBER",
+            help="Only this figure of the paper. Can be repeated.",
+            autocompletion=options.completed("paper.figures:FIGURES"),
+        ),
+    ] = None,
+    claim: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NUMBER",
+            help="Only these claims: 5, or 5d for one of them. Can be repeated.",
+            autocompletion=_claim_names,
+        ),
+    ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            help="With --figure: a law instead of the paper's, a name or module:Class.",
+            autocompletion=options.controller_names,
+        ),
+    ] = None,
+    out: options.Out = Path("vsconstraints-paper"),
+    jobs: options.Jobs = None,
+    formats: options.Formats = None,
+    latex: options.Latex = False,
+) -> None:
+    """Check every claim of the paper, redraw its figures, and write a report; or only one of them."""
+    from ..paper import check, chosen_claims, chosen_figures, redraw
+    from ..paper import reproduce as run
+    from ..reports.latex import write_tables
+
+    if controller is not None and (claim or not figure):
+        raise ConfigurationError("--controller is for figures: give --figure NUMBER. Claims are about the paper's law")
+    # unknown names are errors before anything begins
+    written = formats_of(formats or ())
+    chosen_figures(figure or (), controller)
+    chosen_claims(claim or ())
+    note_processes(jobs)
+    result, findings, drawn = None, {}, {}
+    with resumable(out), progress_bar() as progress:
+        bar = progress.add_task("starting", total=None)
+
+        def show(what: str, done: int, total: int) -> None:
+            progress.update(bar, description=what, completed=done, total=total)
+
+        if not figure and not claim:
+            result = run(out, workers=jobs, on_progress=show, command=typed_command(), formats=written)
+        if figure:
+            drawn = redraw(figure, out, controller=controller, workers=jobs, on_progress=show, formats=written)
+        if claim:
+            findings = check(claim, out, workers=jobs, on_progress=show)
+    if result is not None:
+        for name, why in result.problems.items():
+            errors.print(f"{name}: {why}")
+        console.print(result.summary())
+        if latex:
+            console.print(f"Tables for LaTeX: {write_tables(result.report)}")
+    for checked, finding in findings.items():
+        console.print(f"{checked.key} ({checked.where}): {finding.verdict}")
+        console.print(f"  the paper says  {checked.sentence}")
+        console.print(f"  measured        {finding.text}")
+        console.print(f"  it holds if     {checked.rule}")
+    for path, why in drawn.items():
+        if why:
+            errors.print(f"{path} could not be drawn: {why}")
+        else:
+            console.print(f"Figure: {path}")
+    if drawn and all(drawn.values()):
+        raise typer.Exit(NOTHING_DONE)
+
+
+def study(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Which studies; all if not given.", autocompletion=options.completed("paper.studies:STUDIES")
+        ),
+    ] = None,
+    out: options.Out = Path("vsconstraints-studies"),
+    jobs: options.Jobs = None,
+    formats: options.Formats = None,
+) -> None:
+    """Answer a general question about the controllers with many runs and one figure; real-world is a whole campaign."""
+    from ..paper.studies import CAMPAIGNS, STUDIES, figure_file, run_studies
+
+    written = formats_of(formats or ())
+    for name in names or ():
+        if name not in STUDIES and name not in CAMPAIGNS:
+            raise unknown_name("study", name, [*STUDIES, *CAMPAIGNS])
+    for name in dict.fromkeys(names or ()):
+        if name in CAMPAIGNS:
+            evidence(Path(name), out / name, jobs=jobs, formats=formats)
+    names = [name for name in names or STUDIES if name in STUDIES]
+    if not names:
+        return
+    note_processes(jobs)
+    with resumable(out), progress_bar() as progress:
+        bar = progress.add_task("studying", total=None)
+        results = run_studies(
+            names,
+            out,
+            jobs,
+            on_progress=lambda done, total: progress.update(bar, completed=done, total=total),
+            formats=written,
+        )
+    for name, result in results.items():
+        console.print(f"{STUDIES[name].title} ({figure_file(out, name, written)})")
+        for sentence in result.sentences:
+            console.print(f"  {sentence}")
+        for failure in result.failures:
+            errors.print(f"  {failure}")

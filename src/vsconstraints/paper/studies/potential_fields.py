@@ -1,0 +1,326 @@
+"""Potential fields that become the sliding-mode law, and what each law pays for using the allowed space."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from ...comparisons.runs.spec import SLIDING_MODE, RunSpec
+from ...reports.plots import INK, REFERENCE, Sheet, line, logarithmic
+from ...reports.plots.image import symbol
+from ...scenarios import Scenario
+from .drawing import (
+    LAWS,
+    LOOKS,
+    entry,
+    failed_marks,
+    hierarchical_qp,
+    joined,
+    law_entries,
+    potential_field,
+    scenario_panels,
+    sentence_start,
+)
+from .study import (
+    Numbers,
+    Points,
+    StudyResult,
+    Sweep,
+    begun,
+    columns,
+    completed,
+    ended_early,
+    grouped,
+    keyed,
+    where,
+)
+from .summary import NOT_RUN, RunSummary, clearance_distance, joint_distance
+
+BLENDS = ("priority", "additive")
+
+MAX_POSITIVE_SAMPLES = 2
+"""Greatest number of samples in a row with φ ≥ 0 if a boundary is kept: in a sliding mode it is one, or two."""
+
+MAX_EXCESS = 2.0
+"""Greatest φ of a speed, whose φ is its clearance, in T_s u⁺: (43) allows one, tracking adds to it."""
+
+MIN_UNUSED = 1e-3
+"""Allowed space left unused below which points are drawn at the edge [%]."""
+
+
+class ShrinkingRegion(Sweep):
+    """Potential fields with ever smaller regions beside the sliding-mode law.
+
+    The distance to sliding mode is the root mean square of ‖q − q_SM‖ over time. How far the sliding-mode law is from
+    itself at half the sampling time is the scale of what sampling alone changes: no distance below it means anything.
+    """
+
+    name = "shrinking-region"
+    measures: Mapping[str, str] = {
+        "joint_distance": "distance to sliding mode\nin joint space, RMS [rad]",
+        "unused": "allowed space\nleft unused [%]",
+        "switching_rate": "switching rate of the\nacting rows [Hz]",
+    }
+
+    class Case(NamedTuple):
+        """A scenario with ``sliding-mode``, with half of the sampling time (``halved``), or a blend and its region."""
+
+        scenario: str
+        law: str
+        region: float | None = None
+
+    def spec(self, case: Any) -> RunSpec:
+        """See :class:`Sweep`."""
+        return RunSpec(case.scenario, potential_field(case.law, case.region) if case.region else SLIDING_MODE)
+
+    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
+        """Distances to the sliding-mode law, by scenario, blend and region."""
+        points: Points = []
+        for case, run in results.items():
+            reference = results.get(self.Case(case.scenario, "sliding-mode"), NOT_RUN)
+            # what one sample of a row's action moves φ by, relative to its allowed range
+            steps = [run.Ts * row["switching_gain"] / row["scale"] for row in run.rows.values() if row["challenged"]]
+            points.append(
+                begun(case, run)
+                | {
+                    "joint_distance": joint_distance(run, reference),
+                    "clearance_distance": clearance_distance(run, reference),
+                    "unused": 100.0 * (1.0 - run.value("utilization")),
+                    "step": max(steps, default=math.nan),
+                    "switching_rate": run.value("switching_rate_hz"),
+                }
+                | columns(run, "acceleration_variation", "violation_depth")
+            )
+        numbers: Numbers = {}
+        sentences = []
+        for scenario, own in grouped(points, "scenario").items():
+            by_law = {point["law"]: point for point in own}
+            floor = by_law["halved"]["joint_distance"] if "halved" in by_law else math.nan
+            sliding = by_law["sliding-mode"]["unused"] if "sliding-mode" in by_law else math.nan
+            numbers |= keyed({"sampling_distance": floor, "sliding_unused": sliding}, scenario)
+            for blend in BLENDS:
+                found = _shrinking([point for point in own if point["law"] == blend], floor)
+                numbers |= keyed(found, scenario, blend)
+                if "region_largest" in found:
+                    sentences.append(self._blend(sentence_start(scenario), blend, sliding, found))
+            sentences.append(self.sentence("sampling", distance=floor))
+        return points, numbers, sentences
+
+    def _blend(self, scenario: str, blend: str, sliding: float, found: Mapping[str, float]) -> str:
+        kept = not found["violation_depth"] > 0.0
+        violation = self.sentence("kept" if kept else "violation", **found, depth=100.0 * found["violation_depth"])
+        failed = self.sentence("failed", **found) if found["failed"] else ""
+        return (
+            self.sentence("blend", scenario=scenario, blend=blend, sliding=sliding, **found) + violation + failed + "."
+        )
+
+    def figure(self, result: StudyResult) -> Sheet:
+        """One column per scenario, one row per measure."""
+        sheet = Sheet(left=0.95)
+        looks = {blend: LOOKS[potential_field(blend).name] for blend in BLENDS}
+        entries = law_entries(potential_field(blend).name for blend in BLENDS)
+        sheet.legend([*entries, line("sliding-mode", **REFERENCE)])
+        below = "region δ, relative to the allowed range (smaller →)"
+        scenarios, names = list(grouped(result.points, "scenario")), list(self.measures)
+        panels = scenario_panels(sheet, scenarios, list(self.measures.values()), below, height=1.45, gap=0.75)
+        for (i, scenario), ax in panels.items():
+            points, column = where(result.points, scenario=scenario), names[i]
+            by_law = {point["law"]: point for point in points}
+            if math.isfinite(step := by_law.get("sliding-mode", {}).get("step", math.nan)):
+                ax.axvspan(step, 1e-9, color="#F6F0DC", linewidth=0.0, zorder=0.5)
+            reference = by_law.get("halved" if i == 0 else "sliding-mode", {}).get(column, math.nan)
+            if math.isfinite(reference):
+                ax.axhline(reference, **REFERENCE, zorder=2)
+            for blend, look in looks.items():
+                own = where(points, law=blend)
+                joined(ax, completed(own), "region", column, look.colour, look.marker)
+                if i == 0:
+                    failed_marks(ax, [p["region"] for p in filter(ended_early, own)], look.colour, 0.93)
+            logarithmic(ax.xaxis, (1e-4, 1e-3, 1e-2, 1e-1))
+            logarithmic(ax.yaxis, linear_below=1.0 if column == "switching_rate" else None)
+            ax.set_xlim(0.8, 0.6e-4)
+            if column == "switching_rate":
+                ax.set_ylim(-0.1, 2.0 * ax.get_ylim()[1])
+        return sheet
+
+
+def _shrinking(points: Points, floor: float) -> dict[str, float]:
+    """Numbers about the runs of one blend, from the largest to the smallest region."""
+    own = sorted(completed(points), key=lambda point: -point["region"])
+    found: dict[str, float] = {"runs": len(points), "failed": len(points) - len(own)}
+    if not own:
+        return found
+    for place, point in (("largest", own[0]), ("smallest", own[-1])):
+        found[f"region_{place}"] = point["region"]
+        found[f"distance_{place}_region"] = point["joint_distance"]
+        found[f"unused_{place}_region"] = point["unused"]
+    # a rise below what sampling alone changes is none
+    falls = all(b["joint_distance"] <= max(a["joint_distance"], floor) for a, b in pairwise(own))
+    deepest = max(own, key=lambda point: point["violation_depth"])
+    found |= {"distance_falls": falls and len(own) == len(points)}
+    return found | {"violation_depth": deepest["violation_depth"], "violation_region": deepest["region"]}
+
+
+class Pareto(Sweep):
+    """Every law over the range of its own parameter: a factor on every u⁺, a region, or the rate α of a barrier.
+
+    Runs are compared if they keep their boundaries: they reach the goal, no row with a σ of its own is violated, no
+    speed by more than sampling explains, and φ ≥ 0 lasts for two samples at most, so that where a row acts it slides or
+    stays inside. A run is on the front if it is one of these and no other both leaves less of the allowed space unused
+    and varies its acceleration less. What is left unused is the least clearance of a row as a share of its
+    characteristic length, averaged over the rows that tracking alone violates.
+    """
+
+    name = "pareto"
+
+    class Case(NamedTuple):
+        """A scenario, a law's name, its own parameter, and the strength of a potential field."""
+
+        scenario: str
+        controller: str
+        parameter: float
+        strength: float | None = None
+
+    def spec(self, case: Any) -> RunSpec:
+        """See :class:`Sweep`."""
+        if case.controller == "hierarchical-qp":
+            return RunSpec(case.scenario, hierarchical_qp(case.parameter))
+        if case.strength is not None:
+            blend = "additive" if case.controller == "potential-field" else "priority"
+            return RunSpec(case.scenario, potential_field(blend, case.parameter, case.strength))
+        return RunSpec(case.scenario, LAWS[case.controller], scaled_gains(case.scenario, case.parameter))
+
+    def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
+        """Price and use of every run, and whether it is on the front."""
+        points = [
+            begun(case, run)
+            | {"unused": unused(run), "not_kept": not_kept(run)}
+            | columns(run, "acceleration_variation", "violation", "violated")
+            | {"switching_rate": run.value("switching_rate_hz"), "settling_time_s": run.value("settling_time_s")}
+            for case, run in results.items()
+        ]
+        numbers: Numbers = {}
+        sentences = []
+        for scenario, own in grouped(points, "scenario").items():
+            best, laws = front(own), []
+            for point in own:
+                point["front"] = point in best
+            for law, runs in grouped(own, "controller").items():
+                kept = list(filter(_kept, runs))
+                least = min((point["unused"] for point in kept), default=math.nan)
+                found = {"least_unused": least, "on_front": sum(point["front"] for point in kept), "kept": len(kept)}
+                numbers |= keyed(found, scenario, law)
+                laws.append(f"{law} {self._least(kept, runs)}")
+            for point in where(own, controller="sliding-mode", parameter=1.0):
+                numbers |= keyed({"unused": point["unused"], "kept": _kept(point)}, scenario, "printed")
+            on_front = ", ".join(grouped(best, "controller")) or "nobody"
+            title = sentence_start(scenario)
+            sentences.append(self.sentence("scenario", scenario=title, laws="; ".join(laws), front=on_front))
+        return points, numbers, sentences
+
+    def _least(self, kept: Points, runs: Points) -> str:
+        """The run that leaves least unused; if no boundary was kept, what was wrong with the shallowest violation."""
+        if kept:
+            best = min(kept, key=lambda point: float(point["unused"]))
+            field = "" if math.isnan(best["strength"]) else self.sentence("field", **best)
+            return self.sentence("least", **best | {"unused": best["unused"] / 100.0}, field=field) + (
+                f" ({len(kept)} of {len(runs)} runs)"
+            )
+        arrived = [point for point in runs if point["status"] == "converged"]
+        best = min(arrived, key=lambda point: float(point["violation"]), default={})
+        why = f" (at best {best['not_kept']})" if best else ", which do not reach the goal"
+        return f"none in {len(runs)} runs{why}"
+
+    def figure(self, result: StudyResult) -> Sheet:
+        """One column per scenario; acceleration variation above, violation below."""
+        scenarios, laws = list(grouped(result.points, "scenario")), list(grouped(result.points, "controller"))
+        points = completed(result.points)
+        deepest = max((p["violation"] for p in points if math.isfinite(p["violation"])), default=0.0)
+        sheet = Sheet(left=0.8)
+        sheet.legend([*law_entries(laws), entry("front", INK, linewidth=1.0)])
+        measures = ("acceleration variation\n[rad/s³]", "depth of violation\n[% of L]")
+        below = "allowed space left unused [%] (less →)"
+        panels = scenario_panels(sheet, scenarios, measures, below, height=2.1, gap=0.75)
+        for scenario in scenarios:
+            own = where(points, scenario=scenario)
+            upper, lower = panels[0, scenario], panels[1, scenario]
+            best = sorted(where(own, front=True), key=lambda point: point["unused"])
+            steps: dict[str, Any] = {"where": "post", "color": INK, "linewidth": 1.0, "zorder": 2}
+            upper.step([_x(p) for p in best], [p["acceleration_variation"] for p in best], **steps)
+            for name in laws:
+                _draw_law(upper, where(own, controller=name), "acceleration_variation", name)
+                _draw_law(lower, where(own, controller=name), "violation", name)
+            logarithmic(upper.yaxis)
+            logarithmic(lower.yaxis, linear_below=0.01)
+            lower.set_ylim(-0.002, max(2.0 * deepest, 1.0))
+            for ax in (upper, lower):
+                logarithmic(ax.xaxis, ())
+                ax.set_xlim(1.5 * max(map(_x, own), default=1.0), 0.7 * MIN_UNUSED)
+                ax.set_xticks([MIN_UNUSED, 0.01, 0.1, 1.0, 10.0], ["≤ 0.001", "0.01", "0.1", "1", "10"])
+        return sheet
+
+
+def scaled_gains(scenario: str, factor: float) -> dict[str, float]:
+    """Overrides that multiply every u⁺ of a shipped scenario; none for the factor 1."""
+    constraints = Scenario.load(scenario).tables["constraints"]
+    if factor == 1.0:
+        return {}
+    return {f"constraints.{i}.switching_gain": factor * table["switching_gain"] for i, table in enumerate(constraints)}
+
+
+def front(points: Sequence[dict[str, Any]]) -> Points:
+    """The runs without violation that no other such run beats in both unused space and acceleration variation."""
+    chosen: Points = []
+    for point in sorted(filter(_kept, points), key=lambda p: (p["unused"], p["acceleration_variation"])):
+        if not chosen or point["acceleration_variation"] < chosen[-1]["acceleration_variation"]:
+            chosen.append(point)
+    return chosen
+
+
+def unused(run: RunSummary) -> float:
+    """Least clearance as a share of the characteristic length, averaged over the challenged rows [%]; NaN without."""
+    left = [max(0.0, 1.0 - float(row["usage_max"])) for row in run.rows.values() if row["challenged"]]
+    return 100.0 * math.fsum(left) / len(left) if left else math.nan
+
+
+def not_kept(run: RunSummary) -> str:
+    """Why a run is not compared with those that keep their boundaries; empty if it is."""
+    if run.status != "converged":
+        return run.status
+    for label, row in run.rows.items():
+        samples = round(float(row["longest_positive_run_s"]) / run.Ts)
+        if row["kind"] == "speed":
+            violated = row["phi_max"] > MAX_EXCESS * run.Ts * row["switching_gain"]
+        else:
+            violated = row["violation_depth"] > 0.0
+        if violated:
+            return f"{label} is violated"
+        if samples > MAX_POSITIVE_SAMPLES:
+            return f"{label} has φ ≥ 0 for {samples} samples in a row"
+    return ""
+
+
+def _kept(point: Mapping[str, Any]) -> bool:
+    return not point["not_kept"] and math.isfinite(point["unused"]) and math.isfinite(point["acceleration_variation"])
+
+
+def _x(point: Mapping[str, Any]) -> float:
+    return max(float(point["unused"]), MIN_UNUSED)
+
+
+def _draw_law(ax: Any, points: Points, column: str, name: str) -> None:
+    """A line for each strength of a field, and markers that are hollow where a boundary is not kept."""
+    look = LOOKS[name]
+    own = [p for p in points if math.isfinite(p["unused"]) and math.isfinite(p[column])]
+    # laws without a strength have NaN, which is not equal to itself
+    for strength in dict.fromkeys(None if math.isnan(p["strength"]) else p["strength"] for p in own):
+        some = own if strength is None else where(own, strength=strength)
+        ax.plot(
+            [_x(p) for p in some], [p[column] for p in some], color=look.colour, linewidth=1.0, alpha=0.7, zorder=2.5
+        )
+    for face, hollow in ((look.colour, False), ("white", True)):
+        some = [p for p in own if bool(p["not_kept"]) == hollow]
+        mark = symbol(look.marker, face, look.colour, 5.0) | {"markeredgewidth": 1.2}
+        ax.plot([_x(p) for p in some], [p[column] for p in some], **mark, clip_on=False, zorder=3)
