@@ -165,11 +165,13 @@ class _Run:
         self.plant, self.sensor = setup.plant(), setup.sensor()
         self.samples = self.fallbacks = self.unfounded = self.law = 0
         self.ended, self.reason, self.compiled = "", "", False
+        loop = None
         try:
             restart(controller, setup.Ts, self._model)
+            loop = self._compiled_loop(by_public_call)
         except (SystemExit, GeneratorExit) as error:  # a law ends its own run, not the process
             self._end("failed", described(error))
-        self._begin(self._compiled_loop(by_public_call) or self._python_loop())
+        self._begin(loop or self._python_loop())
 
     def _model(self) -> Model:
         """What the control believes of states to come."""
