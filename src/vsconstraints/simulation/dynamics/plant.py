@@ -219,7 +219,7 @@ class DynamicPlant(Plant):
         self.frozen_arm = pack_struct(self.arm)
         self._mujoco, self._compiled = None, load("drives")
         if isinstance(dynamics, MujocoDynamics):
-            self._mujoco = MujocoArm(robot, self.model, bodies[0], dynamics, h)
+            self._mujoco = MujocoArm(robot, bodies[0], h)
         else:
             self.mover = self._compiled.MOVE, int(self.frozen_arm.ctypes.data)
         self._compiled.begin(int(self.frozen_arm.ctypes.data), self.x)
