@@ -86,7 +86,7 @@ class Guardian:
             self.lost = True
 
     def end(self, safe: bool) -> str:
-        """End it; what it has done, if anything. Unless the arm is ``safe``, it is told to stop now."""
+        """End it; returns what it has done, if anything. Unless the arm is ``safe``, it stops it now."""
         with suppress(OSError):
             if safe:
                 self._to.write(HEARTBEAT.pack(-1.0))
@@ -102,7 +102,7 @@ class Guardian:
 
 
 def watch() -> None:
-    """What the process does: wait for messages and, where they fail to come, tell the arm to stop."""
+    """What the process does: wait for heartbeats and, where they fail to come, stop the arm."""
     for number in (*SIGNALS, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)
     stop = pickle.load(sys.stdin.buffer)
@@ -123,14 +123,14 @@ def watch() -> None:
 
 def _stopped(stop: Callable[[], None]) -> str:
     """Stop the arm; how that went."""
-    said = ""
+    why = ""
     for _ in range(ATTEMPTS):
         try:
             stop()
             return "told the arm to stop by its own means"
-        except BaseException as error:  # a driver's own mistake must not keep the arm from being told again
-            said = described(error)
-    return f"COULD NOT TELL THE ARM TO STOP ({said})"
+        except BaseException as error:  # a driver's own mistake must not prevent another try
+            why = described(error)
+    return f"COULD NOT TELL THE ARM TO STOP ({why})"
 
 
 def _report(text: str) -> None:

@@ -30,7 +30,7 @@ SETTLING = 0.5
 """How long after the last setpoint of a stop an arm may still move [s]."""
 
 HALTS = 3
-"""How often an arm is told to stop by its own means, where it cannot be told."""
+"""How often the arm's own stop is tried, where the command fails."""
 
 NO_INNOVATION = np.full(len(INNOVATIONS), np.nan)
 """Of periods in which nothing is compared with the model."""
@@ -141,7 +141,7 @@ class Stream:
         try:
             if not by_arm:
                 self.stop, self.safe = (self._stream_stop(alive), True), True
-        except BaseException as error:  # whatever a driver raises, SystemExit too, the arm is to be told to stop
+        except BaseException as error:  # whatever a driver raises, SystemExit too, the arm must stop
             trouble = f"while braking, {_why(error)}; "
         finally:
             if not self.safe:
@@ -154,7 +154,7 @@ class Stream:
                 self.driver.halt(float(self.envelope.acceleration.min()))
                 self.stop, self.safe = (f"{trouble}told to stop by its own means", False), True
                 return
-            except BaseException as error:  # as above: then it is said
+            except BaseException as error:  # as above: then it is reported
                 self.stop = (
                     f"{trouble}IT COULD NOT BE TOLD TO STOP ({_why(error)}): its own watchdog, or the emergency stop, "
                     "must do so",

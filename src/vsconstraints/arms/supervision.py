@@ -72,7 +72,7 @@ def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm
     Raises
     ------
     ConfigurationError
-        if it is elsewhere, moves, or cannot start there (:meth:`Setup.check_start`); if the scenario spoils gradients.
+        if it is elsewhere, moves, or cannot start there (:meth:`Setup.check_start`), or if gradients have errors.
     """
     n = setup.scene.robot.n
     if state.q.shape != (n,) or state.qd.shape != (n,):
@@ -80,7 +80,9 @@ def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm
     if not (np.isfinite(state.q).all() and np.isfinite(state.qd).all()):
         raise ConfigurationError("the arm's state is not finite")
     if setup.gradient_error().any:
-        raise ConfigurationError("disturbances.gradient_error is for simulations: an arm's law is told what is known")
+        raise ConfigurationError(
+            "disturbances.gradient_error is for simulations: an arm's law gets the rows as they are known"
+        )
     if setup.qd0.any():
         raise ConfigurationError("the scenario starts with joint speeds; an arm starts at rest")
     fast = np.abs(state.qd)

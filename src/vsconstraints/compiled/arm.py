@@ -1,4 +1,4 @@
-"""An arm with mass: what it is made of, its inertia and bias, and the accelerations that follow.
+"""An arm with mass: its bodies and its drive, inertia and bias, and the accelerations that follow.
 
 All is expressed in the base frame, twists and momenta at its origin. So momenta of bodies are summed as they are: those
 of the bodies behind a joint, projected on its axis, give the bias (recursive Newton–Euler), and the inertia where the
@@ -79,9 +79,9 @@ class Drive(NamedTuple):
     has_friction
         Whether (1 or 0) there is any friction.
     share
-        How much of the way to what is asked for the torque goes in a substep: 1 − exp(−h/τ).
+        Fraction of the way to the commanded torque that is covered in a substep: 1 − exp(−h/τ).
     at_once
-        Whether (1 or 0) what is asked for acts without dead time and lag, and is no longer held for a substep.
+        Whether (1 or 0) the commanded torque acts without dead time and lag, and changes within a substep.
     fourth_order
         Whether (1 or 0) the motion is integrated by Runge and Kutta's method of that order.
     """
@@ -117,11 +117,11 @@ class Memory(NamedTuple):
     torque
         What the gears give.
     under_way
-        (d + 1, n) what was asked for in the last substeps, round and round.
+        (d + 1, n) commanded in the last substeps, a ring buffer.
     at
         (1,) where the next one is put.
     at_limit
-        (n,) how many substeps asked for more torque than there is.
+        (n,) substeps in which the torque limit was exceeded.
     """
 
     q_c: Array

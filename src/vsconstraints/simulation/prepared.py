@@ -70,7 +70,7 @@ def blank_step(setup: Setup, features: int) -> Step:
 
 
 def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: bool) -> Loop:
-    """A loop of which Python is asked for all parts.
+    """A loop whose parts all run in Python, until compiled ones replace them.
 
     Parameters
     ----------

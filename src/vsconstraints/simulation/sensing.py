@@ -130,7 +130,7 @@ class Sensor:
     Ts
         Sampling time [s].
     unknown_motion
-        Whether something that constraints forbid moves without the controller's being told.
+        Whether something that constraints forbid moves unknown to the controller.
 
     Attributes
     ----------
@@ -257,12 +257,12 @@ def _drawn(seed: tuple[int, ...], images: int, markers: int) -> tuple[Array, Arr
 
 
 class GradientError:
-    """∇σ_e = ∇σ + c_e s ∘ |∇σ| where the rows contain ∇σ: in L_gφ, and unless told otherwise in σ̇ in φ and L_fφ."""
+    """∇σ_e = ∇σ + c_e s ∘ |∇σ| where the rows contain ∇σ: in L_gφ and, unless set otherwise, in φ and L_fφ."""
 
     def __init__(self, constraints: ConstraintSet, disturbances: Disturbances, n: int) -> None:
         kinds, known = disturbances.gradient_error_rows, set(constraints.kinds)
         if disturbances.gradient_error:
-            # of the visibility rows, which are meant unless told otherwise, some may be absent
+            # of the visibility rows, which are the default, some may be absent
             wrong = [kind for kind in kinds if kind not in known and kind not in VISIBILITY]
             if wrong:
                 raise unknown_name("kind of rows in gradient_error_rows", str(wrong[0]), sorted(known))

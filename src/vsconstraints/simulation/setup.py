@@ -100,7 +100,7 @@ class Setup:
         Masses, joint controller and friction of the robot, which then does what they make of a command; without them,
         what eq. (6) says.
     images
-        Of the images that the control sees, which are rendered and searched for tags; without them, it is told where
+        Of the images that the control sees, which are rendered and searched for tags; without them, it knows where the
         markers are.
     time_limit
         Until when a run that has not come to rest by then goes on [s], see :func:`.until_settled`; not at all if None.
@@ -193,7 +193,7 @@ class Setup:
         return SceneRenderer(self.scene, self.images, self.constraints.constraints, self.q0, self.disturbances.seed)
 
     def gradient_error(self) -> GradientError:
-        """What spoils the rows' gradients."""
+        """Errors of the rows' gradients."""
         return GradientError(self.constraints, self.disturbances, self.scene.robot.n)
 
     @cached_property
@@ -227,9 +227,9 @@ class Setup:
         n, m, markers = self.scene.robot.n, len(self.constraints.labels), len(self.scene.markers)
         # floats that a log keeps: states and command, error, camera, markers, points, φ and σ, times
         kept = 6 * n + max(6, 2 * markers) + 12 + 2 * markers + 3 * len(self.scene.points) + 2 * m + 12
-        # what the end of a run makes of them: states, clearances, errors
-        made = 3 * n + 3 * m + 2 * markers + 8
-        return 8 * (kept + made) + 2 * m
+        # computed from them at the end: states, clearances, errors
+        scored = 3 * n + 3 * m + 2 * markers + 8
+        return 8 * (kept + scored) + 2 * m
 
     @property
     def goal_tolerances(self) -> Array:

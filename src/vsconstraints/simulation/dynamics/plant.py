@@ -27,7 +27,7 @@ SINGULAR = 1e-9
 
 @dataclass(frozen=True)
 class Masses:
-    """What an arm's dynamics are made of, beside its kinematics.
+    """The masses of an arm.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class DynamicPlant(Plant):
     x
         (4, n) q, q̇, q̈_c, and zeros: what disturbs the command follows from the motion here.
     arm
-        All that the motion within a period is made of.
+        Bodies, controller, gears and scratch, as compiled code takes them.
     frozen_arm, mover
         The arm where compiled code finds it; addresses of the function that moves it, and of the arm.
     model, believed
@@ -256,7 +256,7 @@ class DynamicPlant(Plant):
         """What a reader of the results should know of the torques."""
         counts = self.arm.memory.at_limit
         return [
-            f"joint {j + 1} was asked for more torque than its {self.arm.drive.effort[j]:.4g} Nm or N for "
+            f"joint {j + 1} was commanded more torque than its {self.arm.drive.effort[j]:.4g} Nm or N for "
             f"{counts[j] * self.arm.h:.3g} s"
             for j in np.flatnonzero(counts)
         ]

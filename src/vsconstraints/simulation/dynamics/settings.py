@@ -157,7 +157,7 @@ class ArmDynamics:
         Greatest torque of each joint [Nm or N], and greatest speed that the controller lets its reference have; the
         robot's own if not given.
     dead_time, lag
-        How long what is asked for takes to begin to act, a multiple of the substep, and the time constant with which
+        How long a commanded torque takes to begin to act, a multiple of the substep, and the time constant with which
         the torque follows then [s].
     rotor_inertia
         Of the motors, as the joints feel it behind their gears [kg m²].
