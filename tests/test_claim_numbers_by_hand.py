@@ -12,7 +12,7 @@ import pytest
 
 from told import NO, PARTLY, ROW, YES, Told, at, during, found, gives
 from vsconstraints.paper.claims import boundary
-from vsconstraints.paper.claims.trap_and_corners import BOWL_ROW, HEART, OTHER_ROW
+from vsconstraints.paper.claims.planar import BOWL_ROW, HEART, OTHER_ROW
 from vsconstraints.rows import Array
 
 LONG = 0.1 * np.arange(121)

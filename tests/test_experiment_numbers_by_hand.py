@@ -11,7 +11,7 @@ import pytest
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, found
 from vsconstraints.comparisons.runs.spec import RunSpec
 from vsconstraints.paper.claims import experiments
-from vsconstraints.paper.claims.erroneous_gradients import (
+from vsconstraints.paper.claims.experiments import (
     CASES,
     Difference,
     in_unselected,

@@ -13,7 +13,7 @@ from told import NO, PARTLY, ROW, YES, T, Told, at, during, found, verdict
 from vsconstraints.comparisons.run import Run
 from vsconstraints.comparisons.runs.spec import RunSpec
 from vsconstraints.paper import verdicts
-from vsconstraints.paper.claims import first_example, general
+from vsconstraints.paper.claims import general, planar
 from vsconstraints.paper.verdicts import CLAIMS, Claim, Finding, claim, judged, shown_intervals
 from vsconstraints.rows import Array
 
@@ -153,9 +153,9 @@ def test_scenes_differ_as_the_claims_say() -> None:
         setup = spec.load().setup()
         return setup.Ts, setup.constraints.constraints[0].switching_gain
 
-    Ts, gain = period_and_gain(first_example.FOV)
-    assert period_and_gain(first_example.HALVED) == (0.5 * Ts, gain)
-    assert period_and_gain(first_example.HIGH_GAIN_FASTER_SAMPLING) == (pytest.approx(Ts / 5.0), 5.0 * gain)
+    Ts, gain = period_and_gain(planar.FOV)
+    assert period_and_gain(planar.HALVED) == (0.5 * Ts, gain)
+    assert period_and_gain(planar.HIGH_GAIN_FASTER_SAMPLING) == (pytest.approx(Ts / 5.0), 5.0 * gain)
     assert [spec.load().setup().constraints.constraints[0].K for spec in general.APPROACHES] == [0.1, 0.2, 0.4]
 
 

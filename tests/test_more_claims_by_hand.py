@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, during, verdict
-from vsconstraints.paper.claims import case_study, erroneous_gradients, every_scene
-from vsconstraints.paper.claims.erroneous_gradients import CASES, in_unselected
+from vsconstraints.paper.claims import case_study, experiments, sweeps
+from vsconstraints.paper.claims.experiments import CASES, in_unselected
 from vsconstraints.paper.studies import StudyResult
 from vsconstraints.paper.verdicts import CLAIMS, NotMeasured
 from vsconstraints.rows import Array
@@ -230,15 +230,15 @@ def tracked(far: float = 0.0, speed: float = 0.0, sigma: float = 0.0, other: boo
     ],
 )
 def test_differences(run: Any, similar: bool, little: bool) -> None:
-    found = erroneous_gradients.Difference.between(tracked(), run, "fov")  # type: ignore[arg-type]
+    found = experiments.Difference.between(tracked(), run, "fov")  # type: ignore[arg-type]
     assert (found.similar(640.0), found.little_speed) == (similar, little)
 
 
 def test_a_track_must_differ_for_its_error_to_count() -> None:
     exact: Any = tracked()
-    erroneous_gradients.Difference.between(exact, tracked(0.0101), "fov")  # type: ignore[arg-type]
+    experiments.Difference.between(exact, tracked(0.0101), "fov")  # type: ignore[arg-type]
     with pytest.raises(NotMeasured, match="was the error"):
-        erroneous_gradients.Difference.between(exact, tracked(0.0099), "fov")  # type: ignore[arg-type]
+        experiments.Difference.between(exact, tracked(0.0099), "fov")  # type: ignore[arg-type]
 
 
 class Seen(Told):
@@ -402,17 +402,15 @@ class Timed(Told):
 )
 def test_12a(step: float, rows: float, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of T_s = 10 ms, the first sample apart; a few slow ones do not matter."""
-    monkeypatch.setattr(
-        "vsconstraints.paper.claims.moving_and_time.ControlStep", lambda *_: SimpleNamespace(not_compiled="")
-    )
+    monkeypatch.setattr("vsconstraints.paper.claims.general.ControlStep", lambda *_: SimpleNamespace(not_compiled=""))
     step_time = at({0: 1.0, 1: 1.0, 2: 1.0}, step)
     assert verdict("12a", Timed(step_time=step_time, rows_time=at({0: 1.0}, rows))) == expected
 
 
 # --- claim 10 ---
 
-SCENES = every_scene.SCENES
-CORNER = [spec.name for spec in SCENES].index(every_scene.NOT_DIFFERENTIABLE)
+SCENES = sweeps.SCENES
+CORNER = [spec.name for spec in SCENES].index(sweeps.NOT_DIFFERENTIABLE)
 
 
 def scenes(changed: Told, good: Told, place: int = 0) -> list[Told]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from told import NO, PARTLY, ROW, YES, T, Told, at, found, verdict
-from vsconstraints.paper.claims import moving_and_time
+from vsconstraints.paper.claims import general
 from vsconstraints.rows import Array
 
 
@@ -65,7 +65,7 @@ def blindly(monkeypatch: pytest.MonkeyPatch, **blind: dict[int, Rows]) -> None:
             load=lambda: SimpleNamespace(setup=lambda: SimpleNamespace(scene=scene, constraints=rows))
         )
 
-    monkeypatch.setattr(moving_and_time, "RunSpec", untold)
+    monkeypatch.setattr(general, "RunSpec", untold)
 
 
 def test_11b(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,7 +132,7 @@ class Timed(Told):
 
 def test_12a(monkeypatch: pytest.MonkeyPatch) -> None:
     """With T_s = 16/1024 s, in 1/1024 s: 6, 16, 4, 6 and 30, of which the law takes 1, 2, 3, 4 and 30."""
-    monkeypatch.setattr(moving_and_time, "ControlStep", lambda *_: SimpleNamespace(not_compiled="no compiler"))
+    monkeypatch.setattr(general, "ControlStep", lambda *_: SimpleNamespace(not_compiled="no compiler"))
     step, rows = np.array([99.0, 1.0, 2.0, 3.0, 4.0, 30.0]), np.array([500.0, 5.0, 14.0, 1.0, 2.0, 0.0])
     of = found("12a", Timed(t=np.arange(6) / 64.0, step_time=step / 1024.0, rows_time=rows / 1024.0))
     assert (of.verdict, of.values) == (PARTLY, {"median": 6.0 / 1024.0, "law": 3.0 / 1024.0, "missed": 1.0})

@@ -21,7 +21,7 @@ from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.formulas.rotation import rotation_vector_rate
 from vsconstraints.paper import CLAIMS, all_claims, report, reproduce, runner
-from vsconstraints.paper.claims.erroneous_gradients import Difference
+from vsconstraints.paper.claims.experiments import Difference
 from vsconstraints.paper.figures import FIGURES, planar
 from vsconstraints.paper.report import TOPICS, differences, reconstructed
 from vsconstraints.paper.studies import StudyResult

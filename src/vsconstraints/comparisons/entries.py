@@ -104,17 +104,7 @@ def whole(key: str, value: object, text: str) -> int:
 
 
 def target_of(key: str, names: Iterable[str], others: Iterable[str]) -> tuple[str, str]:
-    """The name that a dotted key begins with, and the rest of it.
-
-    Parameters
-    ----------
-    key
-        As it was given.
-    names
-        That it may begin with.
-    others
-        Keys that would have been accepted, for messages.
-    """
+    """The one of ``names`` that a dotted key begins with, and the rest; messages also list ``others`` as candidates."""
     names = set(names)
     # names may contain dots: the longest one that the key begins with is meant
     begins = [name for name in names if f"{key}.".startswith(f"{name}.")]

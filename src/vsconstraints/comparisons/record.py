@@ -58,31 +58,25 @@ class RunRecord:
     Attributes
     ----------
     trajectory
-        What the simulation left.
-    kinds, units
-        (m,) of each row.
-    length
-        (m,) characteristic length L of each row, in its unit.
-    switching_gain
-        (m,) u⁺ of each row.
+        Of the simulation.
+    kinds, units, length, switching_gain
+        (m,) of each row: its kind, unit, characteristic length L in that unit, and u⁺.
     approach_time
         (m,) K of each row [s]; 0 for rows of speeds.
     sampling_band
         (m,) how far outside sampling alone puts each row, in its unit.
     settled
-        (N,) whether the goal that holds counts as reached at each sample.
+        (N,) whether the current goal counts as reached at each sample.
     goal_begins
         (g,) when each goal begins [s].
     common
         Samples of the scenario's duration, which all laws share: scores per second are of these.
     Ts
         Sampling time [s].
-    fingerprint
-        Identifies what was run: scenario, controller, trial, seed and code.
-    files
-        What it was made from besides: own modules, data, meshes, with hashes of what they held.
+    fingerprint, files
+        Hash of scenario, controller, trial, seed and code; hashes of the other files that it was made from.
     missed
-        How many periods the loop itself has missed, where time was real: on an arm. None in a simulation.
+        On an arm, how many periods the loop has missed; None in a simulation.
     """
 
     trajectory: Trajectory

@@ -1,4 +1,4 @@
-"""A run that has been made, with its rows looked up by their labels."""
+"""A run with its rows looked up by their labels, and runs that an unfinished command keeps."""
 
 from __future__ import annotations
 
@@ -23,26 +23,19 @@ from .record import RunRecord
 from .runs.spec import RunSpec
 
 MERGE = 0.6
-"""Times at which a row acts that are closer than this are one interval [s]: in a sliding mode φ crosses zero again
-and again."""
+"""Active times of a row that are closer than this are one interval [s]: in a sliding mode φ crosses zero repeatedly."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """A simulation and the setup it was made with.
-
-    Attributes
-    ----------
-    setup, record
-        What was run, and what it left.
-    """
+    """A simulation: its setup, and the record that it left."""
 
     setup: Setup
     record: RunRecord
 
     @property
     def trajectory(self) -> Trajectory:
-        """What the simulation left."""
+        """Of the simulation."""
         return self.record.trajectory
 
     @property
@@ -61,7 +54,7 @@ class Run:
         return score(self.record, None)
 
     def index(self, label: str) -> int:
-        """Where a row is; raises ValueError that names the label if there is none."""
+        """Index of a row; raises ValueError that names the label if there is none."""
         return self.trajectory.labels.index(label)
 
     def labels(self, name: str) -> list[str]:
@@ -100,20 +93,20 @@ class Run:
         raise KeyError(label)
 
     def positive_samples(self, label: str) -> int:
-        """In how many samples in a row φ is at or above zero."""
+        """The longest series of samples with φ ≥ 0."""
         return round(float(self.row(label)["longest_positive_run_s"]) / self.sampling_time)
 
     def active_intervals(self, *labels: str, gap: float = MERGE) -> list[tuple[float, float]]:
-        """When φ of any of these rows is at or above zero [s]."""
+        """When φ ≥ 0 of any of these rows [s]."""
         at = [self.index(label) for label in labels]
         return intervals(self.t, np.asarray((self.trajectory.phi[:, at] >= 0.0).any(axis=1)), gap)
 
     def ever_active(self, kind: str = "") -> list[str]:
-        """Labels of the rows of a kind whose φ is ever at or above zero."""
+        """Labels of the rows of a kind with φ ≥ 0 at any time."""
         return [label for label in self.labels(kind) if (self.phi(label) >= 0.0).any()]
 
     def while_sliding(self, label: str, gap: float = 0.1) -> Array:
-        """φ of a row from the first to the last sample of each time it acts, without the time between."""
+        """φ of a row from the first to the last sample of each active interval, without the time between."""
         inside = np.zeros(len(self.t), dtype=np.bool_)
         for first, last in self.active_intervals(label, gap=gap):
             inside |= (self.t >= first) & (self.t <= last)
@@ -125,14 +118,14 @@ class Run:
         return float(self.score.result["settling_time_s"])
 
     def approach_speed(self, label: str) -> Array:
-        """(N,) how fast a row's clearance shrinks [its unit per second], over five samples."""
+        """(N,) how fast a row's clearance shrinks [its unit per second], averaged over five samples."""
         clearance = self.trajectory.clearance[:, self.index(label)]
         rate: Array = -np.convolve(np.gradient(clearance, self.sampling_time), np.ones(5) / 5.0, mode="same")
         return rate
 
     @cached_property
     def drift(self) -> Array:
-        """(N, m) max(L_fφ, 0) of the rows with φ ≥ 0, zero of others: what eq. (12) adds up along this motion."""
+        """(N, m) max(L_fφ, 0) of the rows with φ ≥ 0, zero for others: the terms of eq. (12) along this motion."""
         scene, constraints = self.setup.scene, self.setup.constraints
         drift = np.zeros_like(self.trajectory.phi)
         for k in np.flatnonzero((self.trajectory.phi >= 0.0).any(axis=1)):
@@ -147,7 +140,7 @@ class Run:
         return needed
 
     def needed_share(self) -> Array:
-        """(N,) Σ max(L_fφ, 0) / u⁺ over the rows with φ ≥ 0: eq. (12) for rows of several kinds asks for less than 1.
+        """(N,) Σ max(L_fφ, 0) / u⁺ over the rows with φ ≥ 0, which (12) requires to be below 1.
 
         (12) is about one u⁺ for all rows; a row divided by its own has the gain 1.
         """
@@ -182,24 +175,19 @@ def kept_run(spec: RunSpec, file: Path) -> Run:
     if record is not None:
         return Run(spec.load().setup(spec.trial, spec.seed), record)
     run = perform(spec)
-    with suppress(OSError):  # the run is there: it can only not be taken up again
+    with suppress(OSError):  # the run is there: it only cannot be resumed
         run.record.save(file)
     return run
 
 
 def kept_file(folder: Path, spec: RunSpec, what: str = "record") -> Path:
-    """Where something of a run is kept; another file if anything it is made of, the code included, is another."""
+    """Where something of a run is kept; another file if anything it depends on, the code included, has changed."""
     return folder / f"{spec.fingerprint}-{what}.npz"
 
 
 @contextmanager
 def unfinished(folder: Path | None) -> Iterator[Path]:
-    """The folder ``unfinished`` below a command's own; it goes when the block has been carried out to its end.
-
-    Parameters
-    ----------
-    folder
-        The command's; nothing is kept if None.
+    """The folder ``unfinished`` below a command's own, or a temporary one if None; removed when the block is complete.
 
     Raises
     ------

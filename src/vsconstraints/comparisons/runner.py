@@ -29,7 +29,6 @@ from .tables import append_lines, write_table
 Report = Callable[[RunSpec, Score, bool], None]
 """Called for each finished run with its score and whether it was stored before."""
 
-
 Key = tuple[str, str, int]
 """Scenario, controller and trial."""
 
@@ -38,14 +37,12 @@ TABLES = {"results.csv": RESULT_COLUMNS, "constraints.csv": CONSTRAINT_COLUMNS}
 
 @dataclass(frozen=True)
 class Finished:
-    """What a comparison came to.
+    """The result of a comparison.
 
     Attributes
     ----------
-    folder
-        Where it is stored.
-    scores
-        One per run; fewer if it was interrupted.
+    folder, scores
+        Where it is stored, and a score per run; fewer if it was interrupted.
     stored_before
         How many were not run again.
     wall_time
@@ -62,7 +59,7 @@ class Finished:
 
     @property
     def all_failed(self) -> bool:
-        """Whether no run of a controller that is compared came to anything."""
+        """Whether all runs of the compared controllers failed."""
         compared = [key for key in self.scores if key[1] != BASELINE] or list(self.scores)
         return all(self.scores[key].result["status"] == "failed" for key in compared)
 
@@ -80,18 +77,15 @@ def compare(
     """Run every scenario with every controller and store results below ``folder``.
 
     Runs stored there before with the same scenario, controller, trial, seed and code, and made from the same files, are
-    kept. Tracking alone is always run, since it tells which rows a scenario challenges. A run that fails in any way,
-    even by ending its process or by never coming to an end, becomes a row with its reason.
+    kept. The unconstrained baseline is always run, since it defines which rows a scenario challenges. A run that fails
+    in any way, even by ending its process or by never ending, becomes a row with its reason.
 
     Parameters
     ----------
-    suite
-        What is compared.
-    folder
-        Where to; made if it is not there.
+    suite, folder
+        What is compared, and the folder; created if it does not exist.
     workers
-        Number of processes at most; see :func:`.process_count`. 0 for this one, which also
-        runs what no other can.
+        Maximum number of processes; see :func:`.process_count`. 0 for this one, which also runs what no other can.
     limit
         How long a run may take [s]; by its number of samples if None
         (:func:`vsconstraints.comparisons.runs.machine.run_limit`).
@@ -100,7 +94,7 @@ def compare(
     command
         What the user typed, for the manifest.
     on_finished
-        Told of every finished run.
+        Called with every finished run.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from .folder import stored_files
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from .record import RunRecord, run_file
 from .runs.files import demand_inside, demand_unchanged
-from .runs.folder import manifest_of, read_manifest
+from .runs.folder import MANIFEST, manifest_of, read_manifest
 from .runs.machine import most_samples
 from .tables import read_table
 
@@ -27,12 +27,12 @@ Part = TypeVar("Part")
 
 @dataclass(frozen=True)
 class StoredComparison:
-    """What a comparison left in its folder.
+    """The results of a comparison.
 
     Attributes
     ----------
     folder
-        Where.
+        Where they are stored.
     manifest
         version, git_commit, command, started, seed, configuration, machine, packages, wall_time_s, runs, finished.
     results, constraints
@@ -59,33 +59,29 @@ class StoredComparison:
         ConfigurationError
             that says what is missing in it, or is not what a comparison has stored.
         """
-        demand_inside(folder)
-        for name in ("manifest.json", "results.csv", "constraints.csv"):
+        for name in (MANIFEST, "results.csv", "constraints.csv"):
             if not (folder / name).is_file():
                 raise ConfigurationError(f"{folder} holds no comparison: {name} is missing")
-        remark = demand_unchanged(folder, stored_files(folder), "finished" in manifest_of(folder))
-        manifest = _manifest(folder / "manifest.json")
+        manifest, remarks = read_folder(folder, stored_files(folder), _demand_readable, trust, ("scenarios",))
         results = read_table(folder / "results.csv", RESULT_COLUMNS)
         constraints = read_table(folder / "constraints.csv", CONSTRAINT_COLUMNS)
-        code = [] if trust else list(code_named(manifest["configuration"]["scenarios"]))
-        remarks = [str(untrusted("some of what is drawn", code))] if code else []
-        stored = cls(folder, manifest, results, constraints, trust, tuple(filter(None, (remark, *remarks))))
+        stored = cls(folder, manifest, results, constraints, trust, remarks)
         for name, lines, own in (("results.csv", results, ()), ("constraints.csv", constraints, ("constraint",))):
             stored._check(folder / name, lines, ("scenario", "controller", "trial", *own))
         return stored
 
     def _check(self, path: Path, lines: list[dict[str, Any]], key: tuple[str, ...]) -> None:
-        """Raise ConfigurationError if a line is of a run that the manifest does not hold, or there twice."""
+        """Raise ConfigurationError if a line is there twice, or of a run that is not in the manifest."""
         seen = set()
         scenarios, controllers = self.scenarios, set(self.controllers)
         trials = self.manifest["configuration"].get("trials", 1)
         for line in lines:
             scenario, controller, trial, *_ = own = tuple(line[name] for name in key)
-            held = scenario in scenarios and controller in controllers and trial < trials
-            if own in seen or not held:
+            planned = scenario in scenarios and controller in controllers and trial < trials
+            if own in seen or not planned:
                 run = f"scenario {shown(scenario)}, controller {shown(controller)}, trial {trial:g}"
                 raise ConfigurationError(
-                    f"{path} has {run}{' twice' if held else ', which manifest.json beside it does not have'}"
+                    f"{path} has {run}{' twice' if planned else f', which {MANIFEST} beside it does not have'}"
                 )
             seen.add(own)
 
@@ -101,23 +97,55 @@ class StoredComparison:
 
     @property
     def controllers(self) -> tuple[str, ...]:
-        """Names of the controllers, tracking alone first."""
+        """Names of the controllers, the unconstrained baseline first."""
         return tuple(self.manifest["configuration"]["controllers"])
 
     def run(self, scenario: str, controller: str, trial: int = 0) -> RunRecord | None:
-        """A stored run; None if its trajectory is not there, or longer than its scenario lets a run be."""
+        """A stored run; None if its trajectory is not there, or longer than its scenario allows."""
         file = run_file(self.folder, scenario, controller, trial)
         return RunRecord.load(file, most_samples(self.scenarios[scenario].tables))
 
 
-def _manifest(path: Path) -> dict[str, Any]:
-    """What a manifest says; raises ConfigurationError if something in it is not what a comparison writes there."""
+def read_folder(
+    folder: Path,
+    files: Iterable[Path],
+    demand_readable: Callable[[Mapping[str, Any], str], None],
+    trust: bool,
+    with_code: Sequence[str],
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The manifest of a folder of results whose files are as they were stored, and remarks for the reader.
+
+    Parameters
+    ----------
+    folder, files
+        The folder, and the files in it that are checked.
+    demand_readable
+        Raises ConfigurationError for a manifest, with its name, that holds something else than results of this kind.
+    trust, with_code
+        Whether code may run that these tables of the configuration name.
+
+    Raises
+    ------
+    ConfigurationError
+        for links that lead out of the folder, changed files, and a manifest that cannot be read.
+    """
+    demand_inside(folder)
+    remark = demand_unchanged(folder, files, "finished" in manifest_of(folder))
+    path = folder / MANIFEST
     try:
         manifest = read_manifest(path)
     except (OSError, ValueError, RecursionError) as error:
         raise ConfigurationError(f"{path} cannot be read: {error}") from error
-    read = part(_Manifest, manifest, str(path))
-    where = f"{path}.configuration"
+    demand_readable(manifest, str(path))
+    code = [] if trust else list(code_named([manifest["configuration"][name] for name in with_code]))
+    remarks = [str(untrusted("some of what is drawn", code))] if code else []
+    return dict(manifest), tuple(filter(None, (remark, *remarks)))
+
+
+def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
+    """Raise ConfigurationError if something in a manifest is not what a comparison writes there."""
+    read = part(_Manifest, manifest, where)
+    where += ".configuration"
     configuration = part(_Configuration, read.configuration, where)
     for key, value, least in (("trials", configuration.trials, 1), ("seed", configuration.seed, 0)):
         if value < least:
@@ -128,23 +156,18 @@ def _manifest(path: Path) -> dict[str, Any]:
         tables = part(_StoredScenario, scenario, f"{where}.scenarios.{name}").tables
         checked(tables.get("constraints", []), Sequence[Table], f"{where}.scenarios.{name}.tables", "constraints")
     for name, controller in configuration.controllers.items():
-        _known_options(name, demand_table(controller, f"{where}.controllers.{name}"), f"{where}.controllers.{name}")
-    return dict(manifest)
-
-
-def _known_options(name: str, controller: Table, where: str) -> None:
-    """Raise ConfigurationError if a registered law cannot be made with these options; own laws may be elsewhere."""
-    kind = checked(controller.get("type", name), str, where, "type")
-    if kind not in CONTROLLERS:
-        return
-    try:
-        make_controller(kind, {key: value for key, value in controller.items() if key != "type"})
-    except VsconstraintsError as error:
-        raise ConfigurationError(f"{where}: {error}") from error
+        at = f"{where}.controllers.{name}"
+        options = dict(demand_table(controller, at))
+        law = checked(options.pop("type", name), str, at, "type")
+        if law in CONTROLLERS:  # own laws may be elsewhere
+            try:
+                make_controller(law, options)
+            except VsconstraintsError as error:
+                raise ConfigurationError(f"{at}: {error}") from error
 
 
 def part(kind: type[Part], value: object, where: str) -> Part:
-    """What readers need of a manifest's table that says more; raises ConfigurationError for what is none of that."""
+    """The entries of a table that readers need, as a dataclass; raises ConfigurationError for wrong ones."""
     table = demand_table(value, where)
     found: Part = made(kind, {name: table[name] for name in parameters(kind) if name in table}, where)
     return found

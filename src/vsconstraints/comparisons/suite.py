@@ -34,21 +34,9 @@ MOST_VARIANTS = 10_000
 
 
 def scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:
-    """The scenarios that one entry of a suite's ``scenarios`` stands for.
+    """The scenarios of an entry of a suite: a name, a path relative to ``folder``, or a table (see :meth:`Suite.load`).
 
-    Parameters
-    ----------
-    value
-        A name, a path, or a table that describes variants (see :meth:`Suite.load`).
-    where
-        Suite and entry, for messages.
-    folder
-        What a path is relative to.
-
-    Raises
-    ------
-    ConfigurationError
-        if there is no such scenario, or the table has a wrong key or value.
+    Raises ConfigurationError that names ``where`` if there is no such scenario, or the table has a wrong key or value.
     """
     if isinstance(value, str):
         return [Scenario.load(value, folder)]
@@ -101,16 +89,12 @@ class Suite:
 
     Attributes
     ----------
-    name
-        The file's name without its ending.
-    title
-        For reports.
+    name, title
+        The file's name without its ending; for reports.
     scenarios, controllers
         Every scenario is run with every controller.
-    trials
-        How often; trial 0 starts where the scenario says, others deviate from it.
-    seed
-        Of those deviations.
+    trials, seed
+        How often: trial 0 starts where the scenario says, others deviate randomly, with this seed.
     """
 
     name: str
@@ -169,10 +153,8 @@ class Suite:
 
         Parameters
         ----------
-        scenarios
-            Names of the suite's scenarios, of shipped ones, or paths; all of the suite's if empty.
-        controllers
-            Names of the suite's controllers or registered ones; all of the suite's if empty.
+        scenarios, controllers
+            Names of the suite's own or of registered ones, or paths of scenarios; the suite's own if empty.
         seed
             Instead of the suite's.
         settings

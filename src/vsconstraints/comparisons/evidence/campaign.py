@@ -110,24 +110,16 @@ class Campaign:
 
     Attributes
     ----------
-    name
-        The file's name without its ending.
-    title, question
-        For reports: what it is, and what it is to answer.
-    families
-        Where scenes are drawn from.
+    name, title, question
+        The file's name without its ending; for reports: what it is, and what it is to answer.
+    families, scenes, half, seed
+        Where scenes are drawn from, how many of each family, ``"held-out"`` or ``"training"``, and their seed.
     controllers
-        Every scene is run with every controller; tracking alone is the first.
+        Every scene is run with every controller; the unconstrained baseline is the first.
     conditions
         Those in which scenes are run; all that each family has if empty.
-    scenes
-        How many of each family.
-    half
-        ``"held-out"`` or ``"training"``.
-    seed
-        Of all scenes.
     scenes_in
-        Of conditions whose runs take long: in how many scenes, the first of each family, they are run at most.
+        The maximum number of scenes of conditions whose runs take long: the first of each family.
     """
 
     name: str
@@ -145,10 +137,7 @@ class Campaign:
     def load(cls, path: Path | str | None = None) -> Campaign:
         """The campaign of a TOML file, or one that comes with the package by its name: ``evidence`` if none is given.
 
-        Raises
-        ------
-        ConfigurationError, InvalidInput
-            if the file cannot be read, has an unknown key, or something in it cannot be used.
+        Raises ConfigurationError or InvalidInput if the file cannot be read, or something in it cannot be used.
         """
         source = DEFAULT if path is None else SHIPPED_CAMPAIGNS.get(str(path), Path(path))
         folder = Path() if path is None else source.parent
@@ -180,10 +169,8 @@ class Campaign:
 
         Parameters
         ----------
-        families
-            Names of the campaign's families, of shipped ones, or paths; all of the campaign's if empty.
-        controllers
-            Names of the campaign's controllers or registered ones; all of the campaign's if empty.
+        families, controllers
+            Names of the campaign's own or of registered ones, or paths of families; the campaign's own if empty.
         scenes
             Instead of the campaign's.
         settings

@@ -1,4 +1,4 @@
-"""A campaign's folder: its shards, which are the record of what is done, and what keeps two campaigns apart."""
+"""A campaign's folder: its shards, which record what is done, and the trajectories of some runs."""
 
 from __future__ import annotations
 
@@ -19,31 +19,19 @@ from ..runs.pool import Failure, OpenWorkers
 from ..runs.signals import Deadline
 from . import parquet
 from .campaign import Campaign, Identity, differences, in_words
-from .parquet import RUNS, TABLES, read
+from .parquet import RUNS, TABLES
 from .task import Batch, Work
-from .worker import Bench, Part, drawn
+from .worker import Bench, Part, set_up
 
 MARK = "runs"
 """The table that is written last: a shard is there when this part of it is."""
 
+KINDS = Kinds(("family", "condition", "controller"), "scene", "family")
+
 
 @dataclass(frozen=True)
 class Facts:
-    """What a shard says of itself.
-
-    Attributes
-    ----------
-    family
-        Whose scenes.
-    scenes
-        Their numbers.
-    identity
-        What they depend on.
-    machine
-        Which made them.
-    runs, seconds
-        How many runs they are, and how long those took one process [s].
-    """
+    """The footer of a shard: its scenes, what they depend on, the machine, number of runs, and process time [s]."""
 
     family: str
     scenes: tuple[int, ...]
@@ -54,7 +42,7 @@ class Facts:
 
     @classmethod
     def of(cls, path: Path) -> Facts:
-        """Those of a shard's part; raises ConfigurationError if it cannot be read."""
+        """The footer of a shard's part; raises ConfigurationError if it cannot be read."""
         try:
             facts: Facts = made(cls, parquet.facts_of(path), "its footer")
         except ConfigurationError as error:
@@ -96,7 +84,7 @@ def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts
 
 @dataclass
 class There:
-    """What a folder holds: numbers of the scenes by family, how many runs, and the time that they took [s]."""
+    """What a folder holds: numbers of the scenes by family, how many runs, and their process time [s]."""
 
     scenes: dict[str, set[int]] = field(default_factory=dict)
     runs: int = 0
@@ -114,30 +102,31 @@ def what_is_there(folder: Path, campaign: Campaign) -> There:
     _remove_unfinished(folder)
     identities = campaign.identities()
     there = There()
+    problems: list[str] = []
     for name in shard_names(folder):
         facts = Facts.of(shard_file(folder, MARK, name))
         if facts.family not in identities:
-            raise _another(folder, [f"family {facts.family} is only there"])
-        if facts.identity != identities[facts.family]:
-            raise _another(folder, list(differences(facts.identity, identities[facts.family])))
+            problems = [f"family {facts.family} is only there"]
+        elif facts.identity != identities[facts.family]:
+            problems = list(differences(facts.identity, identities[facts.family]))
+        if problems:
+            break
         there.scenes.setdefault(facts.family, set()).update(facts.scenes)
         there.runs += facts.runs
         there.seconds += facts.seconds
-    most = 1 + max((max(numbers) for numbers in there.scenes.values()), default=0)
-    if most > campaign.scenes:
-        raise _another(folder, [f"it has scenes up to number {most - 1}: give --scenes {most} or more"])
+    last = max((max(numbers) for numbers in there.scenes.values()), default=-1)
+    if not problems and last >= campaign.scenes:
+        problems = [f"it has scenes up to number {last}: give --scenes {last + 1} or more"]
+    if problems:
+        raise ConfigurationError(
+            f"{folder} holds evidence of another campaign: {in_words(problems)}. Give another folder with --out, or "
+            "--fresh to replace what is there"
+        )
     return there
 
 
-def _another(folder: Path, found: list[str]) -> ConfigurationError:
-    return ConfigurationError(
-        f"{folder} holds evidence of another campaign: {in_words(found)}. Give another folder with --out, or --fresh "
-        "to replace what is there"
-    )
-
-
 def _remove_unfinished(folder: Path) -> None:
-    """Parts of a shard that has no mark, or that are not as they were stored, and files that were not written whole."""
+    """Remove shards without a mark, or that are not as they were stored, and files that were not written whole."""
     for path in list(folder.rglob("*.part")):
         path.unlink(missing_ok=True)
     remove_changed(folder, stored_files(folder)[1:])
@@ -159,11 +148,8 @@ def clear(folder: Path) -> None:
     (folder / SUMS).unlink(missing_ok=True)
 
 
-KINDS = Kinds(("family", "condition", "controller"), "scene", "family")
-
-
 class RunKey(NamedTuple):
-    """Which run it is."""
+    """What identifies a run."""
 
     family: str
     condition: str
@@ -177,15 +163,15 @@ def trajectory_file(folder: Path, key: RunKey) -> Path:
 
 
 def chosen(folder: Path, keep: Keep) -> list[RunKey]:
-    """The runs whose trajectories are to be kept, of those in a folder: the same in whatever order they were made.
+    """The runs whose trajectories are kept, of those in a folder: the same in whatever order they were made.
 
-    A run that left no sample, since its process died, say, has no trajectory.
+    A run that left no sample has no trajectory.
     """
     if keep == "none":
         return []
     names = ("family", "condition", "scene", "controller", "status", "violation_depth", "duration_s")
     files = [shard_file(folder, MARK, name) for name in shard_names(folder)]
-    lines = read(files, RUNS, names).to_pandas().dropna(subset="duration_s")
+    lines = parquet.read(files, RUNS, names).to_pandas().dropna(subset="duration_s")
     lines = lines.sort_values(["family", "scene", "condition", "controller"], ignore_index=True)
     return [
         RunKey(*(line[name] for name in RunKey._fields)) for line in kept_lines(lines.to_dict("records"), keep, KINDS)
@@ -193,9 +179,9 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
 
 
 def keep_trajectories(folder: Path, keep: Keep, work: Work, workers: OpenWorkers) -> int:
-    """Make the runs whose trajectories are to be kept once more, unless they are there; how many there are then.
+    """Repeat the runs whose trajectories are kept and missing, and remove those of others; how many there are then.
 
-    Those of other runs are removed, which another way to keep has left. Raises OSError.
+    Repeated runs are the same. Raises OSError.
     """
     if keep == "none":
         return 0
@@ -214,7 +200,7 @@ def keep_trajectories(folder: Path, keep: Keep, work: Work, workers: OpenWorkers
         return kept
     with workers(rerun) as open_workers:
         for _, answer in open_workers.run(calls):
-            # what cannot be made again is left out: its scores are there
+            # what cannot be repeated is left out: its scores are there
             for key, record in {} if isinstance(answer, Failure) else answer.items():
                 record.save(trajectory_file(folder, key))
                 kept += 1
@@ -222,12 +208,12 @@ def keep_trajectories(folder: Path, keep: Keep, work: Work, workers: OpenWorkers
 
 
 def rerun(task: Batch, keys: tuple[RunKey, ...]) -> dict[RunKey, RunRecord]:
-    """Make runs of one scene again: what workers do."""
+    """Repeat runs of one scene: what workers do."""
     found: dict[RunKey, RunRecord] = {}
     entries = {entry.name: entry for entry in task.controllers}
     with Deadline(task.limit) as deadline:
         deadline.step()
-        scene = drawn(task, task.scenes[0])
+        scene, _ = set_up(task, task.scenes[0])
         if not isinstance(scene, Drawn):
             return found
         for condition in dict.fromkeys(key.condition for key in keys):

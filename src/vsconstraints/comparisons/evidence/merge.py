@@ -18,34 +18,19 @@ from .folder import MARK, Facts, chosen, clear, shard_file, shard_names, stored_
 from .parquet import TABLES, TIMING
 from .stored import Evidence, missing_scenes
 
+Manifests = Mapping[Path, Mapping[str, Any]]
+"""By their folders."""
+
 OWN = (
-    "shard",
-    "command",
-    "started",
-    "wall_time_s",
-    "process_time_s",
-    "scenes",
-    "runs",
-    "runs_per_s",
-    "finished",
-    "stored_before",
-    "trajectories",
-    "machine",
+    *("shard", "command", "started", "wall_time_s", "process_time_s", "scenes", "runs", "runs_per_s"),
+    *("finished", "stored_before", "trajectories", "machine"),
 )
-"""Of a manifest: what may differ from folder to folder."""
+"""Entries of a manifest that may differ from folder to folder."""
 
 
 @dataclass(frozen=True)
 class Merged:
-    """What was put together.
-
-    Attributes
-    ----------
-    scenes, runs, trajectories
-        How many scenes, and runs, and of how many of these the trajectories are there.
-    remarks
-        What a reader should know of the folders.
-    """
+    """How many scenes, runs and trajectories were put together, and what a reader should know of the folders."""
 
     scenes: int
     runs: int
@@ -89,7 +74,13 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
     manifests = {folder: evidence.manifest for folder, evidence in read.items()}
     for folder, manifest in manifests.items():
         demand_unchanged(folder, (folder / TRAJECTORIES).glob("*.npz"), "finished" in manifest, all_there=True)
-    sources = _sources(list(manifests))
+    sources = [
+        _Source(folder, name, Facts.of(shard_file(folder, MARK, name)))
+        for folder in manifests
+        for name in shard_names(folder)
+    ]
+    # in the order of scenes, so that what is written does not depend on that of the folders
+    sources.sort(key=lambda source: (source.facts.family, source.facts.scenes))
     _demand_alike(sources, manifests)
     _demand_all(sources, manifests)
     once = _each_once(sources)
@@ -102,24 +93,14 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
         with storing("evidence", out):
             for source, scenes in once:
                 _copy(source, scenes, out)
-            _copy_trajectories(list(manifests), out)
+            _copy_trajectories(manifests, out)
             counts = _counts(out)
-            write_json(out / MANIFEST, _together(manifests, counts))
+            write_json(out / MANIFEST, _merged_manifest(manifests, counts))
             seal(out, stored_files(out))
     return replace(counts, remarks=tuple(text for evidence in read.values() for text in evidence.remarks))
 
 
-def _sources(folders: Sequence[Path]) -> list[_Source]:
-    found = [
-        _Source(folder, name, Facts.of(shard_file(folder, MARK, name)))
-        for folder in folders
-        for name in shard_names(folder)
-    ]
-    # in the order of scenes, so that what is written does not depend on that of the folders
-    return sorted(found, key=lambda source: (source.facts.family, source.facts.scenes))
-
-
-def _demand_alike(sources: Sequence[_Source], manifests: Mapping[Path, Mapping[str, Any]]) -> None:
+def _demand_alike(sources: Sequence[_Source], manifests: Manifests) -> None:
     """Raise ConfigurationError if code, settings or packages differ; machines may."""
     first: dict[str, _Source] = {}
     for source in sources:
@@ -148,7 +129,7 @@ def _demand_same(one: Mapping[str, Any], other: Mapping[str, Any], there: Path, 
         raise ConfigurationError(f"these are not parts of one campaign: {in_words(found)}")
 
 
-def _demand_all(sources: Sequence[_Source], manifests: Mapping[Path, Mapping[str, Any]]) -> None:
+def _demand_all(sources: Sequence[_Source], manifests: Manifests) -> None:
     """Raise ConfigurationError that names shards and scenes that are missing."""
     configuration = next(iter(manifests.values()))["configuration"]
     shards = [tuple(manifest.get("shard", (1, 1))) for manifest in manifests.values()]
@@ -178,7 +159,10 @@ def _each_once(sources: Sequence[_Source]) -> list[tuple[_Source, list[int]]]:
 
 def _demand_same_results(one: _Source, other: _Source, scenes: list[int]) -> None:
     for name in TABLES:
-        first, second = (_untimed(_of_scenes(source.table(name), scenes)) for source in (one, other))
+        tables = (_of_scenes(source.table(name), scenes) for source in (one, other))
+        first, second = (
+            table.select([column for column in table.column_names if column not in TIMING]) for table in tables
+        )
         if not first.equals(second):
             at = next(
                 number for number in scenes if not _of_scenes(first, [number]).equals(_of_scenes(second, [number]))
@@ -194,10 +178,6 @@ def _of_scenes(table: Any, scenes: Sequence[int]) -> Any:
     return table.filter([number in wanted for number in table["scene"].to_pylist()])
 
 
-def _untimed(table: Any) -> Any:
-    return table.select([name for name in table.column_names if name not in TIMING])
-
-
 def _copy(source: _Source, scenes: list[int], out: Path) -> None:
     """A shard, or those of its scenes that are wanted."""
     tables = {name: source.table(name) for name in TABLES}
@@ -209,7 +189,7 @@ def _copy(source: _Source, scenes: list[int], out: Path) -> None:
     write_parts(out, name, tables, facts)
 
 
-def _copy_trajectories(folders: Sequence[Path], out: Path) -> None:
+def _copy_trajectories(folders: Manifests, out: Path) -> None:
     """Of the trajectories that the folders hold, those that are kept of the whole."""
     keeps = {manifest_of(folder).get("keep", "none") for folder in folders} - {"none"}
     for keep in sorted(keeps):
@@ -225,13 +205,14 @@ def _copy_trajectories(folders: Sequence[Path], out: Path) -> None:
 
 def _counts(out: Path) -> Merged:
     names = shard_names(out)
-    scenes = parquet.read([shard_file(out, "scenes", name) for name in names], TABLES["scenes"], ["scene"])
-    runs = parquet.read([shard_file(out, MARK, name) for name in names], TABLES[MARK], ["scene"])
-    return Merged(scenes.num_rows, runs.num_rows, len(list((out / TRAJECTORIES).glob("*.npz"))))
+    scenes, runs = (
+        sum(parquet.line_count(shard_file(out, table, name)) for name in names) for table in ("scenes", MARK)
+    )
+    return Merged(scenes, runs, len(list((out / TRAJECTORIES).glob("*.npz"))))
 
 
-def _together(manifests: Mapping[Path, Mapping[str, Any]], counts: Merged) -> dict[str, Any]:
-    """The first manifest, with what the folders' own say of how they were made."""
+def _merged_manifest(manifests: Manifests, counts: Merged) -> dict[str, Any]:
+    """The first manifest, with the folders' own entries on how they were made."""
     first = next(iter(manifests.values()))
     parts = [{name: manifest[name] for name in OWN if name in manifest} for manifest in manifests.values()]
     time = sum(manifest.get("process_time_s", 0.0) for manifest in manifests.values())

@@ -1,4 +1,4 @@
-"""Tables as Parquet files, with facts about them in their footers."""
+"""Tables of runs, of their rows and of scenes: their columns, and Parquet files with facts in their footers."""
 
 from __future__ import annotations
 
@@ -14,6 +14,20 @@ from ...plugins.extras import demand
 from ..metrics import CONSTRAINT_COLUMNS, METRICS, RESULT_COLUMNS, ROW_METRICS, RUN, TIMING_COLUMNS
 from ..runs.files import replaced
 
+demand("evidence")
+
+import pyarrow as pa  # noqa: E402 - a missing package is reported with what installs it
+import pyarrow.parquet as pq  # noqa: E402
+
+FACTS = b"vsconstraints"
+"""Under which a file's footer holds facts, as JSON."""
+
+EXPANDED = 100_000
+"""Bytes that a line may take when it is read: a reason has 2000 characters, lists of rows some thousand."""
+
+UNREADABLE = (OSError, ValueError, KeyError, pa.ArrowException)
+"""Exceptions of pyarrow for a damaged file."""
+
 Kind = Literal["text", "flag", "whole", "number"]
 
 
@@ -23,14 +37,12 @@ class Column:
 
     Attributes
     ----------
-    name
-        Its name.
-    kind
-        What a cell holds.
+    name, kind
+        Its name, and what a cell holds.
     category
         Whether it has few values, which come again and again.
     added
-        Whether files may lack it that were written before it was there; its values are missing then.
+        Whether older files may lack it; its values are missing then.
     """
 
     name: str
@@ -46,24 +58,22 @@ KEYS = (
     Column("scene", "whole"),
     Column("controller", "text", category=True),
 )
-"""Which run it is."""
+"""What identifies a run."""
 
 _KINDS: dict[str, Kind] = {"text": "text", "flag": "flag", "number": "number", "time": "number"}
-_OF_RUNS = {metric.column: _KINDS[metric.kind] for metric in METRICS if metric.value is not None}
-_OF_ROWS = {metric.column: _KINDS[metric.kind] for metric in ROW_METRICS if metric.value is not None}
 _CATEGORIES = ("status", "constraint", "kind", "unit")
 
-RUNS = (
-    *KEYS,
-    *(Column(name, _OF_RUNS[name], name in _CATEGORIES) for name in RESULT_COLUMNS if name not in RUN),
-)
-"""One line for each run."""
 
-ROWS = (
-    *KEYS,
-    *(Column(name, _OF_ROWS[name], name in _CATEGORIES) for name in CONSTRAINT_COLUMNS if name not in RUN),
-)
-"""One line for each row of a run that was challenged, acted, or was left."""
+def _columns(names: Iterable[str], metrics: Iterable[Any]) -> tuple[Column, ...]:
+    kinds = {metric.column: _KINDS[metric.kind] for metric in metrics if metric.value is not None}
+    return (*KEYS, *(Column(name, kinds[name], name in _CATEGORIES) for name in names if name not in RUN))
+
+
+RUNS = _columns(RESULT_COLUMNS, METRICS)
+"""One line for each run: its keys, then the columns of results.csv."""
+
+ROWS = _columns(CONSTRAINT_COLUMNS, ROW_METRICS)
+"""One line for each row of a run that was challenged, active or violated: keys, then the columns of constraints.csv."""
 
 SCENES = (
     Column("family", "text", category=True),
@@ -84,27 +94,10 @@ TABLES = {"runs": RUNS, "rows": ROWS, "scenes": SCENES}
 """By the folders of their shards."""
 
 TIMING = TIMING_COLUMNS
-"""What differs from one machine, and one time, to the next; everything else is the same wherever it is run."""
-
-__all__ = ["KEYS", "ROWS", "RUNS", "SCENES", "TABLES", "TIMING", "Column"]
-
-
-demand("evidence")
-
-import pyarrow as pa  # noqa: E402 - what is missing is told with what installs it
-import pyarrow.parquet as pq  # noqa: E402
-
-FACTS = b"vsconstraints"
-"""Under which a file's footer holds facts, as JSON."""
-
-EXPANDED = 100_000
-"""Bytes that a line may take when it is read: a reason has 2000 characters, lists of rows some thousand."""
-
-UNREADABLE = (OSError, ValueError, KeyError, pa.ArrowException)
-"""What pyarrow raises for a file that is damaged."""
+"""Columns that depend on the machine and the time; all others are the same wherever a scene is run."""
 
 _TYPES = {"text": pa.string(), "flag": pa.bool_(), "whole": pa.int64(), "number": pa.float64()}
-"""Numbers keep all their digits: halves would save a third of the space, and no two folders could be held together."""
+"""Numbers keep all their digits, so that folders can be compared."""
 
 
 def schema(columns: Sequence[Column]) -> Any:
@@ -143,7 +136,7 @@ def write(path: Path, lines: Any, facts: Mapping[str, Any]) -> None:
 
 
 def is_whole(path: Path) -> bool:
-    """Whether a file ends as Parquet files do: what was cut off does not."""
+    """Whether a file ends as Parquet files do: one that was cut off does not."""
     try:
         pq.read_schema(path)
     except UNREADABLE:
@@ -156,23 +149,27 @@ def facts_of(path: Path) -> dict[str, Any]:
     try:
         facts = json.loads((pq.read_schema(path).metadata or {})[FACTS])
     except (*UNREADABLE, RecursionError) as error:
-        raise ConfigurationError(f"{path} cannot be read: {one_line(str(error)) or type(error).__name__}") from error
+        raise _unreadable(path, error) from error
     if not isinstance(facts, dict):
         raise ConfigurationError(f"{path} cannot be read: its facts are no table")
     return facts
 
 
 def line_count(path: Path) -> int:
-    """How many lines a file says it has; raises ConfigurationError if it cannot be read."""
+    """How many lines a file claims to have; raises ConfigurationError if it cannot be read."""
     try:
         count: int = pq.read_metadata(path).num_rows
     except UNREADABLE as error:
-        raise ConfigurationError(f"{path} cannot be read: {one_line(str(error))}") from error
+        raise _unreadable(path, error) from error
     return count
 
 
+def _unreadable(path: Path, error: BaseException) -> ConfigurationError:
+    return ConfigurationError(f"{path} cannot be read: {one_line(str(error)) or type(error).__name__}")
+
+
 def _demand_bounded(metadata: Any) -> None:
-    """Raise ValueError if a file says that it holds more than its lines can."""
+    """Raise ValueError if a file claims to hold more than its lines can."""
     groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
     size, most = sum(group.total_byte_size for group in groups), EXPANDED * (1 + metadata.num_rows)
     if size > most:
@@ -184,10 +181,8 @@ def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] 
 
     Parameters
     ----------
-    paths
-        The files.
-    columns
-        What they hold.
+    paths, columns
+        The files, and their columns.
     names
         The columns that are wanted; all if None.
 
@@ -199,7 +194,7 @@ def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] 
     known = {column.name for column in columns}
     columns = [column for column in columns if names is None or column.name in names]
     wanted = schema(columns)
-    found = [wanted.empty_table()]
+    tables = [wanted.empty_table()]
     for path in paths:
         try:
             # a file by itself: nothing is taken from the names of its folders
@@ -209,13 +204,13 @@ def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] 
                 lines = file.read(wanted.names).replace_schema_metadata()
             lines.validate(full=True)
             for column in columns:
-                # what has another one in its place is damaged, not old
+                # a file with another column in its place is damaged, not old
                 if column.added and column.name not in lines.column_names and not unknown:
                     lines = lines.append_column(column.name, pa.nulls(len(lines), _TYPES[column.kind]))
             missing = [name for name in wanted.names if name not in lines.column_names]
             if missing:
                 raise ValueError(f"it has no column {missing[0]!r}; another version wrote it, which can report on it")
-            found.append(lines.select(wanted.names).cast(wanted))
+            tables.append(lines.select(wanted.names).cast(wanted))
         except UNREADABLE as error:
-            raise ConfigurationError(f"{path} cannot be read: {one_line(str(error))}") from error
-    return pa.concat_tables(found)
+            raise _unreadable(path, error) from error
+    return pa.concat_tables(tables)

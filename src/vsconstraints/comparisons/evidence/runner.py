@@ -21,9 +21,15 @@ from .folder import clear, keep_trajectories, stored_files, what_is_there, write
 from .task import Batch, Shard, Work
 from .worker import Part, failed, scored
 
+OF_WORK = ("wall_time_s", "runs_per_s")
+"""Entries of a manifest about the last command that made runs: how long it took, and its runs per second."""
+
+GRACE = 60.0
+"""A run that is alone is ended by its pool, with the reason; so much later [s] its process ends itself."""
+
 
 class Kind(NamedTuple):
-    """Runs that are alike but for their scene."""
+    """What runs in different scenes have in common."""
 
     family: str
     condition: str
@@ -32,12 +38,12 @@ class Kind(NamedTuple):
 
 @dataclass
 class Progress:
-    """How far a campaign is: counts, whatever there is to be counted.
+    """How far a campaign is.
 
     Attributes
     ----------
     scenes, stored_before
-        How many there are to be done, and how many of them were before.
+        How many there are, and how many of them were done before.
     done, found, runs
         Scenes that are done, those of before included; that were found now; runs that were made now.
     of_kind, failed
@@ -45,7 +51,7 @@ class Progress:
     reasons
         Why the first of each kind failed.
     seconds
-        Time of one process that they took [s].
+        Process time of these runs [s].
     """
 
     scenes: int
@@ -59,7 +65,7 @@ class Progress:
     seconds: float = 0.0
 
     def add(self, task: Batch, part: Part) -> None:
-        """Count what a task came to."""
+        """Count the result of a task."""
         self.done += len(task.scenes)
         self.found += sum(part.scenes["found"].to_pylist())
         self.runs += part.runs.num_rows
@@ -73,21 +79,19 @@ class Progress:
 
     @property
     def all_failed(self) -> bool:
-        """Whether runs were made, and none of a controller that is compared came to anything."""
+        """Whether runs were made, and all of the compared controllers failed."""
         compared = [kind for kind in self.of_kind if kind.controller != BASELINE] or list(self.of_kind)
         return bool(compared) and all(self.failed[kind] == self.of_kind[kind] for kind in compared)
 
 
 @dataclass(frozen=True)
 class Finished:
-    """What a campaign came to.
+    """The result of a campaign.
 
     Attributes
     ----------
-    folder
-        Where it is stored.
-    progress
-        How far it is.
+    folder, progress
+        Where it is stored, and how far it is.
     wall_time
         [s].
     kept
@@ -104,56 +108,8 @@ class Finished:
 
     @property
     def rate(self) -> float:
-        """Runs made a second."""
+        """Runs per second."""
         return self.progress.runs / self.wall_time
-
-
-GRACE = 60.0
-"""A run that is alone is ended by whoever watches it, who says why; so much later [s] its process ends itself."""
-
-Scene = tuple[int, int]
-"""Number of a task, and of a scene in it."""
-
-
-def by_pieces(tasks: Sequence[Batch], workers: Workers) -> Iterator[tuple[Batch, Part]]:
-    """Tasks scene by scene and, of scenes that no worker survives, run by run; such a run fails with the reason.
-
-    Scenes of all tasks stand in one queue, and so do the runs after them: no process waits for the last piece of a
-    task. A task comes as soon as its last scene is done.
-    """
-    scenes = {(i, j): scene for i, task in enumerate(tasks) for j, scene in enumerate(task.each())}
-    done: dict[Scene, Part] = {}
-    for (i, j), part in _scenes(scenes, workers):
-        done[i, j] = part
-        own = [(i, k) for k in range(len(tasks[i].scenes))]
-        if all(scene in done for scene in own):
-            yield tasks[i], Part.joined([done.pop(scene) for scene in own])
-
-
-def _scenes(scenes: Mapping[Scene, Batch], workers: Workers) -> Iterator[tuple[Scene, Part]]:
-    broken = []
-    # not once more as a whole, with nothing beside it: it can be innocent, and its runs say so sooner
-    for key, answer in workers.run({key: (scene,) for key, scene in scenes.items()}, again=False):
-        if isinstance(answer, Failure):
-            broken.append(key)
-        else:
-            yield key, answer
-    runs = {(key, i): single for key in broken for i, single in enumerate(scenes[key].singles())}
-    limits = {key: single.limit for key, single in runs.items() if single.limit is not None}
-    patient = {key: replace(runs[key], limit=limit + GRACE) for key, limit in limits.items()}
-    parts: dict[Scene, dict[int, Part]] = {key: {} for key in broken}
-    left = {key: sum(own == key for own, _ in runs) for key in broken}
-    for (key, i), answer in workers.run({run: (single,) for run, single in {**runs, **patient}.items()}, limits):
-        parts[key][i] = failed(runs[key, i], answer.reason) if isinstance(answer, Failure) else answer
-        if len(parts[key]) == left[key]:
-            yield key, Part.joined([part for _, part in sorted(parts.pop(key).items())])
-
-
-OF_WORK = ("wall_time_s", "runs_per_s")
-"""Of a manifest: how long the command took that made runs last, and how many a second they were."""
-
-OnProgress = Callable[[Progress], None]
-"""Told how far a campaign is, first of all and after every task."""
 
 
 @dataclass(frozen=True)
@@ -169,9 +125,9 @@ class Plan:
     limit
         How long a run may take [s]; by its number of samples if None.
     fresh
-        Whether what the folder holds is replaced.
+        Whether the content of the folder is replaced.
     workers
-        Who makes the runs.
+        The executor of the runs.
     """
 
     shard: Shard = field(default_factory=Shard)
@@ -187,22 +143,20 @@ def collect(
     plan: Plan | None = None,
     *,
     command: Sequence[str] = (),
-    on_progress: OnProgress = lambda progress: None,
+    on_progress: Callable[[Progress], None] = lambda progress: None,
 ) -> Finished:
     """Run a campaign, and store its shards below ``folder``; scenes that are there already are not run again.
 
     Parameters
     ----------
-    campaign
-        What is run.
+    campaign, plan
+        What is run, and how.
     folder
-        Where to; made if it is not there.
-    plan
-        How.
+        Created if it does not exist.
     command
         What the user typed, for the manifest.
     on_progress
-        Told how far it is, first of all and after every task.
+        Called with the progress, first of all and after every task.
 
     Raises
     ------
@@ -224,20 +178,32 @@ def collect(
         for family in {task.family.name: task.family for task in tasks.values()}.values():
             family.demand_scenes(campaign.half, campaign.seed)
         prepare()
-        manifest = _manifest(campaign, plan, command)
-        # of a command that finds all done, these stay what they were
-        manifest |= {name: value for name, value in manifest_of(folder).items() if name in OF_WORK}
+        configuration = campaign.resolved()
+        manifest: dict[str, Any] = {
+            **made_by(command, used_versions(configuration)),
+            "seed": campaign.seed,
+            "shard": [plan.shard.number, plan.shard.of],
+            "keep": plan.keep,
+            "configuration": configuration,
+            # of a command that finds all done, these stay what they were
+            **{name: value for name, value in manifest_of(folder).items() if name in OF_WORK},
+        }
         with storing("evidence", folder):
             seal(folder, stored_files(folder)[1:])
             write_json(folder / MANIFEST, manifest)
         stored = sum(map(len, there.scenes.values()))
         progress = Progress(stored + sum(len(task.scenes) for task in tasks.values()), stored, stored)
         on_progress(progress)
+        identities = campaign.identities()
         interrupted = kept = 0
         try:
             if tasks:
                 with plan.workers(scored) as workers:
-                    _carry_out(tasks, workers, _Store(campaign, folder, progress, on_progress))
+                    for task, part in _results(tasks, workers):
+                        with storing("evidence", folder):
+                            write_shard(folder, task, part, identities[task.family.name])
+                        progress.add(task, part)
+                        on_progress(progress)
             with storing("evidence", folder):
                 kept = keep_trajectories(folder, plan.keep, work, plan.workers)
         except INTERRUPTS as interrupt:
@@ -260,38 +226,50 @@ def collect(
         return finished
 
 
-class _Store:
-    """Takes what tasks come to: writes it, counts it, and forgets it."""
-
-    def __init__(self, campaign: Campaign, folder: Path, progress: Progress, on_progress: OnProgress) -> None:
-        self._identities = campaign.identities()
-        self._folder, self._progress, self._on_progress = folder, progress, on_progress
-
-    def __call__(self, task: Batch, part: Part) -> None:
-        with storing("evidence", self._folder):
-            write_shard(self._folder, task, part, self._identities[task.family.name])
-        self._progress.add(task, part)
-        self._on_progress(self._progress)
-
-
-def _carry_out(tasks: Mapping[str, Batch], workers: Workers, store: Callable[[Batch, Part], None]) -> None:
-    """Store what every task comes to; what no worker survives is made again by pieces when all others are done."""
+def _results(tasks: Mapping[str, Batch], workers: Workers) -> Iterator[tuple[Batch, Part]]:
+    """The result of every task; those that no worker survives are made again by pieces when all others are done."""
     broken = []
     for name, answer in workers.run({name: (task,) for name, task in tasks.items()}, again=False):
         if isinstance(answer, Failure):
             broken.append(tasks[name])
         else:
-            store(tasks[name], answer)
-    for task, part in by_pieces(broken, workers):
-        store(task, part)
+            yield tasks[name], answer
+    yield from by_pieces(broken, workers)
 
 
-def _manifest(campaign: Campaign, plan: Plan, command: Sequence[str]) -> dict[str, Any]:
-    configuration = campaign.resolved()
-    return {
-        **made_by(command, used_versions(configuration)),
-        "seed": campaign.seed,
-        "shard": [plan.shard.number, plan.shard.of],
-        "keep": plan.keep,
-        "configuration": configuration,
-    }
+Scene = tuple[int, int]
+"""Number of a task, and of a scene in it."""
+
+
+def by_pieces(tasks: Sequence[Batch], workers: Workers) -> Iterator[tuple[Batch, Part]]:
+    """Tasks scene by scene and, of scenes that no worker survives, run by run; such a run fails with the reason.
+
+    Scenes of all tasks stand in one queue, and so do the runs after them: no process waits for the last piece of a
+    task. A task comes as soon as its last scene is done.
+    """
+    scenes = {(i, j): scene for i, task in enumerate(tasks) for j, scene in enumerate(task.each())}
+    done: dict[Scene, Part] = {}
+    for (i, j), part in _scenes(scenes, workers):
+        done[i, j] = part
+        own = [(i, k) for k in range(len(tasks[i].scenes))]
+        if all(scene in done for scene in own):
+            yield tasks[i], Part.joined([done.pop(scene) for scene in own])
+
+
+def _scenes(scenes: Mapping[Scene, Batch], workers: Workers) -> Iterator[tuple[Scene, Part]]:
+    broken = []
+    # not repeated as a whole, with nothing beside it: it can be innocent, and its runs say so sooner
+    for key, answer in workers.run({key: (scene,) for key, scene in scenes.items()}, again=False):
+        if isinstance(answer, Failure):
+            broken.append(key)
+        else:
+            yield key, answer
+    runs = {(key, i): single for key in broken for i, single in enumerate(scenes[key].singles())}
+    limits = {key: single.limit for key, single in runs.items() if single.limit is not None}
+    patient = {key: replace(runs[key], limit=limit + GRACE) for key, limit in limits.items()}
+    parts: dict[Scene, dict[int, Part]] = {key: {} for key in broken}
+    left = {key: sum(own == key for own, _ in runs) for key in broken}
+    for (key, i), answer in workers.run({run: (single,) for run, single in {**runs, **patient}.items()}, limits):
+        parts[key][i] = failed(runs[key, i], answer.reason) if isinstance(answer, Failure) else answer
+        if len(parts[key]) == left[key]:
+            yield key, Part.joined([part for _, part in sorted(parts.pop(key).items())])

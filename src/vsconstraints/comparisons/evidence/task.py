@@ -14,19 +14,19 @@ from ..runs.machine import run_limit
 from .campaign import Campaign
 
 RUNS_OF_TASK = 600
-"""Runs of a task at most, where a scene has no more of them: what an interrupt loses, and a file that is written.
+"""Maximum number of runs of a task, unless a scene has more: what an interrupt loses, and a file that is written.
 
-At 20 ms a run they are 12 s, and 25 s where one law in seven takes 150 ms; 10,000 scenes of each of seven families with
-seven laws in three conditions are 2,500 shards, of some hundred kilobytes each. No result depends on it.
+At 20 ms a run they take 12 s; 10,000 scenes of each of seven families with seven laws in three conditions are 2,500
+shards of some hundred kilobytes each. No result depends on it.
 """
 
 LEAST_TASKS = 16
-"""Into so many tasks a family's scenes are split at least, so that there is work for several processes."""
+"""Minimum number of tasks of a family, so that there is work for several processes."""
 
 
 @dataclass(frozen=True)
 class Single:
-    """One run of a scene, apart from the others: what is asked for when the scene as a whole could not be made."""
+    """One run of a scene, apart from the others: requested when the scene as a whole could not be made."""
 
     condition: str
     controller: str
@@ -34,23 +34,18 @@ class Single:
 
 @dataclass(frozen=True)
 class Batch:
-    """What a worker is given: all that it needs, so that it can be sent anywhere.
+    """All that a worker needs, so that it can be sent anywhere.
 
     Attributes
     ----------
-    family
-        Where the scenes are drawn from.
-    scenes
-        Their numbers.
+    family, scenes, half, seed
+        Where the scenes are drawn from, and their numbers.
     conditions, controllers
-        Each scene is run in every condition with every controller, tracking alone first.
-    half, seed
-        Of the scenes.
+        Each scene is run in every condition with every controller, the unconstrained baseline first.
     limit
-        How long one step may take until the worker's process is ended [s]: drawing a scene, or one run; for ever if
-        None.
+        How long one step, drawing a scene or one run, may take until the worker's process is ended [s].
     single
-        The only run that is asked for; None for all, and what is to be said of the scenes.
+        The only run that is requested; None for all, and the line of each scene.
     """
 
     family: Family
@@ -73,7 +68,7 @@ class Batch:
             yield replace(self, scenes=(number,))
 
     def singles(self) -> Iterator[Batch]:
-        """One task for each run, the last one for what is to be said of the scenes without any."""
+        """One task for each run, the last one for the lines of the scenes without any."""
         for condition in self.conditions:
             for entry in self.controllers:
                 yield replace(self, single=Single(condition, entry.name))
@@ -99,7 +94,7 @@ class Shard:
         return f"{self.number}/{self.of}"
 
     def scenes(self, count: int) -> range:
-        """Numbers of its scenes, of as many as there are: neighbours, so that what is missing can be named."""
+        """Consecutive numbers of its scenes, of ``count`` in all."""
         return range((self.number - 1) * count // self.of, self.number * count // self.of)
 
 
@@ -109,10 +104,8 @@ class Work:
 
     Attributes
     ----------
-    campaign
-        Whose scenes.
-    shard
-        Which of them.
+    campaign, shard
+        Whose scenes, and which of them.
     limit
         See :class:`Batch`; by the number of samples of a run if None.
     there

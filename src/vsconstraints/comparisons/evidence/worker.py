@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import chdir
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from ...errors import described
 from ...plugins.classes import beside
@@ -27,20 +27,17 @@ Line = dict[str, Any]
 
 @dataclass(frozen=True)
 class Part:
-    """What a task came to: a table of runs, of their rows, and of scenes, see :mod:`.columns`.
-
-    Attributes
-    ----------
-    runs, rows, scenes
-        Arrow tables.
-    seconds
-        How long it took.
-    """
+    """The result of a task: Arrow tables of runs, of their rows, and of scenes, and how long it took [s]."""
 
     runs: Any
     rows: Any
     scenes: Any
     seconds: float
+
+    @classmethod
+    def of(cls, lines: Mapping[str, list[Line]], seconds: float) -> Part:
+        """From lines by table."""
+        return cls(**{name: parquet.table(columns, lines[name]) for name, columns in TABLES.items()}, seconds=seconds)
 
     @classmethod
     def joined(cls, parts: list[Part]) -> Part:
@@ -49,64 +46,44 @@ class Part:
         return cls(**tables, seconds=sum(part.seconds for part in parts))
 
 
-class _Lines(NamedTuple):
-    """Lines of the three tables while they are made."""
-
-    runs: list[Line]
-    rows: list[Line]
-    scenes: list[Line]
-
-    def add(self, keys: Line, scored: Score) -> None:
-        self.runs.append({**keys, **scored.result})
-        self.rows.extend({**keys, **row} for row in scored.constraints if _worth_keeping(row))
-
-    def part(self, seconds: float) -> Part:
-        return Part(
-            **{name: parquet.table(columns, getattr(self, name)) for name, columns in TABLES.items()}, seconds=seconds
-        )
-
-
 def scored(task: Batch) -> Part:
     """Draw the scenes of a task, run every controller on each in every condition, and score the runs.
 
     All controllers see the same scene with the same disturbances and noise. A run that fails in any way becomes a line
     with its reason; what ends the process is left to the caller.
     """
-    begun, lines = time.perf_counter(), _Lines([], [], [])
+    begun = time.perf_counter()
+    lines: dict[str, list[Line]] = {name: [] for name in TABLES}
     with Deadline(task.limit) as deadline:
         for number in task.scenes:
             deadline.step()
             scene, setups = set_up(task, number)
             if task.single is None:
-                lines.scenes.append(_of_scene(task, number, scene))
+                lines["scenes"].append(_scene_line(task, number, scene))
             if not isinstance(scene, Drawn) or not scene.found:
                 continue
             for condition in task.conditions:
                 if task.single is None or task.single.condition == condition:
                     bench = Bench(scene, condition, setups.get(condition))
                     for entry, result in _scores(task, bench, deadline):
-                        lines.add(keys_of(task, number, condition, entry.name), result)
-    return lines.part(time.perf_counter() - begun)
+                        _add(lines, keys_of(task, number, condition, entry.name), result)
+    return Part.of(lines, time.perf_counter() - begun)
 
 
 def failed(task: Batch, reason: str) -> Part:
-    """What is left of a task of one scene, and of one run if that is what it asks for, that no process survives."""
-    lines, (number,) = _Lines([], [], []), task.scenes
+    """The result of a task of one scene, or of one run of it, that no process survives."""
+    lines: dict[str, list[Line]] = {name: [] for name in TABLES}
+    (number,) = task.scenes
     if task.single is None:
-        lines.scenes.append(_of_scene(task, number, reason))
+        lines["scenes"].append(_scene_line(task, number, reason))
     else:
         keys = keys_of(task, number, task.single.condition, task.single.controller)
-        lines.add(keys, score(RunRecord.failed(reason, ""), None))
-    return lines.part(0.0)
-
-
-def drawn(task: Batch, number: int) -> Drawn | str:
-    """A scene; or why drawing it raised something, which only own parts do."""
-    return set_up(task, number)[0]
+        _add(lines, keys, score(RunRecord.failed(reason, ""), None))
+    return Part.of(lines, 0.0)
 
 
 def set_up(task: Batch, number: int) -> tuple[Drawn | str, Mapping[str, Setup]]:
-    """The same, and its setups by condition."""
+    """A scene and its setups by condition; the reason if drawing it raised something, which only own parts do."""
     try:
         with chdir("."), beside(task.family.folder):
             return task.family.set_up(number, task.half, task.seed)
@@ -115,7 +92,7 @@ def set_up(task: Batch, number: int) -> tuple[Drawn | str, Mapping[str, Setup]]:
 
 
 def keys_of(task: Batch, number: int, condition: str, controller: str) -> Line:
-    """Which run it is."""
+    """The columns that identify a run."""
     return {
         "family": task.family.name,
         "condition": condition,
@@ -125,13 +102,23 @@ def keys_of(task: Batch, number: int, condition: str, controller: str) -> Line:
     }
 
 
-def _of_scene(task: Batch, number: int, scene: Drawn | str) -> Line:
-    line = {"family": task.family.name, "half": task.half, "scene": number}
+def _add(lines: Mapping[str, list[Line]], keys: Line, scored: Score) -> None:
+    lines["runs"].append({**keys, **scored.result})
+    lines["rows"] += [
+        {**keys, **row}
+        for row in scored.constraints
+        if row["challenged"] or row["violation_depth"] > 0.0 or row["active_time_s"] > 0.0
+    ]
+
+
+def _scene_line(task: Batch, number: int, scene: Drawn | str) -> Line:
     if isinstance(scene, str):
-        # what could not be drawn is a scene of which nothing else is known
+        # nothing else is known of a scene that could not be drawn
         scene = Drawn(task.family.name, number, task.half, task.seed, task.family.folder, rejected={scene: 1})
     return {
-        **line,
+        "family": task.family.name,
+        "half": task.half,
+        "scene": number,
         "found": scene.found,
         "attempts": scene.attempts,
         "rejected": _json(scene.rejected),
@@ -147,12 +134,8 @@ def _json(data: Any) -> str:
     return json.dumps(dict(data), ensure_ascii=False, default=lambda value: value.tolist())
 
 
-def _worth_keeping(row: Mapping[str, Any]) -> bool:
-    return bool(row["challenged"] or row["violation_depth"] > 0.0 or row["active_time_s"] > 0.0)
-
-
 def _scores(task: Batch, bench: Bench, deadline: Deadline) -> Iterator[tuple[ControllerSpec, Score]]:
-    """Each controller's score, held against tracking alone, which is the first of them."""
+    """Each controller's score, relative to the unconstrained baseline, which is the first of them."""
     baseline = None
     for entry in task.controllers:
         wanted = task.single is None or task.single.controller == entry.name
@@ -175,8 +158,8 @@ def _scored(record: RunRecord, baseline: RunRecord | None) -> Score:
 class Bench:
     """One scene in one condition, on which controllers are run one after the other.
 
-    What is set up is used again by the package's own laws, which leave nothing in it. Laws and constraints of one's own
-    may, and so may what fails: after these it is set up anew.
+    The setup is used again after runs of the package's own laws, which leave nothing in it. Own laws and constraints
+    may, and so may what fails: after these it is made anew.
 
     Parameters
     ----------

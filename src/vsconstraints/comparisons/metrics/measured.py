@@ -20,20 +20,18 @@ from .clearance import Clearances, clearances, held, outside_alone, usage, usage
 
 @dataclass(frozen=True)
 class Measured:
-    """What a metric's function is given; N samples, m rows.
+    """The argument of a metric's function; N samples, m rows.
 
     Attributes
     ----------
-    record
-        The run: its trajectory, and what describes its rows.
-    baseline
-        The tracking-only run of the same scenario and trial; None if it failed.
+    record, baseline
+        The run, and the unconstrained baseline of the same scenario and trial; None if it failed.
     clearances
         Least clearance and depth of each row.
     held
         (N, m) when each row holds the arm back.
     band
-        Band of φ and its bound, of the row in which the one is largest relative to the other.
+        Band of φ and its bound, of the row with the greatest ratio of them.
     """
 
     record: RunRecord
@@ -44,7 +42,7 @@ class Measured:
 
     @classmethod
     def of(cls, record: RunRecord, baseline: RunRecord | None = None) -> Measured:
-        """The same of a run."""
+        """What metrics share of a run."""
         return cls(record, baseline, clearances(record), held(record), worst_band(record))
 
     @cached_property
@@ -79,10 +77,8 @@ class Metric:
 
     Attributes
     ----------
-    column
-        Its name.
-    value
-        Its value for a run or, in constraints.csv, for each row of it; None for the ratio of two other columns.
+    column, value
+        Its name, and its value for a run or, in constraints.csv, for each row of it; None for a ratio of two columns.
     header
         What the tables of a scenario call it, with the unit in which they show it; empty if they do not.
     better

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Files that are written whole or not at all, and their SHA-256 in the format of ``sha256sum``."""
 
 from __future__ import annotations
 
@@ -121,14 +121,10 @@ def digests(folder: Path, paths: Iterable[Path]) -> Sums:
 
 
 def recorded(folder: Path) -> Sums | None:
-    """What is recorded in a folder; None if nothing is, as in those of older versions.
+    """The hashes recorded in a folder; None if there are none, as in those of older versions.
 
-    A last line that was not written whole is left out: the process was ended meanwhile.
-
-    Raises
-    ------
-    ConfigurationError
-        if another line is none, or the file cannot be read.
+    An incomplete last line is left out: the process was ended meanwhile. Raises ConfigurationError if another line is
+    no checksum, or the file cannot be read.
     """
     path = folder / SUMS
     try:
@@ -187,13 +183,7 @@ def _text(sums: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True)
 class Difference:
-    """Files that are not as they were stored, by their names.
-
-    Attributes
-    ----------
-    changed, missing, unknown
-        Whose hash is another one; recorded but not there; there but not recorded.
-    """
+    """Names of files whose hash is another one, that are recorded but not there, and there but not recorded."""
 
     changed: tuple[str, ...]
     missing: tuple[str, ...]
@@ -224,10 +214,8 @@ def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_th
 
     Parameters
     ----------
-    folder
-        Of the results.
-    paths
-        The files that they consist of.
+    folder, paths
+        Of the results, and the files that they consist of.
     finished
         Whether the command that makes them has ended; before that, those that it still writes are not recorded.
     all_there

@@ -133,17 +133,7 @@ def demand_keep(keep: str) -> Keep:
 
 
 def kept_lines(lines: Sequence[Line], keep: Keep, kinds: Kinds) -> list[Line]:
-    """Lines of the runs whose trajectories are kept, in their order.
-
-    Parameters
-    ----------
-    lines
-        One for each run, with ``status``, ``violation_depth`` and the columns of ``kinds``.
-    keep
-        Which.
-    kinds
-        What the runs are of.
-    """
+    """Lines of the runs whose trajectories are kept, of those with ``status``, ``violation_depth`` and ``kinds``."""
     if keep == "failed":
         return [line for line in lines if line["status"] in ("failed", "aborted")]
     if keep == "worst":

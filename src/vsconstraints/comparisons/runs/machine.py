@@ -68,13 +68,7 @@ def package_versions() -> dict[str, str]:
 
 
 def used_versions(tables: Mapping[str, Any]) -> dict[str, str]:
-    """Versions of what a scenario, a family or a law's options use besides; modules are loaded to see what they are.
-
-    Parameters
-    ----------
-    tables
-        Of the one or the other, as files have them.
-    """
+    """Versions of optional packages that the tables of a scenario, a family or a law's options use; they are loaded."""
     found: dict[str, str] = {}
     for key, value in tables.items():
         if key == "sensor":
@@ -139,15 +133,7 @@ def _version(name: str) -> str:
 
 
 def made_by(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any]:
-    """What a manifest says of how results are made, by a command as it was typed, now.
-
-    Parameters
-    ----------
-    command
-        What the user typed.
-    used
-        Versions of what is used besides what this package requires, see :func:`used_versions`.
-    """
+    """Entries of a manifest: this version, the command as it was typed, machine, and versions, also of what it uses."""
     return {
         "version": __version__,
         "git_commit": git_commit(),
@@ -203,13 +189,7 @@ def cores() -> int:
 
 
 def process_count(asked: int | None = None) -> int:
-    """How many processes to use: as many as asked for, but no more than there are cores and memory for.
-
-    Parameters
-    ----------
-    asked
-        As many as possible if None.
-    """
+    """How many processes to use: as requested, or as possible if None, but no more than cores and memory allow."""
     fitting = int(available_memory() // PROCESS_MEMORY)
     return max(1, min(asked or cores(), cores(), fitting))
 

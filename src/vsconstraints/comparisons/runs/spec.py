@@ -25,12 +25,10 @@ class ControllerSpec:
 
     Attributes
     ----------
-    name
-        What results and figures call it.
-    law
-        Registered name, or ``module:Class``; the same as the name if it is not given.
+    name, law
+        What results call it; registered name or ``module:Class``, the same as the name if it is not given.
     options
-        What it is made with.
+        Of the law.
     folder
         Where the module of an own controller is looked for first.
     """
@@ -81,16 +79,14 @@ class RunSpec:
 
     Attributes
     ----------
-    scenario
-        The scenario, or the name of a shipped one.
+    scenario, overrides
+        The scenario, or the name of a shipped one, and dotted keys of it that are set to other values.
     controller
-        What commands it.
-    overrides
-        Dotted keys of the scenario that are set to other values.
+        The law.
     trial, seed
         Where it starts, see :meth:`Scenario.setup`.
     may_end_early
-        Whether it is asked for to see how it fails or is aborted.
+        Whether it is run to see how it fails or is aborted.
     """
 
     scenario: Scenario | str

@@ -1,4 +1,4 @@
-"""How often something happens: rates with exact intervals, and two rates on the same scenes."""
+"""Rates and medians with exact intervals, and two laws on the same scenes, by a flag or by a number."""
 
 from __future__ import annotations
 
@@ -22,17 +22,10 @@ rejects up to twice as often as it says."""
 
 @dataclass(frozen=True)
 class Rate:
-    """So many of so many, and what that allows the true rate to be.
+    """``count`` of ``of`` scenes, and the interval of the true rate.
 
-    Attributes
-    ----------
-    count, of
-        Scenes in which it happened, of so many.
-    low, high
-        Interval of Clopper and Pearson (1934): exact and two-sided, so each end alone is exceeded with a chance of at
-        most (1 − confidence)/2. 0 of 10 000 at 95 %: from 0 to 3.7e-4.
-    confidence
-        Of the interval.
+    It is that of Clopper and Pearson (1934): exact and two-sided: each end alone is exceeded with a chance of at most
+    (1 − confidence)/2. 0 of 10 000 at 95 %: from 0 to 3.7e-4.
     """
 
     count: int
@@ -65,16 +58,12 @@ def rate_of(count: int, of: int, confidence: float = 0.95) -> Rate:
 
 
 class PairedRates(NamedTuple):
-    """Two rates on the same scenes.
+    """Two rates on the same n scenes.
 
     Attributes
     ----------
-    difference
-        Rate of a less that of b; NaN of no scene.
-    low, high
-        Its interval, :func:`difference_interval`.
-    n
-        Scenes.
+    difference, low, high
+        Rate of a less that of b, NaN of no scene, and its interval, :func:`difference_interval`.
     p
         Two-sided, of McNemar's test with continuity correction: at most 1 − confidence if and only if the interval
         excludes zero.
@@ -145,14 +134,10 @@ def detectable(n: int, differing: float, confidence: float = 0.95, power: float 
 
     Parameters
     ----------
-    n
-        Scenes.
-    differing
-        Share of scenes in which the two differ; where the difference itself is greater, that.
-    confidence
-        Of the interval, so 1 − confidence is the level of the test.
-    power
-        Chance to find it, in the right direction.
+    n, differing
+        Scenes, and the share of them in which the two differ; where the difference itself is greater, that.
+    confidence, power
+        1 − confidence is the level of the test, and power the chance to find the difference, in the right direction.
 
     Returns
     -------
@@ -172,17 +157,7 @@ def detectable(n: int, differing: float, confidence: float = 0.95, power: float 
 
 
 class Median(NamedTuple):
-    """A median.
-
-    Attributes
-    ----------
-    median
-        NaN of nothing.
-    low, high
-        Its interval; from −∞ to ∞ where so few values say nothing of it.
-    n
-        Values.
-    """
+    """A median of n values, NaN of none, and its interval; from −∞ to ∞ if there are too few."""
 
     median: float
     low: float
@@ -197,10 +172,7 @@ def median(values: ArrayLike, confidence: float = 0.95) -> Median:
     the greatest for which fewer than k of n values lie below the median with a chance of at most α/2. Of values that
     are not zero it excludes zero if and only if the two-sided sign test rejects at the level α.
 
-    Raises
-    ------
-    InvalidInput
-        if a value is NaN, or no number.
+    Raises InvalidInput if a value is NaN, or no number.
     """
     alpha = 1.0 - checked_confidence(confidence)
     ordered: Array = np.sort(line(values, "values").astype(float))
@@ -226,8 +198,8 @@ class Paired(NamedTuple):
     Attributes
     ----------
     median, low, high
-        Median of a − b, or of ln(a/b), over the scenes in which they differ, and its exact interval,
-        :func:`.median.median`. Where they differ in none the median is zero and the interval from −∞ to ∞.
+        Median of a − b, or of ln(a/b), over the scenes in which they differ, and its exact interval, :func:`median`.
+        Where they differ in none the median is zero and the interval from −∞ to ∞.
     n
         Scenes in which both have a value: the only ones that are compared. Of none, the median is NaN.
     wins, losses

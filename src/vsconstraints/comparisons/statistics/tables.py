@@ -28,10 +28,8 @@ def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidenc
     ----------
     runs
         One line per run, with the columns :data:`.judged.SCENE`, ``controller``, ``status`` and ``violated``.
-    outcome
-        One of :data:`.judged.OUTCOMES`.
-    by
-        Columns that tell the groups apart.
+    outcome, by
+        One of :data:`.judged.OUTCOMES`, and the columns that define groups.
 
     Returns
     -------
@@ -51,12 +49,12 @@ def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidenc
 def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
     """The median of a metric over those of each law's runs that count, and how many do.
 
-    Laws need not count in the same scenes, so these are not to be compared: that is :func:`.comparing.compare_laws`.
+    Laws need not count in the same scenes, so these are not to be compared: that is :func:`compare_laws`.
 
     Returns
     -------
     pandas.DataFrame
-        ``by``, controller, counted, of, median, low, high: :class:`.median.Median`.
+        ``by``, controller, counted, of, median, low, high: :class:`.rates.Median`.
     """
     judged = judged_metric(metric)
     found = values(checked(runs, by, judged), judged)
@@ -205,7 +203,7 @@ def compare_laws(
         a − b, as stored, over the scenes in which they differ; ratio, ratio_low, ratio_high: the same of a/b (empty of
         outcomes and where values are negative); effect: chance that a is better on a scene, equal values counting half;
         p (of McNemar's test, or of the sign test), p_corrected; verdict: what is said of a against b,
-        :func:`.verdicts.verdict`, which is that p_corrected is at most 1 − confidence.
+        :func:`.inputs.verdict`, which is that p_corrected is at most 1 − confidence.
     """
     checked_confidence(confidence)
     if metric in OUTCOMES:

@@ -1,4 +1,4 @@
-"""What settings are judged by: three objectives and one constraint, as means over training runs."""
+"""How settings are judged: three objectives and one constraint, as means over training runs, and the front of them."""
 
 from __future__ import annotations
 
@@ -10,16 +10,14 @@ import numpy as np
 
 
 class Objective(NamedTuple):
-    """What is to be small.
+    """A quantity to be minimized.
 
     Attributes
     ----------
-    column
-        Its name in files.
-    title
-        Its name in reports.
+    column, title
+        Its name in files and in reports.
     worst
-        What a run counts as that does not converge, and at most: the reference point of hypervolumes.
+        Upper bound, and the value of a run that does not converge: the reference point of hypervolumes.
     unit
         What weighs as much as one unit of another objective where one setting is chosen.
     """
@@ -42,22 +40,15 @@ REFERENCE = tuple(objective.worst for objective in OBJECTIVES)
 STILL_MOVING = ("slow", "unfinished")
 """Statuses of runs that are still moving when time is up."""
 
+ROUNDING = 1e-12
+"""Distances that differ by less, relatively, are the same."""
+
 Point = tuple[float, ...]
 """A value of each objective."""
 
 
 class Outcome(NamedTuple):
-    """What one run says of a setting.
-
-    Attributes
-    ----------
-    status
-        Of the run.
-    violated
-        Whether a row was.
-    point
-        The objectives; NaN where the run says nothing of one.
-    """
+    """Status of one run, whether a constraint was violated, and the objectives; NaN where the run says nothing."""
 
     status: str
     violated: bool
@@ -65,18 +56,17 @@ class Outcome(NamedTuple):
 
 
 FAILED = Outcome("failed", False, REFERENCE)
-"""A run that came to nothing."""
 
 
 class Judged(NamedTuple):
-    """A setting's outcomes, taken together.
+    """All outcomes of a setting.
 
     Attributes
     ----------
     point
-        Mean of each objective over the runs that say something of it; its worst value if none does.
+        Mean of each objective over the runs that have it; its worst value if none does.
     violations
-        Share of runs with a violated row.
+        Share of runs with a violation.
     runs, converged
         How many there are, and how many of them converge.
     """
@@ -88,12 +78,12 @@ class Judged(NamedTuple):
 
 
 def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
-    """What a run says, by its line of results and that of tracking alone in the same scene.
+    """The outcome of a run, from its line of results and that of the unconstrained baseline in the same scene.
 
     A run that does not converge has the worst value of every objective, unless it is still moving when time is up and
-    tracking alone is too: a goal that wrong images keep everyone from says nothing of a law, and what is left of such a
+    the baseline is too: a goal that wrong images keep everyone from says nothing of a law, and what is left of such a
     run is its variation. Of one that converges, the unused space is left out where nothing was challenged, and the
-    settling time where tracking alone does not settle.
+    settling time where the baseline does not settle.
     """
     status, violated = str(result["status"]), bool(result["violated"])
     if status != "converged" and not {status, str(baseline["status"])}.issubset(STILL_MOVING):
@@ -104,7 +94,7 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
         math.log10(variation) if variation > 0.0 else -math.inf,
         float(result["settling_time_s"]) / tracking if tracking > 0.0 else math.nan,
     )
-    # log10 of a command that never changes has no bound from below
+    # log10 of a command that never changes has no lower bound
     bounded = (
         value if math.isnan(value) else min(max(value, -objective.worst), objective.worst)
         for value, objective in zip(values, OBJECTIVES, strict=True)
@@ -113,32 +103,18 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
 
 
 def judged(outcomes: Sequence[Outcome]) -> Judged:
-    """All outcomes of one setting, in an order that is always the same."""
-    columns = zip(*(one.point for one in outcomes), strict=True)
-    point = tuple(
-        _mean([value for value in column if not math.isnan(value)], objective.worst)
-        for column, objective in zip(columns, OBJECTIVES, strict=True)
-    )
-    violated = sum(one.violated for one in outcomes)
-    converged = sum(one.status == "converged" for one in outcomes)
-    return Judged(point, violated / len(outcomes), len(outcomes), converged)
-
-
-def _mean(values: Sequence[float], otherwise: float) -> float:
-    return math.fsum(values) / len(values) if values else otherwise
-
-
-def scaled(points: Sequence[Point]) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """(p, 3) points in units of the objectives."""
-    return np.array(points, dtype=np.float64) / [objective.unit for objective in OBJECTIVES]
-
-
-ROUNDING = 1e-12
-"""Distances that differ by less, relatively, are the same."""
+    """All outcomes of one setting; the result does not depend on rounding order."""
+    point = []
+    for i, objective in enumerate(OBJECTIVES):
+        values = [each.point[i] for each in outcomes if not math.isnan(each.point[i])]
+        point.append(math.fsum(values) / len(values) if values else objective.worst)
+    violated = sum(each.violated for each in outcomes)
+    converged = sum(each.status == "converged" for each in outcomes)
+    return Judged(tuple(point), violated / len(outcomes), len(outcomes), converged)
 
 
 def front(points: Sequence[Point]) -> list[int]:
-    """Where the points are that no other dominates; of equal ones the first."""
+    """Positions of the points that no other dominates; of equal ones the first."""
     import moocore
 
     if not points:
@@ -149,7 +125,7 @@ def front(points: Sequence[Point]) -> list[int]:
 
 
 def hypervolume(points: Sequence[Point], reference: Point = REFERENCE) -> float:
-    """Volume of what the points dominate, as far as the reference point; 0 if none is better than it in everything."""
+    """Volume that the points dominate up to the reference point; 0 if none is better than it in every objective."""
     import moocore
 
     inside = [point for point in points if all(a < b for a, b in zip(point, reference, strict=True))]
@@ -157,14 +133,14 @@ def hypervolume(points: Sequence[Point], reference: Point = REFERENCE) -> float:
 
 
 def choose(points: Sequence[Point]) -> int:
-    """Which point is nearest to the ideal one: that with the least value of each objective on the front.
+    """Position of the point nearest to the ideal one, which has the least value of each objective on the front.
 
     Distances are Euclidean, in the objectives' units, which are the same for all laws. Of points as near as each other,
     to rounding, the one with the least first objective is taken, then second, third; of equal ones the first.
     ("Compromise programming": Zeleny 1973.)
     """
     best = front(points)
-    on_front = scaled([points[i] for i in best])
+    on_front = np.array([points[i] for i in best]) / [objective.unit for objective in OBJECTIVES]
     distance = np.linalg.norm(on_front - on_front.min(axis=0), axis=1)
     nearest = np.flatnonzero(distance <= distance.min() * (1.0 + ROUNDING))
     return min((best[i] for i in nearest), key=lambda i: (points[i], i))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 from ...errors import ConfigurationError, shown
 from ...scenarios.families import Drawn, Family
@@ -21,7 +21,7 @@ from .objectives import FAILED, OBJECTIVES, Judged, Outcome, judged, outcome
 from .search import Searched
 
 TRAINING = "training"
-"""The only half of a family that tuning sees; the other is for judging what it found."""
+"""The only half of a family that tuning sees; the other is for judging the result."""
 
 TUNER = "TPE"
 
@@ -39,7 +39,7 @@ class Budget:
     scenes
         Training scenes of each family.
     violations
-        Share of runs that may have a violated row.
+        Share of runs that may violate a constraint.
     """
 
     evaluations: int = 40
@@ -58,7 +58,7 @@ class Budget:
 
 @dataclass(frozen=True)
 class Stage:
-    """A training scene in one condition; refuses any other scene."""
+    """A training scene in one condition; ConfigurationError for a scene of the other half."""
 
     scene: Drawn
     condition: str
@@ -69,23 +69,10 @@ class Stage:
                 f"{self.scene.name} is a scene of the {self.scene.half} half: laws are tuned on training scenes alone"
             )
 
-    @property
-    def name(self) -> str:
-        """For messages."""
-        return f"{self.scene.name} {self.condition}"
-
 
 @dataclass(frozen=True)
 class Problem:
-    """What is to be tuned.
-
-    Attributes
-    ----------
-    campaign
-        Families, conditions, controllers and the seed of scenes are its own.
-    budget
-        The same for every law.
-    """
+    """What is tuned: the laws of a campaign in its families and conditions, with the same budget for each."""
 
     campaign: Campaign
     budget: Budget
@@ -102,8 +89,13 @@ class Problem:
             _ = law.ranges, law.default
         return laws
 
+    @property
+    def baseline(self) -> ControllerSpec:
+        """The campaign's entry of unconstrained tracking."""
+        return next(entry for entry in self.campaign.controllers if entry.name == BASELINE)
+
     def configuration(self) -> dict[str, Any]:
-        """What evaluations depend on, as data. How many there are is no part of it: more can be asked for."""
+        """What evaluations depend on, as data; not how many there are, since more can be asked for."""
         campaign = self.campaign
         return {
             **of_code(),
@@ -122,7 +114,7 @@ class Problem:
     def stages(
         self, workers: int | None = None, on_progress: Callable[[int, int], None] = lambda done, total: None
     ) -> tuple[Stage, ...]:
-        """Draw the training scenes, each in all conditions; the same whatever draws them.
+        """Draw the training scenes, each in all conditions; the same for any number of workers.
 
         Raises
         ------
@@ -132,39 +124,29 @@ class Problem:
         campaign, each = self.campaign, range(self.budget.scenes)
         calls = {(family.name, i): (family, i, TRAINING, campaign.seed) for family in campaign.families for i in each}
         answers = carry_out(Family.scene, calls, workers=workers, on_progress=on_progress)
-        return tuple(self._staged({key: answers[key] for key in calls}))
-
-    def _staged(self, scenes: dict[tuple[str, int], Drawn | Failure]) -> Iterator[Stage]:
-        for family in self.campaign.families:
-            own = [scenes[family.name, i] for i in range(self.budget.scenes)]
-            for scene in own:
+        stages: list[Stage] = []
+        for family in campaign.families:
+            scenes = [answers[family.name, i] for i in each]
+            for scene in scenes:
                 if isinstance(scene, Failure):
                     raise ConfigurationError(f"family {family.name}: a training scene cannot be drawn: {scene.reason}")
-            found = [scene for scene in own if isinstance(scene, Drawn) and scene.found]
+            found = [scene for scene in scenes if isinstance(scene, Drawn) and scene.found]
             if not found:
-                family.demand_scenes(TRAINING, self.campaign.seed, self.budget.scenes)
-            for scene in found:
-                yield from (Stage(scene, condition) for condition in self.campaign.conditions_of(family))
-
-
-def baseline(campaign: Campaign) -> ControllerSpec:
-    """The campaign's entry of tracking alone."""
-    return next(entry for entry in campaign.controllers if entry.name == BASELINE)
+                family.demand_scenes(TRAINING, campaign.seed, self.budget.scenes)
+            stages += [Stage(scene, condition) for scene in found for condition in campaign.conditions_of(family)]
+        return tuple(stages)
 
 
 def outcomes(stage: Stage, baseline: ControllerSpec, settings: Sequence[ControllerSpec]) -> list[Outcome]:
-    """Run each setting on one stage, with the same disturbances and noise, and hold it against tracking alone."""
+    """Run each setting on one stage, with the same disturbances and noise, and compare it with the baseline."""
     bench = Bench(stage.scene, stage.condition)
     tracking = bench.run(baseline)
     reference = score(tracking, tracking).result
     return [outcome(score(bench.run(setting), tracking).result, reference) for setting in settings]
 
 
-class Call(NamedTuple):
-    """One task of a process: a stage, and settings, by their numbers."""
-
-    stage: int
-    settings: tuple[int, ...]
+Call = tuple[int, tuple[int, ...]]
+"""A task of a process: the number of a stage, and those of settings."""
 
 
 class Evaluator:
@@ -174,32 +156,35 @@ class Evaluator:
         self._pool, self._stages, self._baseline = pool, stages, baseline
 
     def evaluate(self, settings: Sequence[ControllerSpec]) -> list[Judged]:
-        """What each setting is worth over all stages.
+        """Judge each setting over all stages.
 
-        Settings on a stage on which one of them takes its process along, or too long, are run once more, each alone;
-        whichever fails again counts as a run that came to nothing.
+        Settings on a stage on which one of them ends its process, or takes too long, are run once more, each alone;
+        one that fails again counts as a failed run.
         """
         stages, every = range(len(self._stages)), tuple(range(len(settings)))
-        found: dict[tuple[int, int], Outcome] = {}
+        found: dict[Call, Outcome] = {}
         again: list[Call] = []
-        for call, answer in self._answers([Call(stage, every) for stage in stages if every], settings):
+        for (stage, numbers), answer in self._answers([(stage, every) for stage in stages if every], settings):
+            alone = [(stage, (i,)) for i in numbers]
             if isinstance(answer, Failure):
-                again += [Call(call.stage, (i,)) for i in call.settings]
+                again += alone
             else:
-                found |= {(call.stage, i): one for i, one in zip(call.settings, answer, strict=True)}
+                found |= zip(alone, answer, strict=True)
         for call, answer in self._answers(again, settings):
-            found[call.stage, call.settings[0]] = FAILED if isinstance(answer, Failure) else answer[0]
-        return [judged([found[stage, i] for stage in stages]) for i in every]
+            found[call] = FAILED if isinstance(answer, Failure) else answer[0]
+        return [judged([found[stage, (i,)] for stage in stages]) for i in every]
 
     def _answers(
-        self, asked: Sequence[Call], settings: Sequence[ControllerSpec]
+        self, calls: Sequence[Call], settings: Sequence[ControllerSpec]
     ) -> Iterator[tuple[Call, list[Outcome] | Failure]]:
-        calls, limits = {}, {}
-        for call in asked:
-            stage = self._stages[call.stage]
-            calls[call] = (stage, self._baseline, [settings[i] for i in call.settings])
-            limits[call] = (1 + len(call.settings)) * run_limit(stage.scene.tables[stage.condition])
-        return self._pool.run(calls, limits)
+        arguments: dict[Call, tuple[Any, ...]] = {}
+        limits: dict[Call, float] = {}
+        for number, chosen in calls:
+            stage = self._stages[number]
+            tables: Mapping[str, Any] = stage.scene.tables[stage.condition]
+            arguments[number, chosen] = stage, self._baseline, [settings[i] for i in chosen]
+            limits[number, chosen] = (1 + len(chosen)) * run_limit(tables)
+        return self._pool.run(arguments, limits)
 
 
 @contextmanager

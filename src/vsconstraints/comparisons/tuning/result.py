@@ -1,4 +1,4 @@
-"""What a tuning found of each law."""
+"""The result of a tuning, and its tables and settings as files."""
 
 from __future__ import annotations
 
@@ -13,20 +13,12 @@ from .objectives import OBJECTIVES, Judged, choose, front, hypervolume
 from .problem import Problem
 from .search import Options, Searched
 
+EVALUATIONS, HYPERVOLUMES, TUNED = "evaluations.parquet", "hypervolumes.parquet", "tuned.toml"
+
 
 @dataclass(frozen=True)
 class Asked:
-    """An evaluation as it is asked for.
-
-    Attributes
-    ----------
-    law
-        Whose.
-    seed, number
-        Of the tuner, and the how manieth it is there; 0 is the default.
-    options
-        The setting.
-    """
+    """A setting of a law that a tuner with this seed suggested, and its number there; 0 is the default."""
 
     law: Searched
     seed: int
@@ -36,16 +28,16 @@ class Asked:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What was asked for and what it is worth.
+    """A setting and how it is judged.
 
     Attributes
     ----------
     asked, judged
-        The one and the other.
+        The setting, and its outcomes.
     feasible
         Whether it violates no more than is allowed.
     on_front
-        Whether no feasible evaluation of this law is better, of all tuner seeds.
+        Whether no feasible evaluation of this law dominates it, of all tuner seeds.
     """
 
     asked: Asked
@@ -61,14 +53,14 @@ class Tuned:
     Attributes
     ----------
     law
-        As the campaign gives it.
+        As the campaign defines it.
     evaluations
         Of all tuner seeds, one after the other; the first is the default.
     hypervolumes
         Of each tuner seed's feasible evaluations, to :data:`vsconstraints.comparisons.tuning.objectives.REFERENCE`.
     chosen
-        The setting that is taken over: of the feasible ones by :func:`.choose`, and where
-        there is none, of those that violate least (Deb 2000). None if nothing is searched.
+        Of the feasible settings the one that :func:`.choose` finds; if there is none, of those that violate least (Deb
+        2000). None if nothing is searched.
     """
 
     law: Searched
@@ -78,19 +70,18 @@ class Tuned:
 
     @property
     def default(self) -> Evaluation:
-        """The law as the campaign gives it."""
+        """The law as the campaign defines it."""
         return self.evaluations[0]
 
     @classmethod
     def of(cls, law: Searched, found: Iterable[tuple[Asked, Judged]], allowed: float) -> Tuned:
-        """A law's evaluations, judged by the share of violations that is allowed."""
+        """A law's evaluations, with the share of violations that is allowed."""
         ordered = sorted(found, key=lambda one: (one[0].seed, one[0].number))
-        feasible = [(asked, judged) for asked, judged in ordered if judged.violations <= allowed]
-        not_beaten = front([judged.point for _, judged in feasible])
-        on_front = {(feasible[i][0].seed, feasible[i][0].number) for i in not_beaten}
+        feasible = [i for i, (_, judged) in enumerate(ordered) if judged.violations <= allowed]
+        on_front = {feasible[i] for i in front([ordered[i][1].point for i in feasible])}
         evaluations = tuple(
-            Evaluation(asked, judged, judged.violations <= allowed, (asked.seed, asked.number) in on_front)
-            for asked, judged in ordered
+            Evaluation(asked, judged, judged.violations <= allowed, i in on_front)
+            for i, (asked, judged) in enumerate(ordered)
         )
         kept = [one for one in evaluations if one.feasible]
         least = min(one.judged.violations for one in evaluations)
@@ -108,87 +99,61 @@ class Tuned:
 
 @dataclass(frozen=True)
 class Tuning:
-    """All laws of a campaign, each with what was found.
-
-    Attributes
-    ----------
-    problem
-        What was tuned.
-    laws
-        In the campaign's order.
-    """
+    """The tuned laws of a campaign, in its order."""
 
     problem: Problem
     laws: tuple[Tuned, ...]
 
     @classmethod
     def of(cls, problem: Problem, found: Iterable[tuple[Asked, Judged]]) -> Tuning:
-        """What was found, in whatever order."""
+        """From evaluations in any order."""
         by_law: dict[str, list[tuple[Asked, Judged]]] = {law.law.name: [] for law in problem.laws}
         for asked, judged in found:
             by_law[asked.law.law.name].append((asked, judged))
         allowed = problem.budget.violations
         return cls(problem, tuple(Tuned.of(law, by_law[law.law.name], allowed) for law in problem.laws))
 
+    def write(self, folder: Path) -> None:
+        """Write tables and settings, each file whole or not at all; raises StorageError."""
+        import pandas
 
-EVALUATIONS, HYPERVOLUMES = "evaluations.parquet", "hypervolumes.parquet"
-TUNED = "tuned.toml"
+        evaluations = [_line(law, one) for law in self.laws for one in law.evaluations]
+        hypervolumes = [
+            {"law": law.law.law.name, "seed": seed, "hypervolume": volume}
+            for law in self.laws
+            for seed, volume in enumerate(law.hypervolumes)
+        ]
+        with storing("results", folder):
+            for name, lines in ((EVALUATIONS, evaluations), (HYPERVOLUMES, hypervolumes)):
+                with replaced(folder / name) as part:
+                    pandas.DataFrame(lines).to_parquet(part, index=False)
+            with replaced(folder / TUNED) as part:
+                part.write_text(self.toml(), encoding="utf-8")
 
-
-def write(tuning: Tuning, folder: Path) -> None:
-    """Write all files, each whole or not at all; raises StorageError."""
-    import pandas
-
-    tables = {EVALUATIONS: evaluation_lines(tuning), HYPERVOLUMES: hypervolume_lines(tuning)}
-    with storing("results", folder):
-        for name, lines in tables.items():
-            with replaced(folder / name) as part:
-                pandas.DataFrame(lines).to_parquet(part, index=False)
-        with replaced(folder / TUNED) as part:
-            part.write_text(tuned_toml(tuning), encoding="utf-8")
-
-
-def evaluation_lines(tuning: Tuning) -> list[dict[str, Any]]:
-    """One line for each evaluation of each law and tuner seed."""
-    return [
-        {
-            "law": law.law.law.name,
-            "seed": one.asked.seed,
-            "number": one.asked.number,
-            "options": json.dumps(one.asked.options, sort_keys=True),
-            **dict(zip([objective.column for objective in OBJECTIVES], one.judged.point, strict=True)),
-            "violations": one.judged.violations,
-            "runs": one.judged.runs,
-            "converged": one.judged.converged,
-            "feasible": one.feasible,
-            "on_front": one.on_front,
-            "chosen": one is law.chosen,
-        }
-        for law in tuning.laws
-        for one in law.evaluations
-    ]
+    def toml(self) -> str:
+        """Chosen settings as tables of controllers, which a campaign can take over."""
+        campaign = self.problem.campaign
+        families = ", ".join(family.name for family in campaign.families)
+        lines = [f"# Laws of the campaign {campaign.name}, tuned on training scenes of {families}."]
+        for law in self.laws:
+            lines += ["", *_table(law)]
+        return "\n".join(lines) + "\n"
 
 
-def hypervolume_lines(tuning: Tuning) -> list[dict[str, Any]]:
-    """One line for each law and tuner seed."""
-    return [
-        {"law": law.law.law.name, "seed": seed, "hypervolume": volume}
-        for law in tuning.laws
-        for seed, volume in enumerate(law.hypervolumes)
-    ]
-
-
-def tuned_toml(tuning: Tuning) -> str:
-    """Chosen settings as tables of controllers, which a campaign can take over."""
-    campaign = tuning.problem.campaign
-    lines = [f"# Laws of the campaign {campaign.name}, tuned on training scenes of {_families(tuning)}."]
-    for law in tuning.laws:
-        lines += ["", *_table(law)]
-    return "\n".join(lines) + "\n"
-
-
-def _families(tuning: Tuning) -> str:
-    return ", ".join(family.name for family in tuning.problem.campaign.families)
+def _line(law: Tuned, one: Evaluation) -> dict[str, Any]:
+    return {
+        "law": law.law.law.name,
+        "seed": one.asked.seed,
+        "number": one.asked.number,
+        "options": json.dumps(one.asked.options, sort_keys=True),
+        **dict(zip([objective.column for objective in OBJECTIVES], one.judged.point, strict=True)),
+        "violations": one.judged.violations,
+        "runs": one.judged.runs,
+        "converged": one.judged.converged,
+        "feasible": one.feasible,
+        "on_front": one.on_front,
+        "chosen": one is law.chosen,
+    }
 
 
 def _table(law: Tuned) -> list[str]:
@@ -199,11 +164,8 @@ def _table(law: Tuned) -> list[str]:
     remark = [] if law.chosen.feasible else [f"# {name}: no setting is feasible; {share}"]
     setting = law.law.setting(law.chosen.asked.options)
     options = {"type": setting.law, **setting.options}
-    return [
-        *remark,
-        f"[controllers.{_text(f'{name}-tuned')}]",
-        *(f"{_key(key)} = {_value(options[key])}" for key in options),
-    ]
+    lines = [f"{_key(key)} = {_value(options[key])}" for key in options]
+    return [*remark, f"[controllers.{_text(f'{name}-tuned')}]", *lines]
 
 
 def _value(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""One law's search: the same tuner for every law, told of one setting after the other."""
+"""The search of one law's options: the same tuner for every law."""
 
 from __future__ import annotations
 
@@ -22,13 +22,7 @@ EXCESS = "excess"
 
 @dataclass(frozen=True)
 class Searched:
-    """A law and what of it is searched.
-
-    Attributes
-    ----------
-    law
-        As the campaign gives it; what it sets stays.
-    """
+    """A law as the campaign defines it; the options that it sets are not searched."""
 
     law: ControllerSpec
 
@@ -39,9 +33,9 @@ class Searched:
 
     @cached_property
     def default(self) -> Options:
-        """The values that these options have otherwise."""
-        made = self.law.make()
-        return {option: default_of(made, option) for option in self.ranges}
+        """The default values of these options."""
+        law = self.law.make()
+        return {option: default_of(law, option) for option in self.ranges}
 
     def setting(self, options: Mapping[str, Any]) -> ControllerSpec:
         """The law with these options; None leaves one to the law."""
@@ -50,60 +44,52 @@ class Searched:
 
 
 class Search:
-    """Asks for settings of a law and is told what they are worth.
+    """Suggests settings of a law, one after the other, the default first.
 
-    The default is asked for first. The next ones are drawn by the tree-structured Parzen estimator for several
-    objectives (Ozaki et al. 2022), which is told of the constraint (Watanabe and Hutter 2023), for all options
-    together, from a seed. What is asked for depends on nothing but that and what was told, one after the other.
-
-    Parameters
-    ----------
-    searched
-        The law.
-    seed
-        Of the tuner.
+    The others are drawn by the tree-structured Parzen estimator for several objectives (Ozaki et al. 2022), with the
+    constraint (Watanabe and Hutter 2023), for all options together. They depend only on the seed and on what was told.
     """
 
     def __init__(self, searched: Searched, seed: int) -> None:
         import optuna
 
         self.searched, self.seed = searched, seed
+        default = {
+            option: ranged.values.index(searched.default[option])
+            if isinstance(ranged, Choices)
+            else searched.default[option]
+            for option, ranged in searched.ranges.items()
+        }
         with _quiet():
-            sampler = optuna.samplers.TPESampler(seed=seed, multivariate=True, constraints_func=_excess)
+            sampler = optuna.samplers.TPESampler(
+                seed=seed, multivariate=True, constraints_func=lambda trial: (trial.user_attrs[EXCESS],)
+            )
             self._study = optuna.create_study(directions=["minimize"] * len(OBJECTIVES), sampler=sampler)
-            self._study.enqueue_trial({key: self._code(key, value) for key, value in searched.default.items()})
+            self._study.enqueue_trial(default)
 
     def ask(self) -> Options:
         """The next setting's options."""
         with _quiet():
             self._trial = self._study.ask()
-            return {option: self._suggested(option, one) for option, one in self.searched.ranges.items()}
+            return {option: self._suggested(option, ranged) for option, ranged in self.searched.ranges.items()}
 
     def tell(self, point: Point, excess: float) -> None:
-        """What the setting that was asked for is worth, and by how much it exceeds what the constraint allows."""
+        """Tell the objectives of the last setting, and by how much it exceeds what the constraint allows."""
         with _quiet():
             self._trial.set_user_attr(EXCESS, excess)
             self._study.tell(self._trial, list(point))
 
-    def _code(self, option: str, value: Any) -> Any:
-        one = self.searched.ranges[option]
-        return one.values.index(value) if isinstance(one, Choices) else value
-
-    def _suggested(self, option: str, one: Range | Choices) -> Any:
-        if isinstance(one, Choices):
-            return one.values[self._trial.suggest_categorical(option, tuple(range(len(one.values))))]
-        if one.integer:
-            return self._trial.suggest_int(option, int(one.least), int(one.greatest), log=one.logarithmic)
-        return self._trial.suggest_float(option, one.least, one.greatest, log=one.logarithmic)
-
-
-def _excess(trial: Any) -> tuple[float]:
-    return (trial.user_attrs[EXCESS],)
+    def _suggested(self, option: str, ranged: Range | Choices) -> Any:
+        if isinstance(ranged, Choices):
+            return ranged.values[self._trial.suggest_categorical(option, tuple(range(len(ranged.values))))]
+        if ranged.integer:
+            return self._trial.suggest_int(option, int(ranged.least), int(ranged.greatest), log=ranged.logarithmic)
+        return self._trial.suggest_float(option, ranged.least, ranged.greatest, log=ranged.logarithmic)
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without Optuna's word on every trial, and on what it calls experimental."""
+    """Without Optuna's messages on every trial, and on what it calls experimental."""
     import optuna
 
     level = optuna.logging.get_verbosity()

@@ -1,7 +1,5 @@
 """The paper's claims, one function for each sentence: importing this package registers all of them."""
 
-from importlib import import_module
-from pkgutil import iter_modules
+from . import case_study, experiments, general, planar, sweeps
 
-for _module in iter_modules(__path__, f"{__name__}."):
-    import_module(_module.name)
+__all__ = ["case_study", "experiments", "general", "planar", "sweeps"]

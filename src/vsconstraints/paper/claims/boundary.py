@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from math import inf
+from collections.abc import Iterable, Iterator, Sequence
+from math import inf, isfinite, nan
 from typing import NamedTuple
 
 import numpy as np
 
 from ...comparisons.run import Run
 from ...rows.readable import amount
-from ..verdicts import Finding, finding, plural
+from ..studies import StudyResult
+from ..verdicts import Finding, NotMeasured, finding, plural
 
 VANISHED = 0.01
 """Share of the greatest error that may be left where the paper says zero."""
@@ -141,3 +142,17 @@ def smoothly(run: Run, *labels: str, gap: float = 0.3) -> Finding:
     )
     smooth = [one.smooth for one in every]
     return finding(text, all(smooth), any(smooth), share_left=max(one.share for one in every))
+
+
+def number(study: StudyResult, *key: str | float) -> float:
+    """A finite number of a study; raises NotMeasured where there is none."""
+    value = study.numbers.get(key, nan)
+    if not isfinite(value):
+        why = f": {study.failures[0]}" if study.failures else ""
+        raise NotMeasured(f"the study {study.study} has no {'.'.join(map(str, key))}{why}")
+    return value
+
+
+def ending(study: StudyResult, *last: str | float) -> Iterator[tuple[str | float, float]]:
+    """What the numbers of a study are of, whose keys are it and this, and the numbers."""
+    return ((first, value) for (first, *others), value in study.numbers.items() if tuple(others) == last)

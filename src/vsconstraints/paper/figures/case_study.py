@@ -1,4 +1,4 @@
-"""Figs. 10 and 11: the case study."""
+"""Figs. 9 to 12: the case study, and its arm in space."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.run import Run
-from ...reports.plots import INK, REFERENCE, Sheet, above_legend, line, signal
+from ...reports.plots import INK, REFERENCE, WIDTH, Sheet, above_legend, band, line, signal, zero_line
+from ...reports.plots.arm import add_arm
 from ...reports.plots.image import symbol
 from ...reports.plots.marks import note
+from ...reports.plots.mesh import Mesh
 from ...reports.plots.style import FAINT
+from ...robots.geometry import Pose
+from ...rows import Array
 from ..claims.case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, at_once, phases, switch_sample
 from . import lines as paper
 
@@ -19,6 +23,20 @@ SYMBOLS = ("o", "^", "s", "*")
 
 SHORT = {RANGE: "joint 6 range", SPEED: "joint 2 speed", SPHERE: "sphere"}
 SHORT |= {label: f"FOV, feature {i}" for i, label in enumerate(BORDERS, start=1)}
+
+ORANGE = "#F0A202"
+
+LABEL_AT = {
+    "F": (0.0, -0.14, 0.02),
+    "O": (-0.03, -0.03, 0.0),
+    "C": (0.1, 0.02, -0.04),
+    "C*¹": (-0.03, -0.03, -0.03),
+    "C*²": (0.02, 0.11, -0.02),
+}
+"""Where the names of the frames of Fig. 9 stand, in each frame [m]."""
+
+CUBE = ((0.27, 0.1, 0.33), 0.43, 22.0, -58.0)
+"""What Figs. 9 and 12 show: centre and half side [m], elevation and azimuth of the look at it [deg]."""
 
 
 def frame_times(run: Run) -> list[float]:
@@ -98,3 +116,103 @@ def _lanes(ax: Any, run: Run) -> None:
     ax.set_yticks(range(len(shown)), [SHORT[event] for event in shown])
     ax.set_ylim(len(shown) - 0.4, -0.6)
     ax.tick_params(axis="y", length=0, pad=3)
+
+
+def add_path(mesh: Mesh, points: Array, radius: float, colour: str, most: int = 160) -> None:
+    """A curve through points (p, 3)."""
+    if len(points) > 1:
+        chosen = np.unique(np.linspace(0, len(points) - 1, most).astype(int))
+        mesh.tube(points[chosen], radius, colour, 6, caps=False)
+
+
+def system(case: Run, k: int) -> Mesh:
+    """The arm and what its camera sees in a sample, the target's plate with its markers, and the sphere."""
+    scene, q, sphere = case.setup.scene, case.trajectory.q[k], case.constraint(SPHERE)
+    mesh = Mesh()
+    add_arm(mesh, scene.robot, q)
+    mesh.target(scene.markers, 0.003, 0.012)
+    _add_sphere(mesh, sphere, 20)
+    mesh.pyramid(scene.camera_pose(q), 0.05, 0.05, 0.08, paper.BLUE)
+    return mesh
+
+
+def _add_sphere(mesh: Mesh, sphere: Any, count: int) -> None:
+    mesh.ball(sphere.centre, sphere.radius, ORANGE, count=count)
+
+
+def _space(sheet: Sheet, left: float, top: float, side: float) -> Any:
+    """Square axes for bodies in space."""
+    return sheet.axes(left, top, side, side, projection="3d", computed_zorder=False)
+
+
+def draw_frames(case: Run) -> Sheet:
+    """Fig. 12: the arm at four instants, and the end-effector's path around the sphere."""
+    sheet = Sheet()
+    trail = tip_path(case)
+    for number, time in enumerate(frame_times(case), start=1):
+        row, column = divmod(number - 1, 2)
+        left, top = column * (WIDTH / 2) + 0.02, 0.05 + row * 3.4
+        k = int(np.argmin(np.abs(case.t - time)))
+        mesh = system(case, k)
+        add_path(mesh, trail[: k + 1], 0.0045, paper.RED)
+        mesh.draw(_space(sheet, left, top - 0.35, 3.95), *CUBE)
+        sheet.text(left + 0.12, top + 0.1, f"frame {number}", fontsize=10, fontweight="bold", va="top")
+        spans = {event: [span for phase in phases(case, event) for span in phase] for event in SHORT}
+        active = [SHORT[event] for event, own in spans.items() if any(a <= time <= b for a, b in own)]
+        text = "\n".join([f"t = {time:.2f} s, active:", *active])
+        sheet.text(left + 0.12, top + 0.29, text, fontsize=8.5, va="top")
+    details(sheet, case, trail, 6.95)
+    return sheet
+
+
+def tip_path(run: Run) -> Array:
+    """(N, 3) positions of the end-effector."""
+    (index,) = [i for i, point in enumerate(run.setup.scene.points) if point.label == "tip"]
+    path: Array = run.trajectory.points[:, index]
+    return path
+
+
+def details(sheet: Sheet, case: Run, trail: Array, top: float) -> None:
+    """The sphere from nearby, and the distance of the end-effector from it over time."""
+    sphere: Any = case.constraint(SPHERE)
+    mesh, thickness = Mesh(), 0.0014
+    _add_sphere(mesh, sphere, 40)
+    away = trail - sphere.centre
+    distance = np.sqrt((away * away).sum(axis=1))
+    # the line lies on the sphere with its side, as it has a thickness and the path has none
+    add_path(mesh, (trail + thickness * away / distance[:, None])[distance < 0.09], thickness, paper.RED, 300)
+    acts = case.phi(SPHERE) >= 0.0
+    # a law that keeps away from the sphere is looked at where it is nearest
+    touch = (trail[acts].mean(axis=0) if acts.any() else trail[distance.argmin()]) - sphere.centre
+    azimuth = float(np.rad2deg(np.arctan2(touch[1], touch[0]))) + 20.0
+    mesh.draw(_space(sheet, 0.3, top - 0.15, 2.9), sphere.centre, 0.068, 18.0, azimuth)
+    sheet.text(0.14, top + 0.05, "detail: the path and the sphere", fontsize=10, fontweight="bold", va="top")
+    plot = sheet.axes(4.35, top + 0.35, WIDTH - 4.35 - 0.2, 1.8)
+    band(plot, -100.0, 0.0, "#F9E3B4")
+    plot.plot(case.t, 1e3 * (distance - sphere.radius - sphere.margin), color=paper.RED, linewidth=1.8)
+    zero_line(plot)
+    plot.set_xlim(4.0, float(case.t[-1]))
+    plot.set_ylim(-6.0, 40.0)
+    plot.set_xlabel("time [s]", labelpad=2)
+    plot.set_ylabel("distance of the end-effector\nfrom the sphere [mm]", labelpad=3)
+    plot.text(4.15, -3.0, "inside", va="center", fontsize=8, color="#7A5500")
+
+
+def draw_system(case: Run) -> Sheet:
+    """Fig. 9: the arm at its start, the target, the sphere and the frames."""
+    sheet = Sheet()
+    ax = _space(sheet, 0.6, -0.35, 6.2)
+    scene, goals, mesh = case.setup.scene, case.setup.task.goals, system(case, 0)
+    x, y = scene.markers[1] - scene.markers[0], scene.markers[3] - scene.markers[0]
+    R = np.stack([axis / np.linalg.norm(axis) for axis in (x, y, np.cross(x, y))], axis=1)
+    poses = {"F": Pose.identity(), "O": Pose(R, scene.markers.mean(axis=0))}
+    poses["C"] = scene.camera_pose(case.trajectory.q[0])
+    poses |= {name: goal.camera for name, goal in zip(("C*¹", "C*²"), goals, strict=True) if goal.camera is not None}
+    for name, pose in poses.items():
+        mesh.frame(pose, 0.2 if name == "F" else 0.09, 0.004)
+    mesh.draw(ax, *CUBE)
+    for name, pose in poses.items():
+        beside = pose.act(np.array(LABEL_AT[name]))
+        ax.text(*beside, name, fontsize=11, fontweight="bold", ha="center", va="center", zorder=50)
+    sheet.at = 5.3
+    return sheet
