@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from vsconstraints.reports.replay import replay_html
-from vsconstraints.reports.replay.asked import asked_for
+from vsconstraints.reports.replay.runs import select_run
 from vsconstraints.scenarios import shipped_scenarios
 
 LAWS = ("tracking", "sliding-mode")
@@ -24,7 +24,7 @@ def check(scenarios: Sequence[str] = (), tell: Callable[[str], None] = print) ->
     """Tell size and times of each page; whether none is too large and none takes too long."""
     good = True
     for name in scenarios or shipped_scenarios():
-        runs = [asked_for(f"{name}:{law}") for law in LAWS]
+        runs = [select_run(f"{name}:{law}") for law in LAWS]
         begun, clock = time.process_time(), time.perf_counter()
         size = len(replay_html(runs).encode())
         spent, waited = time.process_time() - begun, time.perf_counter() - clock

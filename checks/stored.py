@@ -41,7 +41,7 @@ from vsconstraints.comparisons.runs.files import SUMS, digests, write_sums
 from vsconstraints.errors import VsconstraintsError
 from vsconstraints.reports import write_report
 from vsconstraints.reports.evidence import replay, write_evidence_report
-from vsconstraints.reports.replay.asked import asked_for
+from vsconstraints.reports.replay.runs import select_run
 
 from .damage import MEANT, PLAIN
 
@@ -172,7 +172,7 @@ def comparison(root: Path) -> Made:
         {
             "report": (4, lambda folder: write_report(folder, figures=False)),
             "figures": (400, write_report),
-            "replay": (20, lambda folder: asked_for(str(folder / "trajectories" / file))),
+            "replay": (20, lambda folder: select_run(str(folder / "trajectories" / file))),
             "diff": (40, lambda folder: difference(root / "comparison", folder, Question())),
             "verify": (2, verify),
         },

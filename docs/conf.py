@@ -32,7 +32,7 @@ html_copy_source = False
 pygments_style = "friendly"
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
-myst_heading_anchors = 3
+myst_heading_anchors = 4
 
 napoleon_google_docstring = False
 napoleon_attr_annotations = False  # they are in the signature
@@ -82,7 +82,7 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.comparisons.runs.folder.Line"),
     ("py:class", "vsconstraints.comparisons.runs.pool.Key"),
     ("py:class", "vsconstraints.formulas.F"),
-    ("py:class", "vsconstraints.controllers.named.Part"),
+    ("py:class", "vsconstraints.controllers.laws.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
     ("py:class", "vsconstraints.reports.evidence.material.Worked"),
     ("py:class", "ArrayLike"),  # of NumPy, where other names are there for type checkers only

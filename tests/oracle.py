@@ -247,3 +247,62 @@ def _conditioned(rng, k, n):
     """(k, n) matrix with singular values between 0.3 and 1."""
     U, _, Vt = np.linalg.svd(rng.normal(size=(k, n)), full_matrices=False)
     return (U * rng.uniform(0.3, 1.0, min(k, n))) @ Vt
+
+
+# --- closed forms, by singular values ---
+
+
+def resolve(A1, b1, A2, b2, tolerance=1e-6, rest=None):
+    """Eq. (15): q̈ of least norm that meets A₁q̈ = b₁, and A₂q̈ = b₂ as far as that leaves it free; and the rank of A₁."""
+    if rest is not None and len(rest):
+        step, rank = resolve(A1, b1 - A1 @ rest, A2, b2 - A2 @ rest, tolerance)
+        return rest + step, rank
+    n = A2.shape[1]
+    qdd, Z, rank = np.zeros(n), np.eye(n), 0
+    if len(A1):
+        U, s, Vt = np.linalg.svd(A1)
+        rank = int((s > tolerance * s[0]).sum())
+        qdd, Z = Vt[:rank].T @ ((U[:, :rank].T @ b1) / s[:rank]), Vt[rank:].T
+    if len(A2) and Z.shape[1]:
+        U, s, Vt = np.linalg.svd(A2 @ Z, full_matrices=False)
+        kept = s > tolerance * np.linalg.norm(A2, 2)
+        qdd = qdd + Z @ (Vt[kept].T @ ((U[:, kept].T @ (b2 - A2 @ qdd)) / s[kept]))
+    return qdd, rank
+
+
+def track(task, tolerance=1e-6):
+    """J†b, as near as possible to the rest acceleration."""
+    n = task.J.shape[1]
+    return resolve(np.empty((0, n)), np.empty(0), task.J, task.b, tolerance, task.rest)[0]
+
+
+def prioritise(rows, task, c, tolerance=1e-6):
+    """Rows of finite c meet L_gφ q̈ = c; q̈, and whether those with φ ≥ 0 have full row rank."""
+
+    def unit(which):
+        length = np.linalg.norm(rows.Lg[which], axis=1)
+        length = np.where(length > 1e-12 * rows.scale[which], length, np.inf)
+        return rows.Lg[which] / length[:, None], c[which] / length
+
+    acts = c < np.inf
+    qdd, rank = resolve(*unit(acts), task.J, task.b, tolerance, task.rest)
+    reached = acts & (rows.phi >= 0.0)
+    whole = rank == acts.sum() or resolve(*unit(reached), task.J, task.b, tolerance)[1] == reached.sum()
+    return qdd, whole
+
+
+def pushes(rows, push):
+    """Σ pushᵢ L_gφᵢ† of the rows with a finite push."""
+    return sum(
+        (p * Lg / (Lg @ Lg) for p, Lg in zip(push, rows.Lg, strict=True) if p < np.inf and Lg @ Lg > 0.0),
+        np.zeros(rows.Lg.shape[1]),
+    )
+
+
+def projector(task, part, tolerance=1e-6):
+    """λ P_e + (1 − λ)(I − J†J) of the large projection operator."""
+    n = task.J.shape[1]
+    direction = task.J.T @ task.error
+    size = direction @ direction
+    large = np.eye(n) - (np.outer(direction, direction) / size if size > 0.0 else 0.0)
+    return part * large + (1.0 - part) * (np.eye(n) - np.linalg.pinv(task.J, rcond=tolerance) @ task.J)

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from vsconstraints.comparisons import RunRecord
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
-from vsconstraints.reports.figures.close_up import CloseUp, close_up, comes_here
-from vsconstraints.reports.figures.tracks import NOBODY, draw_tracks
+from vsconstraints.reports.figures.tracks import NO_MARKER, CloseUp, close_up, draw_tracks, enters
 from vsconstraints.reports.figures.view import View
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.scenarios import Scenario
@@ -47,7 +46,9 @@ def remarks(view: View) -> list[bool]:
     """Of each close-up, whether it says that nobody comes."""
     sheet = draw_tracks(view)
     assert sheet is not None
-    return [NOBODY in [one.get_text() for one in ax.texts] for ax in sheet.figure.axes if not ax.get_title(loc="left")]
+    return [
+        NO_MARKER in [one.get_text() for one in ax.texts] for ax in sheet.figure.axes if not ax.get_title(loc="left")
+    ]
 
 
 def told(view: View) -> list[str]:
@@ -65,11 +66,11 @@ def test_a_track_comes_into_a_window_between_its_samples_too() -> None:
         return Made
 
     window = CloseUp(np.array([100.0, 50.0]), 10.0)
-    assert comes_here(record((100.0, 50.0), (101.0, 50.0)), window)
-    assert comes_here(record((0.0, 50.0), (300.0, 50.0)), window)
-    assert not comes_here(record((0.0, 61.0), (300.0, 61.0)), window)
-    assert not comes_here(record((0.0, 50.0), (89.0, 50.0)), window)
-    assert not comes_here(record((np.nan, np.nan), (np.nan, np.nan)), window)
+    assert enters(record((100.0, 50.0), (101.0, 50.0)), window)
+    assert enters(record((0.0, 50.0), (300.0, 50.0)), window)
+    assert not enters(record((0.0, 61.0), (300.0, 61.0)), window)
+    assert not enters(record((0.0, 50.0), (89.0, 50.0)), window)
+    assert not enters(record((np.nan, np.nan), (np.nan, np.nan)), window)
 
 
 def test_a_law_that_stays_away_says_so(view: View) -> None:

@@ -34,7 +34,7 @@ from vsconstraints.comparisons.metrics import TIMING_COLUMNS
 from vsconstraints.comparisons.runs.pool import DIED, Failure
 from vsconstraints.errors import ConfigurationError
 
-PAGE = list(blocks(DOCS / "clusters.md"))
+PAGE = list(blocks(DOCS / "suites.md"))
 (SETTINGS,) = (block.code for block in PAGE if block.language == "yaml")
 (KEYS,) = (block.code for block in PAGE if "openssl" in block.code)
 """Of the documentation's recipe: Dask's configuration, and how keys are made."""

@@ -16,7 +16,7 @@ from vsconstraints import Robot
 from vsconstraints.compiled.structures import pack_struct
 from vsconstraints.controllers import HierarchicalQP, SlidingMode
 from vsconstraints.errors import ConfigurationError, InvalidInput
-from vsconstraints.reports.figures.disturbance import draw_disturbance
+from vsconstraints.reports.figures.signals import draw_disturbance
 from vsconstraints.reports.figures.view import View
 from vsconstraints.robots import ready_made
 from vsconstraints.rows import Array

@@ -236,7 +236,7 @@ def test_the_script_of_the_documentation_finds_every_number_again(tmp_path: Path
     written(every, tmp_path)
     (tmp_path / "runs").mkdir()
     every.to_parquet(tmp_path / "runs" / "part-1.parquet")
-    script = [block for block in blocks(DOCS / "evidence-numbers.md") if "def told_apart" in block.code]
+    script = [block for block in blocks(DOCS / "evidence.md") if "def told_apart" in block.code]
     names: dict[str, Any] = {"folder": tmp_path}
     exec(script[0].code, names)
     kinds = {claim["about"] for claim in names["claims"]["sentences"]}
@@ -248,7 +248,8 @@ def test_a_tuned_law_looks_like_the_law_that_it_was_tuned_from() -> None:
     assert look["sliding-mode-tuned"].colour == look["sliding-mode"].colour
     assert look["own-tuned"].colour == look["own"].colour != look["sliding-mode"].colour
     assert look["own-tuned"].line != look["own"].line
-    assert look["other-tuned"].line == look["own"].line
+    assert look["other-tuned"].line == look["own-tuned"].line
+    assert look["other-tuned"].colour == looks(["other-tuned"])["other-tuned"].colour
     assert len({one.marker for one in look.values()}) == 5
 
 

@@ -18,8 +18,8 @@ from PIL import Image
 from vsconstraints.comparisons import RunRecord, Suite
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.drawing import remove_stale
+from vsconstraints.reports.figures.overview import typical
 from vsconstraints.reports.figures.tracks import draw_tracks
-from vsconstraints.reports.figures.trade_off import typical
 from vsconstraints.reports.figures.view import View
 from vsconstraints.reports.plots import (
     WIDTH,
@@ -27,17 +27,18 @@ from vsconstraints.reports.plots import (
     Sheet,
     area,
     decades,
+    extremes,
     formats_of,
     line,
     logarithmic,
     looks,
     plain,
     shortened,
+    window_means,
 )
-from vsconstraints.reports.plots.decimate import extremes, window_means, zigzag
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.plots.sheet import DPI, FOOT
-from vsconstraints.reports.plots.style import OWN_COLOURS
+from vsconstraints.reports.plots.style import LOOKS
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 
@@ -126,10 +127,12 @@ def test_looks_are_distinct_and_those_of_known_controllers_fixed() -> None:
     few = looks(["tracking", "mine", "sliding-mode"])
     many = looks(["tracking", *(f"mine-{k}" for k in range(30)), "sliding-mode"])
     for chosen in (few, many):
-        assert chosen["sliding-mode"].colour == OWN_COLOURS["sliding-mode"]
+        assert chosen["sliding-mode"].colour == LOOKS["sliding-mode"].colour
         assert len({(look.colour, look.line) for look in chosen.values()}) == len(chosen)
+    # an own law looks the same whoever else is there
+    assert few["mine"] == looks(["mine", "cbf-filter", "hierarchical-qp"])["mine"]
     for tuned in (looks(["predictive-tuned"]), looks(["predictive", "predictive-tuned"])):
-        assert tuned["predictive-tuned"].colour == OWN_COLOURS["predictive"]
+        assert tuned["predictive-tuned"].colour == LOOKS["predictive"].colour
         assert tuned["predictive-tuned"].line == "--"
     assert shortened("potential-field-priority") == "potential-field-priority"
     assert shortened("x" * 40) == "x" * 12 + "…" + "x" * 12
@@ -142,15 +145,10 @@ def test_looks_are_distinct_and_those_of_known_controllers_fixed() -> None:
 def test_decimation_keeps_peaks(values: list[float], bins: int) -> None:
     t, y = np.arange(float(len(values))), np.array(values)
     _, least, greatest = extremes(t, y, bins)
-    shorter_t, shorter = zigzag(t, y, bins)
     assert len(least) <= bins
-    assert len(shorter) <= 4 * max(bins, 1)
-    assert (np.diff(shorter_t) > 0.0).all()
     if np.isfinite(y).any():
-        for line in (greatest, shorter):
-            assert np.nanmax(line) == np.nanmax(y)
-        for line in (least, shorter):
-            assert np.nanmin(line) == np.nanmin(y)
+        assert np.nanmax(greatest) == np.nanmax(y)
+        assert np.nanmin(least) == np.nanmin(y)
 
 
 def test_window_means_leave_out_what_is_no_number() -> None:
@@ -241,16 +239,16 @@ def test_no_label_is_cut_however_long_its_numbers(tmp_path: Path) -> None:
     assert lefts["0.500000000"] > 0.8
 
 
-def test_an_area_has_a_piece_for_each_stretch_of_numbers() -> None:
+def test_an_area_leaves_gaps_and_the_limits_of_its_axes() -> None:
     ax = Sheet().axes(1.0, 1.0, 1.0, 1.0)
     low = np.array([0.0, 1.0, np.nan, 2.0, 3.0])
+    limits = ax.dataLim.get_points().tolist()
     area(ax, np.arange(5.0), low, low + 1.0, color="#000000")
-    (made,) = ax.collections
-    outlines = [path.vertices[:4].tolist() for path in made.get_paths()]
-    assert outlines == [
-        [[0.0, 0.0], [1.0, 1.0], [1.0, 2.0], [0.0, 1.0]],
-        [[3.0, 2.0], [4.0, 3.0], [4.0, 4.0], [3.0, 3.0]],
-    ]
+    (drawn,) = ax.collections
+    inside = [drawn.get_paths()[k].contains_point(point) for k, point in ((0, (0.5, 1.0)), (1, (3.5, 3.0)))]
+    assert inside == [True, True]
+    assert not any(path.contains_point((2.0, 2.0)) for path in drawn.get_paths())
+    assert ax.dataLim.get_points().tolist() == limits
 
 
 def test_the_large_marker_is_a_run() -> None:

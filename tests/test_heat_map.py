@@ -9,7 +9,7 @@ import pytest
 from matplotlib import rc_context
 from matplotlib.collections import QuadMesh
 
-from vsconstraints.reports.figures.heat_map import COLOURS, HeatMap, draw_heat_map
+from vsconstraints.reports.figures.overview import COLOURS, HeatMap, draw_heat_map
 from vsconstraints.reports.plots import WIDTH, Figure
 from vsconstraints.reports.plots.style import STYLE
 

@@ -17,11 +17,10 @@ from vsconstraints.compiled import load
 from vsconstraints.compiled.structures import RELAXED_ROWS, RELAXED_SHORT, SHORT, SOLVED
 from vsconstraints.controllers import HierarchicalQP, Tracking
 from vsconstraints.controllers.least_norm import least_norm
-from vsconstraints.controllers.resolvers.hierarchy import Hierarchy, row_weights
+from vsconstraints.controllers.resolvers import Hierarchy, row_weights
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
 from vsconstraints.qp import FALLBACKS, Answer, Infeasible, make_solver
-from vsconstraints.qp.daqp_solver import DaqpSolver
-from vsconstraints.qp.registry import NATIVE
+from vsconstraints.qp.backends import NATIVE, DaqpSolver, QpsolversSolver
 from vsconstraints.rows import Rows, Task
 from vsconstraints.rows.checks import FARTHEST
 
@@ -719,7 +718,7 @@ def test_a_lying_solver_is_replaced_and_reported(lie, kind, monkeypatch):
 
 @pytest.mark.parametrize("lie", LIES)
 def test_if_all_lie_the_levels_are_found_without_them_and_the_command_says_so(lie, monkeypatch):
-    for back_end in NATIVE.values():
+    for back_end in (*NATIVE.values(), QpsolversSolver):
         monkeypatch.setattr(back_end, "attempt", counting(LIES[lie]))
     command = simple([[1, 0]], [0.5], b=[1.0, 2.0], solver="daqp")
     np.testing.assert_allclose(command.qdd, [0.5, 2.0], atol=1e-8)
@@ -735,7 +734,7 @@ def test_if_all_lie_the_levels_are_found_without_them_and_the_command_says_so(li
 
 def test_a_number_that_is_not_finite_is_refused_before_any_solver(monkeypatch):
     attempt = counting(0.0)
-    for back_end in NATIVE.values():
+    for back_end in (*NATIVE.values(), QpsolversSolver):
         monkeypatch.setattr(back_end, "attempt", attempt)
     rows, task = rows_and_task(random_problem("feasible", 3))
     for field in ("phi", "Lg", "Lf"):

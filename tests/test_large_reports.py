@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import tomllib
 from collections.abc import Callable
@@ -10,7 +9,6 @@ from itertools import cycle
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,8 +19,6 @@ from vsconstraints.comparisons import StoredComparison
 from vsconstraints.reports import report, write_report
 from vsconstraints.reports.drawing import Drawn, ScenarioJob
 from vsconstraints.reports.figures import FIGURES
-from vsconstraints.reports.figures.endings import told, worth
-from vsconstraints.reports.figures.heat_map import HeatMap
 from vsconstraints.reports.markdown import tables
 from vsconstraints.reports.results import Results
 from vsconstraints.reports.selection import MAX_FIGURES, MAX_SCENARIOS, shown_scenarios
@@ -143,44 +139,3 @@ def test_only_the_most_telling_scenarios_are_drawn_unless_all_are_asked_for(
     text = whole(write_report(tmp_path, all_figures=True))
     assert drawn == list(SCENARIOS)
     assert "Its figures:" not in text
-
-
-def test_cells_of_the_heat_map_say_what_happened() -> None:
-    clean, used = result("a", utilization=0.9876), result("a", utilization=math.nan)
-    outside = result("a", violated="x", violation_depth=0.0123)
-    trapped = result("a", status="trapped", utilization=math.nan)
-    failed = {**outside, "status": "failed"}
-    assert [told([one]) for one in (clean, used, outside, trapped, failed)] == ["98.76", "✓", "†1.23", "T", "F†1.23"]
-    assert [told([one], narrow=True) for one in (clean, outside, failed)] == ["99", "†1", "F†1"]
-    assert told([clean, clean, outside]) == "2 of 3 †1.23"
-    assert told([clean, trapped], narrow=True) == "1/2"
-    assert told([]) == ""
-    assert math.isnan(worth([]))
-
-
-@given(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=5), st.floats(1e-9, 5.0), st.floats(1e-9, 5.0))
-def test_colours_order_runs_as_a_reader_would(used: list[float], depth: float, deeper: float) -> None:
-    """All clean before any that is not; more of the space used before less; less deep before deeper."""
-    clean = [result("a", utilization=value) for value in used]
-    trapped = result("a", status="trapped", utilization=math.nan)
-    outside, worse = (result("a", violated="x", violation_depth=value) for value in sorted((depth, deeper)))
-    assert 1.0 >= worth([*clean]) >= 0.65 > 0.5 > worth([*clean, trapped]) >= worth([trapped])
-    assert worth([trapped]) > worth([outside]) >= worth([worse]) >= 0.0
-    best, least = worth([result("a", utilization=max(used))]), worth([result("a", utilization=min(used))])
-    assert best >= worth(clean) - 1e-12
-    assert least <= worth(clean) + 1e-12
-
-
-def test_the_heat_map_has_the_longer_side_down(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from vsconstraints.reports.figures import endings
-
-    shown: list[HeatMap] = []
-    monkeypatch.setattr(endings, "draw_heat_map", shown.append)
-    lines = [result(law, scenario, utilization=0.5 if law == "a" else 1.0) for law in "abc" for scenario in ("x", "y")]
-    endings.draw_endings(results_of(tmp_path, lines))
-    endings.draw_endings(results_of(tmp_path, [{**line, "scenario": line["controller"], "controller": line["scenario"]}
-                                               for line in lines]))  # fmt: skip
-    for one in shown:
-        assert (list(one.rows), list(one.columns)) == (["a", "b", "c"], ["x", "y"])
-    assert shown[0].texts == [["50.00", "50.00"], ["100.00", "100.00"], ["100.00", "100.00"]]
-    assert (np.diff(shown[0].values, axis=0)[0] > 0.0).all()

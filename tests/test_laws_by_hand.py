@@ -1,7 +1,4 @@
-"""The laws on problems of two joints, with answers worked out on paper and written out here as numbers.
-
-Their definitions in NumPy are asked, which compiled forms are held to elsewhere.
-"""
+"""The laws on problems of two joints, with answers worked out on paper and written out here as numbers."""
 
 from __future__ import annotations
 
@@ -12,9 +9,9 @@ import numpy as np
 import pytest
 
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
-from vsconstraints.controllers.least_norm import least_norm
-from vsconstraints.controllers.resolvers.hierarchy import row_weights, task_cost
-from vsconstraints.controllers.task_priority import dependent_rows, resolve, unit_rows
+from vsconstraints.controllers.cascade import Target
+from vsconstraints.controllers.least_norm import dependent_rows, least_norm, unit_rows
+from vsconstraints.controllers.resolvers import row_weights
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas.tracking import demanded, held_gains, retargeted
 from vsconstraints.rows import Command, Rows, Task
@@ -276,25 +273,20 @@ def test_what_the_rows_leave_of_a_task() -> None:
 # --- what counts as nothing, what is refused, and what a command tells ---
 
 
-def test_level_1_counts_what_is_above_its_share_of_the_largest_singular_value() -> None:
-    """4 q̈₁ = 8 and q̈₂ = 3, then q̈ = (0, 7): with a quarter of 4 the second does not count, with a fifth it does."""
-    A, b = np.diag([4.0, 1.0]), np.array([8.0, 3.0])
-    for share, qdd, lost in ((0.25, [2.0, 7.0], 1), (0.2, [2.0, 3.0], 0)):
-        found, dependent = resolve(A, b, np.eye(2), np.array([0.0, 7.0]), share)
-        np.testing.assert_allclose(found, qdd, rtol=1e-12)
-        assert dependent.shape == (2, lost)
-        assert dependent_rows(A, share).shape == (2, lost)
+def test_rows_depend_below_a_share_of_the_largest_singular_value() -> None:
+    """Of 4 and 1: with a quarter of 4 the second does not count, with a fifth it does."""
+    for share, lost in ((0.25, 1), (0.2, 0)):
+        assert dependent_rows(np.diag([4.0, 1.0]), share).shape == (2, lost)
 
 
 def test_level_2_counts_what_is_above_its_share_of_the_largest_singular_value_of_the_task() -> None:
-    """q̈₁ = 2, then 4 q̈₂ = 8 and q̈₁ + q̈₃ = 5: with a fifth of 4 all is met, with 0.3 × 4 the last rests."""
-    A, b = np.array([[1.0, 0.0, 0.0]]), np.array([2.0])
+    """q̈₁ = −2, then 4 q̈₂ = 8 and q̈₁ + q̈₃ = 1: with a fifth of 4 all is met, with 0.3 × 4 the last rests."""
+    one = np.ones(1)
+    rows = Rows(one, np.array([[1.0, 0.0, 0.0]]), 0.0 * one, 2.0 * one, ("a",))
     J = np.array([[0.0, 4.0, 0.0], [1.0, 0.0, 1.0]])
-    for share, qdd in ((0.2, [2.0, 2.0, 3.0]), (0.3, [2.0, 2.0, 0.0])):
-        np.testing.assert_allclose(resolve(A, b, J, np.array([8.0, 5.0]), share)[0], qdd, rtol=1e-12, atol=1e-14)
-    # and with exactly that share
-    J = np.array([[0.0, 4.0, 0.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(resolve(A, b, J, np.array([8.0, 5.0]), 0.25)[0], [2.0, 2.0, 0.0], atol=1e-14)
+    for share, qdd in ((0.2, [-2.0, 2.0, 3.0]), (0.3, [-2.0, 2.0, 0.0])):
+        found = SlidingMode(rank_tolerance=share).command(rows, Task(J, np.array([8.0, 1.0]))).qdd
+        np.testing.assert_allclose(found, qdd, rtol=1e-12, atol=1e-14)
 
 
 def made(Lg: Any, scale: float = 1.0) -> Rows:
@@ -408,9 +400,9 @@ def test_gains_of_a_task_are_relative_to_all_of_them() -> None:
     """0.4 and 0.3 of 0.5; a task of zeros has none."""
     for size in (0.1, 10.0):
         tracking = least_norm(size * np.diag([3.0, 4.0]), np.ones(2), 1e-6)
-        np.testing.assert_allclose(task_cost(tracking, 1e-8, 1e-6).gains, [0.8, 0.6], rtol=1e-14)
+        np.testing.assert_allclose(Target.of(tracking, 1e-8, 1e-6, True).gains, [0.8, 0.6], rtol=1e-14)
     with np.errstate(all="raise"):
-        cost = task_cost(least_norm(np.zeros((2, 2)), np.ones(2), 1e-6), 1e-8, 1e-6)
+        cost = Target.of(least_norm(np.zeros((2, 2)), np.ones(2), 1e-6), 1e-8, 1e-6, True)
     np.testing.assert_array_equal(cost.gains, [0.0, 0.0])
 
 
@@ -435,12 +427,6 @@ def test_rounding_is_that_of_a_rows_terms() -> None:
     # q̈₂ ≤ 50 − 0.75e-10, of the terms 112 and 50, and the other joint on the side of its box
     row = {"phi": (0.75e-10 - 50.0) / 20.0, "Lg": [0, 1]}
     assert answer(barrier(max_acceleration=100.0), [row], b=[-100.0, 50.0]).solver == ""
-
-
-def test_without_a_name_the_definition_asks_daqp() -> None:
-    command = answer(HierarchicalQP(), [{"phi": -0.1, "Lg": [0, 1]}])
-    gives(command, [1.0, 2.0], "a")
-    assert command.solver == "daqp"
 
 
 def test_demands_beyond_the_range_of_floating_point_have_no_answer() -> None:

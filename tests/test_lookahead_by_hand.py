@@ -21,9 +21,9 @@ from vsconstraints.controllers.horizon import Horizon, stopping_time
 from vsconstraints.controllers.predictive import Plan
 from vsconstraints.controllers.response import Response, response
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
-from vsconstraints.qp.lexicographic import PULLING
 from vsconstraints.qp.penalised import Penalised
 from vsconstraints.rows import UNKNOWN, Array, Command, Rows, Task
+from vsconstraints.rows.tolerances import PULLING
 from vsconstraints.vision.tracking import Rest
 
 K = np.array([0.5, 0.0])

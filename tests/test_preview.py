@@ -13,12 +13,17 @@ from typer.testing import CliRunner, Result
 from test_line_of_sight import swing
 from vsconstraints.cli import app
 from vsconstraints.compiled.control_step import ControlStep
-from vsconstraints.reports.plots.arm import bars_of
 from vsconstraints.reports.plots.image import Plane
-from vsconstraints.reports.plots.mesh import Mesh
 from vsconstraints.reports.preview import FIGURE, Preview, lines
-from vsconstraints.reports.preview.obstacles import add_obstacles
-from vsconstraints.reports.preview.space import IN_VIEW, Places, viewpoint_of
+from vsconstraints.reports.scene3d import (
+    IN_VIEW,
+    bars_of,
+    obstacle_meshes,
+    points_in_view,
+    setup_frames,
+    view_corners,
+    viewpoint_of,
+)
 from vsconstraints.robots import ready_made
 from vsconstraints.robots.geometry import distance
 from vsconstraints.scenarios import Scenario, shipped_scenarios
@@ -39,11 +44,12 @@ def say(*words: str) -> Result:
 
 def assert_in_picture(preview: Preview, aspect: float) -> None:
     """Everything that a view is fitted to is seen in it, from where matplotlib looks with those angles."""
-    view = viewpoint_of(preview.setup, list(preview.moments), aspect)
+    instants = [(moment.q, moment.t) for moment in preview.moments if moment.q is not None]
+    view = viewpoint_of(preview.setup, instants, aspect)
     e, a = np.deg2rad([view.elevation, view.azimuth])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
     up = np.array([-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.cos(e)])
-    away = np.concatenate([Places.of(preview.setup, moment).points for moment in preview.moments]) - view.centre
+    away = np.concatenate([points_in_view(preview.setup, q, t) for q, t in instants]) - view.centre
     across, height = np.abs(away @ right).max(), np.abs(away @ up).max()
     assert across < view.half * IN_VIEW * aspect
     assert height < view.half * IN_VIEW
@@ -117,12 +123,12 @@ def test_pixels_and_rows_by_hand(tmp_path: Path) -> None:
     # σ = q₁ − 1, σ̇ = 0.5 at the start
     np.testing.assert_allclose(upper.phi, [-0.7 + 0.2 * 0.5, -1.0])
     np.testing.assert_allclose(upper.usage, [0.3, 0.0], atol=1e-12)
-    assert upper.said(0) == "0.7 m (−0.6)"
+    assert upper.text(0) == "0.7 m (−0.6)"
     own = rows["limit[joint 2].upper"]
     np.testing.assert_allclose(own.clearance, [0.3, 0.8])
     np.testing.assert_allclose(own.usage, [1.0 - 0.3 / 1.25, 1.0 - 0.8 / 1.25])
     assert own.limit
-    assert own.said(0) == "0.3 m"
+    assert own.text(0) == "0.3 m"
     assert "limit[joint 1].upper" not in rows
     assert preview.rows[0].label == "limit[joint 2].upper"
 
@@ -150,8 +156,9 @@ def test_the_edge_of_a_sensor_behind_a_lens_is_bent() -> None:
     assert (np.abs(plane.outline) < plane.half).all()
     # what is seen in space ends there too
     moment = Preview.of_scenario(changed).moments[0]
-    seen_from = Places.of(setup, moment)
-    P = seen_from.camera.inverse.act(seen_from.corners)
+    assert moment.q is not None
+    pose = setup_frames(setup, moment.q, moment.t)["camera"].pose
+    P = pose.inverse.act(view_corners(setup, pose, moment.q, moment.t))
     corners = camera.distort(camera.pixels(P[:, :2] / P[:, 2:]))
     np.testing.assert_allclose(np.abs(corners), [[320.0, 240.0]] * 4, atol=1e-3)
 
@@ -282,9 +289,8 @@ def test_obstacles_are_drawn_where_they_are(name: str) -> None:
     else:
         constraint = {"type": "collision", "obstacle": {"shape": name, **table}, "link_radius": 0.02, **gains}
     setup = Scenario.load("case-study-6r").with_override("constraints", [constraint]).setup()
-    mesh = Mesh()
-    add_obstacles(mesh, setup, 0.0, 1.0)
-    points = np.concatenate(mesh.polygons)
+    (mesh,) = obstacle_meshes(setup, 1.0).values()
+    points = mesh.points
     # round things are drawn with 16 to 20 sides, and a cylinder of coal is a prism that holds it
     np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], corners, atol=0.006)
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
-from functools import cache
-from itertools import combinations, product
+from itertools import combinations
 
 import numpy as np
 import pytest
 
 from oracle import exact_least_violation, violation_norm
+from vsconstraints.compiled import load
 from vsconstraints.controllers import HierarchicalQP
 from vsconstraints.errors import ConfigurationError, InvalidInput, SolverError
 from vsconstraints.qp import (
@@ -18,19 +18,12 @@ from vsconstraints.qp import (
     Answer,
     Infeasible,
     SolverChain,
-    least_distance,
-    least_violation,
     make_solver,
     optimality_errors,
     solver_names,
 )
-from vsconstraints.qp.daqp_solver import DaqpSolver
-from vsconstraints.qp.equilibration import equilibrate
-from vsconstraints.qp.least_violation import LOST
-from vsconstraints.qp.osqp_solver import OsqpSolver
-from vsconstraints.qp.proxqp_solver import ProxqpSolver
-from vsconstraints.qp.quadprog_solver import QuadprogSolver
-from vsconstraints.qp.registry import NATIVE
+from vsconstraints.qp.backends import NATIVE, DaqpSolver, ProxqpSolver, QpsolversSolver
+from vsconstraints.qp.scaling import equilibrate, scale
 from vsconstraints.qp.solver import QPSolver
 
 SOLVERS = ("daqp", "proxqp", "osqp", "quadprog", "clarabel")
@@ -317,7 +310,7 @@ def test_fallbacks_are_asked_in_the_documented_order(monkeypatch):
         asked.append(self.name)
         raise SolverError(f"{self.name} is on strike")
 
-    for back_end in NATIVE.values():
+    for back_end in (*NATIVE.values(), QpsolversSolver):
         monkeypatch.setattr(back_end, "attempt", refusing)
     chain = SolverChain("quadprog")
     with pytest.raises(SolverError) as raised:
@@ -365,7 +358,7 @@ def test_a_solver_that_is_not_installed_is_told_at_construction(name, module, in
 
 
 def test_a_solver_that_qpsolvers_would_reach_is_told_with_its_command(monkeypatch):
-    monkeypatch.setattr("vsconstraints.qp.registry.solver_names", lambda: ("daqp",))
+    monkeypatch.setattr("vsconstraints.qp.backends.solver_names", lambda: ("daqp",))
     with pytest.raises(ConfigurationError, match=r"'clarabel' is not installed.*pip install \"qpsolvers\[clarabel\]\""):
         HierarchicalQP(solver="clarabel")
 
@@ -414,45 +407,12 @@ def test_osqp_is_polished():
         assert optimality_errors(*problem, answer.x, answer.multipliers).worst < 1e-12
 
 
-# --- warm starts ---
+# --- repetition ---
 
 
-def test_a_warm_start_changes_the_answer_by_less_than_the_tolerance_and_is_repeatable():
-    problems = [quadratic_program(seed) for seed in range(12)]
-    warm = OsqpSolver()
-    answers = [warm.solve(*problem) for problem in problems]
-    assert warm.workspace is not None
-    for problem, answer in zip(problems, answers, strict=True):
-        cold = OsqpSolver().solve(*problem)
-        np.testing.assert_allclose(answer.x, cold.x, atol=100.0 * OsqpSolver.tolerance)
-    warm.reset()
-    assert warm.workspace is None
-    for problem, answer in zip(problems, answers, strict=True):
-        again = warm.solve(*problem)
-        np.testing.assert_array_equal(again.x, answer.x)
-        assert again.iterations == answer.iterations
-
-
-def test_a_kept_workspace_follows_a_change_of_shape():
-    solver = OsqpSolver()
-    for n, m in ((3, 6), (3, 4), (2, 4), (3, 6)):
-        problem = quadratic_program(11, n, m)
-        x, _ = enumerated_minimum(*problem)
-        np.testing.assert_allclose(solver.solve(*problem).x, x, atol=100.0 * solver.tolerance)
-
-
-def test_a_failed_problem_leaves_no_warm_start(monkeypatch):
-    solver = OsqpSolver()
-    solver.solve(*quadratic_program(2, 2, 2))
-    G = np.array([[1.0, 0.0], [-1.0, 0.0]])
-    with pytest.raises(SolverError):
-        solver.solve(np.eye(2), np.zeros(2), G, np.array([-1.0, -1.0]))
-    assert solver.workspace is None
-
-
-@pytest.mark.parametrize("back_end", [DaqpSolver, QuadprogSolver])
-def test_solvers_without_memory_repeat_themselves(back_end):
-    solver = back_end()
+@pytest.mark.parametrize("name", ["daqp", "quadprog", "osqp", "clarabel"])
+def test_solvers_without_memory_repeat_themselves(name):
+    solver = make_solver(name)
     first = [solver.solve(*quadratic_program(seed)).x for seed in range(5)]
     for seed in reversed(range(5)):
         np.testing.assert_array_equal(solver.solve(*quadratic_program(seed)).x, first[seed])
@@ -476,10 +436,9 @@ def test_equilibration_changes_the_scale_and_not_the_answer():
     scaled = equilibrate(P, q, G, h)
     np.testing.assert_allclose(np.linalg.norm(scaled.G, axis=1), 1.0)
     z, scaled_multipliers = enumerated_minimum(scaled.P, scaled.q, scaled.G, scaled.h)
-    answer = scaled.answer(z, scaled_multipliers, 4)
-    np.testing.assert_allclose(answer.x, x, rtol=1e-8, atol=1e-12)
-    np.testing.assert_allclose(answer.multipliers, multipliers, rtol=1e-8, atol=1e-12)
-    assert answer.iterations == 4
+    found = scaled.original(z, scaled_multipliers)
+    np.testing.assert_allclose(found[0], x, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(found[1], multipliers, rtol=1e-8, atol=1e-12)
 
 
 def test_equilibration_leaves_zero_columns_and_rows_alone():
@@ -489,27 +448,34 @@ def test_equilibration_leaves_zero_columns_and_rows_alone():
     np.testing.assert_array_equal(scaled.rows, [1.0, 1.0])
 
 
-def test_least_distance_has_unit_rows_and_a_unit_distance():
+def test_scaled_rows_have_unit_norm_and_a_unit_distance():
     rng = np.random.default_rng(0)
-    center, T = rng.normal(size=4), rng.normal(size=(4, 3))
-    A, c = 1e5 * rng.normal(size=(6, 4)), 1e5 * rng.normal(size=6)
-    problem = least_distance(center, T, A, c)
-    assert problem is not None
-    np.testing.assert_allclose(np.linalg.norm(problem.G, axis=1), 1.0)
-    assert problem.h.min() == pytest.approx(-1.0)
+    G, h = 1e5 * rng.normal(size=(6, 3)), 1e5 * rng.normal(size=6)
+    scaled = scale(G, h)
+    np.testing.assert_allclose(np.linalg.norm(scaled.G, axis=1), 1.0)
+    assert scaled.h.min() == pytest.approx(-1.0)
     u = rng.normal(size=3)
-    x = problem.point(u)
-    np.testing.assert_allclose(x - center, T @ u * problem.size)
-    expected = (c - A @ x) / np.linalg.norm(A @ T, axis=1) / problem.size
-    np.testing.assert_allclose(problem.h - problem.G @ u, expected, atol=1e-12)
+    expected = (h - G @ (scaled.size * u)) / np.linalg.norm(G, axis=1) / scaled.size
+    np.testing.assert_allclose(scaled.h - scaled.G @ u, expected, atol=1e-12)
 
 
-def test_least_distance_is_zero_where_no_row_excludes_the_center():
-    assert least_distance(np.zeros(2), np.eye(2), np.eye(2), np.zeros(2)) is None
-    assert least_distance(np.zeros(2), np.eye(2), np.empty((0, 2)), np.empty(0)) is None
+def test_the_size_is_zero_where_no_row_excludes_the_origin():
+    assert scale(np.eye(2), np.zeros(2)).size == 0.0
+    assert scale(np.empty((0, 2)), np.empty(0)).size == 0.0
 
 
 # --- level 1 ---
+
+LOST = 1e-7
+"""Fraction of the largest term below which a violation may be lost where rows differ most."""
+
+
+def least_violation(A, c, weights, start, box=None):
+    """The minimiser (n,) that the compiled descent reaches from a start."""
+    box = box_of(len(start), np.inf) if box is None else box
+    x = np.clip(start, *box)
+    assert load("level_by_level").violate_least(A, c, weights, np.ascontiguousarray(box), x) == 0
+    return x
 
 
 def box_of(n, bound):
@@ -580,34 +546,16 @@ def test_badly_scaled_rows_lose_accuracy_only_as_rounding_demands(decades, accur
         assert values[0] == pytest.approx(values[1], rel=1e-9, abs=accuracy * np.abs(c).max()), seed
 
 
-@cache
-def compiled_least_violation():
-    """The compiled form, called as the other is."""
-    numba = pytest.importorskip("numba")
-    from vsconstraints.compiled.least_violation import least_violation as kernel
-
-    @numba.njit(error_model="numpy")
-    def descend(A, c, weights, box, x):
-        return kernel(A, c, weights, box, x)
-
-    def call(A, c, weights, start):
-        x = start.copy()
-        assert descend(A, c, weights, box_of(len(x), np.inf), x) == 0
-        return x
-
-    return call
-
-
 @pytest.mark.parametrize(("decades", "lost"), [(3, 1e-10), (5, LOST)])
 def test_the_least_violation_is_that_of_rational_arithmetic(decades, lost):
     """Rows of norms up to 1e10 apart; 58: a large row that is just met held up every step."""
-    forms, relaxed = (least_violation, compiled_least_violation()), 0
+    relaxed = 0
     for seed in (*range(12), 58, 151):
         A, c, starts = badly_scaled(seed, decades)
         x, least = exact_least_violation(A, c)
         terms = np.linalg.norm(A, axis=1) * np.linalg.norm(np.array(x, dtype=float)) + np.abs(c)
-        for find, start in product(forms, starts):
-            found = violation_norm(A, c, find(A, c, np.ones(len(c)), start))
+        for start in starts:
+            found = violation_norm(A, c, least_violation(A, c, np.ones(len(c)), start))
             assert found <= (1.0 + 1e-9) * least + lost * terms.max(), (seed, found, least)
         relaxed += least > 1e-6
     assert relaxed >= 5

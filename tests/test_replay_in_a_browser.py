@@ -11,14 +11,14 @@ import pytest
 from browser import NAMES, Page, browser, program
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.reports.plots.image import Plane
-from vsconstraints.reports.plots.style import OWN_COLOURS
+from vsconstraints.reports.plots.style import LOOKS
 from vsconstraints.reports.replay import ReplayRun, write_replay
-from vsconstraints.reports.replay.frames import ACTS, OUTSIDE, Frames
+from vsconstraints.reports.replay.constraint_highlights import ACTIVE, VIOLATED, Frames
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
 
 NAME = "example-2d-fov"
-COLOURS = {0: (255, 255, 255), ACTS: (0xF0, 0xA2, 0x02), OUTSIDE: (0xD1, 0x10, 0x2A)}
+COLOURS = {0: (255, 255, 255), ACTIVE: (0xF0, 0xA2, 0x02), VIOLATED: (0xD1, 0x10, 0x2A)}
 NO_WEBGL = """
 const get = HTMLCanvasElement.prototype.getContext;
 HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
@@ -46,7 +46,7 @@ def demand_whole(page: Page) -> None:
         assert page.value(
             "[...document.querySelectorAll('code, figcaption')].every(e => e.scrollWidth <= e.clientWidth)"
         )
-        assert all(one["right"] <= width and one["width"] > 60.0 for one in box(page, "li canvas"))
+        assert all(one["right"] <= width and one["width"] > 60.0 for one in box(page, "li svg"))
 
 
 def colour(text: str) -> tuple[int, ...]:
@@ -71,29 +71,29 @@ def around(picture: Any, x: float, y: float, radius: float, wanted: tuple[int, .
 
 def assert_shows(page: Page, runs: list[ReplayRun], frames: Frames, k: int) -> None:
     """Markers, their lamps and those of rows are on the screen as the run has them in a frame."""
-    picture, planes = page.screenshot(), box(page, "canvas.plane")
+    picture, planes = page.screenshot(), box(page, "svg.plane")
     half = Plane.of(runs[0].setup).half
     for run, plane in zip(runs, planes, strict=True):
         sample = int(frames.samples(run)[k])
-        lights = frames.lights(run)[k]
+        lights = frames.states(run)[k]
         labels = run.trajectory.labels
         scale = plane["width"] / (2.0 * half[0])
         for i, (u, v) in enumerate(run.trajectory.features_px[sample]):
             x, y = plane["x"] + scale * (u + half[0]), plane["y"] + scale * (v + half[1])
             # beside the marker's number, and in the ring around it
-            assert around(picture, x, y, 6.0, colour(OWN_COLOURS[run.law])), (run.law, i)
+            assert around(picture, x, y, 6.0, colour(LOOKS[run.law].colour)), (run.law, i)
             state = int(lights[labels.index(f"fov[marker {i + 1}]")])
             if state:
                 assert around(picture, x, y, 11.3, COLOURS[state]), (run.law, i)
     shown = page.value(
         "[...document.querySelectorAll('article')].map(a => [...a.querySelectorAll('code')].map(c => c.title))"
     )
-    lamps = iter(box(page, "li .lamp"))
+    lamps = iter(box(page, "li .state"))
     for run, rows in zip(runs, shown, strict=True):
         assert rows
         for label in rows:
             lamp = next(lamps)
-            state = int(frames.lights(run)[k, run.trajectory.labels.index(label)])
+            state = int(frames.states(run)[k, run.trajectory.labels.index(label)])
             x, y = lamp["x"] + 0.5 * lamp["width"], lamp["y"] + 0.5 * lamp["height"]
             assert near(picture, x, y, COLOURS[state]), (run.law, label)
 
@@ -104,7 +104,7 @@ def test_a_replay_opens_plays_and_shows_what_the_run_says(tmp_path: Path) -> Non
     runs = [ReplayRun(law.name, setup, simulate(setup, law)) for law in (Tracking(), SlidingMode())]
     frames = Frames.of(runs)
     write_replay(runs, tmp_path / "page.html")
-    outside = frames.lights(runs[0])[:, runs[0].trajectory.labels.index("fov[marker 2]")] == OUTSIDE
+    outside = frames.states(runs[0])[:, runs[0].trajectory.labels.index("fov[marker 2]")] == VIOLATED
     k = int(np.flatnonzero(outside)[outside.sum() // 2])
     address = (tmp_path / "page.html").as_uri()
     with browser(tmp_path / "browser") as page:
@@ -138,6 +138,6 @@ def test_a_replay_opens_plays_and_shows_what_the_run_says(tmp_path: Path) -> Non
         names = "[...document.querySelectorAll('code')].map(e => [...e.childNodes].map(n => n.data || n.nodeName))"
         assert page.value(names) == 2 * [["fov", "WBR", "[marker 2]"]]
         rests = page.value("[...document.querySelectorAll('li.rest')].map(e => e.innerText)")
-        assert rests == 2 * ["and 1 row that never acts"]
+        assert rests == 2 * ["and 1 row that is never active"]
         assert page.value(f"{caption} <= at('bar').getBoundingClientRect().top")
         assert page.complaints == []

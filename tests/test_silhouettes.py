@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from vsconstraints import Camera, Robot
+from vsconstraints.constraints.meshes import hull_points
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array, BoolArray
 from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation.occluders import LinesOfSight, Occluders, corners
+from vsconstraints.simulation.occluders import LinesOfSight, Occluders
 from vsconstraints.vision.distortion import Distortion
 from vsconstraints.vision.images.detectors import DETECTORS
 from vsconstraints.vision.images.silhouettes import BEFORE, NEAR, clipped, covered
@@ -73,7 +74,7 @@ def test_solids_cover_what_rays_meet(camera: Camera) -> None:
         middle = rng.uniform((-0.3, -0.2, -0.1), (0.3, 0.2, 0.7))
         if k % 2:
             true = through_a_ball(along, middle, 0.06)
-            points = corners(coal.Sphere(0.0605)) + middle
+            points = hull_points(coal.Sphere(0.0605)) + middle
         else:
             # long ones are beside the camera, behind it, and in the board
             half = np.array([0.02, 0.05, 0.4])
@@ -81,14 +82,14 @@ def test_solids_cover_what_rays_meet(camera: Camera) -> None:
             if (np.abs(at.inverse.t) <= half + NEAR).all():
                 continue
             true = through_a_box(along, at, half)
-            points = at.act(corners(coal.Box(*(2.0 * half))))
+            points = at.act(hull_points(coal.Box(*(2.0 * half))))
         assert_alike(covered([points], BOARD, camera), true)
         drawn += 0 < true.sum() < true.size
     assert drawn > 15
 
 
 def test_what_is_behind_the_board_or_the_camera_covers_nothing() -> None:
-    ball = corners(coal.Sphere(0.05))
+    ball = hull_points(coal.Sphere(0.05))
     for z in (-0.5, 0.6):
         assert not covered([ball + np.array([0.0, 0.0, z])], np.array([0.0, 0.0, 1.0, 0.5]), PINHOLE).any()
     assert covered([ball + np.array([0.0, 0.0, 0.4])], np.array([0.0, 0.0, 1.0, 0.5]), PINHOLE).any()
@@ -96,7 +97,7 @@ def test_what_is_behind_the_board_or_the_camera_covers_nothing() -> None:
 
 
 def test_a_cut_keeps_what_is_on_one_side_of_a_plane() -> None:
-    box, plane = corners(coal.Box(2.0, 2.0, 2.0)), np.array([0.6, 0.0, 0.8, 0.2])
+    box, plane = hull_points(coal.Box(2.0, 2.0, 2.0)), np.array([0.6, 0.0, 0.8, 0.2])
     assert box is not None
     cut = clipped(box, plane)
     assert (cut @ plane[:3] > plane[3] - 1e-6).all()
@@ -114,11 +115,11 @@ def test_solids_have_their_own_extent() -> None:
         (coal.Cylinder(0.1, 0.4), [0.1, 0.1, 0.2]),
         (coal.Ellipsoid(0.1, 0.2, 0.3), [0.1, 0.2, 0.3]),
     ):
-        points = corners(solid)
+        points = hull_points(solid)
         assert points is not None
         np.testing.assert_allclose(points.max(axis=0), half, rtol=0.02)
         np.testing.assert_allclose(points.min(axis=0), -np.array(half), rtol=0.02)
-    assert corners(coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)) is None
+    assert hull_points(coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)) is None
 
 
 def test_links_hide_the_markers_that_lines_of_sight_say() -> None:

@@ -31,7 +31,7 @@ from vsconstraints.reports.evidence import replay, write_evidence_report
 from vsconstraints.reports.notebooks.comparison import Comparison
 from vsconstraints.reports.page import page_of
 from vsconstraints.reports.replay import write_replay
-from vsconstraints.reports.replay.asked import asked_for
+from vsconstraints.reports.replay.runs import select_run
 
 sys.path.insert(0, str(ROOT))
 
@@ -114,7 +114,7 @@ def ran(folder: Path) -> bool:
 
 READERS: dict[str, Callable[[Path, bool], object]] = {
     "report": lambda folder, trust: write_report(folder, replays=True, trust=trust),
-    "replay": lambda folder, trust: asked_for(str(folder / "trajectories" / NPZ), trust=trust),
+    "replay": lambda folder, trust: select_run(str(folder / "trajectories" / NPZ), trust=trust),
     "run of a notebook": lambda folder, trust: Comparison.load(folder, trust).run("sliding-mode"),
     "figures of a notebook": lambda folder, trust: Comparison.load(folder, trust).plot(),
 }
@@ -394,7 +394,7 @@ KINDS: dict[str, Callable[[Path, Path], object]] = {
     "folder of a comparison": lambda real, drawn: write_report(real),
     "folder of a campaign": lambda real, drawn: write_evidence_report(drawn, figures=False),
     "trajectory (`.npz`)": lambda real, drawn: write_replay(
-        [asked_for(str(real / "trajectories" / NPZ))], real / "replay.html"
+        [select_run(str(real / "trajectories" / NPZ))], real / "replay.html"
     ),
 }
 

@@ -94,7 +94,7 @@ def _options(
 
 
 def main() -> None:
-    """Run the command line; errors of this package and of the system end it with one line (see ``docs/errors.md``)."""
+    """Run the command line; errors of this package and of the system end it with one line (see ``docs/trust.md``)."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             # names and paths may hold what the terminal's encoding does not have

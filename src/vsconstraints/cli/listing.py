@@ -14,7 +14,7 @@ from ..comparisons.metrics import METRICS, Metric
 from ..constraints.curves import SHAPES
 from ..controllers import CONTROLLERS, DEMANDS, RESOLVERS
 from ..controllers.demands import USES as REQUIRED_BY_DEMANDS
-from ..controllers.resolvers.base import USES as REQUIRED_BY_RESOLVERS
+from ..controllers.resolvers import USES as REQUIRED_BY_RESOLVERS
 from ..errors import ConfigurationError, unknown_name
 from ..qp import make_solver, solver_names
 from ..robots.catalogue import READY_MADE

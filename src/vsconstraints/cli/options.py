@@ -119,7 +119,7 @@ Formats = Annotated[
         "--format",
         metavar="png|svg|pdf",
         help="Of figures; PNG if not given. Can be repeated.",
-        autocompletion=completed("reports.plots.formats:FORMATS"),
+        autocompletion=completed("reports.plots:FORMATS"),
     ),
 ]
 Latex = Annotated[

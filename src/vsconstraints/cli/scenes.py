@@ -77,7 +77,7 @@ def replay(
 ) -> None:
     """Show runs in motion: one HTML file with arm, image and rows that needs no network, or a film."""
     from ..reports.replay import write_film, write_replay
-    from ..reports.replay.asked import asked_for, name_of
+    from ..reports.replay.runs import name_of, select_run
 
     if out is not None and out.suffix.lower() not in (".html", ".htm"):
         raise ConfigurationError(f"a replay is a page, and ends in .html: not {out.name!r}. --gif and --mp4 make films")
@@ -85,7 +85,7 @@ def replay(
     page = out or (None if films else Path(f"replay-{name_of(runs[0])}.html"))
     if page is not None:
         demand("replay")
-    selected = [asked_for(run, seed, trust, note) for run in runs]
+    selected = [select_run(run, seed, trust, note) for run in runs]
     for path in films:
         for remark in write_film(selected, path):
             note(remark)

@@ -317,11 +317,9 @@ def sources() -> list[Path]:
     package = Path(__file__).parent.parent
     others = (
         "vision/distortion.py",
-        "qp/least_residual.py",
-        "qp/least_violation.py",
-        "qp/lexicographic.py",
         "vision/pose_estimate.py",
         "rows/checks.py",
+        "rows/tolerances.py",
         "vision/scene.py",
     )
     folders = (package / "compiled", package / "formulas")

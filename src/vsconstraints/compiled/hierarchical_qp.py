@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from ..formulas.row import BOUND, share
-from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import Array
+from ..rows.tolerances import ZERO_GRADIENT
 from .compiler import compiled, in_place
 from .hierarchy import Demands, Priorities, Resolved, hierarchy
 from .laws import RESOLVER, load_law, within

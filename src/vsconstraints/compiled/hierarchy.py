@@ -1,10 +1,7 @@
 """The resolver ``hierarchy``, compiled: demands, task and least acceleration with strict priorities.
 
-This and :mod:`vsconstraints.qp.lexicographic` are a pair: there QPs are solved by solvers with names, called from
-Python, and matrices are decomposed by LAPACK; here all is one loop over stages on local arrays. One descent for both
-was built and measured: it gave the same bits, cost 1.1 µs a call (7.4 to 8.5 µs in the case study) and took twice as
-long to compile. One contract test holds the pair together: ``test_the_two_descents_agree`` in
-``tests/test_kernels.py``.
+:mod:`vsconstraints.controllers.cascade` goes the same way with QPs solved by solvers with names: the test
+``test_the_two_descents_agree`` in ``tests/test_kernels.py`` compares the two.
 """
 
 from __future__ import annotations
@@ -14,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..qp.lexicographic import DEPENDENT, MET, PULLING, ZERO_GRADIENT
 from ..rows import Array, BoolArray
+from ..rows.tolerances import DEPENDENT, MET, PULLING, ZERO_GRADIENT
 from .compiler import inner
 from .least_distance import KINDS, MULTIPLIER, POINT, SIDE, nearest
 from .least_residual import cut, least_residual

@@ -13,7 +13,7 @@ from ..formulas.row import Row, asked_for
 from ..rows import Array, BoolArray, IntArray
 from .compiler import IN_PLACE, INT, MATRIX, VECTOR, compiled, in_place, signature, type_of
 from .parts import call_int_pointer, make_part, struct_loader, tell_refused, to_fixed_tuple
-from .structures import NEEDS_PYTHON, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .structures import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 _one, _two, _count = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
 _law = LawArrays(1, 1, 1, 1, 1, 1.0, _one, _one, _one, _two, *(_one,) * 3, _two, _one, _one, Scratch(_one, _count))
@@ -127,7 +127,7 @@ def carry_out(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -
     """Ask the resolver of the law at an address, and bring what it answers into the box of the rows; its code."""
     law = load_law(address)
     code: int = call_int_pointer(law.resolver, (address, rows, task, answer))
-    if rows.qdd_max.size and code != NEEDS_PYTHON:
+    if rows.qdd_max.size and (code == SOLVED or code >= RELAXED_ROWS):
         for j in range(answer.qdd.size):
             answer.qdd[j] = within(rows, j, answer.qdd[j])
         write_rates(rows.Lg, answer.qdd, law.last_rates)

@@ -6,15 +6,20 @@ import math
 
 import numpy as np
 
-from ..qp.least_residual import PUSHING, REACHED
-from ..qp.lexicographic import WELL_CONDITIONED
 from ..rows import Array, BoolArray
+from ..rows.tolerances import WELL_CONDITIONED
 from .compiler import inner
 from .least_distance import DEPENDENT
 from .least_squares import CERTAIN, orthogonalise, pseudoinverse
 from .levels import CENTER
 from .linear import ONE, S_ROWS, START, WORK, apply, apply_transposed, constant, dot, make_reflection, solve_upper
 from .scratch import no_scratch
+
+REACHED = 1e-12
+"""A step that changes the residual by less than this fraction of its terms is none."""
+
+PUSHING = 1e-9
+"""A row holds the task back if its multiplier exceeds this fraction of the terms of the gradient."""
 
 ROW = constant(0)
 """The row of X with the point."""
@@ -40,7 +45,11 @@ def take(F: Array, T: Array, q: int, A: Array, i: int) -> int:
 def least_residual(
     G: Array, C: Array, E: Array, walls: Array, sides: Array, X: Array, active: BoolArray, tolerance: float
 ) -> bool:
-    """As :func:`vsconstraints.qp.least_residual.least_residual`, from the first row of X, which becomes the answer.
+    """Minimise ‖G (x − C)‖ subject to walls x ≤ sides, with E x staying as it is, from X, which becomes the answer.
+
+    A primal active-set method. It starts at a point that meets every row, and never leaves these points. On the rows
+    that are active it takes the step of eq. (15): the task's step of least norm within their null space. The first row
+    in the way becomes active, and where no step is left the one that pulls most the wrong way is let go.
 
     Parameters
     ----------
@@ -57,7 +66,8 @@ def least_residual(
     active
         (w,) rows that are active at first; then those that hold the task back.
     tolerance
-        As there.
+        Singular values of G within the null space of the active rows below this fraction of ‖G‖ count as zero: the
+        task does not ask for directions that the rows nearly take from it.
 
     Returns
     -------

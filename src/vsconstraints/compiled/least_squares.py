@@ -1,10 +1,8 @@
-"""Least squares and task priority, compiled, with the rank decisions of the definition.
+"""Least squares and task priority, compiled, with decisions about ranks.
 
-Where full rank can be proved, by the norm of an inverse, an answer by Householder reflections is that of the definition
-by singular values. Elsewhere singular values are computed, by Jacobi rotations of as few rows as there are: what rows
-leave of the task of a redundant arm loses ranks by construction. ``test_every_law_answers_alike_in_both_forms`` in
-``tests/test_laws.py`` holds it together with :mod:`vsconstraints.controllers.task_priority` and
-:mod:`vsconstraints.controllers.least_norm`, which have LAPACK.
+Where full rank can be proved, by the norm of an inverse, the answer is by Householder reflections. Elsewhere singular
+values are computed, by Jacobi rotations of as few rows as there are: what rows leave of the task of a redundant arm
+loses ranks by construction.
 """
 
 from __future__ import annotations
@@ -197,16 +195,12 @@ def pseudoinverse(
 def resolve(
     A1: Array, A2: Array, b2: Array, tolerance: float, rest: Array, qdd: Array, scratch: Scratch
 ) -> tuple[int, Array, Array, float]:
-    """q̈ ← A₁†b₁ + (A₂(I − A₁†A₁))†(b₂ − A₂A₁†b₁), as :func:`vsconstraints.controllers.task_priority.resolve`.
-
-    The two are a pair: reflections here, singular values by LAPACK there. One contract test holds it together:
-    ``test_every_law_answers_alike_in_both_forms`` in ``tests/test_laws.py``.
+    """q̈ ← A₁†b₁ + (A₂(I − A₁†A₁))†(b₂ − A₂A₁†b₁), eq. (15); with q̈₀ all of it for q̈ − q̈₀, b₁ − A₁q̈₀ and b₂ − A₂q̈₀.
 
     Parameters
     ----------
     A1
-        (b, n + 1), b ≥ 0: [A₁ | b₁]; used up. Without rows this is
-        :func:`vsconstraints.controllers.least_norm.least_norm`.
+        (b, n + 1), b ≥ 0: [A₁ | b₁]; used up. Without rows this is q̈₀ + A₂†(b₂ − A₂q̈₀).
     A2, b2
         (k, n) and (k,), k ≥ 0.
     tolerance

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from ..qp.least_violation import CONVERGED, RANK, ROUNDING
 from ..rows import Array, BoolArray
 from .compiler import inner
 from .least_squares import WELL, pseudoinverse
@@ -14,13 +13,37 @@ from .linear import ONE, START, constant, dot
 from .scratch import no_scratch
 from .structures import FAILED, SOLVED
 
+ROUNDING = 1e-13
+"""Below this fraction of its terms a row counts as met while iterating."""
+
+CONVERGED = 1e-12
+"""A step that would change no violation by more than this fraction of their norm, or by more than rounding, is none."""
+
+RANK = 1e-14
+"""Singular values below this fraction of the largest count as zero in a step."""
+
 LEAST, GREATEST = constant(0), constant(1)
 """Rows of a box: (2, n) least and greatest x, infinite where there is no bound."""
 
 
 @inner
 def least_violation(A: Array, c: Array, weights: Array, box: Array, x: Array) -> int:
-    """As :func:`vsconstraints.qp.least_violation.least_violation`, beginning at x, which becomes the minimiser."""
+    """Minimise ½‖max(0, W(Ax − c))‖² in a box, W = diag(weights), beginning at x, which becomes the minimiser.
+
+    The function is convex and piecewise quadratic: Newton's method on the rows that are violated, with an exact line
+    search, ends after finitely many steps with an exact minimiser. Coordinates that the box holds are kept in a
+    working set and released when the gradient pulls them inward. The minimiser need not be unique, but its violations
+    are.
+
+    Beside large rows small ones are lost in rounding. The result exceeds the least value of ‖max(0, W(Ax − c))‖ by at
+    most a fraction of 1e-9 of it and a part of the largest wᵢ(‖Aᵢ‖‖x‖ + |cᵢ|): 1e-7 where the norms of weighted rows
+    are up to 1e10 apart, some of them nearly repeating others, and 1e-3 of that where they are up to 1e6 apart.
+
+    Returns
+    -------
+    int
+        ``SOLVED``, or ``FAILED`` if the limit of iterations is reached, which only rounding could bring about.
+    """
     m, n = A.shape
     B, d, rounding, sizes = np.empty((m, n)), np.empty(m), np.empty(m), np.empty(m)
     residual, change = np.empty(m), np.empty(m)

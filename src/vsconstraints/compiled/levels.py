@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from ..qp.lexicographic import MET, MISSED, NEGLIGIBLE, RELAXED, SIGNIFICANT, STRICT
 from ..rows import Array, BoolArray
+from ..rows.tolerances import MET, MISSED, NEGLIGIBLE, RELAXED, SIGNIFICANT, STRICT
 from .compiler import inner
 from .least_distance import MULTIPLIER, NEW, SCALE
 from .least_violation import GREATEST, LEAST

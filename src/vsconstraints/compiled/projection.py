@@ -1,8 +1,4 @@
-"""The resolver ``projection``, compiled.
-
-Of a pair with :mod:`vsconstraints.controllers.resolvers.projection`, which says why there are two:
-``test_both_forms_agree_to_nine_digits`` in ``tests/test_resolvers.py`` holds them together.
-"""
+"""The resolver ``projection``, compiled."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""The resolver ``saturation``, compiled.
-
-Of a pair with :mod:`vsconstraints.controllers.resolvers.saturation`, which says why there are two:
-``test_both_forms_agree_to_nine_digits`` in ``tests/test_resolvers.py`` holds them together.
-"""
+"""The resolver ``saturation``, compiled."""
 
 from __future__ import annotations
 
@@ -12,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..formulas.row import BOUND
-from ..qp.lexicographic import MET, STRICT, ZERO_GRADIENT
 from ..rows import Array, BoolArray
+from ..rows.tolerances import MET, STRICT, ZERO_GRADIENT
 from .compiler import compiled, in_place, inner
 from .laws import RESOLVER, load_law, within
 from .least_squares import resolve
@@ -21,7 +17,7 @@ from .linear import START, copy
 from .parts import call_int_pointer
 from .resolving import checkable, follow_alone, rates, remember, valid
 from .scratch import blank, emptied, matrix
-from .structures import NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .structures import INCOMPATIBLE, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 class Critical(NamedTuple):
@@ -161,6 +157,8 @@ def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) 
         rank = resolve(A[:count], J, b, tolerance, task.rest, qdd, scratch)[0]
         if rank < count or (law.options[4] != 0.0 and missed(J, qdd, tracking)):
             if largest < 0.0:
+                if law.otherwise == 0:
+                    return INCOMPATIBLE
                 code: int = call_int_pointer(law.otherwise, (address, rows, task, answer))
                 return code
             for j in range(n):

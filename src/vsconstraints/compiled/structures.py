@@ -28,10 +28,10 @@ from .records import (
     Records,
 )
 
-SOLVED, NEEDS_PYTHON, FAILED, INCOMPATIBLE, RELAXED_ROWS, SHORT, RELAXED_SHORT = range(7)
+SOLVED, NEEDS_PYTHON, FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SHORT, RELAXED_SHORT = range(8)
 """Codes of compiled functions: the outputs hold the answer; the definition has to be asked; no answer passes the check;
-rows contradict each other. And of answers of the hierarchy: demands are unmet; levels 2 and 3 may be better met; both.
-"""
+rows contradict each other; active rows have lost full row rank. And of answers of the hierarchy: demands are unmet;
+levels 2 and 3 may be better met; both."""
 
 STRICT, NEAREST, WEIGHED, SCALED = range(4)
 """What the descent does below the rows: the task, and within it the least acceleration; the way to the command that

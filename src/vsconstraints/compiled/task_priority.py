@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from ..formulas.row import EQUAL, PUSH
-from ..qp.lexicographic import ZERO_GRADIENT
 from ..rows import Array, BoolArray
+from ..rows.tolerances import ZERO_GRADIENT
 from .compiler import FLOAT, INT, MATRIX, VECTOR, compiled, in_place, signature
 from .laws import RESOLVER, SCRATCH, load_law
 from .least_squares import bring, resolve
@@ -14,7 +14,7 @@ from .linear import START
 from .parts import call_int_pointer
 from .resolving import checkable, follow_alone, rates, remember, tell_alone, valid
 from .scratch import emptied, matrix
-from .structures import NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+from .structures import NEEDS_PYTHON, RANK_LOSS, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 
 @in_place
@@ -40,8 +40,8 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     Returns
     -------
     int
-        ``SOLVED``, or ``NEEDS_PYTHON`` where rows with φ ≥ 0 have lost full rank, input is refused, or numbers leave
-        the range.
+        ``SOLVED``; ``RANK_LOSS`` where rows with φ ≥ 0 have lost full row rank, with the answer in the least-squares
+        sense; or ``NEEDS_PYTHON`` where input is refused, and where numbers leave the range.
     """
     law = load_law(address)
     if not valid(law, rows, task, answer):
@@ -68,7 +68,7 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
         reached = gather(law, rows, acted, 0.0, A)
         unused = matrix(scratch, 1, n)[0]
         if reached == acting or resolve(A[:reached], J, b, tolerance, rest, unused, scratch)[0] < reached:
-            return NEEDS_PYTHON
+            return RANK_LOSS if checkable(law, rows, qdd) else NEEDS_PYTHON
     if not checkable(law, rows, qdd):
         return NEEDS_PYTHON
     remember(law, rows, qdd)
@@ -77,7 +77,7 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
 
 @compiled(signature(INT, SCRATCH, MATRIX, VECTOR, FLOAT, VECTOR, VECTOR), from_python=False)
 def track(scratch: Scratch, J: Array, b: Array, tolerance: float, rest: Array, qdd: Array) -> int:
-    """q̈ ← q̈₀ + J†(b − J q̈₀) of :func:`vsconstraints.controllers.least_norm.least_norm`; returns 0.
+    """q̈ ← q̈₀ + J†(b − J q̈₀): of all q̈ that track best the nearest to q̈₀; returns 0.
 
     Called by its address, so that it is compiled once for all that need no more of it.
     """

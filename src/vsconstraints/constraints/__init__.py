@@ -18,6 +18,7 @@ from .joint_range import JointRange
 from .joint_speed import JointSpeed
 from .link_points import LinkPoints, link_points
 from .manipulability import Manipulability
+from .meshes import Mesh
 from .occlusion import Occlusion
 from .performance_funnel import PerformanceFunnel
 from .point_constraint import PointConstraint
@@ -46,6 +47,7 @@ __all__ = [
     "JointSpeed",
     "LinkPoints",
     "Manipulability",
+    "Mesh",
     "Occlusion",
     "PerformanceFunnel",
     "PointConstraint",

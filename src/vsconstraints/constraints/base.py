@@ -25,6 +25,7 @@ from ..vision.scene import PointMotion, Scene, State
 from . import by_formula
 from .by_formula import Formula, Frame
 from .form import Form
+from .meshes import Mesh
 
 FOLLOWING = ("sigma", "gradient", "curvature", "rows", "relative", "chain_rule")
 """Methods that follow from a formula; a class that gives one of them may compute anything."""
@@ -144,6 +145,13 @@ class Constraint(ABC):
             Where this constraint's robot points stand among the scene's.
         """
         return None
+
+    def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
+        """What it forbids in space at time ``t`` [s], in the base frame: none if it is about something else.
+
+        Of what is unbounded, a part of half side ``reach`` [m]; nothing if that is not finite.
+        """
+        return []
 
     def says(self, word: str, methods: Sequence[str]) -> bool:
         """Whether an attribute speaks for all of these methods: no class that gives one derives from who says it."""

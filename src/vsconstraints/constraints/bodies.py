@@ -17,9 +17,7 @@ from ..robots.meshes import mesh_files
 from ..robots.robot import Robot
 from .base import demand_positive
 from .link_points import FIXED, segments
-
-SIDES = 32
-"""Of the prism that stands for a cylinder."""
+from .meshes import convex
 
 
 @dataclass(frozen=True)
@@ -121,32 +119,6 @@ def _hulls(links: _Links) -> tuple[Body, ...]:
         solid = convex(found.geometry, found.name)
         parts.setdefault(link, (int(found.parentJoint), []))[1].append((pin.SE3(found.placement), solid))
     return tuple(Body(link, joint, tuple(solids)) for link, (joint, solids) in parts.items())
-
-
-def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometry:
-    """A solid whose distances coal computes reliably, inside too, and which holds the given one.
-
-    A mesh becomes its convex hull: a mesh is hollow, a hull has an inside, so that a penetration has a depth. A
-    cylinder becomes the prism of :data:`SIDES` sides around it, which is 0.5 % wider: coal's iterations converge
-    slowly on a cylinder's round side, and inside it they often end at another than the shortest way out. Everything
-    else stays as it is.
-    """
-    if isinstance(geometry, coal.Cylinder):
-        angle = 2.0 * np.pi / SIDES * np.arange(SIDES)
-        radius, half = geometry.radius / np.cos(np.pi / SIDES), np.full(SIDES, geometry.halfLength)
-        x, y = radius * np.cos(angle), radius * np.sin(angle)
-        corners = np.concatenate((np.stack((x, y, half), axis=1), np.stack((x, y, -half), axis=1)))
-    elif isinstance(geometry, coal.BVHModelBase):
-        corners = np.asarray(geometry.vertices())
-    else:
-        return geometry
-    points = coal.StdVec_Vec3s()
-    for corner in corners:
-        points.append(corner)
-    try:
-        return coal.Convex.convexHull(points, True, "Qt")
-    except (RuntimeError, ValueError):
-        raise ConfigurationError(f"{name} has no convex hull: are its corners in one plane?") from None
 
 
 def mesh(file: str | Path, scale: Vector3 = (1.0, 1.0, 1.0)) -> coal.CollisionGeometry:

@@ -11,12 +11,14 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ConfigurationError, SceneError, unknown_name
+from ..robots.geometry import Pose
 from ..robots.robot import Robot
 from ..rows import Array
 from ..vision.scene import Scene, State
 from .base import Constraint, RowBlock, Trace, demand_margin, demand_positive
 from .bodies import Body, disabled_pairs
 from .by_formula import differences_along
+from .meshes import Mesh, mesh_of
 
 TOLERANCES = (1e-9, 1e-6, 1e-4)
 """Of coal's iterations [m]; a looser one is tried where they fail with a tighter one."""
@@ -213,6 +215,16 @@ class Collision(BodyDistance):
             margin=margin,
             length=length,
         )
+
+    def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
+        """Those of the obstacle's solids."""
+        _, obstacle = self.pairs[0]
+        found = [(placement, mesh_of(solid, reach)) for placement, solid in obstacle.parts]
+        return [
+            mesh.moved(Pose(np.array(placement.rotation), np.array(placement.translation)))
+            for placement, mesh in found
+            if mesh is not None
+        ]
 
     def pair_label(self, first: Body, second: Body) -> str:
         """For example ``collision[table, forearm_link]``."""

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import coal
+import numpy as np
+
 from ..errors import ConfigurationError
 from ..formulas import regions as formulas
 from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
 from .forbidden_region import ForbiddenRegion
+from .meshes import Mesh, mesh_of
 
 
 class ForbiddenBox(ForbiddenRegion):
@@ -55,3 +59,7 @@ class ForbiddenBox(ForbiddenRegion):
         super().__init__(
             pose, length=length, K=K, switching_gain=switching_gain, margin=margin, points=points, name=name
         )
+
+    def mesh(self, reach: float = np.inf) -> Mesh | None:
+        """See :meth:`.PointConstraint.mesh`."""
+        return mesh_of(coal.Box(*self.size))

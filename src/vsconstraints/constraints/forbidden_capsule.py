@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import coal
+import numpy as np
+
 from ..formulas import regions as formulas
 from .forbidden_region import RegionAroundAxis
+from .meshes import Mesh, mesh_of
 
 
 class ForbiddenCapsule(RegionAroundAxis):
@@ -19,3 +23,7 @@ class ForbiddenCapsule(RegionAroundAxis):
     kind = "capsule"
     formula = staticmethod(formulas.capsule)
     curvature_formula = staticmethod(formulas.capsule_curvature)
+
+    def mesh(self, reach: float = np.inf) -> Mesh | None:
+        """See :meth:`.PointConstraint.mesh`."""
+        return mesh_of(coal.Capsule(self.radius, 2.0 * self.parameters[1]))

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import coal
+import numpy as np
+
 from ..formulas import regions as formulas
 from .forbidden_region import RegionAroundAxis
+from .meshes import Mesh, mesh_of
 
 
 class ForbiddenCylinder(RegionAroundAxis):
@@ -25,3 +29,7 @@ class ForbiddenCylinder(RegionAroundAxis):
     def half_width(self) -> float:
         """Half of the least width [m], the characteristic length."""
         return min(self.parameters)
+
+    def mesh(self, reach: float = np.inf) -> Mesh | None:
+        """See :meth:`.PointConstraint.mesh`."""
+        return mesh_of(coal.Cylinder(self.radius, 2.0 * self.parameters[1]))

@@ -12,6 +12,7 @@ from ..formulas.regions import SMALL
 from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
 from .forbidden_region import ForbiddenRegion, frame_along
+from .meshes import Mesh, square
 
 
 class ForbiddenHalfSpace(ForbiddenRegion):
@@ -56,3 +57,7 @@ class ForbiddenHalfSpace(ForbiddenRegion):
         super().__init__(
             pose, length=length, K=K, switching_gain=switching_gain, margin=margin, points=points, name=name
         )
+
+    def mesh(self, reach: float = np.inf) -> Mesh | None:
+        """See :meth:`.PointConstraint.mesh`."""
+        return square(reach, np.array([0.0, 0.0, 1.0]), np.zeros(3))

@@ -12,6 +12,7 @@ from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
 from ..rows import Array
 from .base import demand_margin, demand_positive
+from .meshes import Mesh, traced
 from .point_constraint import PointConstraint
 
 
@@ -54,6 +55,10 @@ class ForbiddenRegion(PointConstraint):
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain, length=length, points=points, name=name)
         self.pose, self.margin = pose, demand_margin(margin, f"a {self.kind}")
+
+    def mesh(self, reach: float = np.inf) -> Mesh | None:
+        """Its surface in its own frame, traced from the frame's origin; regions whose shape is known give it."""
+        return traced(lambda points: self.sigma(self.pose.act(points)) - self.margin)
 
     @property
     def pose(self) -> Pose:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import coal
 import numpy as np
 
 from ..formulas import regions as formulas
@@ -12,6 +13,7 @@ from ..robots.kinematics import RobotPoint
 from ..rows import Array
 from .base import demand_positive
 from .forbidden_region import ForbiddenRegion
+from .meshes import Mesh, mesh_of
 
 
 class ForbiddenSphere(ForbiddenRegion):
@@ -58,3 +60,7 @@ class ForbiddenSphere(ForbiddenRegion):
     def centre(self) -> Array:
         """(3,) in the base frame [m]."""
         return self.pose.t
+
+    def mesh(self, reach: float = np.inf) -> Mesh | None:
+        """See :meth:`.PointConstraint.mesh`."""
+        return mesh_of(coal.Sphere(self.radius))

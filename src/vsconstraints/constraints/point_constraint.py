@@ -7,11 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import ConfigurationError
+from ..robots.geometry import Pose
 from ..robots.kinematics import RobotPoint
 from ..rows import Array
 from ..vision.scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, demand_positive, to_first_order
 from .form import Form
+from .meshes import Mesh
 
 
 class PointConstraint(PositionConstraint):
@@ -75,6 +77,19 @@ class PointConstraint(PositionConstraint):
         """−σ / ‖∂σ/∂p‖: exact where σ is a signed distance, to first order elsewhere [m]."""
         y = self.displaced(trace.points[:, points], trace.t)
         return to_first_order(self.sigma(y), self.gradient(y))
+
+    def mesh(self, reach: float = np.inf) -> Mesh | None:
+        """What it forbids, in the frame of its formula; see :meth:`.Constraint.meshes`. None: it is not drawn."""
+        return None
+
+    def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
+        """The mesh where it is then."""
+        mesh = self.mesh(reach)
+        if mesh is None:
+            return []
+        points = mesh.points if self.frame is None else Pose(*self.frame).act(mesh.points)
+        moved = np.zeros(3) if self.motion is None else self.motion.displacement(t)
+        return [Mesh(points + moved, mesh.triangles)]
 
     def characteristic_length(self, scene: Scene) -> Array:
         """The same length for every point."""

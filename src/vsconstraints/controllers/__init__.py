@@ -13,15 +13,11 @@ from ..plugins.classes import beside, imported_class
 from .base import Controller
 from .demands import DEMANDS, Barrier, BoundaryLayer, Demand, Firas, ImplicitSwitch, RampRepulsion, Switch
 from .goal_governor import GoalGovernor
-from .hierarchical_qp import HierarchicalQP
 from .law import Law
-from .named import NAMED, Pair
-from .potential_field import PotentialField
+from .laws import NAMED, HierarchicalQP, Pair, PotentialField, SlidingMode, Tracking
 from .predictive import PredictiveControl
 from .ranges import Choices, Range, ranges_of
 from .resolvers import RESOLVERS, Additive, Filter, Hierarchy, Priority, Projection, Resolver, Saturation, Scaling
-from .sliding_mode import SlidingMode
-from .tracking import Tracking
 
 __all__ = [
     "CONTROLLERS",

@@ -11,16 +11,16 @@ import numpy as np
 
 from ..compiled import entry, load
 from ..rows import ARRAYS, UNKNOWN, Array, BoolArray, Command, IntArray, Rows, Task, keep_box
+from .demands import Demand
 
 if TYPE_CHECKING:
     from ..compiled.structures import LawArrays
-    from .law import Law
 
 BOOL, COUNT, EMPTY = np.dtype(np.bool_), np.dtype(np.int64), np.empty
 """Looked up once: that takes a third of the time of making a small array."""
 
-NO_SLACK, NO_COUNT = np.empty(0), np.zeros(1, COUNT)
-"""What is handed to laws that write neither."""
+NO_SLACK, NO_COUNT, NO_MEMORY = np.empty(0), np.zeros(1, COUNT), np.empty((0, 0))
+"""What is handed to laws that write neither, and remember nothing."""
 
 SCRATCH = 4096
 """Numbers of scratch of a law: enough for 30 rows, seven joints and eight features. Beyond that arrays are made."""
@@ -80,18 +80,39 @@ class CompiledLaw:
         return code, qdd, acted, slack, int(count[0]) if self.measures else 0
 
 
-def compiled_law(law: Law, labels: tuple[str, ...]) -> CompiledLaw | None:
-    """A law for rows of some labels; None where there is no compiler or no compiled form."""
-    demand, resolver, period = law.demand, law.resolver, law.period
-    (function, otherwise), laws = resolver.loaded(), load("laws")
-    if function is None or laws is None:
+def compiled_law(
+    demand: Demand,
+    resolver: Any,
+    labels: tuple[str, ...],
+    *,
+    memory: Array = NO_MEMORY,
+    last_rates: Array = UNKNOWN,
+    period: float | None = None,
+    always: bool = False,
+) -> CompiledLaw | None:
+    """A demand and a :class:`.Resolver` for rows of some labels; None where they have no compiled form.
+
+    Parameters
+    ----------
+    demand, resolver, labels
+        What the law consists of, and names of its m rows.
+    memory, last_rates
+        (m, f) and (m,) what the demand remembers, written by every call.
+    period
+        T_s [s], if it is known.
+    always
+        Whether the resolver's form is asked for even where its options ask for a solver that is not compiled.
+    """
+    function, otherwise = resolver.loaded(always)
+    if function is None:
         return None
+    laws, address, structures = load("laws"), load("parts").address, load("structures")
     asks = laws.demand(
         type(demand).formula, len(demand.parameters), len(demand.remembers), demand.relative, demand.everywhere
     )
     if asks is None:
         return None
-    address, structures = load("parts").address, load("structures")
+    m = len(labels)
     arrays = structures.LawArrays(
         address(function),
         address(asks),
@@ -102,12 +123,12 @@ def compiled_law(law: Law, labels: tuple[str, ...]) -> CompiledLaw | None:
         resolver.options,
         np.array(demand.parameters, dtype=np.float64),
         resolver.row_weights(labels),
-        law.memory,
-        law.last_rates,
-        np.empty(len(labels)),
-        np.empty(len(labels)),
-        np.empty_like(law.memory),
-        np.empty(len(labels)),
+        memory,
+        last_rates,
+        np.empty(m),
+        np.empty(m),
+        np.empty_like(memory),
+        np.empty(m),
         np.full(1, math.nan),
         structures.Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
     )
@@ -144,12 +165,12 @@ class BoundLaw:
     """
 
     __slots__ = (
-        "_code", "_command", "_frozen", "_function", "_law", "_made", "_rows", "acted", "answer", "arrays", "count",
+        "_answers", "_code", "_command", "_frozen", "_function", "_made", "_rows", "acted", "answer", "arrays", "count",
         "qdd", "slack", "solve",
     )  # fmt: skip
 
-    def __init__(self, law: Law, made: CompiledLaw, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> None:
-        self._law, self._made, self.arrays, self._command = law, made, made.arrays, law.resolver.command
+    def __init__(self, resolver: Any, made: CompiledLaw, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> None:
+        self._answers, self._made, self.arrays, self._command = resolver.answers, made, made.arrays, resolver.command
         self.acted, self.qdd, self._rows, self._code = acted, qdd, rows, 0
         self.slack = np.empty(len(made.labels)) if made.measures else NO_SLACK
         self.count: IntArray = np.zeros(1, COUNT)
@@ -163,7 +184,7 @@ class BoundLaw:
 
     def _solve(self) -> int:
         self._code = code = self._function()
-        return 0 if code in self._law.resolver.answers else code
+        return 0 if code in self._answers else code
 
     @property
     def address(self) -> int:
@@ -174,7 +195,7 @@ class BoundLaw:
         """The last answer, in arrays of its own, by its code if that is known; None if it is none."""
         code, made = self._code if code is None else code, self._made
         slack, count = (self.slack.copy(), int(self.count[0])) if made.measures else (NO_SLACK, 0)
-        command = self._command(code, self.qdd.copy(), self.acted.copy(), made.labels, slack, count)
+        command: Command | None = self._command(code, self.qdd.copy(), self.acted.copy(), made.labels, slack, count)
         if command is not None and self._rows.qdd_max is not UNKNOWN:
             keep_box(self._rows, command)
         if made.remark and command is not None:

@@ -11,11 +11,10 @@ from ..errors import ConfigurationError, InvalidInput, shown
 from ..formulas.tracking import retargeted
 from ..rows import Array, Command, Rows, Task
 from .base import Controller, restart
+from .laws import Pair
 from .least_norm import RANK_TOLERANCE, least_norm
 from .model import Model
-from .named import Pair
-from .options import positive
-from .ranges import Choices, Declared, Range
+from .ranges import Choices, Declared, Range, positive
 from .response import Response, response
 
 SETTLING = 0.1

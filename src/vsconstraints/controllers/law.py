@@ -17,10 +17,9 @@ from ..rows import OPTIONAL, UNKNOWN, Array, BoolArray, Command, Rows, Task, in_
 from .base import Controller
 from .compiled import NOT_FOR_COMPILED, BoundLaw, CompiledLaw, compiled_law, in_usual_layout
 from .demands import USES, Demand
-from .options import positive
-from .resolvers import Resolver
-from .resolvers.base import USES as OF_TASK
-from .resolvers.hierarchy import COMPILED
+from .ranges import positive
+from .resolvers import COMPILED, Resolver
+from .resolvers import USES as OF_TASK
 
 
 class Law(Controller):
@@ -251,7 +250,14 @@ class Law(Controller):
             law.labels = rows.labels
             return law
         self._prepare(rows)
-        self._compiled = compiled_law(self, rows.labels)
+        self._compiled = compiled_law(
+            self.demand,
+            self.resolver,
+            rows.labels,
+            memory=self.memory,
+            last_rates=self.last_rates,
+            period=self.period,
+        )
         return self._compiled
 
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
@@ -259,7 +265,7 @@ class Law(Controller):
         if type(self).command is not Law.command or "command" in vars(self):
             return None
         law = self._compile(rows)
-        return None if law is None else BoundLaw(self, law, rows, task, acted, qdd)
+        return None if law is None else BoundLaw(self.resolver, law, rows, task, acted, qdd)
 
 
 def given(array: Array) -> Array | float:

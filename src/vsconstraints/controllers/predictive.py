@@ -10,18 +10,16 @@ import numpy as np
 
 from ..errors import InvalidInput, SolverError, shown
 from ..qp import SolverChain
-from ..qp.lexicographic import PULLING, ZERO_GRADIENT
 from ..qp.penalised import Penalised, penalised
 from ..rows import Array, BoolArray, Command, IntArray, Rows, Status, Task, in_box
+from ..rows.tolerances import PULLING, ZERO_GRADIENT
 from .base import Controller
 from .condensed import Lookahead, cost, limits, look_ahead
 from .horizon import Horizon, Instants, stopping_time
+from .laws import Tracking
 from .model import Model
-from .options import positive
-from .ranges import Declared, Range
-from .resolvers import Hierarchy
-from .resolvers.hierarchy import row_weights
-from .tracking import Tracking
+from .ranges import Declared, Range, positive
+from .resolvers import Hierarchy, row_weights
 
 MOST_BLOCKS = 100
 """Of a horizon: the QP has n times as many unknowns."""

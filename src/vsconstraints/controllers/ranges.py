@@ -1,4 +1,4 @@
-"""From where to where the options of laws are worth searching, as classes declare it."""
+"""Options of laws: checked whenever they are set, and from where to where they are worth searching."""
 
 from __future__ import annotations
 
@@ -7,12 +7,51 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any
+from typing import Any, NoReturn
 
-from ..errors import ConfigurationError, shown
+import numpy as np
 
-if TYPE_CHECKING:
-    from .base import Controller
+from ..errors import ConfigurationError, InvalidInput, shown
+
+
+def positive(value: object) -> float | None:
+    """The value if it is a positive, finite number, and None if it is not."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if 0.0 < number < np.inf else None
+
+
+def rank_tolerance(value: object) -> float:
+    """Return the tolerance if it is between 0 and 1; raise InvalidInput otherwise."""
+    number = positive(value)
+    if number is None or number >= 1.0:
+        raise InvalidInput(f"rank_tolerance must be between 0 and 1, not {shown(value)}")
+    return number
+
+
+def positive_number(name: str, value: object) -> float:
+    """Return the value as a float; raise ConfigurationError unless it is a positive, finite number."""
+    number = positive(value)
+    if number is None:
+        raise ConfigurationError(f"{name} must be a positive, finite number, not {shown(value)}")
+    return number
+
+
+class Fixed(dict[str, float]):
+    """A dict that cannot be changed; unlike a :class:`types.MappingProxyType` it can be pickled."""
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        """Raise TypeError."""
+        raise TypeError("the options of a controller cannot be changed in parts: make one with others")
+
+    __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Fixed, (dict(self),)
 
 
 @dataclass(frozen=True)
@@ -85,7 +124,7 @@ Declared = Range | Choices | tuple[float, float]
 """What classes declare; a pair of numbers is a logarithmic :class:`Range`."""
 
 
-def ranges_of(law: Controller, name: str, fixed: Mapping[str, Any]) -> dict[str, Range | Choices]:
+def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Range | Choices]:
     """The ranges that a law's class declares, and those of its demand and resolver as far as its constructor has them.
 
     Parameters
@@ -105,21 +144,21 @@ def ranges_of(law: Controller, name: str, fixed: Mapping[str, Any]) -> dict[str,
     parts = [getattr(law, part, None) for part in ("demand", "resolver")]
     parameters = inspect.signature(type(law)).parameters
     anything = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
-    found: dict[str, Declared] = {}
+    declared: dict[str, Declared] = {}
     for part in parts:
         # a constructor of one's own need not have the options of its parts
-        found |= {key: one for key, one in getattr(part, "ranges", {}).items() if anything or key in parameters}
-    found |= getattr(type(law), "ranges", {})
+        declared |= {key: each for key, each in getattr(part, "ranges", {}).items() if anything or key in parameters}
+    declared |= getattr(type(law), "ranges", {})
     checked = {}
-    for option, declared in found.items():
+    for option, given in declared.items():
         if option in fixed:
             continue
         where = f"{name} declares a range of {option!r}"
         if not anything and option not in parameters:
             raise ConfigurationError(f"{where}, which is none of its options")
         try:
-            pair = isinstance(declared, tuple) and len(declared) == 2
-            one = Range(*declared) if pair else declared
+            pair = isinstance(given, tuple) and len(given) == 2
+            one = Range(*given) if pair else given
         except ConfigurationError as error:
             raise ConfigurationError(f"{where}: {error}") from error
         if not isinstance(one, Range | Choices):
@@ -131,11 +170,11 @@ def ranges_of(law: Controller, name: str, fixed: Mapping[str, Any]) -> dict[str,
     return checked
 
 
-def default_of(law: Controller, option: str) -> Any:
+def default_of(law: object, option: str) -> Any:
     """The value of an option of a law as it was made; None where neither the law nor its constructor tells."""
     parameter = inspect.signature(type(law)).parameters.get(option)
-    told = None if parameter is None or parameter.default is parameter.empty else parameter.default
-    return getattr(law, option, told)
+    default = None if parameter is None or parameter.default is parameter.empty else parameter.default
+    return getattr(law, option, default)
 
 
 def _number(value: object) -> bool:

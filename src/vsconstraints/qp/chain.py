@@ -8,7 +8,7 @@ from importlib.util import find_spec
 
 from ..errors import ConfigurationError, SolverError
 from ..rows import Array
-from .registry import make_solver
+from .backends import make_solver
 from .solver import Answer, QPSolver
 
 FALLBACKS = ("daqp", "proxqp", "osqp", *(("quadprog",) if find_spec("quadprog") else ()))

@@ -15,7 +15,7 @@ from ..errors import InvalidInput, SolverError
 from ..rows import Array, IntArray
 from .chain import SolverChain, Verified
 from .decomposition import lapack
-from .least_distance import Scaled, scale
+from .scaling import Scaled, scale
 from .solver import QPSolver
 
 STRONG, WEAK = 1e6, 1e4

@@ -18,12 +18,12 @@ from ..errors import ConfigurationError, described
 from ..scenarios import Scenario
 from ..simulation import Setup
 from .figures import DISTURBANCE, FIGURES, OVERVIEW, View
-from .figures.trade_off import shown_runs
+from .figures.overview import shown_runs
 from .groups import Group
 from .markdown import code
 from .plots import FORMATS, PNG, Figure, Formats
 from .replay import write_replay
-from .replay.asked import of_record
+from .replay.runs import of_record
 from .results import Results
 from .selection import TRIAL_SHOWN, acting_in, lane_rows, phi_rows, replayed_runs
 

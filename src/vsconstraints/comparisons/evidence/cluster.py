@@ -257,7 +257,7 @@ def _connected(address: str) -> Any:
             resolve_address(address)
             return Client(address, timeout=CONNECT, set_as_default=False, name="vsconstraints")
     except (OSError, ValueError, RuntimeError, ImportError, TypeError) as error:  # of TLS without keys: the last
-        advice = "say in Dask's configuration where its keys are, see docs/clusters.md"
+        advice = "say in Dask's configuration where its keys are, see docs/suites.md"
         if not address.startswith("tls:"):
             advice = "start one with `dask scheduler`, and give the address that it prints"
         raise ConfigurationError(f"no Dask scheduler answers at {address}: {error}; {advice}") from error

@@ -7,12 +7,21 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.run import Run
-from ...reports.plots import INK, REFERENCE, WIDTH, Sheet, above_legend, band, line, signal, zero_line
-from ...reports.plots.arm import add_arm
-from ...reports.plots.image import symbol
-from ...reports.plots.marks import note
-from ...reports.plots.mesh import Mesh
-from ...reports.plots.style import FAINT
+from ...reports.plots import (
+    FAINT,
+    INK,
+    REFERENCE,
+    WIDTH,
+    Sheet,
+    above_legend,
+    band,
+    line,
+    note,
+    signal,
+    symbol,
+    zero_line,
+)
+from ...reports.scene3d import Placement, Scene3D, Viewpoint, add_arm, bar_meshes, setup_frames
 from ...robots.geometry import Pose
 from ...rows import Array
 from ..claims.case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, at_once, phases, switch_sample
@@ -35,7 +44,7 @@ LABEL_AT = {
 }
 """Where the names of the frames of Fig. 9 stand, in each frame [m]."""
 
-CUBE = ((0.27, 0.1, 0.33), 0.43, 22.0, -58.0)
+CUBE = Viewpoint(np.array([0.27, 0.1, 0.33]), 0.43, 22.0, -58.0)
 """What Figs. 9 and 12 show: centre and half side [m], elevation and azimuth of the look at it [deg]."""
 
 
@@ -118,26 +127,27 @@ def _lanes(ax: Any, run: Run) -> None:
     ax.tick_params(axis="y", length=0, pad=3)
 
 
-def add_path(mesh: Mesh, points: Array, radius: float, colour: str, most: int = 160) -> None:
+def add_path(scene: Scene3D, points: Array, radius: float, colour: str, most: int = 160) -> None:
     """A curve through points (p, 3)."""
     if len(points) > 1:
         chosen = np.unique(np.linspace(0, len(points) - 1, most).astype(int))
-        mesh.tube(points[chosen], radius, colour, 6, caps=False)
+        scene.tube(points[chosen], radius, colour, 6, caps=False)
 
 
-def system(case: Run, k: int) -> Mesh:
+def system(case: Run, k: int) -> tuple[Scene3D, dict[str, Placement]]:
     """The arm and what its camera sees in a sample, the target's plate with its markers, and the sphere."""
-    scene, q, sphere = case.setup.scene, case.trajectory.q[k], case.constraint(SPHERE)
-    mesh = Mesh()
-    add_arm(mesh, scene.robot, q)
-    mesh.target(scene.markers, 0.003, 0.012)
-    _add_sphere(mesh, sphere, 20)
-    mesh.pyramid(scene.camera_pose(q), 0.05, 0.05, 0.08, paper.BLUE)
-    return mesh
+    world, q, sphere = case.setup.scene, case.trajectory.q[k], case.constraint(SPHERE)
+    scene = Scene3D()
+    add_arm(scene, world.robot, bar_meshes(world.robot, 1.0))
+    scene.target(world.markers, 0.003, 0.012)
+    _add_sphere(scene, sphere, 20)
+    view = np.array([[x, y, 0.08] for x, y in ((-0.05, -0.05), (0.05, -0.05), (0.05, 0.05), (-0.05, 0.05))])
+    scene.pyramid(view, paper.BLUE, "camera")
+    return scene, setup_frames(case.setup, q, float(case.t[k]))
 
 
-def _add_sphere(mesh: Mesh, sphere: Any, count: int) -> None:
-    mesh.ball(sphere.centre, sphere.radius, ORANGE, count=count)
+def _add_sphere(scene: Scene3D, sphere: Any, count: int) -> None:
+    scene.ball(sphere.centre, sphere.radius, ORANGE, count=count)
 
 
 def _space(sheet: Sheet, left: float, top: float, side: float) -> Any:
@@ -153,9 +163,9 @@ def draw_frames(case: Run) -> Sheet:
         row, column = divmod(number - 1, 2)
         left, top = column * (WIDTH / 2) + 0.02, 0.05 + row * 3.4
         k = int(np.argmin(np.abs(case.t - time)))
-        mesh = system(case, k)
-        add_path(mesh, trail[: k + 1], 0.0045, paper.RED)
-        mesh.draw(_space(sheet, left, top - 0.35, 3.95), *CUBE)
+        scene, frames = system(case, k)
+        add_path(scene, trail[: k + 1], 0.0045, paper.RED)
+        scene.draw(_space(sheet, left, top - 0.35, 3.95), CUBE, frames, whole=False)
         sheet.text(left + 0.12, top + 0.1, f"frame {number}", fontsize=10, fontweight="bold", va="top")
         spans = {event: [span for phase in phases(case, event) for span in phase] for event in SHORT}
         active = [SHORT[event] for event, own in spans.items() if any(a <= time <= b for a, b in own)]
@@ -175,17 +185,18 @@ def tip_path(run: Run) -> Array:
 def details(sheet: Sheet, case: Run, trail: Array, top: float) -> None:
     """The sphere from nearby, and the distance of the end-effector from it over time."""
     sphere: Any = case.constraint(SPHERE)
-    mesh, thickness = Mesh(), 0.0014
-    _add_sphere(mesh, sphere, 40)
+    scene, thickness = Scene3D(), 0.0014
+    _add_sphere(scene, sphere, 40)
     away = trail - sphere.centre
     distance = np.sqrt((away * away).sum(axis=1))
     # the line lies on the sphere with its side, as it has a thickness and the path has none
-    add_path(mesh, (trail + thickness * away / distance[:, None])[distance < 0.09], thickness, paper.RED, 300)
+    add_path(scene, (trail + thickness * away / distance[:, None])[distance < 0.09], thickness, paper.RED, 300)
     acts = case.phi(SPHERE) >= 0.0
     # a law that keeps away from the sphere is looked at where it is nearest
     touch = (trail[acts].mean(axis=0) if acts.any() else trail[distance.argmin()]) - sphere.centre
     azimuth = float(np.rad2deg(np.arctan2(touch[1], touch[0]))) + 20.0
-    mesh.draw(_space(sheet, 0.3, top - 0.15, 2.9), sphere.centre, 0.068, 18.0, azimuth)
+    detail = Viewpoint(sphere.centre, 0.068, 18.0, azimuth)
+    scene.draw(_space(sheet, 0.3, top - 0.15, 2.9), detail, whole=False)
     sheet.text(0.14, top + 0.05, "detail: the path and the sphere", fontsize=10, fontweight="bold", va="top")
     plot = sheet.axes(4.35, top + 0.35, WIDTH - 4.35 - 0.2, 1.8)
     band(plot, -100.0, 0.0, "#F9E3B4")
@@ -202,15 +213,16 @@ def draw_system(case: Run) -> Sheet:
     """Fig. 9: the arm at its start, the target, the sphere and the frames."""
     sheet = Sheet()
     ax = _space(sheet, 0.6, -0.35, 6.2)
-    scene, goals, mesh = case.setup.scene, case.setup.task.goals, system(case, 0)
-    x, y = scene.markers[1] - scene.markers[0], scene.markers[3] - scene.markers[0]
+    world, goals = case.setup.scene, case.setup.task.goals
+    scene, frames = system(case, 0)
+    x, y = world.markers[1] - world.markers[0], world.markers[3] - world.markers[0]
     R = np.stack([axis / np.linalg.norm(axis) for axis in (x, y, np.cross(x, y))], axis=1)
-    poses = {"F": Pose.identity(), "O": Pose(R, scene.markers.mean(axis=0))}
-    poses["C"] = scene.camera_pose(case.trajectory.q[0])
+    poses = {"F": Pose.identity(), "O": Pose(R, world.markers.mean(axis=0))}
+    poses["C"] = world.camera_pose(case.trajectory.q[0])
     poses |= {name: goal.camera for name, goal in zip(("C*¹", "C*²"), goals, strict=True) if goal.camera is not None}
     for name, pose in poses.items():
-        mesh.frame(pose, 0.2 if name == "F" else 0.09, 0.004)
-    mesh.draw(ax, *CUBE)
+        scene.axes(pose, 0.2 if name == "F" else 0.09, 0.004)
+    scene.draw(ax, CUBE, frames, whole=False)
     for name, pose in poses.items():
         beside = pose.act(np.array(LABEL_AT[name]))
         ax.text(*beside, name, fontsize=11, fontweight="bold", ha="center", va="center", zorder=50)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ...comparisons.run import Run
-from ...reports.plots import INK, Sheet, above_legend, line, signal
-from ...reports.plots.image import symbol, tracks
+from ...reports.plots import INK, Sheet, above_legend, line, signal, symbol
+from ...reports.plots.image import tracks
 from ...rows import Array
 from ...vision.features import ImagePoints
 from . import lines as paper

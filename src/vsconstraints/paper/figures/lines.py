@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from ...comparisons.run import Run
-from ...reports.plots import INK, Sheet, inside_legend, signal, time_axis, zero_line
-from ...reports.plots.image import Plane, symbol
+from ...reports.plots import INK, Sheet, inside_legend, signal, symbol, time_axis, zero_line
+from ...reports.plots.image import Plane
 from ...rows import Array
 
 COLOURS = ("#1447C4", "#C2188F", "#2E8B3D", "#E07B00", "#7A4FBF", "#1A1A1A")

@@ -8,8 +8,8 @@ import numpy as np
 
 from ...comparisons.run import Run
 from ...constraints import FieldOfView
-from ...reports.plots import INK, Sheet, band, inside_legend, line, logarithmic, signal
-from ...reports.plots.image import Plane, square, symbol
+from ...reports.plots import INK, Sheet, band, inside_legend, line, logarithmic, signal, symbol
+from ...reports.plots.image import Plane, square
 from ...robots.geometry import Pose
 from ...vision.camera import Camera
 from ..claims.planar import BOWL_ROW, HEART, NOTCH, OTHER_ROW, SECOND, TIP

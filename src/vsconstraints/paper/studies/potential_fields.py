@@ -8,8 +8,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from ...comparisons.runs.spec import SLIDING_MODE, RunSpec
-from ...reports.plots import INK, REFERENCE, Sheet, line, logarithmic
-from ...reports.plots.image import symbol
+from ...reports.plots import INK, REFERENCE, Sheet, line, logarithmic, symbol
 from ...scenarios import Scenario
 from .drawing import (
     LAWS,

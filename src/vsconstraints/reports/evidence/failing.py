@@ -12,7 +12,7 @@ from ..numbers import DASH, number
 from ..results import reason_kind
 from ..scenario import FINER
 from .drawing import shown
-from .figures.worst import WORST, Shown
+from .figures import WORST, Shown
 from .material import Material
 from .replay import again, setup_of
 from .words import percentage

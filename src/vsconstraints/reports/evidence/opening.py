@@ -12,7 +12,7 @@ from ..markdown import bold, bullets, plain, table
 from ..numbers import DASH, median, number, of_length
 from .answers import answers
 from .drawing import shown
-from .figures.success import SUCCESS
+from .figures import SUCCESS
 from .holding import held
 from .material import Material
 from .sentence import Sentence

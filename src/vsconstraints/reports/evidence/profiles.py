@@ -8,8 +8,7 @@ from ...comparisons.statistics import costs, profile, ranks
 from ..markdown import table
 from ..numbers import DASH, number
 from .drawing import shown
-from .figures.critical_difference import CRITICAL_DIFFERENCE, Diagram
-from .figures.profiles import PROFILES, Panel
+from .figures import CRITICAL_DIFFERENCE, PROFILES, Diagram, Panel
 from .material import Material
 from .pairs import PairVerdict, pairwise_verdicts
 from .standing import standing

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...comparisons.metrics import NEGLIGIBLE, TOLERANCES, TOLERANT
 from ...comparisons.statistics import rate
-from ..figures.heat_map import HeatMap, draw_heat_map
+from ..figures.overview import HeatMap, draw_heat_map
 from ..markdown import bold, table
 from ..numbers import DASH, of_length
 from ..plots import Figure

@@ -10,7 +10,7 @@ from ...errors import ConfigurationError, one_line
 from ..markdown import plain, table
 from ..numbers import DASH, number
 from .drawing import shown
-from .figures.fronts import FRONTS
+from .figures import FRONTS
 from .material import Material
 from .standing import standing
 from .words import where

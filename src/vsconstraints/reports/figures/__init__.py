@@ -1,26 +1,12 @@
-"""Figures of a report: two that show a whole comparison, and the table of those of each scenario."""
+"""Figures of a report: one of a whole comparison, and the table of those of each scenario."""
 
 from ..plots import Figure
-from .acceleration import draw_acceleration
-from .disturbance import draw_disturbance
-from .endings import draw_endings
-from .errors import draw_errors
-from .phi import draw_phi
+from .overview import draw_trade_off
+from .signals import draw_acceleration, draw_disturbance, draw_errors, draw_phi
 from .tracks import draw_tracks
-from .trade_off import draw_trade_off
 from .view import View
 
-__all__ = ["DISTURBANCE", "ENDINGS", "FIGURES", "OVERVIEW", "View"]
-
-ENDINGS = Figure(
-    "endings",
-    "how every scenario ended",
-    "How every scenario ended. A number alone: converged inside the limits, and the utilization [%] (✓ where "
-    "tracking alone violated none). † and a number: outside, by that share of L [%]. S: slow, T: trapped, "
-    "U: unfinished, A: aborted, F: failed. Blue stayed inside, yellow did not reach the goal, red was outside.",
-    draw_endings,
-)
-"""Drawn from :class:`~vsconstraints.reports.results.Results`."""
+__all__ = ["DISTURBANCE", "FIGURES", "OVERVIEW", "View"]
 
 OVERVIEW = Figure(
     "trade-off",

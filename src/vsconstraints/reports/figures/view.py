@@ -10,8 +10,7 @@ from typing import Any
 from ...comparisons import RunRecord
 from ...comparisons.suite import BASELINE
 from ...simulation import Setup
-from ..plots import Look, darker, line, looks, shortened, time_axis
-from ..plots.marks import widths
+from ..plots import Look, darker, line, looks, shortened, time_axis, widths
 
 
 @dataclass(frozen=True)
@@ -80,15 +79,8 @@ class View:
         width = {BASELINE: 1.0, **widths(self.competitors)}
         for name in sorted(self.shown, key=lambda name: name != BASELINE):
             look, order = self.looks[name], 2 if name == BASELINE else 4
-            yield (
-                name,
-                self.runs[name],
-                {"color": look.colour, "linestyle": look.line}
-                | {
-                    "linewidth": width[name],
-                    "zorder": order,
-                },
-            )
+            style = {"color": look.colour, "linestyle": look.line, "linewidth": width[name], "zorder": order}
+            yield name, self.runs[name], style
 
     def entries(self, *, bars_only: bool = False) -> list[dict[str, Any]]:
         """Legend entries of the controllers that have a run; of bars there are none of tracking alone."""

@@ -3,28 +3,31 @@
 Matplotlib is loaded when a sheet is made, not before: tables of figures cost nothing to look at.
 """
 
-from .decimate import extremes, window_means, zigzag
-from .figure import Figure
-from .formats import FORMATS, PNG, Formats, formats_of
 from .marks import (
     REFERENCE,
     above_legend,
     area,
     band,
     decades,
+    extremes,
     inside_legend,
     line,
     logarithmic,
+    note,
     patch,
     plain,
     signal,
+    symbol,
     time_axis,
+    widths,
+    window_means,
     zero_line,
 )
-from .sheet import WIDTH, Sheet
-from .style import INK, Look, darker, looks, shortened
+from .sheet import FORMATS, PNG, WIDTH, Figure, Formats, Sheet, formats_of
+from .style import FAINT, INK, Look, darker, looks, shortened
 
 __all__ = [
+    "FAINT",
     "FORMATS",
     "INK",
     "PNG",
@@ -45,12 +48,14 @@ __all__ = [
     "line",
     "logarithmic",
     "looks",
+    "note",
     "patch",
     "plain",
     "shortened",
     "signal",
+    "symbol",
     "time_axis",
+    "widths",
     "window_means",
     "zero_line",
-    "zigzag",
 ]

@@ -190,13 +190,6 @@ def square(ax: Any, centre: Sequence[float] | Array, half_u: float, half_v: floa
     ax.plot([u + i * half_u for i, _ in signs], [v + j * half_v for _, j in signs], **look)
 
 
-def symbol(marker: str, face: str, edge: str = INK, size: float = 8.5, **look: Any) -> dict[str, Any]:
-    """How a symbol looks, as a mark or as a legend entry with its ``label``."""
-    size = {"*": 1.5, "x": 0.95}.get(marker, 1.0) * size
-    colours = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 2.0 if marker == "x" else 0.9}
-    return {"linestyle": "none", "marker": marker, "markersize": size, **colours, **look}
-
-
 def tracks(ax: Any, pixels: Array, **look: Any) -> None:
     """Paths (N, M, 2) of markers in the image."""
     for i in range(pixels.shape[1]):

@@ -1,4 +1,4 @@
-"""What panels have in common: signals over time, scales with plain numbers, reference lines, legend entries."""
+"""What panels share: signals over time, scales with plain numbers, reference lines, symbols and legend entries."""
 
 from __future__ import annotations
 
@@ -8,14 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ...rows import Array
-from .decimate import zigzag
+from ...rows import Array, IntArray
 from .style import INK
 
 REFERENCE: dict[str, Any] = {"color": INK, "linewidth": 1.1, "linestyle": (0, (4, 2))}
 """How bounds and references are drawn."""
-
-BINS = 500
 
 
 def line(label: str, color: str, linestyle: Any = "-", **look: Any) -> dict[str, Any]:
@@ -29,8 +26,8 @@ def patch(label: str, facecolor: str, **look: Any) -> dict[str, Any]:
 
 
 def signal(ax: Any, t: Array, values: Array, **look: Any) -> None:
-    """A signal (N,) over time (N,) [s]: every peak is kept, however many samples there are."""
-    ax.plot(*zigzag(t, values, BINS), **{"linewidth": 1.5, **look})
+    """A signal (N,) over time (N,) [s]: matplotlib simplifies long lines without losing a peak."""
+    ax.plot(t, values, **{"linewidth": 1.5, **look})
 
 
 def time_axis(ax: Any, end: float, events: Iterable[float] = (), label: str = "", **look: Any) -> None:
@@ -40,6 +37,13 @@ def time_axis(ax: Any, end: float, events: Iterable[float] = (), label: str = ""
         ax.axvline(time, **{"color": INK, "linestyle": (0, (4, 3)), "linewidth": 0.9, "zorder": 1.5, **look})
     if label:
         ax.set_ylabel(label, labelpad=3)
+
+
+def symbol(marker: str, face: str, edge: str = INK, size: float = 8.5, **look: Any) -> dict[str, Any]:
+    """How a symbol looks, as a mark or as a legend entry with its ``label``."""
+    size = {"*": 1.5, "x": 0.95}.get(marker, 1.0) * size
+    colours = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 2.0 if marker == "x" else 0.9}
+    return {"linestyle": "none", "marker": marker, "markersize": size, **colours, **look}
 
 
 def zero_line(ax: Any) -> None:
@@ -53,18 +57,10 @@ def band(ax: Any, low: float, high: float, colour: str = "#F1E9C9", **look: Any)
 
 
 def area(ax: Any, t: Array, low: Array, high: Array, **look: Any) -> None:
-    """What lies between two signals (N,) over time (N,); nothing where one of them is no number.
-
-    Limits of the axes stay as they are: as matplotlib's ``fill_between``, which takes ten times as long.
-    """
-    from matplotlib.collections import PolyCollection
-
-    there = np.ma.masked_array(t, ~(np.isfinite(low) & np.isfinite(high)))
-    pieces = [
-        np.column_stack((np.concatenate((t[k], t[k][::-1])), np.concatenate((low[k], high[k][::-1]))))
-        for k in np.ma.clump_unmasked(there)  # type: ignore[no-untyped-call]
-    ]
-    ax.add_collection(PolyCollection(pieces, **look), autolim=False)
+    """What lies between two signals (N,) over time (N,), without a change of the axes' limits."""
+    limits = ax.dataLim.frozen()
+    ax.fill_between(t, low, high, where=np.isfinite(low) & np.isfinite(high), **look)
+    ax.dataLim.set(limits)
 
 
 def note(ax: Any, text: str, height: float, across: float = 0.0, above: bool = True) -> None:
@@ -155,3 +151,45 @@ def widths(names: Sequence[str], thickest: float = 2.6, thinnest: float = 1.0) -
     """Line widths for lines that may coincide: those drawn first are wider, so that each remains visible."""
     step = (thickest - thinnest) / max(len(names) - 1, 1)
     return {name: thickest - step * i for i, name in enumerate(names)}
+
+
+# --- long signals in short windows ---
+
+
+def extremes(t: Array, y: Array, bins: int) -> tuple[Array, Array, Array]:
+    """Least and greatest value in each bin, and the bin's middle time.
+
+    Parameters
+    ----------
+    t
+        (N,) times.
+    y
+        (N, ...) values; those that are not numbers are left out.
+    bins
+        How many at most.
+
+    Returns
+    -------
+    tuple
+        (B,) times, (B, ...) least and (B, ...) greatest values; NaN where a bin has none.
+    """
+    starts = _bin_starts(len(t), bins)
+    ends = np.append(starts[1:], len(t)) - 1
+    middle = 0.5 * (t[starts] + t[ends])
+    return middle, np.fmin.reduceat(y, starts, axis=0), np.fmax.reduceat(y, starts, axis=0)
+
+
+def window_means(t: Array, y: Array, bins: int) -> tuple[Array, Array]:
+    """(B,) middle time and (B, ...) mean of each bin; NaN where a bin has no number."""
+    starts = _bin_starts(len(t), bins)
+    ends = np.append(starts[1:], len(t)) - 1
+    exist = np.isfinite(y)
+    total = np.add.reduceat(np.where(exist, y, 0.0), starts, axis=0)
+    count = np.add.reduceat(exist.astype(np.int64), starts, axis=0)
+    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    return 0.5 * (t[starts] + t[ends]), mean
+
+
+def _bin_starts(samples: int, bins: int) -> IntArray:
+    """Where each of up to ``bins`` runs of neighbouring samples begins."""
+    return np.unique(np.linspace(0, samples, min(bins, samples), endpoint=False).astype(np.int64))

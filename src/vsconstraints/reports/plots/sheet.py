@@ -1,26 +1,55 @@
-"""A figure whose parts are placed in inches, from top to bottom, and how it is written."""
+"""A figure: what it is drawn from, the sheet whose parts are placed in inches from top to bottom, and its files."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...comparisons.runs.files import replaced
-from .formats import VECTOR
+from ...errors import unknown_name
+from .style import FORMULAS, STYLE
+
+Formats = tuple[str, ...]
+"""Of a figure's files, by their suffixes; pages show the first."""
+
+PNG: Formats = ("png",)
+
+VECTOR: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+"""Formats that stay sharp at any size, and what leaves the day out of their files: the same figure, the same bytes."""
+
+FORMATS = (*PNG, *VECTOR)
+"""All there are."""
+
+NOT_ON_PAGES = "pdf"
+"""No browser shows it within a page."""
+
+
+def formats_of(names: Sequence[str]) -> Formats:
+    """The formats of these names, PNG if there are none; one that pages show comes first, PNG if none of them is.
+
+    Raises
+    ------
+    ConfigurationError
+        for a name that is none of :data:`FORMATS`.
+    """
+    for name in names:
+        if name not in FORMATS:
+            raise unknown_name("format", name, FORMATS)
+    chosen = list(dict.fromkeys(names))
+    shown = [name for name in chosen if name != NOT_ON_PAGES] or list(PNG)
+    return (*shown, *(name for name in chosen if name == NOT_ON_PAGES))
+
 
 WIDTH = 8.0
 """Width of every figure [in]: at this width the smallest text is 8 pt."""
 
 DPI = 150
-SHADES = np.round(np.round(np.arange(256) * (31.0 / 255.0)) * (255.0 / 31.0)).astype(np.uint8)
-"""Of a channel, the nearest of 32 that are kept: nobody sees it, and the file is a quarter smaller."""
-
-COMPRESSION = 5
-"""Of zlib: 7 takes a quarter longer for 3 % less, 9 four times as long for 7 %."""
-
 EDGE = 0.03
 """Between what is drawn and the left edge, at least [in]."""
 
@@ -46,13 +75,12 @@ class Sheet:
 
     def __init__(self, left: float = 0.75, right: float = 0.15) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
         from matplotlib.transforms import Affine2D, ScaledTranslation
-
-        from ._shown import ShownFigure
 
         self.left, self.right, self.at = left, right, 0.08
         self.beside = (left, self.at)
-        self.figure: Any = ShownFigure(dpi=DPI, facecolor="white")
+        self.figure: Any = Figure(dpi=DPI, facecolor="white")
         self.canvas: Any = FigureCanvasAgg(self.figure)
         whole: Any = self.figure.transFigure
         from_top = ScaledTranslation(0.0, 1.0, whole)
@@ -167,7 +195,7 @@ class Sheet:
             **{"columnspacing": 1.5, "labelspacing": 0.5, **look},
         )
         if at is None:
-            self.at += 0.18 * rows_of(len(entries), columns) + 0.06
+            self.at += 0.18 * -(-len(entries) // columns) + 0.06
 
     def side_legend(self, entries: Sequence[Mapping[str, Any]]) -> None:
         """A legend right of the views."""
@@ -186,15 +214,16 @@ class Sheet:
             self.canvas.draw()
         return self.figure
 
-    def save(self, path: Path) -> None:
-        """Write a file, whole or not at all; its suffix is one of :data:`.FORMATS`."""
+    def save(self, *paths: Path) -> None:
+        """Write files, each whole or not at all; their suffixes are of :data:`FORMATS`."""
         self.placed()
-        kind = path.suffix.removeprefix(".")
-        if kind in VECTOR:
+        for path in paths:
+            kind = path.suffix.removeprefix(".")
             with replaced(path) as part:
-                self.figure.savefig(part, format=kind, metadata=VECTOR[kind])
-        else:
-            self._save_pixels(path)
+                if kind in VECTOR:
+                    self.figure.savefig(part, format=kind, metadata=VECTOR[kind])
+                else:
+                    self._save_pixels(part)
 
     def _place(self, margin: float = 0.0) -> None:
         """Put axes where they belong, all so much narrower that there is a margin at the left [in]."""
@@ -214,13 +243,86 @@ class Sheet:
         return max(found, default=0.0)
 
     def _save_pixels(self, path: Path) -> None:
+        """What is drawn already, as a PNG without transparency."""
         from PIL import Image
 
-        pixels = SHADES[np.asarray(self.canvas.buffer_rgba())[..., :3]]
-        with replaced(path) as part:
-            Image.fromarray(pixels).save(part, format="PNG", compress_level=COMPRESSION, dpi=(DPI, DPI))
+        pixels = np.asarray(self.canvas.buffer_rgba())[..., :3]
+        Image.fromarray(pixels).save(path, format="PNG", dpi=(DPI, DPI))
 
 
-def rows_of(count: int, columns: int) -> int:
-    """How many rows a grid of so many columns needs."""
-    return -(-count // columns)
+@dataclass(frozen=True)
+class Figure:
+    """One line of a table of figures.
+
+    Attributes
+    ----------
+    name
+        Of its file, and what it is asked for by.
+    title
+        What it shows, in a few words: the text instead of the picture.
+    caption
+        What is to be seen.
+    draw
+        Makes the sheet from what the figure needs; None if there is nothing to show.
+    needs
+        What it is drawn from, where that differs from figure to figure.
+    reading
+        How to read it, said once where it is shown several times.
+    formulas
+        Whether its texts hold formulas between dollars. Names that a user gives may contain anything.
+    """
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[..., Sheet | None]
+    needs: tuple[Any, ...] = ()
+    reading: str = ""
+    formulas: bool = False
+
+    @property
+    def file(self) -> str:
+        """Its file's name, as PNG."""
+        return self.file_in(PNG)
+
+    def file_in(self, formats: Formats, suffix: str = "") -> str:
+        """The name of the file that pages show; ``suffix`` stands behind its own name."""
+        return f"{self.name}{suffix}.{formats[0]}"
+
+    def write(self, path: Path, *needed: object, formats: Formats = ()) -> bool:
+        """Draw it and write it, each file whole or not at all; raises whatever goes wrong.
+
+        Parameters
+        ----------
+        path
+            Where to; its suffix is the format.
+        needed
+            What it is drawn from.
+        formats
+            Of files beside it, in which it is written as well.
+
+        Returns
+        -------
+        bool
+            Whether there was anything to show.
+        """
+        files = dict.fromkeys((path, *(path.with_suffix(f".{one}") for one in formats)))
+        with self._style():
+            sheet = self.draw(*needed)
+            if sheet is not None:
+                sheet.save(*files)
+        return sheet is not None
+
+    def drawn(self, *needed: object) -> Any:
+        """Draw it, and return the figure of matplotlib; None if there was nothing to show. As :meth:`write` else."""
+        with self._style():
+            sheet = self.draw(*needed)
+            return None if sheet is None else sheet.placed()
+
+    @contextmanager
+    def _style(self) -> Iterator[None]:
+        from matplotlib import rc_context
+
+        with rc_context({**STYLE, **(FORMULAS if self.formulas else {})}), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield

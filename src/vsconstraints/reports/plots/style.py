@@ -1,11 +1,12 @@
-"""How figures look: type, lines, and the same colour, marker and line for a controller wherever it appears."""
+"""How figures look: type, lines, and one colour, marker and line style for each law wherever it appears."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain, cycle, product
+from itertools import product
 from typing import Any
+from zlib import crc32
 
 INK = "#222222"
 FAINT = "#444444"
@@ -50,24 +51,21 @@ STYLE: dict[str, Any] = {
 FORMULAS: dict[str, Any] = {"text.parse_math": True, "mathtext.fontset": "dejavusans"}
 """Those of figures whose texts hold formulas, none of which comes from a user."""
 
-OWN_COLOURS = {
-    "tracking": "#8A8A8A",
-    "sliding-mode": "#0072B2",
-    "potential-field": "#E69F00",
-    "potential-field-priority": "#D55E00",
-    "hierarchical-qp": "#009E73",
-    "hierarchical-qp-active": "#CC79A7",
-    "implicit-switch": "#56B4E9",
-    "cbf-filter": "#000000",
-    "predictive": "#9C8A00",
-}
-"""Colours of the laws that are compared most: Okabe and Ito's palette, safe for colour-blind readers."""
-
-SPARE_COLOURS = ("#7B4B2A",)
-"""For controllers of other names."""
-
-TUNED = "-tuned"
-"""How the name of a tuned law ends, behind that of the law it was tuned from."""
+GREY, BLUE, ORANGE, VERMILLION, GREEN, PURPLE, SKY, BLACK, OLIVE, BROWN, TEAL, WINE = COLOURS = (
+    "#8A8A8A",
+    "#0072B2",
+    "#E69F00",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#56B4E9",
+    "#000000",
+    "#9C8A00",
+    "#7B4B2A",
+    "#44AA99",
+    "#882255",
+)
+"""Okabe and Ito's palette, safe for colour-blind readers, and four more."""
 
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "*")
@@ -79,38 +77,96 @@ class Look:
 
     colour: str
     marker: str
-    line: str
+    line: str = "-"
+
+
+LOOKS = {
+    "tracking": Look(GREY, "o"),
+    "sliding-mode": Look(BLUE, "s"),
+    "potential-field": Look(ORANGE, "^"),
+    "potential-field-priority": Look(VERMILLION, "v"),
+    "hierarchical-qp": Look(GREEN, "D"),
+    "hierarchical-qp-active": Look(PURPLE, "<"),
+    "implicit-switch": Look(SKY, "P"),
+    "cbf-filter": Look(BLACK, "X"),
+    "predictive": Look(OLIVE, "p"),
+    "super-twisting": Look(BROWN, ">"),
+    "goal-governor": Look(TEAL, "h"),
+    "boundary-layer": Look(WINE, "*"),
+    "implicit-switch-with-drift": Look(SKY, "*", "--"),
+    "implicit-super-twisting": Look(BROWN, "<", "--"),
+    "cbf-filter-task": Look(BLACK, "o", "--"),
+    "outer-layer": Look(WINE, "v", "--"),
+    "firas": Look(ORANGE, "v", "--"),
+    "high-order-barrier": Look(GREEN, "o", "--"),
+    "sampled-barrier": Look(SKY, "o", "-."),
+    "robust-barrier": Look(OLIVE, "o", "--"),
+    "reciprocal-barrier": Look(VERMILLION, "o", "--"),
+    "finite-time-barrier": Look(PURPLE, "o", "--"),
+    "input-to-state-safe-barrier": Look(TEAL, "o", "--"),
+    "gradient-robust-barrier": Look(BLUE, "o", "--"),
+    "saturation": Look(BLUE, "X", "-."),
+    "saturation-unscaled": Look(ORANGE, "X", "-."),
+    "scaling": Look(PURPLE, "X", "-."),
+    "projection": Look(GREEN, "X", "-."),
+}
+"""Those of the laws of the comparisons that come with the package."""
+
+TUNED = "-tuned"
+"""How the name of a tuned law ends, after that of the law it was tuned from."""
 
 
 def looks(controllers: Sequence[str]) -> dict[str, Look]:
-    """A look for each controller; when colours run out they come again with another line style.
+    """A look for each controller, which depends on its name alone as far as possible.
 
-    Parameters
-    ----------
-    controllers
-        Names, in the comparison's order. Names that the package knows keep their colour in every comparison; a tuned
-        law has that of the law from which it comes, shown or not.
+    Names in :data:`LOOKS` look the same in every figure. Any other name has a preferred colour and marker of its own,
+    and another colour only where one of ``controllers`` has the preferred one. A tuned law has the colour of the law it
+    was tuned from, and another line style and marker.
     """
-    taken = [OWN_COLOURS[name] for name in controllers if name in OWN_COLOURS]
-    free = [*SPARE_COLOURS, *(colour for colour in OWN_COLOURS.values() if colour not in taken)]
-    every = [*SPARE_COLOURS, *OWN_COLOURS.values()]
-    spare = chain(product(LINES[:1], free), cycle(product(LINES[1:], every)))
-    colours, result = dict(OWN_COLOURS), dict[str, Look]()
-    for i, name in enumerate(controllers):
-        before = name.removesuffix(TUNED)
-        if name != before and before in colours:
-            line, colour = LINES[1], colours[before]
-        else:
-            line, colour = (LINES[0], OWN_COLOURS[name]) if name in OWN_COLOURS else next(spare)
-        colours[name] = colour
-        result[name] = Look(colour, MARKERS[i % len(MARKERS)], line)
-    return result
+    result = {name: LOOKS[name] for name in controllers if name in LOOKS}
+    for name in dict.fromkeys(controllers):
+        if name not in result and not name.endswith(TUNED):
+            result[name] = _free(name, [*result.values()])
+    for name in dict.fromkeys(controllers):
+        if name not in result:
+            original = name.removesuffix(TUNED)
+            look = result.get(original) or LOOKS.get(original) or _free(original, [*result.values()])
+            marker = _first(MARKERS, MARKERS.index(look.marker) + 1, {one.marker for one in result.values()})
+            result[name] = Look(look.colour, marker, LINES[1])
+    return {name: result[name] for name in controllers}
+
+
+def _free(name: str, taken: Sequence[Look]) -> Look:
+    """The preferred look of a name, as far as no other law has it."""
+    number = crc32(name.encode())
+    colours, pairs = {look.colour for look in taken}, {(look.colour, look.line) for look in taken}
+    every = [(colour, style) for style, colour in product(LINES, COLOURS[1:] + COLOURS[:1])]
+    solid = every[: len(COLOURS) - 1]
+    preferred = solid[number % len(solid) :] + solid[: number % len(solid)] + every[len(solid) :]
+    unused = [pair for pair in preferred if pair not in pairs]
+    colour, style = next((pair for pair in unused if pair[0] not in colours), (unused or preferred)[0])
+    return Look(colour, _first(MARKERS, number, {look.marker for look in taken}), style)
+
+
+def _first(choices: Sequence[str], start: int, taken: set[str]) -> str:
+    """The first choice from ``start`` on, around the end, that is not taken; the first one if all are."""
+    around = [choices[(start + k) % len(choices)] for k in range(len(choices))]
+    return next((choice for choice in around if choice not in taken), around[0])
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue, up to 255, of ``#RRGGBB``."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
 def darker(colour: str, share: float = 0.8) -> str:
-    """A shade of a colour ``#RRGGBB``, dark enough for text on white; an opacity ``AA`` behind it stays."""
-    parts = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
-    return "#" + "".join(f"{int(share * part):02X}" for part in parts) + colour[7:]
+    """A shade of a colour ``#RRGGBB``, dark enough for text on white."""
+    return "#" + "".join(f"{int(share * part):02X}" for part in rgb(colour))
+
+
+def paler(colour: str, white: float = 0.45) -> str:
+    """A colour ``#RRGGBB`` mixed with white."""
+    return "#" + "".join(f"{int((1.0 - white) * part + white * 255):02X}" for part in rgb(colour))
 
 
 def shortened(name: str, most: int = 25) -> str:

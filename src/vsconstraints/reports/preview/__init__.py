@@ -1,10 +1,7 @@
-"""Start and goals of a scenario, looked at before anything is simulated: image, arm, and rows that are near."""
+"""Start and goals of a scenario before anything is simulated: image, arm, and constraints near their boundary."""
 
 from .figure import FIGURE
-from .goals import goal_configuration
-from .moments import Moment
-from .nearness import Row
-from .preview import Preview
-from .text import lines
+from .moments import Moment, Row, goal_configuration
+from .preview import Preview, lines
 
 __all__ = ["FIGURE", "Moment", "Preview", "Row", "goal_configuration", "lines"]

@@ -8,20 +8,18 @@ from typing import Any
 import numpy as np
 
 from ...rows import Array
-from ..plots import INK, WIDTH, Figure, Sheet, shortened
-from ..plots.image import Plane, symbol
-from ..plots.style import FAINT
-from .moments import Moment
-from .nearness import Row
+from ..plots import FAINT, INK, WIDTH, Figure, Sheet, shortened, symbol
+from ..plots.image import Plane
+from ..scene3d import draw_setup, viewpoint_of
+from .moments import Moment, Row
 from .preview import Preview
-from .space import Viewpoint, drawn, viewpoint_of
 
 COLUMNS = 3
 LEFT, GAP, TITLE = 0.62, 0.16, 0.3
-MOST, LEAST = 12, 4
+MAX_ROWS, MIN_ROWS = 12, 4
 """Rows that are shown: up to the first, but of those far from their boundary no more than the second."""
 
-NOTHING = 0.35
+UNKNOWN_HEIGHT = 0.35
 """Height of a row of views in which no moment's configuration is known [in]."""
 
 CHARACTERS, LINES = 115, 12
@@ -30,10 +28,10 @@ CHARACTERS, LINES = 115, 12
 ROW = 0.19
 """Height of a row [in]."""
 
-LABELS, CELL, NEAREST = 1.95, 1.28, 1.8
+LABELS, CELL, NEAREST = 1.95, 1.36, 1.8
 """Room for the rows' labels, for what a column says of them in a moment, and where they are nearest [in]."""
 
-FARTHEST = 1.15
+MAX_USAGE = 1.15
 """Greatest usage that is shown; what is beyond stands at the edge."""
 
 OUTSIDE = "#B00020"
@@ -110,50 +108,44 @@ def _verdict(moment: Moment) -> str:
 
 
 def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
-    known = [moment for moment in preview.moments if moment.q is not None]
+    known = [(moment.q, moment.t) for moment in preview.moments if moment.q is not None]
     if not known:
         return
     top, height = sheet.at + 0.12, min(width, 2.5)
     viewpoint = viewpoint_of(preview.setup, known, width / height)
     for first in range(0, len(preview.moments), columns):
         row = preview.moments[first : first + columns]
-        tall = height if any(moment.q is not None for moment in row) else NOTHING
+        tall = height if any(moment.q is not None for moment in row) else UNKNOWN_HEIGHT
         for column, moment in enumerate(row):
             left = LEFT + column * (width + GAP)
-            if moment.q is not None:
-                _view(sheet, preview, moment, viewpoint, (left, top, width, height))
-            else:
+            if moment.q is None:
                 sheet.text(left + 0.1, top + 0.5 * tall, f"{moment.name}: no configuration found", color=OUTSIDE)
+            else:
+                ax = sheet.axes(left, top, width, height, projection="3d", computed_zorder=False)
+                draw_setup(ax, preview.setup, moment.q, moment.t, viewpoint)
         top += tall
     sheet.at = top + 0.1
-
-
-def _view(
-    sheet: Sheet, preview: Preview, moment: Moment, viewpoint: Viewpoint, place: tuple[float, float, float, float]
-) -> None:
-    ax = sheet.axes(*place, projection="3d", computed_zorder=False)
-    mesh = drawn(preview.setup, moment, viewpoint.half)
-    mesh.draw(ax, viewpoint.centre.tolist(), viewpoint.half, viewpoint.elevation, viewpoint.azimuth, whole=True)
 
 
 def _rows(sheet: Sheet, preview: Preview) -> None:
     """Usage of the nearest rows in each moment, with distances and φ in their own units."""
     known = [row for row in preview.rows if np.isfinite(row.greatest)]
-    shown = [row for k, row in enumerate(known[:MOST]) if k < LEAST or row.greatest > 0.0]
+    shown = [row for k, row in enumerate(known[:MAX_ROWS]) if k < MIN_ROWS or row.greatest > 0.0]
     if not shown:
         sheet.text(LEFT, sheet.at + 0.1, "No rows, and no limits of joints.")
         sheet.at += 0.3
         return
     moments = list(range(len(preview.moments)))
-    told = moments if len(moments) <= COLUMNS else []
-    cells = CELL * len(told) or NEAREST
+    listed = moments if len(moments) <= COLUMNS else []
+    cells = CELL * len(listed) or NEAREST
     top, height = sheet.at + 0.38, ROW * len(shown)
     ax = sheet.axes(LABELS, top, WIDTH - LABELS - cells - 0.2, height)
-    ax.set_xlim(-0.04, FARTHEST + 0.03)
+    ax.set_xlim(-0.04, MAX_USAGE + 0.03)
     ax.set_ylim(len(shown) - 0.5, -0.5)
     band_at = {"color": "#F6DADA", "linewidth": 0.0, "zorder": 0.5}
-    ax.axvspan(1.0, FARTHEST + 0.03, **band_at)
-    ax.text(0.5 * (1.0 + FARTHEST + 0.03), -0.6, "outside", fontsize=7.5, color=OUTSIDE, ha="center", va="bottom")
+    ax.axvspan(1.0, MAX_USAGE + 0.03, **band_at)
+    middle = 0.5 * (1.0 + MAX_USAGE + 0.03), 0.5 * (len(shown) - 1)
+    ax.text(*middle, "outside", fontsize=7.5, color=OUTSIDE, rotation=90, ha="center", va="center", zorder=1.0)
     ax.axvline(1.0, color=INK, linewidth=0.9, zorder=1.6)
     ax.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
     ax.set_yticks(range(len(shown)), [shortened(row.label, 32) for row in shown])
@@ -162,18 +154,18 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
     for y, row in enumerate(shown):
         _row(ax, preview, y, row)
     where = WIDTH - cells - 0.1
-    for column, k in enumerate(told):
+    for column, k in enumerate(listed):
         entry = _mark(preview, k) | {"label": preview.moments[k].name}
         sheet.legend([entry], 1, (where + column * CELL - 0.08, top - 0.22))
         for y, row in enumerate(shown):
-            _cell(sheet, where + column * CELL, top + ROW * (y + 0.5), row.said(k), row.usage[k] > 1.0)
-    if not told:
+            _cell(sheet, where + column * CELL, top + ROW * (y + 0.5), row.text(k), row.usage[k] > 1.0)
+    if not listed:
         marks = [_mark(preview, k) | {"label": preview.moments[k].name} for k in (0, -1)]
         marks.insert(1, EARLIER | {"label": "earlier goals"})
         sheet.legend(marks, 3, (LABELS, top - 0.22))
         for y, row in enumerate(shown):
             k = int(np.nanargmax(row.usage))
-            text = f"{preview.moments[k].name}: {row.said(k)}"
+            text = f"{preview.moments[k].name}: {row.text(k)}"
             _cell(sheet, where, top + ROW * (y + 0.5), text, row.usage[k] > 1.0)
     sheet.at = top + height + 0.45
     if any(row.limit for row in shown):
@@ -191,8 +183,8 @@ def _mark(preview: Preview, k: int) -> dict[str, Any]:
 
 
 def _row(ax: Any, preview: Preview, y: int, row: Row) -> None:
-    usage = np.clip(row.usage, 0.0, FARTHEST)
-    ax.plot([0.0, FARTHEST], [y, y], color="#E3E3E3", linewidth=0.6, zorder=1.0)
+    usage = np.clip(row.usage, 0.0, MAX_USAGE)
+    ax.plot([0.0, MAX_USAGE], [y, y], color="#E3E3E3", linewidth=0.6, zorder=1.0)
     known = usage[np.isfinite(usage)]
     ax.plot([known.min(), known.max()], [y, y], color="#909090", linewidth=1.4, zorder=2.0)
     for k, u in enumerate(usage):

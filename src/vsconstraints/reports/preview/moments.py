@@ -1,17 +1,25 @@
-"""One instant of a preview: where robot and markers are, how far rows are from their boundary, and what is wrong."""
+"""One instant of a preview: where the robot and its markers are, the robot at a goal, and distances to boundaries."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from ...constraints import ImageConstraint
-from ...errors import ConfigurationError, VsconstraintsError, described
+from ...errors import ConfigurationError, SceneError, VsconstraintsError, described
+from ...robots.geometry import Pose, distance
 from ...rows import Array, BoolArray
+from ...scenarios.families.inverse_kinematics import inverse_kinematics
+from ...scenarios.families.placements import tip_of
 from ...simulation import Setup
 from ...simulation.occluders import LinesOfSight
-from ...vision.scene import MINIMUM_DEPTH
+from ...vision.features import Goal
+from ...vision.pose_estimate import estimated_pose
+from ...vision.scene import MINIMUM_DEPTH, Scene
 
 ROUNDING = 1e-9
 """Of σ relative to the row's scale, that counts as none."""
@@ -113,3 +121,146 @@ def _rows(setup: Setup, t: float, q: Array, qd: Array, seen: BoolArray) -> tuple
         clearance,
         [f"{rows.labels[i]} is violated: {abs(clearance[i]):.4g} {units[i]} outside" for i in violated],
     )
+
+
+# --- distances to boundaries ---
+
+NEAR = 0.9
+"""Usage 1 − clearance/L from which a row counts as near: 1 is on its boundary."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """How near a row, or a joint's own limit, is to its boundary in each moment.
+
+    Attributes
+    ----------
+    label, unit
+        Its name, and that of its distances.
+    phi, clearance
+        (k,) in each moment; φ is NaN of a limit that is no row.
+    usage
+        (k,) 1 − clearance/L: 1 is on the boundary, more is outside.
+    """
+
+    label: str
+    unit: str
+    phi: Array
+    clearance: Array
+    usage: Array
+
+    @property
+    def limit(self) -> bool:
+        """Whether it is no row, but a limit of a joint."""
+        return bool(np.isnan(self.phi).all() and self.label.startswith("limit["))
+
+    @property
+    def greatest(self) -> float:
+        """The usage where it is greatest; minus infinity where it is not known."""
+        return float(np.nan_to_num(self.usage, nan=-np.inf).max())
+
+    def text(self, k: int) -> str:
+        """The distance to the boundary in a moment, and φ in brackets."""
+        if np.isnan(self.clearance[k]):
+            return "not known"
+        phi = "" if np.isnan(self.phi[k]) else f" ({self.phi[k]:.2g})"
+        return f"{self.clearance[k]:.3g} {self.unit}{phi}".replace("-", "−")
+
+
+def rows_of(setup: Setup, moments: Sequence[Moment]) -> list[Row]:
+    """All rows, and the limits of joints that no row is about."""
+    constraints, robot = setup.constraints, setup.scene.robot
+    phi, clearance = (np.array([getattr(moment, what) for moment in moments]) for what in ("phi", "clearance"))
+    usage = 1.0 - clearance / constraints.characteristic_length
+    rows = [
+        Row(label, constraints.units[i], phi[:, i], clearance[:, i], usage[:, i])
+        for i, label in enumerate(constraints.labels)
+    ]
+    limits = np.array([moment.limits for moment in moments])
+    half = 0.5 * (robot.q_max - robot.q_min)
+    for i, side in enumerate(("lower", "upper")):
+        for j in np.flatnonzero(np.isfinite(half)):
+            if f"range[joint {j + 1}].{side}" not in constraints.labels:
+                away = limits[:, i * robot.n + j]
+                unit = "m" if robot.prismatic[j] else "rad"
+                label = f"limit[joint {j + 1}].{side}"
+                rows.append(Row(label, unit, np.full(len(moments), np.nan), away, 1.0 - away / half[j]))
+    return rows
+
+
+# --- the robot at a goal ---
+
+TRIES = 20
+"""Configurations from which one at the goal is sought, besides those that are near."""
+
+SAME = 1e-6
+"""Distance of two poses [m, rad] that counts as none."""
+
+TURNS = 4
+"""Of the camera about its optical axis, from which the pose behind an image is sought."""
+
+MAX_MISS = 0.1
+"""How far markers may be from a goal given as an image, seen from the pose that explains it best, relative to its
+width."""
+
+
+class Reached(NamedTuple):
+    """Joint coordinates (n,) at a goal, and by how much its markers are missed there at most [px]."""
+
+    q: Array
+    missed: float = 0.0
+
+
+def goal_configuration(scene: Scene, goal: Goal, q0: Array, t: float) -> Reached:
+    """Where the robot is when a goal is reached at time ``t`` [s].
+
+    Where the file says it and the camera is right there, that; else what inverse kinematics finds from there, from the
+    start, and then from :data:`TRIES` others. What is given as an image counts as the pose that explains it best.
+
+    Raises
+    ------
+    SceneError
+        if nothing is found within the joints' ranges.
+    """
+    if goal.q is not None and _there(scene, goal, goal.q, t):
+        return Reached(goal.q)
+    camera, missed = (goal.camera, 0.0) if goal.camera is not None else _seen_from(scene, goal, q0)
+    tip = tip_of(scene, camera)
+    if scene.motion is not None:
+        tip = scene.motion.pose(t) @ tip
+    for near in (*(() if goal.q is None else (goal.q,)), q0, *_others(scene, q0)):
+        q = inverse_kinematics(scene.robot, tip, near)
+        if q is not None:
+            return Reached(q, missed)
+    raise SceneError("no configuration within the joints' ranges was found that reaches it: it may be out of reach")
+
+
+def _there(scene: Scene, goal: Goal, q: Array, t: float) -> bool:
+    return goal.camera is not None and max(distance(scene.camera_pose(q, t), goal.camera)) < SAME
+
+
+def _seen_from(scene: Scene, goal: Goal, q0: Array) -> tuple[Pose, float]:
+    """The pose that explains a goal's image best, and by how much it misses the markers at most [px]."""
+    camera, poses = scene.camera, []
+    start, seen = scene.camera_pose(q0), camera.normalised(goal.pixels)
+    for turn in np.arange(TURNS) * (2.0 * np.pi / TURNS):
+        near = start @ Pose(np.asarray(pin.utils.rotate("z", turn)), np.zeros(3))
+        try:
+            pose = estimated_pose(scene.markers, seen, near)
+        except np.linalg.LinAlgError:  # a search that has left the range of floats
+            continue
+        P = pose.inverse.act(scene.markers)
+        if (P[:, 2] > MINIMUM_DEPTH).all():
+            poses.append((pose, float(np.abs(camera.pixels(P[:, :2] / P[:, 2:]) - goal.pixels).max())))
+    best = min(poses, key=lambda one: one[1], default=None)
+    if best is None or not best[1] < MAX_MISS * camera.size[0]:
+        raise SceneError("no pose of the camera was found from which the markers look like this")
+    return best
+
+
+def _others(scene: Scene, q0: Array) -> Array:
+    """(TRIES, n) configurations in the joints' ranges, or within half a turn of the start; always the same."""
+    robot = scene.robot
+    low = np.where(np.isfinite(robot.q_min), robot.q_min, q0 - np.pi)
+    high = np.where(np.isfinite(robot.q_max), robot.q_max, q0 + np.pi)
+    return np.random.default_rng(0).uniform(low, high, (TRIES, robot.n))

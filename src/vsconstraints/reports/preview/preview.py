@@ -1,20 +1,21 @@
-"""A preview: the start, the goals, and which rows are near at each."""
+"""A preview: the start, the goals, and the distance of each constraint to its boundary; nothing is simulated."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Self
+from itertools import zip_longest
+from typing import Any, Self
 
 import numpy as np
 
 from ...errors import SceneError, VsconstraintsError
+from ...rows import Array
 from ...scenarios import Scenario
 from ...simulation import Setup
 from ...simulation.start import implausible
-from .goals import goal_configuration
-from .misplaced import moments_without, without_goals
-from .moments import Moment, moment_at, nowhere
-from .nearness import NEAR, Row, rows_of
+from .moments import NEAR, Moment, Row, goal_configuration, moment_at, nowhere, rows_of
 
 
 @dataclass(frozen=True)
@@ -108,3 +109,91 @@ def _at_goals(setup: Setup) -> list[Moment]:
                 moment = replace(moment, problems=(inexact, *moment.problems))
             found.append(moment)
     return found
+
+
+# --- as text ---
+
+MAX_LISTED = 15
+"""Rows that are listed, unless more are near."""
+
+
+def lines(preview: Preview) -> Iterator[str]:
+    """What a terminal shows, line by line, without the warnings."""
+    setup = preview.setup
+    robot, moments = setup.scene.robot, preview.moments
+    yield f"{preview.name}: {robot.name}, {robot.n} joints, {len(setup.scene.markers)} markers"
+    for moment in moments:
+        where = "not known" if moment.q is None else " ".join(f"{x:.4g}" for x in moment.q)
+        yield f"  {moment.name:8s} t = {moment.t:g} s, q = {where}"
+    if not preview.rows:
+        yield "  no rows, and no limits of joints"
+        return
+    shown = preview.rows[: max(MAX_LISTED, len(preview.near))]
+    yield "  rows nearest to their boundary: distance (φ); ! outside, * near"
+    head = ["", "", *(moment.name for moment in moments)]
+    table = [head, *(_cells(row) for row in shown)]
+    widths = [max(map(len, column)) for column in zip_longest(*table, fillvalue="")]
+    for cells in table:
+        first, *others = (cell.ljust(width) for cell, width in zip(cells, widths, strict=True))
+        yield f"  {first} {'  '.join(others)}".rstrip()
+    if len(shown) < len(preview.rows):
+        yield f"  … and {len(preview.rows) - len(shown)} that are farther away"
+
+
+def _cells(row: Row) -> list[str]:
+    mark = "!" if row.greatest > 1.0 else "*" if row.greatest >= NEAR else ""
+    return [mark, row.label, *(row.text(k) for k in range(len(row.usage)))]
+
+
+# --- scenarios that cannot be built because of their goals ---
+
+OF_GOALS = "performance-funnel"
+"""Constraints that are about the goals."""
+
+
+def without_goals(scenario: Scenario, trial: int, seed: int) -> Setup | None:
+    """The setup with a goal that any scene can have, without what is about goals; None if it cannot be built either.
+
+    That is the start or, where markers are behind the camera there, the image's centre.
+    """
+    tables = scenario.tables
+    task, constraints, target = (tables.get(key, {}) for key in ("task", "constraints", "target"))
+    if not isinstance(task, dict) or not isinstance(target, dict):
+        return None
+    kept = [
+        one
+        for one in (constraints if isinstance(constraints, list) else [])
+        if not (isinstance(one, dict) and one.get("type") == OF_GOALS)
+    ]
+    centre = [[0.0, 0.0]] * (4 if "square" in target else len(target.get("markers", [])))
+    for replaced in (
+        {**task, "goals": [{"camera_at_q": tables.get("q0")}]},
+        {"feature": "image-points", "Kp0": 1.0, "goals": [{"markers_px": centre}]},
+    ):
+        with suppress(VsconstraintsError):
+            changed = {**tables, "task": replaced, "constraints": kept}
+            return Scenario(scenario.name, changed, scenario.folder).setup(trial, seed)
+    return None
+
+
+def moments_without(setup: Setup, scenario: Scenario) -> list[Moment]:
+    """The start, and those goals that are given by joint coordinates, as far as they can be seen."""
+    moments = [moment_at(setup, "start", 0.0, setup.q0, setup.qd0)]
+    goals = scenario.tables["task"].get("goals", [])
+    nothing = np.full((len(setup.scene.markers), 2), np.nan)
+    for number, goal in enumerate(goals if isinstance(goals, list) else [], start=1):
+        name = "goal" if len(goals) == 1 else f"goal {number}"
+        q = _coordinates(setup, goal)
+        if q is None:
+            moments.append(nowhere(setup, name, 0.0, nothing, "where the robot is there is not known"))
+        else:
+            moments.append(moment_at(setup, name, 0.0, q, np.zeros_like(q)))
+    return moments
+
+
+def _coordinates(setup: Setup, goal: Any) -> Array | None:
+    """(n,) what a goal gives as joint coordinates."""
+    try:
+        return setup.scene.robot.configuration(goal["camera_at_q"])
+    except (VsconstraintsError, KeyError, TypeError):
+        return None

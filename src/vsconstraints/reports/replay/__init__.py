@@ -2,6 +2,6 @@
 
 from .film import write_film
 from .page import replay_html, write_replay
-from .run import ReplayRun
+from .runs import ReplayRun
 
 __all__ = ["ReplayRun", "replay_html", "write_film", "write_replay"]

@@ -14,18 +14,14 @@ from ...constraints import ImageConstraint
 from ...errors import ConfigurationError
 from ...plugins.extras import demand
 from ...rows import Array
-from ..plots import INK, darker, shortened
-from ..plots.image import Plane, symbol
-from ..plots.mesh import Mesh
-from ..preview.moments import Moment
-from ..preview.space import drawn
-from .frames import ACTS, OUTSIDE, Frames
-from .lamps import things_of
-from .run import ReplayRun, demand_seen_together, looks_of
-from .space import LIT
-from .viewpoint import common_viewpoint
+from ..plots import INK, darker, shortened, symbol
+from ..plots.image import Plane
+from ..scene3d import Viewpoint, draw_setup
+from .constraint_highlights import ACTIVE, HIGHLIGHTS, VIOLATED, Frames, things_of
+from .runs import ReplayRun, check_same_scene, looks_of
+from .space import common_viewpoint
 
-RATE, LONGEST = 12.0, 8.0
+RATE, MAX_TIME = 12.0, 8.0
 """Frames a second, and how long a film lasts at most [s]: what takes longer is seen faster."""
 
 REST = 1.0
@@ -37,11 +33,11 @@ WIDTH, DPI = 8.0, 100
 COLOURS = 96
 """Of a GIF."""
 
-LISTED = 3
-"""Lit rows that are named at most."""
+MAX_LABELS = 3
+"""Active or violated constraints that are named at most."""
 
 LETTERS = 12.0
-"""Of what is said below an image, on an inch of it."""
+"""Of the text below an image, on an inch of it."""
 
 
 def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> list[str]:
@@ -50,7 +46,7 @@ def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> 
     Parameters
     ----------
     runs
-        Up to :data:`~vsconstraints.reports.replay.run.MOST_RUNS`, of one robot, camera and target.
+        Up to :data:`~vsconstraints.reports.replay.runs.MAX_RUNS`, of one robot, camera and target.
     path
         Ends in ``.gif`` or ``.mp4``.
     title
@@ -70,8 +66,8 @@ def write_film(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> 
         raise ConfigurationError(f"a film ends in {' or '.join(WRITERS)}, not {path.name!r}")
     if kind == ".mp4":
         demand("replay")
-    demand_seen_together(runs)
-    frames = Frames.of(runs, RATE, int(RATE * LONGEST))
+    check_same_scene(runs)
+    frames = Frames.of(runs, RATE, int(RATE * MAX_TIME))
     path.parent.mkdir(parents=True, exist_ok=True)
     with replaced(path) as part:
         WRITERS[kind](Film(runs, frames, title or runs[0].title), part)
@@ -128,7 +124,7 @@ class Column:
     def __init__(self, run: ReplayRun, frames: Frames, image: Any, space: Any, colour: str) -> None:
         self.run, self.space = run, space
         self.letters = int(LETTERS * image.get_position().width * WIDTH)
-        self.samples, self.lights, self.things = frames.samples(run), frames.lights(run), things_of(run)
+        self.samples, self.states, self.things = frames.samples(run), frames.states(run), things_of(run)
         plane = replace(Plane.of(run.setup), moving=())
         plane.draw(image, labels=False)
         image.set_xticks([])
@@ -140,7 +136,7 @@ class Column:
         image.plot(*pixels[0].T, **symbol("o", "white", "#888888", 6.0), zorder=4)
         self.tracks = [image.plot([], [], color=colour, linewidth=2.0, zorder=4.5)[0] for _ in range(pixels.shape[1])]
         self.spots = [image.plot([], [], **symbol("o", colour, "white", 8.5), zorder=6)[0] for _ in self.tracks]
-        self.said = image.text(
+        self.text = image.text(
             0.0, -0.02, "", transform=image.transAxes, fontsize=9, va="top", fontweight="bold", zorder=7
         )
         self.moving = [
@@ -150,44 +146,41 @@ class Column:
             for line in constraint.boundary(plane.size, frames.t)
         ]
 
-    def show(self, frame: int, t: float, viewpoint: Any) -> None:
+    def show(self, frame: int, t: float, viewpoint: Viewpoint) -> None:
         """Put everything where it is in a frame."""
         k, trajectory = int(self.samples[frame]), self.run.trajectory
-        lights = self.lights[frame]
+        states = self.states[frame]
         goal = [one for one in self.run.setup.task.goals if one.from_time <= t + 1e-9][-1]
         self.goal.set_data(*goal.pixels.T)
         for i, (track, spot) in enumerate(zip(self.tracks, self.spots, strict=True)):
             path = trajectory.features_px[: k + 1, i]
             track.set_data(*path[:: max(len(path) // 300, 1)].T)
             spot.set_data(*trajectory.features_px[k : k + 1, i].T)
-            own = [int(lights[r]) for r, thing in enumerate(self.things) if thing == ("marker", i + 1)]
+            own = [int(states[r]) for r, thing in enumerate(self.things) if thing == ("marker", i + 1)]
             state = max(own, default=0)
-            spot.set_markeredgecolor(LIT.get(state, "white"))
+            spot.set_markeredgecolor(HIGHLIGHTS.get(state, "white"))
             spot.set_markeredgewidth(2.5 if state else 0.9)
         for line, points, motion in self.moving:
             line.set_data(*(points + motion.displacement(t)).T)
-        state = int(lights.max(initial=0))
-        lit = [trajectory.labels[r] for r in np.flatnonzero(lights == state)] if state else []
-        self.said.set_text(told({ACTS: "acts: ", OUTSIDE: "violated: "}.get(state, ""), lit, self.letters))
-        self.said.set_color(darker(LIT.get(state, INK), 0.8))
+        state = int(states.max(initial=0))
+        labels = [trajectory.labels[r] for r in np.flatnonzero(states == state)] if state else []
+        self.text.set_text(
+            truncated_labels({ACTIVE: "active: ", VIOLATED: "violated: "}.get(state, ""), labels, self.letters)
+        )
+        self.text.set_color(darker(HIGHLIGHTS.get(state, INK), 0.8))
         over = t > trajectory.t[-1] + 1e-9 or frame == len(self.samples) - 1
         self.status.set_text(trajectory.status if over else "")
         for old in list(self.space.collections):
             old.remove()
-        nothing = np.empty(0)
-        moment = Moment("", t, trajectory.q[k], nothing, nothing, nothing, nothing, ())
-        mesh: Mesh = drawn(self.run.setup, moment, viewpoint.half)
-        mesh.draw(
-            self.space, viewpoint.centre.tolist(), viewpoint.half, viewpoint.elevation, viewpoint.azimuth, whole=True
-        )
+        draw_setup(self.space, self.run.setup, trajectory.q[k], t, viewpoint)
 
 
-def told(word: str, lit: Sequence[str], letters: int) -> str:
-    """A word and the rows that are lit: as many of them as there is room for, and how many there are beside."""
+def truncated_labels(word: str, labels: Sequence[str], letters: int) -> str:
+    """A word and as many of the labels as there is room for, and how many more there are."""
     texts = []
-    for count in range(min(len(lit), LISTED), 0, -1):
-        more = f" and {len(lit) - count} more" if len(lit) > count else ""
-        texts.append(f"{word}{', '.join(lit[:count])}{more}")
+    for count in range(min(len(labels), MAX_LABELS), 0, -1):
+        more = f" and {len(labels) - count} more" if len(labels) > count else ""
+        texts.append(f"{word}{', '.join(labels[:count])}{more}")
     fitting = [text for text in texts if len(text) <= letters]
     return fitting[0] if fitting else shortened(texts[-1], letters) if texts else ""
 
@@ -198,10 +191,12 @@ def _gif(film: Film, path: Path) -> None:
     pictures = [Image.fromarray(pixels) for pixels in film.pixels]
     # one palette for all, without dithering: what stands still is the same from frame to frame, and takes no room
     middle = pictures[len(pictures) // 2].quantize(COLOURS, dither=Image.Dither.NONE)
-    made = [picture.quantize(palette=middle, dither=Image.Dither.NONE) for picture in pictures]
+    reduced = [picture.quantize(palette=middle, dither=Image.Dither.NONE) for picture in pictures]
     step = round(1000.0 / RATE / 10.0) * 10
-    durations = [step] * (len(made) - 1) + [step + int(1000.0 * REST)]
-    made[0].save(path, format="GIF", save_all=True, append_images=made[1:], duration=durations, loop=0, optimize=True)
+    durations = [step] * (len(reduced) - 1) + [step + int(1000.0 * REST)]
+    reduced[0].save(
+        path, format="GIF", save_all=True, append_images=reduced[1:], duration=durations, loop=0, optimize=True
+    )
 
 
 def _mp4(film: Film, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Arms, cameras, target and regions in space, as a page of viser's that plays them."""
+"""The scene in space of several runs, as a page of viser's that plays them."""
 
 from __future__ import annotations
 
@@ -10,33 +10,59 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ...robots.geometry import Pose
+from ...constraints.meshes import Mesh
 from ...rows import Array
-from ..plots import INK
-from ..plots.mesh import PLATE, Mesh
-from ..preview.obstacles import add_obstacle
-from ..preview.space import REACH, Viewpoint
-from .frames import ACTS, OUTSIDE, Frames
-from .lamps import Lamp, lamps_of
-from .nodes import Mover, add_solid, of_mesh, pale, rgb
-from .run import ReplayRun, looks_of
-from .solids import Links, Solid, ball, bar, links_of, together
-from .viewpoint import FIELD_OF_VIEW, common_viewpoint, standpoint
+from ..plots.style import paler, rgb
+from ..scene3d import (
+    REACH,
+    ArmMeshes,
+    Part,
+    Placement,
+    Scene3D,
+    Viewpoint,
+    add_arm,
+    add_carrier,
+    add_surroundings,
+    ball,
+    image_corners,
+    joined,
+    joint_places,
+    joint_poses,
+    obstacle_meshes,
+    points_in_view,
+    setup_frames,
+    tube,
+    urdf_meshes,
+    view_axes,
+    viewpoint_of,
+)
+from .constraint_highlights import HIGHLIGHTS, Frames, Highlight, highlights_of
+from .runs import ReplayRun, looks_of
 
-LIT = {ACTS: "#F0A202", OUTSIDE: "#D1102A"}
-"""Colours of lamps."""
+OBSTACLE = "#8FA3BF"
+"""Colour of what is not highlighted."""
 
-GLASS = "#8FA3BF"
-"""What stands in the way and is not lit."""
+OTHERS = 0.45
+"""Opacity of the arms other than the first, which stand in the same place."""
 
-FIRST, OTHERS = 1.0, 0.45
-"""Opacity of the first arm, and of those that stand in the same place."""
-
-THINNER = 1.5e-3
+INSET = 1.5e-3
 """By how much an arm's surface is within that of the arm before it, for an arm of :data:`.REACH` [m].
 
 Two surfaces in one place would flicker into each other; so where arms agree, the first one is seen.
 """
+
+MAX_TRIANGLES, MERGED = 36_000, 1e-3
+"""Of an arm: what has more is drawn more coarsely, points closer than the second [m] becoming one, or than more."""
+
+INSTANTS = 9
+"""Of each run, in which everything is in view."""
+
+ASPECT, FIELD_OF_VIEW, NARROWEST, ROOM = 1.25, 0.7, 0.72, 0.15
+"""Width over height of pictures; vertical field of view [rad] and least width over height of the page's part; and room
+around what is in view, relative to half the side of its cube."""
+
+UNCHANGED = 1e-6
+"""What moves less from frame to frame is not sent again."""
 
 
 class Space(NamedTuple):
@@ -46,135 +72,214 @@ class Space(NamedTuple):
     remarks: list[str]
 
 
-class Arm:
-    """One robot in the scene, whose joints are moved frame by frame.
-
-    Attributes
-    ----------
-    tip
-        Name of the node that moves with the tip.
-    """
-
-    def __init__(self, scene: Any, name: str, run: ReplayRun, links: Links, colour: str, opacity: float) -> None:
-        self.robot = run.setup.scene.robot
-        self.data = self.robot.model.createData()
-        self.joints: list[Mover] = []
-        self.slides: dict[int, Mover] = {}
-        at = name
-        look: dict[str, Any] = {"color": rgb(colour), "opacity": None if opacity == 1.0 else opacity}
-        scene.add_frame(at, show_axes=False)
-        for i, solid in enumerate(links.solids):
-            if i > 0:
-                if self.robot.prismatic[i - 1]:
-                    self.slides[i] = Mover(_slide(scene, f"{at}/slide", self.robot, i, look))
-                at = f"{at}/{i}"
-                self.joints.append(Mover(scene.add_frame(at, show_axes=False)))
-            if len(solid.triangles):
-                add_solid(scene, f"{at}/solid", solid, **look)
-        placement = self.robot.model.frames[self.robot.frame_id("tip")].placement
-        self.tip = f"{at}/tip"
-        handle = scene.add_frame(self.tip, show_axes=False)
-        Mover(handle).place(Pose(np.array(placement.rotation), np.array(placement.translation)))
-
-    def joint(self, number: int) -> str:
-        """Name of the node that a joint moves, counted from 1."""
-        return f"{self.tip.split('/1/')[0]}/" + "/".join(str(i) for i in range(1, number + 1))
-
-    def pose(self, q: Array) -> None:
-        """Move it to joint coordinates (n,)."""
-        pin.forwardKinematics(self.robot.model, self.data, q)
-        for i, joint in enumerate(self.joints, start=1):
-            M = self.data.liMi[i]
-            joint.place(Pose(np.array(M.rotation), np.array(M.translation)))
-            if i in self.slides:
-                self.slides[i].set("scale", np.array([1.0, 1.0, q[self.robot.model.joints[i].idx_q] or 1e-6]))
-
-
 def space_of(runs: Sequence[ReplayRun], frames: Frames) -> Space:
-    """Viser's page of runs, all of them in one space: what is not the first arm is glass."""
+    """Viser's page of runs, all of them in one space: all arms but the first are transparent."""
     import viser
 
-    # it tells where it serves, which nobody needs to know
-    with redirect_stdout(StringIO()):
+    with redirect_stdout(StringIO()):  # it prints its address
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
-            return _recorded(server, runs, frames)
+            viewpoint = common_viewpoint(runs)
+            _set_camera(server, runs, viewpoint)
+            scene, remark = scene_of(runs, viewpoint.half / REACH)
+            return Space(_recorded(server, scene, runs, frames, viewpoint.half), [remark] if remark else [])
         finally:
             server.stop()
 
 
-def _recorded(server: Any, runs: Sequence[ReplayRun], frames: Frames) -> Space:
-    scene, setup, colours = server.scene, runs[0].setup, looks_of(runs)
-    viewpoint = common_viewpoint(runs)
-    _stand(server, runs, viewpoint)
-    size = viewpoint.half / REACH
-    links = links_of(setup.scene.robot, size)
-    arms = []
+def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
+    """Arms, cameras, target and obstacles of runs, in the frames of :func:`frames_of`; and a remark."""
+    scene, setup, looks = Scene3D(), runs[0].setup, looks_of(runs)
+    fixed, n = setup.scene.camera.fixed is not None, setup.scene.robot.n
+    meshes = urdf_meshes(setup.scene.robot, scale)
+    links = coarse([joined([link, drum]) for link, drum in zip(meshes.links, meshes.drums, strict=True)])
     for k, run in enumerate(runs):
-        colour = pale(colours[run.law].colour)
-        own = links.within(k * THINNER * size)
-        arms.append(Arm(scene, f"/{k + 1} {_name(run.law)}", run, own, colour, FIRST if k == 0 else OTHERS))
-        _carried(scene, arms[-1], run, (1.0 - 0.03 * k) * size, colours[run.law].colour)
-        _path(scene, f"/{k + 1} path", run, frames, colours[run.law].colour)
-    target = _target(scene, runs[0], arms, size)
-    moving = _obstacles(scene, runs[0], viewpoint.half)
-    lamps = [Bulbs(scene, lamp, runs, arms, viewpoint.half) for lamp in lamps_of(runs, frames)]
+        colour, smaller = looks[run.law].colour, (1.0 - 0.03 * k) * scale
+        own = ArmMeshes(tuple(inset(link, k * INSET * scale) for link in links), (joined([]),) * (n + 1))
+        opacity = OTHERS if k else 1.0
+        add_arm(scene, setup.scene.robot, own, (paler(colour), paler(colour)), f"{k} ", opacity=opacity)
+        add_carrier(scene, setup, smaller, f"{k} tip")
+        if k == 0 or not fixed:
+            scene.pyramid(0.16 * smaller * image_corners(setup.scene.camera), colour, f"{k} camera", name="camera")
+        if k and fixed:
+            scene.target(setup.scene.markers, 0.003 * scale, 0.013 * scale, f"{k} target")
+    add_surroundings(scene, setup, scale * REACH, OBSTACLE)
+    return scene, meshes.remark
+
+
+def frames_of(runs: Sequence[ReplayRun], q: Sequence[Array], t: float) -> dict[str, Placement]:
+    """Those of :func:`.setup_frames`: of run k with ``k`` before their names, what runs share without."""
+    every = [setup_frames(run.setup, own, t) for run, own in zip(runs, q, strict=True)]
+    own = {f"{k} {name}": placement for k, frames in enumerate(every) for name, placement in frames.items()}
+    return own | {name: placement for name, placement in every[0].items() if name.startswith(("target", "obstacle"))}
+
+
+def _recorded(server: Any, scene: Scene3D, runs: Sequence[ReplayRun], frames: Frames, half: float) -> str:
+    nodes = Nodes(server.scene)
+    for part in scene.parts:
+        nodes.add(part)
+    covers = []
+    for highlight in highlights_of(runs, frames):
+        mesh, frame = _cover(highlight, runs, half)
+        opacity = 0.85 if highlight.what == "marker" else 0.6
+        own = {
+            state: nodes.add(Part(mesh, colour, frame, opacity, name=f"{highlight.what} {highlight.number} {state}"))
+            for state, colour in HIGHLIGHTS.items()
+        }
+        covers.append((highlight.states, own))
     samples = [frames.samples(run) for run in runs]
+    _add_paths(server.scene, runs, samples)
     serializer = server.get_scene_serializer()
     for k, t in enumerate(frames.t):
-        for arm, run, at in zip(arms, runs, samples, strict=True):
-            arm.pose(run.trajectory.q[at[k]])
-        if target is not None and setup.scene.motion is not None:
-            target.place(setup.scene.motion.pose(float(t)))
-        for thing, motion in moving:
-            thing.set("position", np.array(motion.displacement(float(t))))
-        for lamp in lamps:
-            lamp.show(k)
+        q = [run.trajectory.q[at[k]] for run, at in zip(runs, samples, strict=True)]
+        nodes.place(frames_of(runs, q, float(t)))
+        for states, own in covers:
+            for state, handle in own.items():
+                if k == 0 or (states[k] == state) != (states[k - 1] == state):
+                    handle.visible = bool(states[k] == state)
         serializer.insert_sleep(frames.period)
-    return Space(serializer.as_html(), [links.remark] if links.remark else [])
+    html: str = serializer.as_html()
+    return html
 
 
-class Bulbs:
-    """A lamp in space: nothing, or a coloured cover around what it is about."""
+class Nodes:
+    """The nodes of viser's scene: one for each frame, and below it what is fixed to it."""
 
-    def __init__(self, scene: Any, lamp: Lamp, runs: Sequence[ReplayRun], arms: Sequence[Arm], half: float) -> None:
-        self.lamp, self.shown = lamp, 0
-        solid, parent = _cover(lamp, runs, arms, half)
-        glass = {"opacity": 0.85 if lamp.what == "marker" else 0.6}
-        self.covers = {
-            state: add_solid(scene, f"{parent}/lamp {lamp.what} {lamp.number} {state}", solid, rgb(colour), **glass)
-            for state, colour in LIT.items()
-        }
-        for cover in self.covers.values():
-            cover.visible = False
+    def __init__(self, scene: Any) -> None:
+        self.scene = scene
+        self.frames: dict[str, Any] = {}
+        self.stretched: dict[str, list[Any]] = {}
+        self.sent: dict[str, Array] = {}
 
-    def show(self, frame: int) -> None:
-        """Light it as in a frame."""
-        state = int(self.lamp.lights[frame])
-        if state != self.shown:
-            for one, cover in self.covers.items():
-                if one in (state, self.shown):
-                    cover.visible = one == state
-            self.shown = state
+    def add(self, part: Part) -> Any:
+        """A part; returns its handle."""
+        if part.frame not in self.frames:
+            self.frames[part.frame] = self.scene.add_frame(f"/{part.frame}", show_axes=False)
+        # a quarter of a millimetre nobody sees, and the file is much smaller
+        points = np.round(part.mesh.points * 4096.0) / 4096.0
+        look = {"color": rgb(part.colour), "opacity": None if part.opacity == 1.0 else part.opacity}
+        shadows = {"side": "double", "cast_shadow": False, "receive_shadow": False}
+        name = f"/{part.frame}/{part.name}"
+        handle = self.scene.add_mesh_simple(name, points, part.mesh.triangles, **look, **shadows)
+        if part.name == "rail":
+            self.stretched.setdefault(part.frame, []).append(handle)
+        return handle
+
+    def place(self, placements: dict[str, Placement]) -> None:
+        """Put frames where they are; nothing is sent of those that have not moved."""
+        for name, frame in self.frames.items():
+            pose, stretch = placements[name]
+            self._set(f"{name} position", frame, "position", pose.t)
+            self._set(f"{name} wxyz", frame, "wxyz", quaternion(pose.R))
+            for handle in self.stretched.get(name, ()):
+                self._set(f"{name} scale", handle, "scale", np.array([1.0, 1.0, stretch]))
+
+    def _set(self, key: str, handle: Any, attribute: str, value: Array) -> None:
+        before = self.sent.get(key)
+        if before is None or np.abs(value - before).max() > UNCHANGED:
+            self.sent[key] = value
+            setattr(handle, attribute, tuple(value.tolist()))
 
 
-def _cover(lamp: Lamp, runs: Sequence[ReplayRun], arms: Sequence[Arm], half: float) -> tuple[Solid, str]:
-    """The cover of a lamp, and the node it is fixed to."""
-    setup, scale = runs[lamp.run].setup, half / REACH
-    if lamp.what == "marker":
-        parent = arms[lamp.run].tip if setup.scene.camera.fixed is not None else "/target"
-        return ball(setup.scene.markers[lamp.number - 1], 0.021 * scale, 1), parent
-    if lamp.what == "joint":
-        robot = setup.scene.robot
-        along = _axis(robot, lamp.number) * 0.05 * scale
-        return bar(-along, along, (0.062 - 0.002 * lamp.run) * scale), arms[lamp.run].joint(lamp.number)
-    mesh = Mesh()
-    add_obstacle(mesh, setup.constraints.constraints[lamp.number], 0.0, 1.01 * half)
-    return of_mesh(mesh), f"/obstacle {lamp.number}"
+def quaternion(R: Array) -> Array:
+    """(4,) the unit quaternion of a rotation (3, 3), its scalar part first."""
+    x, y, z, w = pin.Quaternion(R).coeffs()
+    return np.round(np.array([w, x, y, z]), 6)
 
 
-def _stand(server: Any, runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> None:
-    """Where who opens the page stands, and the light."""
+def _cover(highlight: Highlight, runs: Sequence[ReplayRun], half: float) -> tuple[Mesh, str]:
+    """What covers a thing that is highlighted, and the frame it is fixed to."""
+    setup, scale = runs[highlight.run].setup, half / REACH
+    number, run = highlight.number, highlight.run
+    if highlight.what == "marker":
+        return ball(setup.scene.markers[number - 1], 0.021 * scale, 12), f"{run} target" if run else "target"
+    if highlight.what == "obstacle":
+        return obstacle_meshes(setup, 1.01 * half)[number], f"obstacle {number}"
+    robot = setup.scene.robot
+    rest = np.zeros(robot.n)
+    axis = joint_poses(robot, rest)[number].R.T @ joint_places(robot, rest)[1][number - 1]
+    ends = np.array([-axis, axis]) * 0.05 * scale
+    return tube(ends, (0.062 - 0.002 * run) * scale, 20), f"{run} joint {number}"
+
+
+def _add_paths(scene: Any, runs: Sequence[ReplayRun], samples: Sequence[Any]) -> None:
+    """Where the camera of each run, or the tip before a fixed one, goes."""
+    for k, (run, at) in enumerate(zip(runs, samples, strict=True)):
+        name = "tip" if run.setup.scene.camera.fixed is not None else "camera"
+        places = [setup_frames(run.setup, run.trajectory.q[i], 0.0)[name].pose.t for i in np.unique(at)]
+        if len(places) > 1:
+            pieces = np.stack((places[:-1], places[1:]), axis=1)
+            colour = rgb(looks_of(runs)[run.law].colour)
+            scene.add_line_segments(f"/{k} path", pieces, colour, thickness=2.0, thickness_units="screen")
+
+
+# --- meshes for a browser ---
+
+
+def inset(mesh: Mesh, depth: float) -> Mesh:
+    """The same with its surface this far further in [m]."""
+    if depth == 0.0 or not len(mesh.triangles):
+        return mesh
+    import trimesh
+
+    # corners of several faces in one place become one
+    merged = trimesh.Trimesh(mesh.points, mesh.triangles)
+    outwards = float(np.sign(merged.volume)) or 1.0
+    return Mesh(np.asarray(merged.vertices) - outwards * depth * merged.vertex_normals, np.asarray(merged.faces))
+
+
+def coarse(meshes: list[Mesh]) -> list[Mesh]:
+    """The same with fewer triangles where there are too many: points that are close to each other become one."""
+    cell, made = MERGED, meshes
+    while sum(len(mesh.triangles) for mesh in made) > MAX_TRIANGLES:
+        made = [_merged(mesh, cell) for mesh in meshes]
+        cell *= 1.4
+    return made
+
+
+def _merged(mesh: Mesh, cell: float) -> Mesh:
+    if not len(mesh.points):
+        return mesh
+    _, first, own = np.unique(np.round(mesh.points / cell), axis=0, return_index=True, return_inverse=True)
+    triangles = np.asarray(own).reshape(-1)[mesh.triangles]
+    a, b, c = triangles.T
+    return Mesh(mesh.points[first], triangles[(a != b) & (b != c) & (c != a)])
+
+
+# --- where it is seen from ---
+
+
+def instants_of(runs: Sequence[ReplayRun]) -> list[tuple[Array, float]]:
+    """Joint coordinates (n,) and times [s] from the starts of runs to their ends."""
+    return [
+        (run.trajectory.q[k], float(run.trajectory.t[k]))
+        for run in runs
+        for k in np.linspace(0, len(run.trajectory.t) - 1, INSTANTS).astype(int)
+    ]
+
+
+def common_viewpoint(runs: Sequence[ReplayRun]) -> Viewpoint:
+    """A viewpoint from which the motions of all runs are in view."""
+    return viewpoint_of(runs[0].setup, instants_of(runs), ASPECT)
+
+
+def standpoint(runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> Array:
+    """(3,) where a camera with :data:`FIELD_OF_VIEW` has the motions of all runs in view.
+
+    From a distance d of the centre it sees what is x to the right of it, y above it and z nearer if neither x nor y
+    is farther from zero than w (d − z) and h (d − z): this is the least d for which that is so.
+    """
+    axes = view_axes(viewpoint.elevation, viewpoint.azimuth)
+    points = np.concatenate([points_in_view(runs[0].setup, q, t) for q, t in instants_of(runs)])
+    across, up, towards = ((points - viewpoint.centre) @ axes).T
+    h = np.tan(0.5 * FIELD_OF_VIEW)
+    distance = np.max(towards + (np.maximum(np.abs(across) / NARROWEST, np.abs(up)) + ROOM * viewpoint.half) / h)
+    eye: Array = viewpoint.centre + distance * axes[:, 2]
+    return eye
+
+
+def _set_camera(server: Any, runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> None:
+    """From where the page is seen at first."""
     eye = standpoint(runs, viewpoint)
     away = float(np.linalg.norm(eye - viewpoint.centre))
     camera = server.initial_camera
@@ -182,88 +287,3 @@ def _stand(server: Any, runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> None
     camera.up, camera.fov = (0.0, 0.0, 1.0), FIELD_OF_VIEW
     camera.near, camera.far = 0.01 * away, 100.0 * away
     server.scene.set_up_direction("+z")
-
-
-def _carried(scene: Any, arm: Arm, run: ReplayRun, size: float, colour: str) -> None:
-    """The camera at the tip, or the one that is fixed, and the bar to what the tip carries."""
-    camera = run.setup.scene.camera
-    width, height = camera.size
-    eye = {
-        "fov": float(2.0 * np.arctan(0.5 * height / camera.focal[1])),
-        "aspect": float(width / camera.focal[0] / (height / camera.focal[1])),
-        "scale": 0.16 * size,
-        "color": rgb(colour),
-        "thickness": 0.006 * size,
-        "variant": "filled",
-    }
-    if camera.fixed is None:
-        at = camera.mount.inverse
-        Mover(scene.add_camera_frustum(f"{arm.tip}/camera", **eye)).place(at)
-    else:
-        Mover(scene.add_camera_frustum("/camera", **eye)).place(camera.fixed)
-        at = Pose(np.eye(3), run.setup.scene.markers.mean(axis=0))
-    if np.linalg.norm(at.t) > 1e-6:
-        add_solid(scene, f"{arm.tip}/carrier", bar(np.zeros(3), at.t, 0.007 * size), rgb("#4A5568"))
-
-
-def _path(scene: Any, name: str, run: ReplayRun, frames: Frames, colour: str) -> None:
-    """Where the camera, or the tip before a fixed one, goes."""
-    world, samples = run.setup.scene, frames.samples(run)
-    to = Pose.identity() if world.camera.fixed is not None else world.camera.mount.inverse
-    places = np.array([(world.robot.pose(run.trajectory.q[k]) @ to).t for k in np.unique(samples)])
-    if len(places) > 1:
-        pieces = np.stack((places[:-1], places[1:]), axis=1)
-        scene.add_line_segments(name, pieces, rgb(colour), thickness=2.0, thickness_units="screen")
-
-
-def _target(scene: Any, run: ReplayRun, arms: Sequence[Arm], size: float) -> Mover | None:
-    """The plate with its markers, which moves, stands still, or is carried by each arm."""
-    markers = run.setup.scene.markers
-    spots = together([ball(marker, 0.013 * size, 2) for marker in markers])
-    fixed = run.setup.scene.camera.fixed is not None
-    for parent in [arm.tip for arm in arms] if fixed else ["/target"]:
-        handle = None if fixed else scene.add_frame(parent, show_axes=False)
-        add_solid(scene, f"{parent}/markers", spots, rgb(INK))
-        if len(markers) > 2:
-            corners = markers.mean(axis=0) + 1.25 * (markers - markers.mean(axis=0))
-            fan = np.array([[0, i, i + 1] for i in range(1, len(corners) - 1)])
-            add_solid(scene, f"{parent}/plate", Solid(corners, fan), rgb(PLATE), flat_shading=True)
-    return None if fixed else Mover(handle)
-
-
-def _obstacles(scene: Any, run: ReplayRun, half: float) -> list[tuple[Mover, Any]]:
-    """What stands in the way, as glass; those of them that move, with their motions."""
-    moving = []
-    for k, constraint in enumerate(run.setup.constraints.constraints):
-        mesh = Mesh()
-        add_obstacle(mesh, constraint, 0.0, half)
-        if mesh.polygons:
-            handle = scene.add_frame(f"/obstacle {k}", show_axes=False)
-            add_solid(scene, f"/obstacle {k}/glass", of_mesh(mesh), rgb(GLASS), opacity=0.45)
-            motion = getattr(constraint, "motion", None)
-            if motion is not None:
-                moving.append((Mover(handle), motion))
-    return moving
-
-
-def _slide(scene: Any, name: str, robot: Any, joint: int, look: dict[str, Any]) -> Any:
-    """A bar of length 1 along what a joint slides on, in the frame before it."""
-    placement, axis = robot.model.jointPlacements[joint], _axis(robot, joint)
-    z_to_axis = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
-    thin = bar(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.004)
-    handle = add_solid(scene, name, thin, look["color"], opacity=look["opacity"])
-    Mover(handle).place(Pose(np.array(placement.rotation) @ z_to_axis, np.array(placement.translation)))
-    return handle
-
-
-def _axis(robot: Any, joint: int) -> Array:
-    """(3,) direction of a joint's axis, in its own frame."""
-    data = robot.model.joints[joint].createData()
-    robot.model.joints[joint].calc(data, np.zeros(robot.n), np.zeros(robot.n))
-    S = np.asarray(data.S).reshape(6)
-    axis: Array = S[:3] if robot.prismatic[joint - 1] else S[3:]
-    return axis
-
-
-def _name(law: str) -> str:
-    return law.replace("/", "-")

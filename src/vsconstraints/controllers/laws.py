@@ -1,0 +1,378 @@
+"""Laws by name: pairs of a demand and a resolver, some with options of their own."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from typing import Any, ClassVar, Literal, TypeVar
+
+from ..errors import unknown_name
+from .demands import (
+    DEMANDS,
+    Barrier,
+    BoundaryLayer,
+    Demand,
+    ImplicitSuperTwisting,
+    ImplicitSwitch,
+    ImplicitSwitchWithDrift,
+    Nothing,
+    RampRepulsion,
+    SuperTwisting,
+    Switch,
+)
+from .law import Law
+from .least_norm import RANK_TOLERANCE
+from .resolvers import AUTO, RESOLVERS, Additive, Filter, Hierarchy, Priority, Resolver
+
+
+class Tracking(Law):
+    """The task alone: ignores the rows, and so tells which of them a scenario challenges at all.
+
+    q̈ = q̈₀ + J† (b − J q̈₀), of all q̈ with the least ‖J q̈ − b‖ the one nearest to the task's q̈₀.
+    In a singular configuration the directions whose singular values fall below the tolerance are left alone,
+    so that the command stays finite (see :func:`.least_norm`) and its status stays ``ok``; next to one it can
+    be large.
+
+    Parameters
+    ----------
+    rank_tolerance
+        Singular values below this fraction of the largest one count as zero.
+    """
+
+    name = "tracking"
+
+    def __init__(self, *, rank_tolerance: float = RANK_TOLERANCE) -> None:
+        super().__init__(Nothing(), Priority(rank_tolerance))
+
+
+class SlidingMode(Law):
+    """The paper's law: a sliding mode on the active rows, tracking in their null space.
+
+    Eqs. (10), (11) and (15): the rows with φ ≥ 0 demand A₁ q̈ = −u⁺, the task acts in the null space of A₁.
+    L_fφ is not used. If the active rows have lost full row rank the status is ``rank-loss``: the command then meets
+    their demands in the least-squares sense, and section 5.2 advises to abort. Of all q̈ that do as well for rows and
+    task it is the nearest to the task's q̈₀.
+
+    Parameters
+    ----------
+    rank_tolerance
+        Singular values below this fraction of the largest one count as zero, of the active rows once each is divided
+        by its length (see :func:`vsconstraints.controllers.task_priority.resolve`).
+    """
+
+    name = "sliding-mode"
+
+    def __init__(self, *, rank_tolerance: float = RANK_TOLERANCE) -> None:
+        super().__init__(Switch(), Priority(rank_tolerance))
+
+
+BLENDS: dict[str, tuple[type[BoundaryLayer | RampRepulsion], type[Priority]]] = {
+    "additive": (RampRepulsion, Additive),
+    "priority": (BoundaryLayer, Priority),
+}
+"""Demand and resolver by the name of the blend."""
+
+
+class PotentialField(Law):
+    """Repulsion that grows continuously towards the boundary, inside an influence region.
+
+    The repulsion is ψ(φ) u⁺ inside the region −δ < φ, with δ = ``region`` × the row's scale.
+    ψ = (1 + φ/δ)^exponent is 0 where the region begins and 1 on the boundary: a ramp, where Khatib's FIRAS, the demand
+    :class:`~vsconstraints.controllers.Firas`, is infinite. Since φ = σ + K σ̇, the repulsion is a spring in σ together
+    with a damper in σ̇.
+
+    ``additive`` is the classical sum of tracking and repulsion: q̈ = q̈_track − Σ ψᵢ u⁺ᵢ L_gφᵢ†, where ψ goes on growing
+    beyond the boundary. Either part may win, so that rows can be violated.
+
+    ``priority`` gives the rows the place they have in the paper's law: those inside their regions demand
+    L_gφ q̈ = (1 − ψ) L_gφ q̈_track − ψ u⁺, with ψ at most 1, and the task acts in their null space. Where the region
+    begins this is what tracking does anyway, on the boundary it is the sliding-mode law; in between it is continuous.
+    As ``region`` goes to zero it becomes the sliding-mode law.
+
+    Parameters
+    ----------
+    blend
+        ``"additive"`` or ``"priority"``.
+    region
+        Depth of the influence region as a fraction of each row's allowed range; positive.
+    exponent
+        How ψ grows; 1 is linear, larger values concentrate the repulsion at the boundary.
+    strength
+        Factor on every u⁺.
+    rank_tolerance
+        As for :class:`SlidingMode`.
+    """
+
+    name = "potential-field"
+
+    def __init__(
+        self,
+        *,
+        blend: Literal["additive", "priority"] = "additive",
+        region: float = 0.2,
+        exponent: float = 1.0,
+        strength: float = 1.0,
+        rank_tolerance: float = RANK_TOLERANCE,
+    ) -> None:
+        super().__init__(*_parts_of_blend(blend, (region, exponent, strength), rank_tolerance))
+
+    @property
+    def blend(self) -> str:
+        """``"additive"`` or ``"priority"``."""
+        return self.resolver.name
+
+    @blend.setter
+    def blend(self, blend: Any) -> None:
+        demand, resolver = _parts_of_blend(blend, self.demand.parameters, self.rank_tolerance)
+        self.demand, self.resolver = demand, resolver
+
+
+def _parts_of_blend(blend: object, parameters: tuple[float, ...], rank_tolerance: float) -> tuple[Demand, Resolver]:
+    if not (isinstance(blend, str) and blend in BLENDS):
+        raise unknown_name("blend", blend, tuple(BLENDS))
+    demand, resolver = BLENDS[blend]
+    return demand(*parameters), resolver(rank_tolerance)
+
+
+class HierarchicalQP(Law):
+    """Strict priorities: (1) rows, (2) task, (3) the acceleration nearest to q̈₀: the resolver :class:`.Hierarchy`.
+
+    With the demands A q̈ ≤ c of the rows, of all q̈ in the box |q̈| ≤ q̈_max (level 0, always met)
+
+    1. those with the least ‖W max(0, A q̈ − c)‖;
+    2. of these, those with the least ‖J q̈ − b‖;
+    3. of these, the one with the least ‖q̈ − q̈₀‖, q̈₀ being the task's ``rest``.
+
+    Where no row resists, the command is that of :class:`~vsconstraints.controllers.Tracking`, bit by bit.
+    Where rows contradict each other the command has the status ``relaxed`` and says which demands are unmet
+    and by how much. Level 1 measures every demand in the unit of its φ per second: how rows of different
+    kinds share an unavoidable violation depends on these units; nothing is normalised silently, ``weights``
+    change it.
+
+    How it is computed, and how strict level 2 is: see :class:`vsconstraints.controllers.resolvers.Hierarchy`.
+
+    Parameters
+    ----------
+    rows
+        The demands. ``"barrier"``: L_fφ + L_gφ q̈ ≤ −αφ for every row, so that φ decays exponentially to its
+        bound and never crosses it. ``"active"``: L_gφ q̈ ≤ −u⁺ for the rows with φ ≥ 0 only, the inequality
+        twin of eq. (15).
+    alpha
+        Rate α of the barrier [1/s].
+    solver
+        ``"auto"``: the dual active-set method of :mod:`vsconstraints.compiled.least_distance`, compiled together with
+        all of this law, and where there is no compiler ``"daqp"``. Or the name of a QP solver, see
+        :func:`vsconstraints.qp.solver_names`. If its answer fails the check of the optimality conditions, others are
+        asked (:data:`vsconstraints.qp.FALLBACKS`) and the command says so.
+    weights
+        Diagonal of W by the beginning of the label, for example ``{"fov": 2.0, "range[joint 6]": 5.0}``; the
+        longest matching beginning counts, 1 where none matches. From 1e-10 to 1e10: beside rows of so much more weight
+        violations of light ones are lost in rounding. One that begins no label is told of in
+        ``Command.remark``, and in the reason of a simulation.
+    max_acceleration
+        q̈_max [rad/s² or m/s²]; None for no box.
+    damping
+        Weight of level 3 within the QP, relative to ‖J‖² in the Frobenius norm. Much smaller ones make the QP hard to
+        solve.
+    rank_tolerance
+        Singular values of J below this fraction of the largest one count as zero.
+
+    Attributes
+    ----------
+    solvers
+        The solver asked and those behind it, with their warm starts and the count of their failures;
+        :meth:`reset` clears both.
+
+    Raises
+    ------
+    ConfigurationError
+        at construction, if an option cannot be used or if the solver is unknown or not installed.
+    """
+
+    name = "hierarchical-qp"
+
+    def __init__(
+        self,
+        *,
+        rows: Literal["barrier", "active"] = "barrier",
+        alpha: float = 20.0,
+        solver: str = AUTO,
+        weights: Mapping[str, float] | None = None,
+        max_acceleration: float | None = None,
+        damping: float = 1e-8,
+        rank_tolerance: float = RANK_TOLERANCE,
+    ) -> None:
+        demand, self._alpha = _demand(rows, alpha), alpha
+        resolver = Hierarchy(
+            solver=solver,
+            weights=weights,
+            max_acceleration=max_acceleration,
+            damping=damping,
+            rank_tolerance=rank_tolerance,
+        )
+        super().__init__(demand, resolver)
+
+    @property
+    def rows(self) -> str:
+        """Which demands: ``"barrier"`` or ``"active"``."""
+        return "barrier" if isinstance(self.demand, Barrier) else "active"
+
+    @rows.setter
+    def rows(self, rows: Any) -> None:
+        self.demand = _demand(rows, self._alpha)
+
+    @property
+    def alpha(self) -> float:
+        """Rate α of the barrier [1/s]."""
+        return self._alpha
+
+    @alpha.setter
+    def alpha(self, alpha: float) -> None:
+        self.demand, self._alpha = _demand(self.rows, alpha), Barrier(alpha).alpha
+
+
+def _demand(rows: object, alpha: float) -> Demand:
+    if not (isinstance(rows, str) and rows in ("barrier", "active")):
+        raise unknown_name("form of rows", rows, ("barrier", "active"))
+    barrier = Barrier(alpha)
+    return barrier if rows == "barrier" else Switch()
+
+
+Part = TypeVar("Part", Demand, Resolver)
+
+
+class Pair(Law):
+    """Any demand with any resolver, by their names: the paper's, unless others are named.
+
+    Parameters
+    ----------
+    demand
+        Name of one of :data:`vsconstraints.controllers.DEMANDS`.
+    resolver
+        Name of one of :data:`vsconstraints.controllers.RESOLVERS`.
+    options
+        Parameters of the demand and options of the resolver.
+    """
+
+    def __init__(self, *, demand: str = "switch", resolver: str = "priority", **options: Any) -> None:
+        parts = of_name("demand", demand, DEMANDS), of_name("resolver", resolver, RESOLVERS)
+        super().__init__(*split_options(self.name, parts, options))
+
+
+class Named(Law):
+    """A demand and a resolver under a name of their own; :func:`named` makes one."""
+
+    parts: ClassVar[tuple[type[Demand], type[Resolver]]]
+    defaults: ClassVar[Mapping[str, Any]]
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(*split_options(self.name, self.parts, {**self.defaults, **options}))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _without_state, (self.name,), self.__getstate__()
+
+
+def named(name: str, demand: type[Demand], resolver: type[Resolver], line: str, **defaults: Any) -> type[Named]:
+    """A law of that name: a class whose constructor takes the options of both parts.
+
+    Parameters
+    ----------
+    name
+        For files and the command line.
+    demand, resolver
+        What it consists of.
+    line
+        What it is, in one line.
+    defaults
+        Options that differ from those of the parts.
+    """
+    options = [
+        inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=defaults.get(key, default))
+        for key, default in options_of(demand, resolver).items()
+    ]
+    body = {
+        "__doc__": line,
+        "__signature__": inspect.Signature(options),
+        "name": name,
+        "parts": (demand, resolver),
+        "defaults": defaults,
+    }
+    return type(name, (Named,), body)
+
+
+def of_name(what: Literal["demand", "resolver"], name: object, classes: Iterable[type[Part]]) -> type[Part]:
+    """The class of that name; names the candidates if there is none."""
+    known = {part.name: part for part in classes}
+    if not (isinstance(name, str) and name in known):
+        raise unknown_name(what, name, known)
+    return known[name]
+
+
+def options_of(demand: type[Demand], resolver: type[Resolver]) -> dict[str, Any]:
+    """The options of a demand and a resolver, with their defaults."""
+    return {field.name: field.default for part in (demand, resolver) for field in fields(part)}
+
+
+def split_options(
+    law: str, parts: tuple[type[Demand], type[Resolver]], options: Mapping[str, Any]
+) -> tuple[Demand, Resolver]:
+    """A demand and a resolver, each made with those options that are its own; names the candidates if one is none's."""
+    demand, resolver = parts
+    known = options_of(demand, resolver)
+    for key in options:
+        if key not in known:
+            raise unknown_name(f"option of {law}", key, known)
+    own = {field.name for field in fields(demand)}
+    return (
+        demand(**{key: value for key, value in options.items() if key in own}),
+        resolver(**{key: value for key, value in options.items() if key not in own}),
+    )
+
+
+def _without_state(name: str) -> Named:
+    law = next(law for law in NAMED if law.name == name)
+    return law.__new__(law)
+
+
+NAMED: tuple[type[Named], ...] = (
+    named(
+        "implicit-switch",
+        ImplicitSwitch,
+        Hierarchy,
+        "The paper's switch without its chattering: solved for the end of the period, with strict priorities.",
+        periods=5.0,
+    ),
+    named(
+        "implicit-switch-with-drift",
+        ImplicitSwitchWithDrift,
+        Hierarchy,
+        "The implicit switch, less the drift that was seen a sample ago.",
+        periods=5.0,
+    ),
+    named(
+        "boundary-layer",
+        BoundaryLayer,
+        Priority,
+        "Sliding mode with a boundary layer, laid inside (the potential field with priority).",
+    ),
+    named(
+        "super-twisting",
+        SuperTwisting,
+        Priority,
+        "Sliding mode of second order, which learns the drift.",
+    ),
+    named(
+        "implicit-super-twisting",
+        ImplicitSuperTwisting,
+        Hierarchy,
+        "Sliding mode of second order by the proper implicit Euler method, with strict priorities.",
+    ),
+    named(
+        "cbf-filter",
+        Barrier,
+        Filter,
+        "The safety filter of control barrier functions: the command nearest to tracking that meets the barrier.",
+    ),
+)
+"""Laws that have a name of their own, beside those that are classes."""

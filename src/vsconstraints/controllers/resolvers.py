@@ -1,0 +1,620 @@
+"""Resolvers: ways to share q̈ among demands and task.
+
+One half of a law; :mod:`vsconstraints.controllers.demands` are the other. What they compute is compiled, in
+:mod:`vsconstraints.compiled`; here are their options, and what their answers mean.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from ..compiled import load
+from ..compiled.structures import (
+    INCOMPATIBLE,
+    NEAREST,
+    RANK_LOSS,
+    RELAXED_ROWS,
+    RELAXED_SHORT,
+    SCALED,
+    SHORT,
+    SOLVED,
+    STRICT,
+    WEIGHED,
+)
+from ..errors import ConfigurationError, InvalidInput, SolverError, shown, unknown_name
+from ..formulas.row import BOUND, EQUAL, PUSH, share
+from ..qp import SolverChain
+from ..rows import Array, BoolArray, Command, IntArray, Rows, Task
+from ..rows.tolerances import ZERO_GRADIENT
+from .cascade import Target, descend
+from .compiled import compiled_law, in_usual_layout
+from .demands import Demand, Known, KnownPush
+from .least_norm import RANK_TOLERANCE, least_norm, rank_loss, track
+from .ranges import Choices, Declared, Fixed, Range, positive_number, rank_tolerance
+
+Asked = Callable[[int, Array | None], Array]
+"""What the rows ask for: of a purpose (:mod:`vsconstraints.formulas.row`) and q̈ of tracking (n,), (m,)."""
+
+NO_WEIGHTS = np.empty(0)
+
+USES: dict[str, str] = {"error": "e", "error_rate": "ė"}
+"""What a resolver may use of the task beside J and b, as printed."""
+
+
+@dataclass(frozen=True)
+class Resolver(ABC):
+    """A way to share q̈ among the demands of rows and a task.
+
+    A frozen dataclass: its fields are options. What it warm-starts is the law's, see :meth:`solvers`.
+
+    Attributes
+    ----------
+    name
+        In reports.
+    kernel
+        Module and name of its compiled form, see :class:`vsconstraints.compiled.structures.LawArrays`; None for a
+        resolver with a ``solve`` of its own in NumPy.
+    otherwise
+        Module and name of the compiled form that answers where this one does not, on the same options; None if there
+        is none.
+    purpose
+        What it asks of demands: see :mod:`vsconstraints.formulas.row`.
+    uses
+        Which of :data:`USES` it uses; it says so itself where that is not given.
+    measures
+        Whether its commands tell what they leave unmet.
+    answers
+        Codes with which the compiled form has an answer.
+    ranges
+        From where to where an option is worth searching; tolerances, limits and solvers are not.
+    """
+
+    name: ClassVar[str]
+    kernel: ClassVar[tuple[str, str] | None] = None
+    otherwise: ClassVar[tuple[str, str] | None] = None
+    purpose: ClassVar[int] = BOUND
+    uses: ClassVar[tuple[str, ...]] = ()
+    measures: ClassVar[bool] = False
+    answers: ClassVar[Collection[int]] = (SOLVED,)
+    ranges: ClassVar[Mapping[str, Declared]] = {}
+
+    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
+        """The command, where the law is not compiled as a whole: its demand is a formula in NumPy, or it was refused.
+
+        Parameters
+        ----------
+        rows, task
+            Finite and of matching shapes.
+        asked
+            What the rows ask for.
+        tracks
+            Whether that depends on what tracking alone does.
+        solvers
+            What :meth:`solvers` has made.
+
+        Raises
+        ------
+        SolverError
+            if numbers leave the range of floating point.
+        """
+        return in_range(self.share(rows, task, self.bounds(task, asked, tracks))[1])
+
+    def bounds(self, task: Task, asked: Asked, tracks: bool) -> Array:
+        """(m,) what the rows ask for, with the tracking command in NumPy if that depends on it."""
+        return asked(self.purpose, track(task, self.options[0]) if tracks else None)
+
+    def share(self, rows: Rows, task: Task, c: Array) -> tuple[int, Command | None]:
+        """The code and the command of the compiled form, for what rows ask for, c (m,): see ``purpose``."""
+        demand = KnownPush() if self.purpose == PUSH else Known()
+        memory = np.ascontiguousarray(c[:, None], dtype=np.float64)
+        law = compiled_law(demand, self, rows.labels, memory=memory, always=True)
+        assert law is not None
+        code, qdd, acted, slack, iterations = law(*(in_usual_layout(rows, task) or (rows, task)))
+        if code == RANK_LOSS:
+            return code, Command(qdd, "ok", acted, rows.labels)
+        return code, self.command(code, qdd, acted, rows.labels, slack, iterations)
+
+    @abstractmethod
+    def tracks(self, demand: Demand) -> bool:
+        """Whether what is asked of this demand depends on what tracking alone does."""
+
+    @property
+    @abstractmethod
+    def options(self) -> Array:
+        """What the compiled form takes; the rank tolerance first."""
+
+    @property
+    def compiles(self) -> bool:
+        """Whether the options have a compiled form."""
+        return True
+
+    def loaded(self, always: bool = False) -> tuple[Any, Any]:
+        """The compiled form, and that which answers otherwise; None where there is none.
+
+        Options without a compiled form of the whole law have none, unless what is compiled is ``always`` asked for.
+        """
+        if not (self.compiles or always):
+            return None, None
+        return _form(self.kernel), _form(self.otherwise) if self.compiles else None
+
+    def solvers(self) -> SolverChain | None:
+        """A chain of QP solvers for a law of its own; None if it needs none."""
+        return None
+
+    def row_weights(self, labels: tuple[str, ...]) -> Array:
+        """(m,) weight of each row's violation; (0,) if all are 1."""
+        return NO_WEIGHTS
+
+    def remark(self, labels: tuple[str, ...]) -> str:
+        """What a user should know of these options and rows of these labels, though nothing is wrong; else empty."""
+        return ""
+
+    def command(
+        self, code: int, qdd: Array, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
+    ) -> Command | None:
+        """The command of the compiled form's answer; None if the code says that there is none."""
+        return Command(qdd, "ok", acted, labels) if code in self.answers else None
+
+
+def in_range(command: Command | None) -> Command:
+    """The command, if there is one; raises SolverError if not."""
+    if command is None:
+        raise SolverError("squares of L_gφ, J or q̈ are beyond the range of floating point")
+    return command
+
+
+def _form(kernel: tuple[str, str] | None) -> Any:
+    return None if kernel is None else getattr(load(kernel[0]), kernel[1])
+
+
+# --- closed forms ---
+
+
+@dataclass(frozen=True)
+class Priority(Resolver):
+    """Rows that act meet their demands with equality, L_gφ q̈ = c; the task acts in their null space (eq. 15).
+
+    If rows with φ ≥ 0 depend on each other the status is ``rank-loss`` (section 5.2), and demands are met in the
+    least-squares sense.
+    """
+
+    rank_tolerance: float = RANK_TOLERANCE
+    """Singular values below this fraction of the largest one count as zero, of the active rows once each is divided by
+    its length."""
+
+    name = "priority"
+    kernel = ("task_priority", "priority")
+    purpose = EQUAL
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rank_tolerance", rank_tolerance(self.rank_tolerance))
+
+    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
+        """See :class:`.Resolver`."""
+        return self.prioritise(rows, task, self.bounds(task, asked, tracks))
+
+    def prioritise(self, rows: Rows, task: Task, c: Array) -> Command:
+        """Eq. (15) for rows that must meet L_gφ q̈ = c (m,), ∞ for those that do not act."""
+        code, command = self.share(rows, task, c)
+        return rank_loss(rows, in_range(command), self.rank_tolerance) if code == RANK_LOSS else in_range(command)
+
+    def tracks(self, demand: Demand) -> bool:
+        """See :class:`.Resolver`."""
+        return demand.tracks or not demand.everywhere
+
+    @property
+    def options(self) -> Array:
+        """See :class:`.Resolver`."""
+        return np.array([self.rank_tolerance])
+
+
+class Additive(Priority):
+    """q̈ = q̈_track + Σ min(0, cᵢ − L_gφᵢ q̈_track) L_gφᵢ†: rows and task may each win.
+
+    The singular values of J below ``rank_tolerance`` times the largest one count as zero.
+    """
+
+    name = "additive"
+    kernel = ("task_priority", "additive")
+    purpose = PUSH
+
+    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
+        """See :class:`.Resolver`."""
+        return Resolver.solve(self, rows, task, asked, True, solvers)
+
+    def tracks(self, demand: Demand) -> bool:
+        """See :class:`.Resolver`."""
+        return not demand.relative or demand.sees_tracking
+
+
+@dataclass(frozen=True)
+class Projection(Additive):
+    """q̈ = q̈_track + P z with the pushes z = Σ min(0, cᵢ − L_gφᵢ q̈_track) L_gφᵢ† of :class:`Additive`.
+
+    P = λ P_e + (1 − λ)(I − J†J) with P_e = I − Jᵀe eᵀJ / ‖Jᵀe‖², and λ growing with ‖e‖ from 0 to 1: see
+    :func:`vsconstraints.formulas.projection.opening`. Since eᵀJ P = 0, nothing changes in d²/dt² ½‖e‖² whatever z is,
+    even for an arm that is not redundant: P_e has rank n − 1. Where the error is small, only the null space of the task
+    is left, and λ = 0 alone is the gradient projection: for an arm that the task needs all of, it does nothing. So rows
+    are not kept for certain. Where Jᵀe = 0, P_e is I.
+
+    Reference: Marey, Chaumette, "New strategies for avoiding robot joint limits: application to visual servoing using a
+    large projection operator", IROS 2010; joint limits in ViSP, which choose a gain on z so that P z stops the joint.
+
+    Parameters
+    ----------
+    closed, opened
+        ‖e‖ below which λ is 0 and above which it is 1, in units of the task's error.
+    """
+
+    closed: float = 0.1
+    opened: float = 0.7
+
+    name = "projection"
+    kernel = ("projection", "projection")
+    uses = ("error",)
+    ranges: ClassVar[Mapping[str, Declared]] = {"closed": Range(0.01, 0.3), "opened": Range(0.4, 4.0)}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("closed", "opened"):
+            object.__setattr__(self, name, positive_number(name, getattr(self, name)))
+        if self.closed >= self.opened:
+            raise ConfigurationError(f"closed must be below opened, which is {self.opened:g}, not {self.closed:g}")
+
+    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
+        """See :class:`.Resolver`.
+
+        Raises
+        ------
+        InvalidInput
+            if the task does not give its error.
+        """
+        if task.error.shape != task.b.shape:
+            raise InvalidInput(f"the resolver {self.name!r} uses task.error, which this task does not give")
+        return super().solve(rows, task, asked, tracks, solvers)
+
+    @property
+    def options(self) -> Array:
+        """See :class:`.Resolver`."""
+        return np.array([self.rank_tolerance, self.closed, self.opened])
+
+
+# --- quadratic programs ---
+
+AUTO, DEFAULT = "auto", "daqp"
+"""The compiled descent; and who is asked where its answer fails the check."""
+
+COMPILED = "compiled"
+"""What commands call the compiled solver."""
+
+HEAVIEST = 1e10
+"""Largest weight of a row, and the inverse of the least: those without one have 1."""
+
+ANSWERS = {SOLVED: (False, False), RELAXED_ROWS: (True, False), SHORT: (False, True), RELAXED_SHORT: (True, True)}
+"""Codes of answers: whether demands are unmet, and whether levels 2 and 3 may be."""
+
+UNPROVED = "rounding does not allow to prove that the task and the accelerations are the least that the rows allow"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hierarchy(Resolver):
+    """Strict priorities: (1) rows, (2) task, (3) least ‖q̈ − q̈₀‖, as a lexicographic quadratic program.
+
+    What the levels are: see :class:`vsconstraints.controllers.HierarchicalQP`.
+
+    How it is computed: levels 2 and 3 are one strictly convex QP, min ½Σⱼ(gⱼ² + damping)vⱼ² in the
+    coordinates v = Vᵀ(q̈ − q̈_track) of the singular vectors of J with relative gains g, with hard rows. Only if the hard
+    rows are incompatible is level 1 computed, exactly; the violated rows then become equalities, which are eliminated
+    with an orthonormal basis, and the QP is solved in the remaining coordinates. A large weight or soft rows in place
+    of this were measured to be wrong.
+
+    How strict level 2 is: where J leaves directions free and the damping has cost the task more than a residual of 1e-6
+    ‖J‖‖q̈ − q̈_track‖, level 2 is found by itself, and level 3 within it. It then uses every direction within the rows
+    whose gain is above ``rank_tolerance`` relative to J, however large the accelerations; ``max_acceleration`` is there
+    to bound them. Two exceptions tame tasks that are nearly singular. Where J has a relative gain below 1e-3, level 2
+    uses directions within the rows only above √damping. And where J leaves no direction free, the QP's minimiser is the
+    answer: level 3 wins in directions whose relative gain is below √damping, and takes a fraction of damping/gⱼ² from
+    others. If rounding does not allow to prove that levels 2 and 3 are met, the status is ``suboptimal``: the rows are
+    met, and no known point that meets them has a smaller residual.
+
+    Parameters
+    ----------
+    solver, weights, max_acceleration, damping, rank_tolerance
+        See :class:`vsconstraints.controllers.HierarchicalQP`.
+    """
+
+    solver: str = AUTO
+    weights: Mapping[str, float] | None = None
+    max_acceleration: float | None = None
+    damping: float = 1e-8
+    rank_tolerance: float = RANK_TOLERANCE
+
+    name = "hierarchy"
+    kernel = ("hierarchical_qp", "descend")
+    measures = True
+    answers = ANSWERS
+
+    def __post_init__(self) -> None:
+        checked: dict[str, object] = {"damping": positive_number("damping", self.damping)}
+        if self.max_acceleration is not None:
+            checked["max_acceleration"] = positive_number("max_acceleration", self.max_acceleration)
+        weights = self.weights
+        if weights is not None:
+            if not (isinstance(weights, Mapping) and all(isinstance(prefix, str) for prefix in weights)):
+                raise ConfigurationError(f"weights must map beginnings of labels to numbers, not {shown(weights)}")
+            checked["weights"] = Fixed({prefix: _weight(prefix, weight) for prefix, weight in weights.items()})
+        checked["rank_tolerance"] = rank_tolerance(self.rank_tolerance)
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def compiles(self) -> bool:
+        """Whether no solver is asked for by name."""
+        return self.solver == AUTO
+
+    @property
+    def options(self) -> Array:
+        """See :class:`.Resolver`."""
+        return np.array([self.rank_tolerance, self.bound, self.damping, float(self.aim)])
+
+    @property
+    def bound(self) -> float:
+        """Half the width of the box that this is an option of, or infinity."""
+        return math.inf if self.max_acceleration is None else self.max_acceleration
+
+    @property
+    def aim(self) -> int:
+        """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.structures`."""
+        return STRICT
+
+    def solvers(self) -> SolverChain:
+        """See :class:`.Resolver`."""
+        return SolverChain(DEFAULT if self.solver == AUTO else self.solver)
+
+    def tracks(self, demand: Demand) -> bool:
+        """See :class:`.Resolver`."""
+        return demand.tracks
+
+    def row_weights(self, labels: tuple[str, ...]) -> Array:
+        """See :class:`.Resolver`."""
+        return row_weights(labels, self.weights) if self.weights else NO_WEIGHTS
+
+    def remark(self, labels: tuple[str, ...]) -> str:
+        """Which weights concern no label."""
+        weights = self.weights or {}
+        idle = [shown(prefix) for prefix in weights if not any(label.startswith(prefix) for label in labels)]
+        return f"weights that begin no row's label: {', '.join(idle)}" if idle and labels else ""
+
+    def command(
+        self, code: int, qdd: Array, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
+    ) -> Command | None:
+        """See :class:`.Resolver`."""
+        if code not in self.answers:
+            return None
+        command = Command(qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations)
+        if code:
+            relaxed, short = ANSWERS[code]
+            command.status = "relaxed" if relaxed else "suboptimal"
+            why = unmet(labels, slack, np.flatnonzero(~acted & (slack > 0.0)))
+            command.reason = "; ".join(filter(None, (why, UNPROVED if short else "")))
+        return command
+
+    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
+        """See :class:`.Resolver`: compiled, or by a solver that is asked for by name, or where that has no answer."""
+        c = self.bounds(task, asked, tracks)
+        command = self.share(rows, task, c)[1]
+        # without iterations no row resists, or they leave no choice: there is nothing to ask a solver
+        if command is not None and (self.compiles or not command.iterations):
+            return command
+        assert solvers is not None
+        return self.by_solvers(rows, task, c, solvers)
+
+    def by_solvers(self, rows: Rows, task: Task, c: Array, solvers: SolverChain) -> Command:
+        """The command by QP solvers, for what rows ask for, c (m,)."""
+        found = least_norm(task.J, task.b, self.rank_tolerance, task.rest)
+        box: Array = np.array([[-self.bound], [self.bound]]) * np.ones(len(found.qdd))
+        if len(rows.qdd_max):
+            box = np.clip(box, rows.qdd_min, rows.qdd_max)
+        center, shaped = self.center(rows, found.qdd, c, box)
+        cost = Target.of(found, self.damping, self.rank_tolerance, self.aim == STRICT)
+        if self.aim in (NEAREST, SCALED):
+            cost = Target(center, np.eye(len(center)), np.ones(len(center)), self.damping, self.rank_tolerance, False)
+        which = np.flatnonzero(c < np.inf)
+        fixed = np.linalg.norm(rows.Lg[which], axis=1) <= ZERO_GRADIENT * rows.scale[which]
+        free, stuck = which[~fixed], which[fixed]
+        weights = row_weights([rows.labels[i] for i in free], self.weights or {})
+        try:
+            best = descend(rows.Lg[free], c[free], weights, cost, box, solvers)
+        except InvalidInput as error:
+            raise SolverError(f"beyond the range of floating point: {error}") from error
+        acted, slack = shaped, np.zeros(len(rows.labels))
+        acted[free] |= best.holding
+        slack[free], slack[stuck] = best.violation, np.maximum(-c[stuck], 0.0)
+        return Command(
+            best.x,
+            "relaxed" if slack.any() else "suboptimal" if best.shortfall else "ok",
+            acted,
+            rows.labels,
+            reason="; ".join(filter(None, (unmet(rows.labels, slack, stuck), best.shortfall))),
+            slack=slack,
+            solver=best.verified.solver if best.verified else "",
+            iterations=best.verified.answer.iterations if best.verified else 0,
+            fallback=best.fallback,
+        )
+
+    def center(self, rows: Rows, tracking: Array, c: Array, box: Array) -> tuple[Array, BoolArray]:
+        """q̈ (n,) that the levels below the rows are to stay near to, and the (m,) rows that have shaped it."""
+        return tracking, np.zeros(c.size, dtype=np.bool_)
+
+
+METRICS = {"joint": NEAREST, "task": WEIGHED}
+"""What the distance to the tracking command is measured in."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Filter(Hierarchy):
+    """Of all q̈ in the box that violate the demands least, the one nearest to the command that tracks.
+
+    One quadratic program subject to A q̈ ≤ c: the safety filter of control barrier functions (Ames, Xu, Grizzle and
+    Tabuada 2017). What is nearest depends on the metric:
+
+    - ``joint``: min ‖q̈ − q̈_track‖². It spreads over all joints what a row takes from one, and so gives up some of
+      every part of the task, of those too that the rows would allow: it reaches its goal later.
+    - ``task``: min ‖J(q̈ − q̈_track)‖² + damping ‖J‖² ‖q̈ − q̈_track‖², the metric of task-consistent filters (Morton and
+      Pavone 2025). Where the damping is small beside the gains of J, and the task needs all joints, this is
+      :class:`Hierarchy`; as it grows, it becomes the joint metric.
+
+    The damping is the weight of the joints in the metric ``task``, relative to ‖J‖² in the Frobenius norm; the metric
+    ``joint`` has no use for it. Other options: see :class:`vsconstraints.controllers.HierarchicalQP`.
+    """
+
+    metric: Literal["joint", "task"] = "joint"
+
+    name = "filter"
+    ranges: ClassVar[Mapping[str, Declared]] = {"metric": Choices(tuple(METRICS)), "damping": Range(1e-8, 1.0)}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (isinstance(self.metric, str) and self.metric in METRICS):
+            raise unknown_name("metric", self.metric, tuple(METRICS))
+
+    @property
+    def aim(self) -> int:
+        """See :class:`.Hierarchy`."""
+        return METRICS[self.metric]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scaling(Hierarchy):
+    """q̈ = κ q̈_track with the largest κ in [0, 1] at which every row keeps its demand, κ L_gφ q̈_track ≤ c.
+
+    Whichever row is the first to resist slows everything down, other parts of the task too: what any law should do
+    better than. The direction of q̈ is that of tracking. This is the scaling of :class:`Saturation` without its null
+    space. It scales the command of the present sample and predicts nothing: a reference governor, which moves the goal,
+    is :class:`~vsconstraints.controllers.GoalGovernor`.
+
+    Where c < 0 of a row that tracking leads outwards, even κ = 0 is too much, and no κ is right; nor where c < 0 of a
+    row that tracking leads inwards, but not fast enough. Then κ is the largest that no row would by itself have
+    smaller: 0 in the first case, what the other rows allow in the second. And the least ‖q̈ − κ q̈_track‖ that meets all
+    demands, or violates them least, is added: that of :class:`Filter`. So a row that has to brake brakes, by the
+    least acceleration, and q̈ is continuous where c changes its sign. The box limits κ as rows do.
+    """
+
+    name = "scaling"
+
+    @property
+    def aim(self) -> int:
+        """See :class:`.Hierarchy`."""
+        return SCALED
+
+    def tracks(self, demand: Demand) -> bool:
+        """See :class:`.Resolver`."""
+        return True
+
+    def center(self, rows: Rows, tracking: Array, c: Array, box: Array) -> tuple[Array, BoolArray]:
+        """See :class:`.Hierarchy`."""
+        influenced = np.linalg.norm(rows.Lg, axis=1) > ZERO_GRADIENT * rows.scale
+        shares = np.where(influenced, share(c, rows.Lg @ tracking), 1.0)
+        kappa = min(shares.min(initial=1.0), share(box[1], tracking).min(), share(-box[0], -tracking).min())
+        return kappa * tracking, (shares <= kappa) & (shares < 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Saturation(Hierarchy):
+    """Saturation in the null space (SNS), at the level of accelerations, with rows beside joints.
+
+    Whatever would exceed its bound is saturated: held at it, L_gφ q̈ = c, or q̈ⱼ at the side of the box. The task has the
+    null space that is left. With the saturated rows A
+
+        q̈(s) = A†c + (J(I − A†A))† (s b − J A†c).
+
+    At first there are none, and s = 1. As long as a bound is exceeded, the most critical one is saturated too: that
+    which allows the least s. If that depends on those that are, the task is scaled as little as necessary: of all sets
+    on the way, the one that allows the largest s in [0, 1] is taken. Where demands ask for braking, it can be that none
+    allows any s: then the command is that of :class:`Hierarchy`, with its statuses.
+
+    So the task keeps its direction, J q̈ = s b, wherever q̈ = 0 meets all demands: scaling is part of the algorithm. An
+    arm without redundancy, n = k, has no null space and is slowed down as a whole: where no demand asks for braking,
+    this is then :class:`Scaling`.
+
+    With ``scales=False``, which is not SNS but a variant of it, a task that the null space is too small for is met in
+    the least-squares sense instead, and loses its direction. It is then never scaled as long as q̈ = 0 meets all
+    demands: each row is saturated at the s up to which it allowed the task, and what is within all bounds there still
+    is.
+
+    Nothing that is saturated is let go again. Where that would be better, the task is met less well than by
+    :class:`Hierarchy`; where it pulls against all that is saturated, as against one row, they are the same.
+
+    Reference: Flacco, De Luca, Khatib, "Control of redundant robots under hard joint constraints: saturation in the
+    null space", IEEE Transactions on Robotics 31(3), 2015; at the level of accelerations also ICRA 2012.
+    """
+
+    scales: bool = True
+    """Whether a task that cannot be met whole any more is scaled, as published."""
+
+    name = "saturation"
+    kernel = ("saturation", "saturation")
+    otherwise = Hierarchy.kernel
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.scales, bool):
+            raise ConfigurationError(f"scales must be true or false, not {shown(self.scales)}")
+
+    @property
+    def options(self) -> Array:
+        """See :class:`.Resolver`."""
+        return np.append(super().options, float(self.scales))
+
+    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
+        """See :class:`.Resolver`."""
+        c = self.bounds(task, asked, tracks)
+        code, command = self.share(rows, task, c)
+        if command is not None:
+            return command
+        if not self.compiles and code != INCOMPATIBLE:
+            in_range(command)
+        assert solvers is not None
+        return self.by_solvers(rows, task, c, solvers)
+
+
+RESOLVERS: tuple[type[Resolver], ...] = (Priority, Hierarchy, Filter, Additive, Saturation, Projection, Scaling)
+"""Resolvers that files can name, by their ``name``."""
+
+
+def unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
+    """Say which demands are unmet and by how much, and which rows nothing influences; empty if all are met."""
+    exceeded = np.flatnonzero(slack > 0.0)
+    if not exceeded.size:
+        return ""
+    amounts = ", ".join(f"{labels[i]} by {slack[i]:.3g}" for i in exceeded)
+    without = ", ".join(labels[i] for i in exceeded if i in fixed)
+    why = f"; no acceleration influences {without}" if without else ""
+    return f"no acceleration meets every demand; unmet, in units of φ per second: {amounts}{why}"
+
+
+def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
+    """(m,) level-1 weight of each label: that of the longest key the label begins with, or 1."""
+    values = np.ones(len(labels))
+    for i, label in enumerate(labels):
+        matching = [prefix for prefix in weights if label.startswith(prefix)]
+        if matching:
+            values[i] = weights[max(matching, key=len)]
+    return values
+
+
+def _weight(prefix: str, value: object) -> float:
+    """Return the weight as a float; raise ConfigurationError unless rounding leaves something of it and of 1."""
+    weight = positive_number(f"weights[{prefix!r}]", value)
+    if not 1.0 / HEAVIEST <= weight <= HEAVIEST:
+        raise ConfigurationError(
+            f"weights[{prefix!r}] must be between {1.0 / HEAVIEST:g} and {HEAVIEST:g}, not {shown(value)}: beside "
+            "rows of so much more weight, light ones are lost in rounding"
+        )
+    return weight

@@ -1,0 +1,225 @@
+"""Figures of a scenario over time: φ and activity of constraints, errors, commanded acceleration, disturbance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...comparisons import RunRecord
+from ...comparisons.suite import BASELINE
+from ...rows import Array
+from ...simulation import intervals
+from ...simulation.dynamics.equivalent import Equivalent
+from ...vision.features import ImagePoints
+from ..plots import (
+    FAINT,
+    INK,
+    Sheet,
+    area,
+    band,
+    decades,
+    extremes,
+    line,
+    logarithmic,
+    note,
+    signal,
+    window_means,
+    zero_line,
+)
+from .view import View
+
+BINS, MEAN_BINS = 300, 100
+PANEL, LANE, LANE_GAP = 1.0, 0.075, 0.09
+"""Height of a panel of φ, of a controller's bars, and between the bars of two constraints [in]."""
+
+MAX_PHI = 1e3
+"""φ is drawn up to this many times its sampling band."""
+
+ERROR_FLOOR = 1e-2
+"""Errors are drawn down to this fraction of their tolerance."""
+
+
+# --- φ and activity ---
+
+
+def draw_phi(view: View) -> Sheet | None:
+    """One panel of φ / (T_s u⁺) for each row, and bars that show when each row is active."""
+    if not view.phi_rows and not view.lane_rows:
+        return None
+    sheet = Sheet(left=1.85, right=0.2)
+    sheet.legend(view.entries(bars_only=not view.phi_rows))
+    lane = len(view.competitors) * LANE + LANE_GAP
+    heights = [PANEL] * len(view.phi_rows) + [lane * len(view.lane_rows)] * bool(view.lane_rows)
+    panels = sheet.panels(len(heights), height=heights, labels=("time [s]", ""))
+    for ax, label in zip(panels, view.phi_rows, strict=False):
+        _phi_panel(ax, view, label)
+        head, bracket, rest = label.partition("[")
+        sheet.name(ax, f"{head}\n{bracket}{rest}" if len(label) > 14 else label)
+    if view.lane_rows:
+        _lanes(panels[-1], view, lane)
+        for i, label in enumerate(view.lane_rows):
+            sheet.name(panels[-1], label, 1.0 - (i + 0.5) / len(view.lane_rows), fontsize=8)
+    for ax in panels:
+        view.time_axis(ax)
+    return sheet
+
+
+def _phi_panel(ax: Any, view: View, label: str) -> None:
+    band(ax, -1.0, 1.0)
+    zero_line(ax)
+    low, high = -3.0, 3.0
+    for name, run, look in view.lines():
+        if label not in run.trajectory.labels:
+            continue
+        i = run.trajectory.labels.index(label)
+        relative = run.trajectory.phi[:, i] / (run.Ts * run.switching_gain[i])
+        low = min(low, float(np.nanmin(relative, initial=low)))
+        t, least, greatest = extremes(run.trajectory.t, relative, BINS)
+        ax.plot(t, greatest, **look)
+        if name != BASELINE:
+            high = max(high, float(np.nanmax(relative, initial=high)))
+            area(ax, t, least, greatest, color=look["color"], alpha=0.15, linewidth=0.0, zorder=3)
+    low, high = 1.3 * max(low, -MAX_PHI), 1.5 * min(high, MAX_PHI)
+    ax.set_ylim(low, high)
+    logarithmic(ax.yaxis, decades(low, high), 2.0, 1.2)
+    ax.set_ylabel("φ / (Tₛ u⁺)", labelpad=1)
+
+
+def _lanes(ax: Any, view: View, height: float) -> None:
+    """One thin lane of bars per controller in each row's band."""
+    ax.set_title("when each constraint is active", loc="left", fontsize=8, color=FAINT, pad=2)
+    ax.set_ylim(height * len(view.lane_rows), 0.0)
+    ax.set_yticks([])
+    ax.grid(False)
+    for i, label in enumerate(view.lane_rows):
+        if i % 2 == 0:
+            band(ax, i * height, (i + 1) * height, "#F6F6F6", zorder=0.2)
+        for k, name in enumerate(view.competitors):
+            run = view.runs[name]
+            if label in run.trajectory.labels:
+                active = run.trajectory.active[:, run.trajectory.labels.index(label)]
+                spans = intervals(run.trajectory.t, active, max(10.0 * run.Ts, view.end / 200.0))
+                bars = [(a, max(b - a, view.end / 500.0)) for a, b in spans]
+                place = (i * height + 0.5 * LANE_GAP + k * LANE, 0.8 * LANE)
+                ax.broken_barh(bars, place, color=view.looks[name].colour, linewidth=0.0, zorder=2)
+
+
+# --- errors ---
+
+
+class _Quantity(NamedTuple):
+    label: str
+    tolerance: float
+    decides: bool
+    values: Callable[[RunRecord], Array]
+
+
+def draw_errors(view: View) -> Sheet:
+    """One panel for each error, logarithmic, with the tolerance where it decides whether the goal is reached."""
+    quantities = [q for q in _quantities(view) if any(np.isfinite(q.values(run)).any() for run in view.runs.values())]
+    sheet = Sheet(left=0.62, right=0.2)
+    sheet.legend(view.entries())
+    panels = sheet.panels(len(quantities), 3, height=2.0, gap=0.62, above=0.04, labels=("time [s]", ""))
+    for ax, quantity in zip(panels, quantities, strict=True):
+        _error_panel(ax, view, quantity)
+    return sheet
+
+
+def _quantities(view: View) -> list[_Quantity]:
+    setup = view.setup
+    image = setup is not None and isinstance(setup.task.feature, ImagePoints)
+    far, turned, apart = (1e-3, 1e-3, 1.0)
+    if setup is not None:
+        accepted = setup.tolerances
+        far, turned, apart = accepted.translation_m, accepted.rotation_rad, accepted.feature_px
+    pose = setup is not None and not image
+    quantities = [
+        _Quantity("position error [mm]", 1e3 * far, pose, lambda run: 1e3 * run.trajectory.camera_error[:, 0]),
+        _Quantity("orientation error [mrad]", 1e3 * turned, pose, lambda run: 1e3 * run.trajectory.camera_error[:, 1]),
+    ]
+    if image:
+        quantities.insert(0, _Quantity("image error [px]", apart, True, lambda run: run.trajectory.feature_error_px))
+    return quantities
+
+
+def _error_panel(ax: Any, view: View, quantity: _Quantity) -> None:
+    floor = ERROR_FLOOR * quantity.tolerance
+    top = max(10.0 * floor, *(float(np.nanmax(quantity.values(run), initial=0.0)) for run in view.runs.values()))
+    for _, run, look in view.lines():
+        signal(ax, run.trajectory.t, np.maximum(quantity.values(run), 1e-3 * floor), **look)
+    if quantity.decides:
+        ax.axhline(quantity.tolerance, color=INK, linestyle=":", linewidth=1.0, zorder=1.6)
+        note(ax, "tolerance", quantity.tolerance, above=False)
+    view.time_axis(ax)
+    ax.set_ylim(floor, 2.0 * top)
+    logarithmic(ax.yaxis, decades(floor, 2.0 * top))
+    ax.set_ylabel(quantity.label, labelpad=2)
+
+
+# --- joints ---
+
+
+def draw_acceleration(view: View) -> Sheet:
+    """Mean and range of q̈_c in short windows, all joints, with the same axis for every controller."""
+    commands = {name: view.runs[name].trajectory for name in view.shown}
+    values = {name: (run.t, run.qdd_command) for name, run in commands.items()}
+    every = [np.abs(run.trajectory.qdd_command) for run in view.runs.values()]
+    # without the largest 0.05 % of the samples of each
+    sizes = [float(np.quantile(size[np.isfinite(size)], 0.9995)) for size in every if np.isfinite(size).any()]
+    sheet, panels = _joint_panels(view, values, "q̈ [rad/s²]", 1.0, 1.3 * max(1.0, *sizes), 0.26)
+    for ax, (name, (t, qdd)) in zip(panels, values.items(), strict=True):
+        middle, mean = window_means(t, qdd, MEAN_BINS)
+        for k, colour in enumerate(_joint_colours(values)[: qdd.shape[1]]):
+            ax.plot(middle, mean[:, k], color=colour, linewidth=1.1, zorder=3)
+        view.title(ax, name)
+    return sheet
+
+
+def draw_disturbance(view: View) -> Sheet | None:
+    """Range of d_c of eq. (6) in short windows, with the same axis for every controller; nothing without a plant."""
+    if view.setup is None or view.setup.dynamics is None:
+        return None
+    equivalents = {name: Equivalent.of(view.runs[name].trajectory) for name in view.shown}
+    values = {name: (one.t, one.disturbance) for name, one in equivalents.items()}
+    size = max(float(np.nan_to_num(np.abs(d)).max(initial=0.0)) for _, d in values.values())
+    sheet, panels = _joint_panels(view, values, "d_c [rad/s²]", 0.01, 1.3 * max(0.01, size), 0.42)
+    for ax, (name, one) in zip(panels, equivalents.items(), strict=True):
+        view.title(ax, name, above=12)
+        text = f"rms {one.rms.max():.2g} rad/s², lag {1e3 * one.time_constant.max():.2g} ms"
+        ax.text(0.0, 1.03, text, transform=ax.transAxes, fontsize=8, color=FAINT)
+    return sheet
+
+
+def _joint_colours(values: Mapping[str, tuple[Array, Array]]) -> list[Any]:
+    from matplotlib import colormaps
+
+    n = max(own.shape[1] for _, own in values.values())
+    return [colormaps["viridis"](0.92 * k / max(n - 1, 1)) for k in range(n)]
+
+
+def _joint_panels(
+    view: View, values: Mapping[str, tuple[Array, Array]], label: str, linear: float, limit: float, above: float
+) -> tuple[Sheet, list[Any]]:
+    """One panel per controller with the range of its joints' values in short windows.
+
+    Axes are linear between ± ``linear``, logarithmic beyond, and end at ± ``limit``.
+    """
+    colours = _joint_colours(values)
+    sheet = Sheet(left=0.62, right=0.2)
+    sheet.legend([line(f"joint {k + 1}", colour) for k, colour in enumerate(colours)], min(len(colours), 8))
+    panels = sheet.panels(len(values), 3, height=1.25, gap=0.3, above=above, labels=("time [s]", label), same_y=True)
+    for ax, (t, own) in zip(panels, values.values(), strict=True):
+        middle, least, greatest = extremes(t, own, BINS)
+        # joints that vary most lie below the others
+        order = np.argsort(-np.nan_to_num(greatest - least).mean(axis=0), kind="stable")
+        for rank, k in enumerate(order):
+            look: dict[str, Any] = {"color": colours[k], "alpha": 0.4, "linewidth": 0.4, "zorder": 2 + 0.01 * rank}
+            area(ax, middle, least[:, k], greatest[:, k], **look)
+        view.time_axis(ax)
+        # few and short labels: those of neighbouring panels must not meet
+        ax.locator_params(axis="x", nbins=5, steps=[1, 2, 5, 10])
+        ax.set_ylim(-limit, limit)
+        logarithmic(ax.yaxis, decades(-limit, limit, linear), linear, 0.7)
+    return sheet, panels
