@@ -14,7 +14,8 @@ from vsconstraints.comparisons.run import Run
 from vsconstraints.comparisons.runs.spec import RunSpec
 from vsconstraints.paper import verdicts
 from vsconstraints.paper.claims import general, planar
-from vsconstraints.paper.verdicts import CLAIMS, Claim, Finding, claim, judged, shown_intervals
+from vsconstraints.paper.texts import shown_intervals
+from vsconstraints.paper.verdicts import CLAIMS, Claim, Finding, claim, judged
 from vsconstraints.rows import Array
 
 # --- verdicts ---

@@ -1,4 +1,4 @@
-"""What a claim is, and what can be said of it."""
+"""What a claim is, and the verdicts on it."""
 
 from __future__ import annotations
 
@@ -10,23 +10,20 @@ from typing import Any, Literal
 
 from ..comparisons.run import Run
 from ..comparisons.runs.spec import RunSpec
-from ..rows.readable import counted
-from ..simulation.trajectory import Outcome
+from .texts import filled
 
 Verdict = Literal["holds", "holds partly", "does not hold", "not measured"]
 
 VERDICTS: tuple[Verdict, ...] = ("holds", "holds partly", "does not hold", "not measured")
 
-ENDED_EARLY: tuple[Outcome, ...] = ("failed", "aborted")
-"""Statuses of runs on which nothing can be measured but how they ended."""
-
 TEXTS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("claims.toml").read_text(encoding="utf-8"))
-"""What ``claims.toml`` says: by key, the paper's words and the rule; ``shared``, what several rules contain."""
+"""What ``claims.toml`` says: by key the paper's words, the rule, and how what is measured is worded; ``shared``, what
+several rules contain; ``measures``, the wording of measures that several claims share."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found of a claim.
+    """The result of measuring a claim.
 
     Attributes
     ----------
@@ -44,7 +41,7 @@ class Finding:
 
 
 class NotMeasured(Exception):
-    """What a claim needs is not there; the message says what and why."""
+    """Something that a claim needs is missing; the message says what and why."""
 
 
 @dataclass(frozen=True)
@@ -84,13 +81,7 @@ class Claim:
         return f"{self.number}{self.letter}"
 
     def check(self, available: Mapping[RunSpec | str, Any]) -> Finding:
-        """Measure it on what is available; whatever goes wrong becomes a finding ``not measured`` with its reason.
-
-        Parameters
-        ----------
-        available
-            Runs and study results by what was asked for; a string says why there is none.
-        """
+        """Measure it on runs and studies by need, a string where one is missing; errors are ``not measured``."""
         try:
             return self.measure(*(_usable(need, available) for need in self.needs))
         except NotMeasured as reason:
@@ -100,13 +91,13 @@ class Claim:
 
 
 def _usable(need: RunSpec | str, available: Mapping[RunSpec | str, Any]) -> Any:
-    found = available.get(need, "was not run")
-    if isinstance(found, str):
-        raise NotMeasured(f"{need}: {found}")
+    result = available.get(need, "was not run")
+    if isinstance(result, str):
+        raise NotMeasured(f"{need}: {result}")
     tolerated = isinstance(need, RunSpec) and need.may_end_early
-    if isinstance(found, Run) and found.trajectory.status in ENDED_EARLY and not tolerated:
-        raise NotMeasured(f"{need}: {found.trajectory.status}, {found.trajectory.reason}")
-    return found
+    if isinstance(result, Run) and result.trajectory.status in ("failed", "aborted") and not tolerated:
+        raise NotMeasured(f"{need}: {result.trajectory.status}, {result.trajectory.reason}")
+    return result
 
 
 CLAIMS: dict[str, Claim] = {}
@@ -119,34 +110,20 @@ def all_claims() -> list[Claim]:
 
 
 def claim(key: str, *needs: RunSpec | str) -> Callable[[Callable[..., Finding]], Callable[..., Finding]]:
-    """Register a function as the measurement of the claim that :data:`TEXTS` has under this key.
-
-    Parameters
-    ----------
-    key
-        Number and letter.
-    needs
-        See :class:`Claim`.
-    """
+    """Register a function as the measurement of a claim in :data:`TEXTS`; for ``needs`` see :class:`Claim`."""
 
     def register(measure: Callable[..., Finding]) -> Callable[..., Finding]:
         if key in CLAIMS:
             raise ValueError(f"there are two claims {key}")
+        shared: dict[str, str] = {}
+        for name, part in TEXTS["shared"].items():  # one may contain those before it
+            shared[name] = part.format(**shared)
         text = TEXTS[key]
-        rule = text["rule"].format(**_shared())
-        figure = text.get("figure", "")
+        rule, figure = text["rule"].format(**shared), text.get("figure", "")
         CLAIMS[key] = Claim(int(key[:-1]), key[-1], text["where"], text["sentence"], rule, figure, needs, measure)
         return measure
 
     return register
-
-
-def _shared() -> dict[str, str]:
-    """What several rules contain; one may contain those before it."""
-    found: dict[str, str] = {}
-    for name, text in TEXTS["shared"].items():
-        found[name] = text.format(**found)
-    return found
 
 
 def judged(good: bool, part: bool = False) -> Verdict:
@@ -154,30 +131,38 @@ def judged(good: bool, part: bool = False) -> Verdict:
     return "holds" if good else "holds partly" if part else "does not hold"
 
 
-def finding(text: str, good: bool, part: bool = False, /, **values: float) -> Finding:
-    """What was found, with the verdict that :func:`judged` gives."""
-    return Finding(judged(good, part), text, values)
+def finding(
+    key: str, good: bool, part: bool = False, shown: Mapping[str, Any] | None = None, /, **values: Any
+) -> Finding:
+    """The finding of a claim or of a measure that several share, in the words that :data:`TEXTS` has for it.
+
+    Parameters
+    ----------
+    key
+        Of the claim or the measure.
+    good, part
+        See :func:`judged`.
+    shown, values
+        What the text contains; ``values`` are also those of the finding.
+    """
+    return Finding(judged(good, part), worded(key, **values, **(shown or {})), values)
 
 
-def plural(samples: int) -> str:
-    """``1 sample``, ``14 samples``."""
-    return counted(samples, "sample")
+def worded(key: str, /, **values: Any) -> str:
+    """What :data:`TEXTS` says of something measured, with values filled in."""
+    template = TEXTS[key]["measured"] if key in TEXTS else TEXTS["measures"][key]
+    return filled(template, **values)
 
 
-def shown_intervals(found: Sequence[tuple[float, float]]) -> str:
-    """``2.96–4.90 s and 8.02–9.14 s``; ``never``."""
-    return " and ".join(f"{first:.2f}–{last:.2f} s" for first, last in found) or "never"
-
-
-def ends_of(found: Sequence[tuple[float, float]]) -> dict[str, float]:
+def ends_of(intervals: Sequence[tuple[float, float]]) -> dict[str, float]:
     """Of intervals: ``from_0``, ``to_0``, ``from_1`` and so on."""
-    return {
-        f"{side}_{k}": time for k, pair in enumerate(found) for side, time in zip(("from", "to"), pair, strict=True)
-    }
+    return {f"{side}_{k}": pair[i] for k, pair in enumerate(intervals) for i, side in enumerate(("from", "to"))}
 
 
-def rounds_to(found: Sequence[tuple[float, float]], printed: Sequence[tuple[float, float]]) -> bool:
-    """Whether as many intervals were found as are printed, and their ends are within half a second of these."""
-    return len(found) == len(printed) and all(
-        abs(a - b) <= 0.5 for one, other in zip(found, printed, strict=True) for a, b in zip(one, other, strict=True)
+def rounds_to(intervals: Sequence[tuple[float, float]], printed: Sequence[tuple[float, float]]) -> bool:
+    """Whether there are as many intervals as are printed, and their ends are within half a second of these."""
+    return len(intervals) == len(printed) and all(
+        abs(a - b) <= 0.5
+        for one, other in zip(intervals, printed, strict=True)
+        for a, b in zip(one, other, strict=True)
     )

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...comparisons.run import Run
-from ...rows.readable import amount
 from ..studies import StudyResult
-from ..verdicts import Finding, NotMeasured, finding, plural
+from ..studies.potential_fields import MAX_EXCESS, MAX_POSITIVE_SAMPLES
+from ..verdicts import Finding, NotMeasured, finding, worded
 
 VANISHED = 0.01
 """Share of the greatest error that may be left where the paper says zero."""
@@ -21,12 +21,6 @@ FULLY = 0.01
 
 SHARE_LEFT = 0.1
 """Share of the normal speed that may be left after 3 K: an exponential approach leaves exp(−3) = 0.05."""
-
-MOST_EXCESS = 2.0
-"""How far sampling may lift φ above zero, in T_s u⁺: tracking adds to the one that eq. (43) allows."""
-
-LONGEST_POSITIVE = 2
-"""In a sliding mode φ is not positive for longer than this many samples."""
 
 
 def greatest_phi(run: Run, label: str) -> float:
@@ -58,11 +52,8 @@ def fulfilled(run: Run, label: str) -> Finding:
     """Whether σ ≤ 0, also between samples, and φ stays within T_s u⁺ of zero."""
     sigma, bound, samples = greatest_sigma(run, label), run.bound(label), run.positive_samples(label)
     phi = float(run.row(label)["phi_max"])
-    text = (
-        f"max σ = {amount(sigma)}; max φ = {amount(phi)} (T_s u⁺ = {bound:g}), positive for {plural(samples)} in a row"
-    )
-    good = sigma <= 0.0 and clear(run, label) >= 0.0 and phi <= bound and samples <= LONGEST_POSITIVE
-    return finding(text, good, sigma_max=sigma, phi_max=phi, bound=bound, positive_samples=samples)
+    good = sigma <= 0.0 and clear(run, label) >= 0.0 and phi <= bound and samples <= MAX_POSITIVE_SAMPLES
+    return finding("fulfilled", good, sigma_max=sigma, phi_max=phi, bound=bound, positive_samples=samples)
 
 
 def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
@@ -71,13 +62,11 @@ def phi_never_positive(run: Run, labels: Sequence[str]) -> Finding:
     phi, sigma = max(greatest_phi(run, label) for label in labels), greatest_sigma(run, *own)
     worst, longest = max(labels, key=lambda label: excess(run, label)), max(labels, key=run.positive_samples)
     most, samples, at = excess(run, worst), run.positive_samples(longest), run.index(longest)
-    text = (
-        f"max σ = {amount(sigma)}; max φ = {amount(phi)}, up to {most:.2f} T_s u⁺ ({worst}), at or above zero for "
-        f"{plural(samples)} in a row{'' if len(labels) == 1 else f' ({longest})'}; (12) asks for u⁺ > "
-        f"{run.drift[:, at].max():.3g} there, where u⁺ = {run.record.switching_gain[at]:g}"
-    )
-    part = sigma <= 0.0 and clear(run, *own) >= 0.0 and most <= MOST_EXCESS and samples <= LONGEST_POSITIVE
-    return finding(text, phi <= 0.0, part, phi_max=phi, sigma_max=sigma, excess=most, longest=samples)
+    part = sigma <= 0.0 and clear(run, *own) >= 0.0 and most <= MAX_EXCESS and samples <= MAX_POSITIVE_SAMPLES
+    shown = {"worst": worst, "row": "" if len(labels) == 1 else f" ({longest})"}
+    shown |= {"needed": run.drift[:, at].max(), "gain": run.record.switching_gain[at]}
+    values = {"phi_max": phi, "sigma_max": sigma, "excess": most, "longest": samples}
+    return finding("phi_never_positive", phi <= 0.0, part, shown, **values)
 
 
 def unused(run: Run, label: str) -> float:
@@ -89,11 +78,11 @@ def fully_used(run: Run, *labels: str) -> Finding:
     """Of ``the allowed space is fully utilized``: unused margins of at most 1 %, and none negative."""
     shares = {label: unused(run, label) for label in labels}
     used = [0.0 <= share <= FULLY for share in shares.values()]
-    text = "; ".join(
-        f"{label} comes within {clear(run, label):.2g} {run.unit(label)} of its boundary ({100.0 * share:.2g} % of L)"
+    texts = [
+        worded("row_used", label=label, clear=clear(run, label), unit=run.unit(label), share=share)
         for label, share in shares.items()
-    )
-    return finding(text, all(used), any(used), **shares)
+    ]
+    return finding("fully_used", all(used), any(used), {"rows": "; ".join(texts)}, **shares)
 
 
 class Approach(NamedTuple):
@@ -121,27 +110,27 @@ class Approach(NamedTuple):
 def approaches(run: Run, label: str, gap: float) -> list[Approach]:
     """Every time the row acts for 3 K or longer."""
     K, speed = run.constraint(label).K, run.approach_speed(label)
-    found = []
+    every = []
     for first, last in run.active_intervals(label, gap=gap):
         if last - first < 3.0 * K:
             continue
         a, b = (int(np.searchsorted(run.t, time - 0.5 * run.sampling_time)) for time in (first, first + 3.0 * K))
-        found.append(Approach(first, float(speed[a]), float(speed[b]), float(speed[a : b + 1].max())))
-    return found
+        every.append(Approach(first, float(speed[a]), float(speed[b]), float(speed[a : b + 1].max())))
+    return every
 
 
 def smoothly(run: Run, *labels: str, gap: float = 0.3) -> Finding:
     """Of ``the boundary is reached smoothly``: every approach of these rows is."""
-    found = {label: approaches(run, label, gap) for label in labels}
-    every = [one for some in found.values() for one in some]
-    if missing := [label for label, some in found.items() if not some]:
-        return finding(f"no approach lasts 3 K: {', '.join(missing)}", False, bool(every))
-    text = "normal speed, at first and 3 K later: " + "; ".join(
-        f"{label} " + ", ".join(f"{one.first:.3g} → {one.later:.2g} {run.unit(label)}/s" for one in some)
-        for label, some in found.items()
-    )
-    smooth = [one.smooth for one in every]
-    return finding(text, all(smooth), any(smooth), share_left=max(one.share for one in every))
+    by_row = {label: approaches(run, label, gap) for label in labels}
+    every = [approach for own in by_row.values() for approach in own]
+    if missing := [label for label, own in by_row.items() if not own]:
+        return finding("never_approached", False, bool(every), {"rows": ", ".join(missing)})
+    texts = [
+        f"{label} " + ", ".join(worded("approach", **one._asdict(), unit=run.unit(label)) for one in own)
+        for label, own in by_row.items()
+    ]
+    smooth, left = [one.smooth for one in every], max(one.share for one in every)
+    return finding("smoothly", all(smooth), any(smooth), {"rows": "; ".join(texts)}, share_left=left)
 
 
 def number(study: StudyResult, *key: str | float) -> float:
@@ -154,5 +143,5 @@ def number(study: StudyResult, *key: str | float) -> float:
 
 
 def ending(study: StudyResult, *last: str | float) -> Iterator[tuple[str | float, float]]:
-    """What the numbers of a study are of, whose keys are it and this, and the numbers."""
+    """The first part and the value of each number of a study whose key ends with this."""
     return ((first, value) for (first, *others), value in study.numbers.items() if tuple(others) == last)

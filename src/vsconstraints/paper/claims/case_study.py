@@ -7,9 +7,9 @@ import numpy as np
 from ...comparisons.run import MERGE, Run
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec
 from ...rows import Array, BoolArray
-from ...rows.readable import amount
 from ...simulation import intervals
-from ..verdicts import Finding, claim, ends_of, finding, plural, rounds_to, shown_intervals
+from ..texts import shown_intervals
+from ..verdicts import Finding, claim, ends_of, finding, rounds_to, worded
 from .boundary import VANISHED, clear, fully_used, greatest_phi, phi_never_positive, smoothly
 
 CASE = RunSpec("case-study-6r")
@@ -62,57 +62,55 @@ claim("5c", CASE)(lambda case: smoothly(case, BORDERS[1], BORDERS[2]))
 @claim("5a", CASE)
 def _errors_vanish_in_both_phases(case: Run) -> Finding:
     k, error = switch_sample(case), case.trajectory.camera_error
-    values, texts = {}, []
+    values, shown = {}, {}
     for phase, (first, last) in enumerate(((error[0], error[k - 1]), (error[k], error[-1])), start=1):
         values[f"position_left_{phase}"], values[f"orientation_left_{phase}"] = last / first
-        texts.append(
-            f"phase {phase}: {1e3 * first[0]:.0f} → {1e3 * last[0]:.1f} mm, {first[1]:.2f} → {last[1]:.4f} rad"
-        )
+        shown[f"phase_{phase}"] = worded("phase", phase=phase, first=first, last=last, mm=1e3 * np.array([first, last]))
     vanished = [left < VANISHED for left in values.values()]
-    return finding("; ".join(texts), all(vanished), any(vanished), **values)
+    return finding("5a", all(vanished), any(vanished), shown, **values)
 
 
 @claim("5d", CASE, CASE_HALVED)
 def _all_constraints_fulfilled(case: Run, halved: Run) -> Finding:
     """How long φ ≥ 0 with half the sampling time tells sampling from too small a gain."""
-    found = phi_never_positive(case, case.trajectory.labels)
-    speed = max(greatest_phi(case, label) for label in case.labels("speed"))
-    longest = max(map(halved.positive_samples, halved.trajectory.labels))
-    broken = case.needed_share().max() >= 1.0
-    why = "the printed gains break (12): this is not sampling" if broken else "the printed gains keep (12)"
-    text = (
-        f"{found.text}; {why}: with half the period φ ≥ 0 for {plural(longest)} in a row; the speed of joint 2 is at "
-        f"most {100.0 * speed:.2f} % above its limit"
-    )
-    return Finding(found.verdict, text, {**found.values, "speed_excess": speed, "longest_halved": longest})
+    kept = phi_never_positive(case, case.trajectory.labels)
+    values = {
+        "speed_excess": max(greatest_phi(case, label) for label in case.labels("speed")),
+        "longest_halved": max(map(halved.positive_samples, halved.trajectory.labels)),
+    }
+    why = worded("gains_break" if case.needed_share().max() >= 1.0 else "gains_keep")
+    return Finding(kept.verdict, worded("5d", kept=kept.text, why=why, **values), {**kept.values, **values})
 
 
 @claim("5e", CASE)
 def _range_and_speed_act_first(case: Run) -> Finding:
-    found = {event: phases(case, event) for event in (RANGE, SPEED)}
-    text = "; ".join(f"{event} at {shown_intervals(first + second)}" for event, (first, second) in found.items())
-    first = all(one for one, _ in found.values()) and not any(two for _, two in found.values())
+    acts = {event: phases(case, event) for event in (RANGE, SPEED)}
+    first = all(one for one, _ in acts.values()) and not any(two for _, two in acts.values())
     place, speed = case.trajectory.q[:, 5].max(), np.abs(case.trajectory.qd[:, 1]).max()
     near = 0.0 <= Q6_LIMIT - place <= 0.01 * Q6_RANGE and abs(speed - QD2_LIMIT) <= 0.01 * QD2_LIMIT
-    text += f"; q₆ up to {place:.4f} rad of {Q6_LIMIT:g}, joint 2 up to {speed:.4f} rad/s of {QD2_LIMIT:g}"
-    return finding(text, first and near, first, q6=place, qd2=speed)
+    shown = {"events": events_text(acts), "q6_limit": Q6_LIMIT, "qd2_limit": QD2_LIMIT}
+    return finding("5e", first and near, first, shown, q6=place, qd2=speed)
 
 
 @claim("5f", CASE)
 def _sphere_acts(case: Run) -> Finding:
     first, second = phases(case, SPHERE)
     good = not first and rounds_to(second, [(6.0, 8.0)])
-    return finding(f"active at {shown_intervals(first + second)}", good, bool(second), **ends_of(second))
+    return finding("5f", good, bool(second), {"acts": first + second}, **ends_of(second))
 
 
 @claim("5g", CASE)
 def _borders_act(case: Run) -> Finding:
-    found = {label: phases(case, label) for label in BORDERS}
-    first, second = ({label for label in BORDERS if found[label][phase]} for phase in (0, 1))
-    text = "; ".join(f"{label} at {shown_intervals(a + b)}" for label, (a, b) in found.items() if a or b)
+    acts = {label: phases(case, label) for label in BORDERS}
+    first, second = ({label for label in BORDERS if acts[label][phase]} for phase in (0, 1))
     both, later = {BORDERS[1], BORDERS[2]}, {BORDERS[1]}
     good, part = (first, second) == (both, later), both <= first and later <= second
-    return finding(text or "no border ever acts", good, part)
+    return finding("5g", good, part, {"events": events_text(acts) or "no border ever acts"})
+
+
+def events_text(acts: dict[str, tuple[list[Interval], list[Interval]]]) -> str:
+    """When events act, in either phase; those that never do are left out."""
+    return "; ".join(f"{event} at {shown_intervals(a + b)}" for event, (a, b) in acts.items() if a or b)
 
 
 @claim("5h", CASE)
@@ -121,17 +119,13 @@ def _three_at_a_time(case: Run) -> Finding:
     most = int(count.max())
     when = case.t[count == most]
     same = int(np.sum([active_of(case, event) for event in EVENTS], axis=0)[count == most].max())
-    text = (
-        f"up to {most} intervals overlap ({when[0]:.2f}–{when[-1]:.2f} s); up to {same} rows have φ ≥ 0 in one sample"
-    )
-    return finding(text, most == 3, most > 1, most=most, same_sample=same)
+    return finding("5h", most == 3, most > 1, {"first": when[0], "last": when[-1]}, most=most, same_sample=same)
 
 
 @claim("5i", CASE)
 def _sphere_fulfilled(case: Run) -> Finding:
     least, phi = clear(case, SPHERE), greatest_phi(case, SPHERE)
-    text = f"the end-effector stays {1e3 * least:.3f} mm outside; max φ = {amount(phi)} m"
-    return finding(text, least >= 0.0, clearance_min=least, phi_max=phi)
+    return finding("5i", least >= 0.0, clearance_min=least, phi_max=phi)
 
 
 @claim("5j", TRACKING)
@@ -143,8 +137,7 @@ def _error_follows_its_polynomial(tracking: Run) -> Finding:
     rate = (4.0 * error[1] - 3.0 * error[0] - error[2]) / (2.0 * tracking.sampling_time)
     wanted = ideal_error(error[0], rate, tracking.t[:k])
     share = np.linalg.norm(error - wanted, axis=1).max() / np.linalg.norm(wanted[0])
-    text = f"{100.0 * share:.2g} % of the error at the start, at most, in {k} samples"
-    return finding(text, share <= VANISHED, share=share)
+    return finding("5j", share <= VANISHED, False, {"samples": k}, share=share)
 
 
 def ideal_error(start: Array, start_rate: Array, t: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,10 +11,9 @@ from ...comparisons.run import Run
 from ...comparisons.runs.spec import RunSpec
 from ...robots.order_filter import OrderFilter
 from ...rows import BoolArray
-from ...rows.readable import amount
 from ..studies import StudyResult
 from ..studies.unselected_experiments import APPLIED, LITTLE, VERY_SIMILAR
-from ..verdicts import Finding, NotMeasured, Verdict, claim, finding, judged, plural
+from ..verdicts import Finding, NotMeasured, Verdict, claim, finding, judged, worded
 from .boundary import FULLY, clear, excess, greatest_sigma, number, unused
 
 PBVS, IBVS = RunSpec("experiment-1-pbvs"), RunSpec("experiment-2-ibvs")
@@ -89,38 +88,32 @@ def exponentially(run: Run, kind: str) -> Finding:
     while_acting = slice(at[0], at[-1] + 1)
     clearance = run.trajectory.clearance[while_acting, run.index(label)]
     speed, K = run.approach_speed(label)[while_acting], run.constraint(label).K
-    fastest, unit = np.argmax(speed), run.unit(label)
+    fastest = np.argmax(speed)
     # a negative clearance is no approach at all: NaN, which is below nothing
     share = (speed * K / np.where(clearance > 0.0, clearance, np.nan)).max()
-    text = (
-        f"{label} acts from {run.t[at[0]]:.1f} to {run.t[at[-1]]:.1f} s; towards the boundary at most "
-        f"{speed[fastest]:.2g} {unit}/s, {clearance[fastest]:.2g} {unit} before it: at most {share:.2g} clearance / K"
-    )
-    return finding(text, share <= EXPONENTIAL, share=share, speed=speed[fastest])
+    shown = {"label": label, "first": run.t[at[0]], "last": run.t[at[-1]], "unit": run.unit(label)}
+    shown["clearance"] = clearance[fastest]
+    return finding("exponentially", share <= EXPONENTIAL, False, shown, share=share, speed=speed[fastest])
 
 
 def one_marker_slides(run: Run, kind: str) -> Finding:
     """Which markers' rows act, and how much of the allowed space is left."""
     acting, row = acting_rows(run, kind), sliding_row(run, kind)
     least, share, sigma, times = clear(run, row), unused(run, row), greatest_sigma(run, row), run.t[acts(run, row)]
-    text = (
-        f"{', '.join(acting)} acts in {plural(len(times))} from {times[0]:.1f} to {times[-1]:.1f} s, at most "
-        f"{np.diff(times).max(initial=0.0):.1f} s apart; max σ = {amount(sigma)}, {least:.2g} px from the boundary "
-        f"({100.0 * share:.2g} % of L); the greatest φ is {excess(run, row):.2g} T_s u⁺"
-    )
+    shown = {"acting": ", ".join(acting), "samples": len(times), "first": times[0], "last": times[-1]}
+    shown |= {"apart": np.diff(times).max(initial=0.0), "clear": least, "excess": excess(run, row)}
     kept = sigma <= 0.0 and least >= 0.0
     good = kept and len(acting) == 1 and share <= FULLY
-    return finding(text, good, kept, margin=share, sigma_max=sigma, rows=len(acting))
+    return finding("one_marker_slides", good, kept, shown, margin=share, sigma_max=sigma, rows=len(acting))
 
 
 def reached(run: Run) -> Finding:
     """How the run ends."""
     end = run.trajectory
     distance, angle = end.camera_error[-1]
-    pose = f", {1e3 * distance:.2f} mm, {1e3 * angle:.2f} mrad" if np.isfinite(distance) else ""
-    left = f"{end.feature_error_px[-1]:.2f} px{pose}"
-    text = f"{end.status} after {run.settling_time:.0f} s; at the end {left} from the goal"
-    return finding(text, end.status == "converged", settling=run.settling_time)
+    pose = worded("pose", distance=distance, angle=angle) if np.isfinite(distance) else ""
+    shown = {"status": end.status, "pixels": end.feature_error_px[-1], "pose": pose}
+    return finding("reached", end.status == "converged", False, shown, settling=run.settling_time)
 
 
 for experiment, slides, smooth, ends in ((FIRST, "6a", "6b", "6c"), (SECOND, "6e", "6f", "6g")):
@@ -134,13 +127,11 @@ def _motion_must_be_slow(*runs: Run) -> Finding:
     """Ten times the gain at zero error, sampled as in the experiments and ten times as fast."""
     good, texts = [], []
     for run, (experiment, _) in zip(runs, FASTER_OF, strict=True):
-        least = clear(run, *run.labels(experiment.kind))
-        good.append(run.trajectory.status == "converged" and least >= 0.0)
-        texts.append(
-            f"{experiment.name}, T_s = {run.sampling_time:g} s: {run.trajectory.status}, {amount(least)} px clear"
-        )
+        least, status = clear(run, *run.labels(experiment.kind)), run.trajectory.status
+        good.append(status == "converged" and least >= 0.0)
+        texts.append(worded("faster", name=experiment.name, Ts=run.sampling_time, status=status, clear=least))
     slow = not good[0] and not good[2]
-    return finding("; ".join(texts), slow and good[1] and good[3], slow)
+    return finding("6l", slow and good[1] and good[3], slow, {"runs": "; ".join(texts)})
 
 
 @claim("6m", PBVS, IBVS)
@@ -154,23 +145,20 @@ def _integrated_twice(*runs: Run) -> Finding:
         places.append(np.abs([filtered.step(one) for one in qdd] - q[1:]).max())
         speeds.append(np.abs(np.diff(qd, axis=0) - Ts * qdd).max())
     most = max(places + speeds)
-    return finding(f"up to {max(places):.2g} rad and {max(speeds):.2g} rad/s are left", most <= 1e-9, left=most)
+    return finding("6m", most <= 1e-9, False, {"places": max(places), "speeds": max(speeds)}, left=most)
 
 
 def in_unselected(study: StudyResult, scenario: str, what: str, here: bool) -> tuple[Verdict, str]:
     """A verdict on this scene and the unselected ones, and the counts in words."""
-    found, scenes = ([number(study, scenario, case, name) for case in CASES] for name in (what, "scenes"))
+    counts, scenes = ([number(study, scenario, case, name) for case in CASES] for name in (what, "scenes"))
     if min(scenes) < SCENES:
         raise NotMeasured(f"the study {UNSELECTED} has {min(scenes):.0f} scenes of {scenario}, fewer than {SCENES}")
     for case, N in zip(CASES, scenes, strict=True):
         if number(study, scenario, case, "applied") < NEARLY_ALL * N:
             raise NotMeasured(f"the error of the gradient changes nothing in {scenario} ({case}): was it applied?")
-    plus, minus, alone = (x / N for x, N in zip(found, scenes, strict=True))
-    of = [f"{x:.0f} of {N:.0f}" for x, N in zip(found, scenes, strict=True)]
-    text = (
-        f"{'holds' if here else 'does not hold'} in this scene; in {of[0]} unselected scenes, with reversed signs in "
-        f"{of[1]}, with ∇σ_e in L_gφ alone, the other reading of (49), in {of[2]}"
-    )
+    plus, minus, alone = (x / N for x, N in zip(counts, scenes, strict=True))
+    of = [f"{x:.0f} of {N:.0f}" for x, N in zip(counts, scenes, strict=True)]
+    text = worded("unselected", here="holds" if here else "does not hold", plus=of[0], minus=of[1], alone=of[2])
     both = min(plus, minus)
     return judged(here and both >= NEARLY_ALL, max(both, alone) >= MOST), text
 
@@ -222,12 +210,14 @@ def very_similar(exact: Run, erroneous: Run, alone: Run, study: StudyResult, *, 
     width = float(exact.setup.scene.camera.size[0])
     here, other = (Difference.between(exact, run, of.kind) for run in (erroneous, alone))
     verdict, scenes = in_unselected(study, of.exact.name, "similar", here.similar(width))
-    text = (
-        f"{scenes}. Here tracks differ by up to {here.track:.2f} px, with errors max σ = {amount(here.sigma)}, "
-        f"{erroneous.trajectory.status}; with ∇σ_e in L_gφ alone by {other.track:.2f} px, max σ = "
-        f"{amount(other.sigma)}, {alone.trajectory.status}"
-    )
-    return Finding(verdict, text, {"track_difference_px": here.track, "sigma_max": here.sigma})
+    values = {"track_difference_px": here.track, "sigma_max": here.sigma}
+    shown: dict[str, Any] = {
+        "scenes": scenes,
+        "status": erroneous.trajectory.status,
+        "alone_status": alone.trajectory.status,
+    }
+    shown |= {"alone_track": other.track, "alone_sigma": other.sigma}
+    return Finding(verdict, worded("similar", **values, **shown), values)
 
 
 def little_speed_difference(exact: Run, erroneous: Run, study: StudyResult, *, of: Experiment) -> Finding:
@@ -235,10 +225,7 @@ def little_speed_difference(exact: Run, erroneous: Run, study: StudyResult, *, o
     here = Difference.between(exact, erroneous, of.kind)
     verdict, scenes = in_unselected(study, of.exact.name, "little_speed", here.little_speed)
     share = here.speed / here.fastest
-    text = (
-        f"{scenes}. Here by up to {1e3 * here.speed:.2g} mrad/s, {100.0 * share:.0f} % of the fastest joint's "
-        f"{1e3 * here.fastest:.3g} mrad/s"
-    )
+    text = worded("little_speed", scenes=scenes, speed=here.speed, share=share, fastest=here.fastest)
     return Finding(verdict, text, {"share": share})
 
 
@@ -257,8 +244,7 @@ def _satisfactory(pbvs: Run, pbvs_error: Run, ibvs: Run, ibvs_error: Run, study:
         good = sigma <= 0.0 and seen and run.trajectory.status == "converged" and run.sampling_time == 0.1
         verdict, scenes = in_unselected(study, experiment.exact.name, "satisfactory", good)
         verdicts.append(verdict)
-        texts.append(
-            f"{experiment.name}: {scenes}; here T_s = {run.sampling_time:g} s, {run.trajectory.status}, max σ = "
-            f"{amount(sigma)}"
-        )
-    return finding(". ".join(texts), {*verdicts} == {"holds"}, {*verdicts} != {"does not hold"})
+        shown = {"name": experiment.name, "scenes": scenes, "Ts": run.sampling_time, "status": run.trajectory.status}
+        texts.append(worded("satisfactory", **shown, sigma_max=sigma))
+    good, part = {*verdicts} == {"holds"}, {*verdicts} != {"does not hold"}
+    return finding("6i", good, part, {"experiments": ". ".join(texts)})

@@ -12,7 +12,7 @@ from ...compiled.control_step import ControlStep
 from ...controllers import Controller, SlidingMode
 from ...rows import Command, Rows, Task
 from ...rows.readable import amount
-from ..verdicts import Finding, NotMeasured, claim, finding
+from ..verdicts import Finding, NotMeasured, claim, finding, worded
 from .boundary import greatest_sigma, with_sigma
 from .case_study import CASE
 from .planar import FOV, SECOND
@@ -53,11 +53,11 @@ class WithoutDrift(Controller):
 
 @claim("7b", *APPROACHES)
 def _approach_follows_the_parameter(*runs: Run) -> Finding:
-    found = dict(zip(PARAMETERS, map(time_constant, runs), strict=True))
-    text = "; ".join(f"K = {K:g} s: {tau:.3f} s" for K, tau in found.items())
-    good = all(abs(tau / K - 1.0) <= 0.25 for K, tau in found.items())
-    rising = bool((np.diff(list(found.values())) > 0.0).all())
-    return finding(f"measured time constants: {text}", good, rising, **{str(K): tau for K, tau in found.items()})
+    constants = dict(zip(PARAMETERS, map(time_constant, runs), strict=True))
+    text = "; ".join(f"K = {K:g} s: {tau:.3f} s" for K, tau in constants.items())
+    good = all(abs(tau / K - 1.0) <= 0.25 for K, tau in constants.items())
+    rising = bool((np.diff(list(constants.values())) > 0.0).all())
+    return finding("7b", good, rising, {"constants": text}, **{str(K): tau for K, tau in constants.items()})
 
 
 def time_constant(run: Run) -> float:
@@ -83,21 +83,18 @@ def _second_derivatives_not_needed(*runs: Run) -> Finding:
         difference = np.abs(law.trajectory.qdd_command - blind.trajectory.qdd_command).max()
         same.append(difference == 0.0 and bool((law.trajectory.q == blind.trajectory.q).all()))
         texts.append(f"{spec.name}: q̈_c differs by {amount(difference)} rad/s² in {len(law.t)} samples")
-    return finding("; ".join(texts), all(same))
+    return finding("9a", all(same), False, {"runs": "; ".join(texts)})
 
 
 @claim("11a", TARGET, OCCLUDER, SPHERE)
 def _moving_objects(*runs: Run) -> Finding:
     texts, good = [], []
     for spec, run in zip((TARGET, OCCLUDER, SPHERE), runs, strict=True):
-        sigma, acting, status = (
-            greatest_sigma(run, *with_sigma(run.trajectory.labels)),
-            run.ever_active(),
-            run.trajectory.status,
-        )
-        texts.append(f"{spec.name}: {status}, max σ = {amount(sigma)}, {', '.join(acting) or 'no row'} active")
+        sigma, acting = greatest_sigma(run, *with_sigma(run.trajectory.labels)), run.ever_active()
+        status, rows = run.trajectory.status, ", ".join(acting) or "no row"
+        texts.append(worded("moving", name=spec.name, status=status, sigma=sigma, rows=rows))
         good.append(status == "converged" and sigma <= 0.0 and bool(acting))
-    return finding("; ".join(texts), all(good), any(good))
+    return finding("11a", all(good), any(good), {"runs": "; ".join(texts)})
 
 
 @claim("11b", OCCLUDER, SPHERE)
@@ -105,25 +102,21 @@ def _only_the_bound_changes(*runs: Run) -> Finding:
     """Rows along the same motion with and without knowledge of the obstacle's."""
     texts, same, equal = [], [], []
     for spec, run in zip((OCCLUDER, SPHERE), runs, strict=True):
-        untold = RunSpec(spec.name, overrides={KNOWN: False}).load().setup()
+        uninformed = RunSpec(spec.name, overrides={KNOWN: False}).load().setup()
         needed, Lg, phi = np.zeros(2), 0.0, 0.0
         for k in np.flatnonzero((run.trajectory.phi >= 0.0).any(axis=1)):
             t, q, qd = float(run.t[k]), run.trajectory.q[k], run.trajectory.qd[k]
-            told, _ = run.setup.constraints.rows(run.setup.scene.evaluate(t, q, qd))
-            # what a controller sees that is not told of the motion
-            blind, _ = untold.constraints.rows(untold.scene.believed(untold.scene.evaluate(t, q, qd)))
-            active = told.phi >= 0.0
-            needed = np.maximum(needed, [np.maximum(rows.Lf[active], 0.0).sum() for rows in (told, blind)])
-            Lg = max(Lg, np.abs(told.Lg - blind.Lg).max())
-            phi = max(phi, (np.abs(told.phi - blind.phi) * active).max())
-        with_it, without = needed
-        texts.append(
-            f"{spec.name}: L_gφ differs by {Lg:.2g}; (12) asks for u⁺ > {with_it:.3g}, without ∂φ/∂t for "
-            f"{without:.3g}; φ of active rows differs by up to {phi:.3g}, as σ̇ contains ∂σ/∂t"
-        )
-        same.append(Lg < ROUNDING and abs(with_it - without) > ROUNDING)
+            informed, _ = run.setup.constraints.rows(run.setup.scene.evaluate(t, q, qd))
+            # what a controller sees that does not know of the motion
+            blind, _ = uninformed.constraints.rows(uninformed.scene.believed(uninformed.scene.evaluate(t, q, qd)))
+            active = informed.phi >= 0.0
+            needed = np.maximum(needed, [np.maximum(rows.Lf[active], 0.0).sum() for rows in (informed, blind)])
+            Lg = max(Lg, np.abs(informed.Lg - blind.Lg).max())
+            phi = max(phi, (np.abs(informed.phi - blind.phi) * active).max())
+        texts.append(worded("known_motion", name=spec.name, Lg=Lg, phi=phi, needed=needed))
+        same.append(Lg < ROUNDING and abs(needed[0] - needed[1]) > ROUNDING)
         equal.append(phi < ROUNDING)
-    return finding("; ".join(texts), all(same) and all(equal), all(same))
+    return finding("11b", all(same) and all(equal), all(same), {"runs": "; ".join(texts)})
 
 
 @claim("12a", CASE)
@@ -133,10 +126,7 @@ def _computation_time(case: Run) -> Finding:
     both = step + rows
     median, law, missed = float(np.median(both)), float(np.median(step)), int((both > case.sampling_time).sum())
     why = ControlStep(case.setup.scene, case.setup.constraints, case.setup.task).not_compiled
-    text = (
-        f"{f'NumPy form ({why})' if why else 'compiled'}: median {1e6 * median:.0f} µs, law {1e6 * law:.0f} µs, rows "
-        f"and task {1e6 * np.median(rows):.0f} µs; 99 % below {1e6 * np.quantile(both, 0.99):.0f} µs; "
-        f"{missed} of {len(both)} samples miss T_s = {1e3 * case.sampling_time:g} ms"
-    )
+    shown = {"form": f"NumPy form ({why})" if why else "compiled", "rows": np.median(rows)}
+    shown |= {"slowest": np.quantile(both, 0.99), "samples": len(both), "Ts": case.sampling_time}
     in_time = median <= PRINTED_TIME, median <= 0.5 * case.sampling_time
-    return finding(text, *in_time, median=median, law=law, missed=missed)
+    return finding("12a", *in_time, shown, median=median, law=law, missed=missed)

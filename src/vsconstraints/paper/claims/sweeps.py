@@ -12,8 +12,9 @@ import numpy as np
 from ...comparisons.run import Run
 from ...comparisons.runs.spec import RunSpec
 from ..studies import StudyResult
-from ..verdicts import Finding, NotMeasured, claim, finding, plural
-from .boundary import LONGEST_POSITIVE, MOST_EXCESS, clear, ending, excess, number, with_sigma
+from ..studies.potential_fields import MAX_EXCESS, MAX_POSITIVE_SAMPLES
+from ..verdicts import Finding, NotMeasured, claim, finding, worded
+from .boundary import clear, ending, excess, number, with_sigma
 from .experiments import FASTER
 from .planar import SECOND
 
@@ -54,8 +55,8 @@ def least_unused(pareto: StudyResult, scenario: str, *laws: str) -> dict[str, fl
     return {law: pareto.numbers.get((scenario, law, "least_unused"), nan) for law in laws}
 
 
-def shown(left: Mapping[str, float]) -> str:
-    """What :func:`least_unused` found."""
+def laws_text(left: Mapping[str, float]) -> str:
+    """What :func:`least_unused` says, in words."""
     return ", ".join(f"{law} {f'leaves {v:.3g} %' if isfinite(v) else 'has no such run'}" for law, v in left.items())
 
 
@@ -71,9 +72,9 @@ def _space_fully_used(pareto: StudyResult) -> Finding:
         part.append(left <= FULLY_USED)
         good.append(part[-1] and not any(field < left for field in fields.values()))
         printed = f"leaves {left:.3g} %" if kept else "does not keep its boundaries (5d), so that it is not compared"
-        texts.append(f"{scenario}: {SLIDING} {printed}; {shown(fields)} at best")
+        texts.append(f"{scenario}: {SLIDING} {printed}; {laws_text(fields)} at best")
         values |= {f"{scenario}/{law}": value for law, value in ({SLIDING: left} | fields).items()}
-    return finding(". ".join(texts), all(good), any(part), **values)
+    return finding("7a", all(good), any(part), {"scenes": ". ".join(texts)}, **values)
 
 
 @claim("7c", "pareto")
@@ -89,9 +90,9 @@ def _nothing_left_unused(pareto: StudyResult) -> Finding:
         against = "" if good[-1] else f", so that it {'holds partly' if part[-1] else 'does not hold'} there"
         broken = number(pareto, scenario, "printed", "kept") == 0.0
         breaks = " (the printed gains break (12): 5d)" if broken else ""
-        texts.append(f"{scenario}{breaks}: {shown(least)}{against}")
+        texts.append(f"{scenario}{breaks}: {laws_text(least)}{against}")
         values |= {f"{scenario}/{law}": value for law, value in least.items()}
-    return finding("; ".join(texts), all(good), any(part), **values)
+    return finding("7c", all(good), any(part), {"scenes": "; ".join(texts)}, **values)
 
 
 @claim("8a", "shrinking-region")
@@ -107,13 +108,11 @@ def _potential_field_becomes_the_law(study: StudyResult) -> Finding:
         falls = number(study, scenario, "priority", "distance_falls") == 1.0
         good.append(falls and near <= 2.0 * floor)
         part.append(near < far)
-        texts.append(
-            f"{scenario}: {1e3 * far:.3g} mrad rms with a region of {large:g}, {1e3 * near:.3g} mrad with {small:g} "
-            f"({'never rising' if falls else 'rising in between'} by more than the {1e3 * floor:.3g} mrad between T_s "
-            "and T_s/2 explain)"
-        )
+        how = "never rising" if falls else "rising in between"
+        shown = {"far": far, "near": near, "large": large, "small": small, "floor": floor}
+        texts.append(worded("shrinking", scenario=scenario, how=how, **shown))
         values |= {f"{scenario}/far": far, f"{scenario}/near": near, f"{scenario}/floor": floor}
-    return finding("; ".join(texts), all(good), all(part), **values)
+    return finding("8a", all(good), all(part), {"scenes": "; ".join(texts)}, **values)
 
 
 @claim("9b", "gradient-error")
@@ -124,14 +123,14 @@ def _first_derivatives_may_be_off(study: StudyResult) -> Finding:
         depth[str(scenario)] = outside = number(study, scenario, *at, "violation")
         converged.append(number(study, scenario, *at, "converged") == 1.0)
         deviation = study.numbers.get((scenario, *at, "deviation_px"), nan)
-        texts.append(
-            f"{scenario}: {'converges' if converged[-1] else 'does not converge'}, violates "
-            f"{f'{outside:.2g} % of L' if outside > 0.0 else 'nothing'}, tracks deviate by {deviation:.2g} px"
-        )
+        status = "converges" if converged[-1] else "does not converge"
+        violates = f"{outside:.2g} % of L" if outside > 0.0 else "nothing"
+        texts.append(worded("off", scenario=scenario, status=status, violates=violates, deviation=deviation))
     if not texts:
         raise NotMeasured("the study gradient-error has no run of the sliding mode with c_e = 0.3")
     most = max(depth.values())
-    return finding("; ".join(texts), all(converged) and most <= 0.0, all(converged) and most <= SLIGHT, **depth)
+    good, part = all(converged) and most <= 0.0, all(converged) and most <= SLIGHT
+    return finding("9b", good, part, {"scenes": "; ".join(texts)}, **depth)
 
 
 @claim("10a", "switching-gain")
@@ -144,14 +143,14 @@ def _gain_must_rise_with_speed(study: StudyResult) -> Finding:
     enough = [study.numbers.get((Kp0, "smallest_in_band"), nan) for Kp0 in speeds]
     # a speed at which no gain tried was enough needs more than all of them
     gains = [gain if isfinite(gain) else inf for gain in enough]
-    text = "; ".join(
-        f"K_T,p(0) = {Kp0:g}: (12) asks for {bound:.3g}, {f'{gain:g}' if isfinite(gain) else 'no gain tried'} is enough"
+    texts = [
+        worded("speed", Kp0=Kp0, bound=bound, gain=f"{gain:g}" if isfinite(gain) else "no gain tried")
         for Kp0, bound, gain in zip(speeds, bounds, gains, strict=True)
-    )
+    ]
     rises = all(a < b for a, b in pairwise(bounds))
     follows = all(a <= b for a, b in pairwise(gains)) and gains[0] < gains[-1]
     values = {f"{Kp0:g}": gain for Kp0, gain in zip(speeds, gains, strict=True)}
-    return finding(text, rises and follows, rises or follows, **values)
+    return finding("10a", rises and follows, rises or follows, {"speeds": "; ".join(texts)}, **values)
 
 
 @claim("10d", "sampling-time")
@@ -163,7 +162,7 @@ def _chattering_becomes_negligible(study: StudyResult) -> Finding:
         raise NotMeasured("the study sampling-time has no band of the first example")
     text = ", ".join(f"{bands[time]:.3f} at {time:g} ms" for time in sorted(bands, reverse=True))
     values = {f"{time:g}": band for time, band in bands.items()}
-    return finding(f"band of φ: {text}", bands[min(bands)] <= 0.02, **values)
+    return finding("10d", bands[min(bands)] <= 0.02, False, {"bands": text}, **values)
 
 
 @claim("10b", "switching-gain", *SCENES)
@@ -186,23 +185,18 @@ def _bound_is_sufficient(study: StudyResult, *runs: Run) -> Finding:
             beyond.append(f"{spec.name} ({most:.3g} T_s u⁺)")
     if above == 0:
         raise NotMeasured("no run is above the bound")
-    text = (
-        f"of {above} runs above the bound {kept} keep σ ≤ 0 and {band} keep φ ≤ T_s u⁺"
-        + (f", not {', '.join(beyond)}" if beyond else "")
-        + f"; (12) asks for more than the printed u⁺ in {', '.join(broken) or 'no scene'}"
-    )
-    if band < above:
-        text += "; (12) is about continuous time, in which tracking does not move φ while the law acts"
-    return finding(text, band == above, kept == above, above=above, kept=kept, band=band)
+    shown = {"beyond": f", not {', '.join(beyond)}" if beyond else "", "broken": ", ".join(broken) or "no scene"}
+    shown["continuous"] = worded("continuous") if band < above else ""
+    return finding("10b", band == above, kept == above, shown, above=above, kept=kept, band=band)
 
 
 @claim("10c", "sampling-time", *SCENES)
 def _band_is_bounded(study: StudyResult, *runs: Run) -> Finding:
     """Peak-to-peak φ while a row acts in units of T_s u⁺."""
-    found = {str(name): value for name, value in ending(study, "greatest_excess")}
-    if not found:
+    bands = {str(name): value for name, value in ending(study, "greatest_excess")}
+    if not bands:
         raise NotMeasured("the study sampling-time has no band")
-    power = {name: number(study, name, "exponent") for name in found}
+    power = {name: number(study, name, "exponent") for name in bands}
     scenes = {
         spec.name: max(
             (float(np.ptp(run.while_sliding(label))) / run.bound(label), label, run.positive_samples(label))
@@ -211,22 +205,15 @@ def _band_is_bounded(study: StudyResult, *runs: Run) -> Finding:
         for spec, run in zip(SCENES, runs, strict=True)
         if run.ever_active()
     }
-    swept = "; ".join(
-        f"{name}: up to {width:.2f} T_s u⁺, growing with T_s to the power {power[name]:.2f}"
-        for name, width in found.items()
-    )
+    swept = "; ".join(worded("band", name=name, width=w, power=power[name]) for name, w in bands.items())
     everywhere = ", ".join(
-        f"{name} {width:.3g}" + (f" ({label}, φ ≥ 0 for {plural(n)} in a row)" if n > LONGEST_POSITIVE else "")
+        f"{name} {width:.3g}" + (worded("row", label=label, samples=n) if n > MAX_POSITIVE_SAMPLES else "")
         for name, (width, label, n) in scenes.items()
     )
-    text = (
-        f"{swept}. In every scene: {everywhere}. (43) is about one step of the constraint action alone, tracking moves "
-        "φ as well"
-    )
-    greatest = max(*found.values(), *(width for width, _, _ in scenes.values()))
-    proportional = all(0.8 <= p <= 1.2 for p in power.values()) and greatest <= MOST_EXCESS
-    values = found | {f"{name}/scene": width for name, (width, _, _) in scenes.items()}
-    return finding(text, greatest <= 1.0, proportional, **values)
+    greatest = max(*bands.values(), *(width for width, _, _ in scenes.values()))
+    proportional = all(0.8 <= p <= 1.2 for p in power.values()) and greatest <= MAX_EXCESS
+    values = bands | {f"{name}/scene": width for name, (width, _, _) in scenes.items()}
+    return finding("10c", greatest <= 1.0, proportional, {"swept": swept, "everywhere": everywhere}, **values)
 
 
 @claim("10e", OUTSIDE)
@@ -242,11 +229,9 @@ def _reached_in_finite_time(run: Run) -> Finding:
     after, push = float(run.t[first]), float(run.drift[:first, run.index(SECOND)].max())
     within = float(phi[0]) / (gain - push) if gain > push else nan
     later = phi[first:].max() / run.bound(SECOND)
-    text = (
-        f"φ starts at {phi[0]:.3g}; u⁺ = {gain:g}, L_fφ up to {push:.3g}: below zero after {1e3 * after:.3g} ms, "
-        f"promised {f'within {1e3 * within:.3g} ms' if gain > push else 'never'}; then at most {later:.2f} T_s u⁺"
-    )
-    return finding(text, after <= within + Ts and later <= MOST_EXCESS, True, after=after, within=within)
+    promised = worded("promised", within=within) if gain > push else "never"
+    shown = {"phi": phi[0], "gain": gain, "push": push, "promised": promised, "later": later}
+    return finding("10e", after <= within + Ts and later <= MAX_EXCESS, True, shown, after=after, within=within)
 
 
 @claim("10f", *FASTER)
@@ -260,10 +245,10 @@ def _aborted_without_rank(*runs: Run) -> Finding:
             continue
         named = any(label in end.reason for label in end.labels if run.phi(label)[lost] >= 0.0)
         right.append(lost == len(run.t) - 1 and end.status == "aborted" and named)
-        texts.append(f"{spec.name}, T_s = {run.sampling_time:g} s: rank lost at {run.t[lost]:.2f} s, {end.status}")
+        texts.append(worded("rank", name=spec.name, Ts=run.sampling_time, time=run.t[lost], status=end.status))
     if not texts:
         raise NotMeasured("no run loses the rank of its active rows")
-    return finding("; ".join(texts), all(right))
+    return finding("10f", all(right), False, {"runs": "; ".join(texts)})
 
 
 def lost_rank(run: Run) -> int | None:

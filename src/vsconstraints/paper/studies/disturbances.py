@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,21 +13,9 @@ from ...reports.numbers import DASH, number
 from ...reports.plots import INK, WIDTH, Sheet, logarithmic
 from ...reports.plots.style import FAINT
 from ...scenarios import Scenario
-from .drawing import LAWS, LOOKS, failed_marks, joined, law_entries, scenario_panels, sentence_start
-from .study import (
-    Numbers,
-    Points,
-    StudyResult,
-    Sweep,
-    begun,
-    columns,
-    completed,
-    ended_early,
-    greatest,
-    grouped,
-    keyed,
-    where,
-)
+from . import drawing as draw
+from . import study
+from .study import Numbers, Points, StudyResult, Sweep
 from .summary import NOT_RUN, RunSummary, pixel_distance
 
 PAPER = 0.3
@@ -51,63 +39,59 @@ class GradientErrors(Sweep):
         "settling_time_s": "settling time [s]",
     }
 
-    class Case(NamedTuple):
-        """A scenario, a law's name, and c_e."""
-
-        scenario: str
-        controller: str
-        gradient_error: float
+    Case = study.case_type("scenario", "controller", "gradient_error")
+    """A scenario, a law's name, and c_e."""
 
     def spec(self, case: Any) -> RunSpec:
-        """See :class:`Sweep`."""
+        """The run of a case."""
         error = {"disturbances": {"gradient_error": case.gradient_error}} if case.gradient_error else {}
-        return RunSpec(case.scenario, LAWS[case.controller], error)
+        return RunSpec(case.scenario, draw.LAWS[case.controller], error)
 
     def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
         """Deviation, violation, settling by scenario, law and error."""
         points = [
-            begun(case, run)
+            study.begun(case, run)
             | {"deviation_px": pixel_distance(run, results.get(case._replace(gradient_error=0.0), NOT_RUN))}
-            | columns(run, "violation", "violated", "settling_time_s", "utilization", "phi_max", "longest_run")
+            | study.columns(run, "violation", "violated", "settling_time_s", "utilization", "phi_max", "longest_run")
             for case, run in results.items()
         ]
         numbers: Numbers = {}
         for point in points:
             found = {column: point[column] for column in self.measures} | {"converged": point["status"] == "converged"}
-            numbers |= keyed(found, point["scenario"], point["controller"], point["gradient_error"])
+            numbers |= study.keyed(found, point["scenario"], point["controller"], point["gradient_error"])
         sentences = []
-        for scenario, own in grouped(points, "scenario").items():
-            laws = "; ".join(f"{p['controller']} {self._outcome(p)}" for p in where(own, gradient_error=PAPER))
-            sentences.append(self.sentence("paper", scenario=sentence_start(scenario), error=PAPER, laws=laws))
-            most = greatest(own, "gradient_error")
-            arrived = [p["controller"] for p in where(own, gradient_error=most, status="converged")]
+        for scenario, own in study.grouped(points, "scenario").items():
+            laws = "; ".join(f"{p['controller']} {self._outcome(p)}" for p in study.where(own, gradient_error=PAPER))
+            sentences.append(self.sentence("paper", scenario=draw.sentence_start(scenario), error=PAPER, laws=laws))
+            most = study.greatest(own, "gradient_error")
+            arrived = [p["controller"] for p in study.where(own, gradient_error=most, status="converged")]
             sentences.append(self.sentence("largest", error=most, laws=", ".join(arrived) or "no controller"))
         return points, numbers, sentences
 
     def _outcome(self, point: Mapping[str, Any]) -> str:
-        if ended_early(point):
+        if study.ended_early(point):
             return f"{point['status']} ({point['reason']})"
         kind = "violates" if point["violation"] > 0.0 else "keeps"
         return self.sentence(kind, **point, depth=point["violation"] / 100.0)
 
     def figure(self, result: StudyResult) -> Sheet:
         """One column per scenario, one row per measure."""
-        laws = list(grouped(result.points, "controller"))
+        laws = list(study.grouped(result.points, "controller"))
         sheet = Sheet(left=0.9)
-        sheet.legend(law_entries(laws))
-        scenarios, names = list(grouped(result.points, "scenario")), list(self.measures)
+        sheet.legend(draw.law_entries(laws))
+        scenarios, names = list(study.grouped(result.points, "scenario")), list(self.measures)
         labels = list(self.measures.values())
-        panels = scenario_panels(sheet, scenarios, labels, "gradient error cₑ", height=1.4, gap=0.6)
+        panels = draw.scenario_panels(sheet, scenarios, labels, "gradient error cₑ", height=1.4, gap=0.6)
         for (i, scenario), ax in panels.items():
             if names[i] != "settling_time_s":
                 logarithmic(ax.yaxis, linear_below=1.0 if names[i] == "deviation_px" else 0.01)
             for k, name in enumerate(laws):
-                own, look = where(result.points, scenario=scenario, controller=name), LOOKS[name]
+                own, look = study.where(result.points, scenario=scenario, controller=name), draw.LOOKS[name]
                 thin: dict[str, Any] = {"markersize": 4.5, "alpha": 0.9, "linewidth": 1.8 - 0.2 * k}
-                joined(ax, completed(own), "gradient_error", names[i], look.colour, look.marker, **thin)
+                draw.joined(ax, study.completed(own), "gradient_error", names[i], look.colour, look.marker, **thin)
                 if i == 0:
-                    lost = [point["gradient_error"] + 0.035 * (k - 2) for point in filter(ended_early, own)]
-                    failed_marks(ax, lost, look.colour, 0.92)
+                    lost = [point["gradient_error"] + 0.035 * (k - 2) for point in filter(study.ended_early, own)]
+                    draw.failed_marks(ax, lost, look.colour, 0.92)
             ax.set_xlim(-0.06, 1.14)
             low, high = ax.get_ylim()
             room = 0.1 * (high - low) + 0.1
@@ -123,27 +107,23 @@ class Robustness(Sweep):
     name = "robustness"
     scenario = "example-2d-fov"
 
-    class Case(NamedTuple):
-        """A disturbance and its level, ``none`` without; and a law's name."""
-
-        disturbance: str
-        level: str
-        controller: str
+    Case = study.case_type("disturbance", "level", "controller")
+    """A disturbance and its level, ``none`` without; and a law's name."""
 
     def spec(self, case: Any) -> RunSpec:
-        """See :class:`Sweep`."""
+        """The run of a case."""
         overrides: dict[str, Any] = {"task.Kp0": 40.0, "constraints.0.switching_gain": 20.0, "duration": 5.0}
         for settings in self.table["disturbances"].get(case.disturbance, ()):
             if _level(settings) == case.level:
                 overrides["disturbances"] = settings
-        return RunSpec(self.scenario, LAWS[case.controller], overrides)
+        return RunSpec(self.scenario, draw.LAWS[case.controller], overrides)
 
     def runs(self, *, small: bool = False) -> dict[Any, RunSpec]:
         """No disturbance, and every disturbance at two levels, with every law."""
         disturbances = list(self.table["disturbances"].items())[: 2 if small else None]
         levels = [("none", "")]
         levels += [(name, _level(one)) for name, both in disturbances for one in both[: 1 if small else None]]
-        cases = [self.Case(*level, law) for level in levels for law in LAWS]
+        cases = [self.Case(*level, law) for level in levels for law in draw.LAWS]
         shorter = {"duration": 3.0} if small else {}
         runs = {case: self.spec(case) for case in cases}
         return {case: replace(spec, overrides={**spec.overrides, **shorter}) for case, spec in runs.items()}
@@ -151,41 +131,41 @@ class Robustness(Sweep):
     def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
         """Status, violation and final error by disturbance, level and law."""
         points = [
-            begun(case, run)
-            | columns(run, "violation", "violation_time_s")
+            study.begun(case, run)
+            | study.columns(run, "violation", "violation_time_s")
             | {
                 "final_translation_error_mm": 1e3 * run.value("final_translation_error_m"),
                 "final_rotation_error_mrad": 1e3 * run.value("final_rotation_error_rad"),
             }
-            | columns(run, "acceleration_variation")
+            | study.columns(run, "acceleration_variation")
             for case, run in results.items()
         ]
         margin = float(Scenario.load(self.scenario).tables["constraints"][0]["margin"])
         numbers: Numbers = {("margin",): 100.0 * margin / (1.0 - margin)}
         sentences = []
-        for law, runs in grouped(points, "controller").items():
+        for law, runs in study.grouped(points, "controller").items():
             own = [point for point in runs if point["disturbance"] != "none"]
             found = {
                 "runs": len(own),
-                "without_violation": sum(point["violation"] == 0.0 for point in completed(own)),
-                "converged": len(where(own, status="converged")),
-                "deepest_violation": greatest(own, "violation"),
+                "without_violation": sum(point["violation"] == 0.0 for point in study.completed(own)),
+                "converged": len(study.where(own, status="converged")),
+                "deepest_violation": study.greatest(own, "violation"),
             }
-            numbers |= keyed(found, law)
+            numbers |= study.keyed(found, law)
             sentences.append(self.sentence("law", law=law, **found))
         return points, numbers, [*sentences, self.sentence("margin", margin=numbers["margin",])]
 
     def figure(self, result: StudyResult) -> Sheet:
         """A table of cells: one row per disturbance and level, one column per law, the final errors beside."""
         cases = list(dict.fromkeys((point["disturbance"], point["level"]) for point in result.points))
-        laws = list(grouped(result.points, "controller"))
+        laws = list(study.grouped(result.points, "controller"))
         sheet = Sheet(left=2.35, right=1.15)
         (ax,) = sheet.panels(1, height=0.25 * len(cases), above=0.54)
         ax.set_xlim(-0.5, len(laws) - 0.5)
         ax.set_ylim(len(cases) - 0.5, -0.5)
         last = ""
         for i, (disturbance, level) in enumerate(cases):
-            own = where(result.points, disturbance=disturbance, level=level)
+            own = study.where(result.points, disturbance=disturbance, level=level)
             for point in own:
                 _cell(ax, laws.index(point["controller"]), i, point)
             if disturbance != last:
@@ -213,7 +193,7 @@ def _level(settings: Mapping[str, Any]) -> str:
 
 def _cell(ax: Any, x: int, y: int, point: Mapping[str, Any]) -> None:
     """Pale blue where nothing was violated, else from a pale to a dark red; grey for runs that ended early."""
-    lost, depth, share, colour = ended_early(point), point["violation"], 0.0, np.array([0.86, 0.92, 0.97])
+    lost, depth, share, colour = study.ended_early(point), point["violation"], 0.0, np.array([0.86, 0.92, 0.97])
     if depth > 0.0:
         share = float(np.clip(np.log(depth / MIN_DEPTH) / np.log(MAX_DEPTH / MIN_DEPTH), 0.06, 1.0))
         pale, dark = np.array([0.99, 0.90, 0.84]), np.array([0.65, 0.06, 0.08])
@@ -225,7 +205,7 @@ def _cell(ax: Any, x: int, y: int, point: Mapping[str, Any]) -> None:
 
 def _span(points: Points) -> str:
     """Final errors from the least to the greatest [mm]."""
-    values = [p["final_translation_error_mm"] for p in completed(points)]
+    values = [p["final_translation_error_mm"] for p in study.completed(points)]
     ends = (min(values), max(values)) if values else ()
     short = ["<0.1" if end < 0.1 else f"{end:.1f}" if end < 10.0 else f"{end:.0f}" for end in ends]
     return " to ".join(dict.fromkeys(short)) or DASH

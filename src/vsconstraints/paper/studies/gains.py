@@ -5,26 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.plots import INK, REFERENCE, Sheet, line, logarithmic
-from .drawing import by_outcome, entry, joined, outcome_entries, scenario_title
-from .study import (
-    Numbers,
-    Points,
-    StudyResult,
-    Sweep,
-    begun,
-    columns,
-    greatest,
-    grouped,
-    keyed,
-    smallest_enough,
-    where,
-)
+from . import drawing as draw
+from . import study
+from .study import Numbers, Points, StudyResult, Sweep
 from .summary import RunSummary
 
 OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")
@@ -63,36 +52,33 @@ class SwitchingGain(Sweep):
 
     name = "switching-gain"
 
-    class Case(NamedTuple):
-        """K_p(0) [1/s²], and u⁺."""
-
-        Kp0: float
-        switching_gain: float
+    Case = study.case_type("Kp0", "switching_gain")
+    """K_p(0) [1/s²], and u⁺."""
 
     def spec(self, case: Any) -> RunSpec:
-        """See :class:`Sweep`."""
+        """The run of a case."""
         overrides = {"task.Kp0": case.Kp0, "constraints.0.switching_gain": case.switching_gain}
         return RunSpec("example-2d-fov", overrides=overrides)
 
     def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
         """Outcome of every run; for every speed the smallest gains that are enough, and the bounds."""
         points = [
-            begun(case, run)
+            study.begun(case, run)
             | {"outcome": _outcome(run, case.switching_gain)}
-            | columns(run, "violation_depth", "phi_max")
+            | study.columns(run, "violation_depth", "phi_max")
             | {"band_bound": run.Ts * case.switching_gain}
-            | columns(run, "longest_run", "bound_12")
+            | study.columns(run, "longest_run", "bound_12")
             | {"bound_sampled": run.needed_gain + max(run.entry_push, 0.0), "utilization": run.value("utilization")}
             for case, run in results.items()
         ]
         numbers: Numbers = {}
         sentences = []
-        for Kp0, own in grouped(points, "Kp0").items():
+        for Kp0, own in study.grouped(points, "Kp0").items():
             found = {column: _bound(own, column) for column in ("bound_12", "bound_sampled")}
             for name, outcome in ENOUGH.items():
                 reaches = partial(_reaches, outcome=outcome)
-                found[f"smallest_{name}"] = smallest_enough(own, "switching_gain", reaches)
-            numbers |= keyed(found, Kp0)
+                found[f"smallest_{name}"] = study.smallest_enough(own, "switching_gain", reaches)
+            numbers |= study.keyed(found, Kp0)
             sentences.append(self.sentence("speed", Kp0=Kp0, **found))
         # along its own motion; without an active row there is no bound to exceed
         below = [point for point in points if point["switching_gain"] <= point["bound_12"]]
@@ -101,21 +87,21 @@ class SwitchingGain(Sweep):
         for side, some in (("above", above), ("below", below)):
             for name, outcome in ENOUGH.items():
                 count[f"{side}_bound_{name}"] = sum(_reaches(point, outcome) for point in some)
-        return points, numbers | keyed(count), [*sentences, self.sentence("bound", **count)]
+        return points, numbers | study.keyed(count), [*sentences, self.sentence("bound", **count)]
 
     def figure(self, result: StudyResult) -> Sheet:
         """Switching gain against speed; one marker per run, coloured by its outcome."""
         bounds = {
-            "bound_12": entry("bound (12)", INK),
-            "bound_sampled": entry("what is needed to be back after one sample", INK, linestyle=(0, (4, 2))),
+            "bound_12": draw.entry("bound (12)", INK),
+            "bound_sampled": draw.entry("what is needed to be back after one sample", INK, linestyle=(0, (4, 2))),
         }
         sheet = Sheet(left=0.8)
-        sheet.legend([*outcome_entries(result.points, LOOK), *bounds.values()], 2)
+        sheet.legend([*draw.outcome_entries(result.points, LOOK), *bounds.values()], 2)
         (ax,) = sheet.panels(1, height=3.5)
-        by_outcome(ax, result.points, "Kp0", "switching_gain", LOOK)
-        speeds = sorted(grouped(result.points, "Kp0"))
+        draw.by_outcome(ax, result.points, "Kp0", "switching_gain", LOOK)
+        speeds = sorted(study.grouped(result.points, "Kp0"))
         for column, look in bounds.items():
-            values = [_bound(where(result.points, Kp0=Kp0), column) for Kp0 in speeds]
+            values = [_bound(study.where(result.points, Kp0=Kp0), column) for Kp0 in speeds]
             ax.plot(speeds, values, color=INK, linestyle=look["linestyle"], linewidth=1.8, zorder=4)
         logarithmic(ax.xaxis, speeds)
         logarithmic(ax.yaxis, (2.5, 5, 10, 20, 40, 80, 160))
@@ -143,8 +129,8 @@ def _reaches(point: Mapping[str, Any], outcome: str) -> bool:
 
 def _bound(points: Points, column: str) -> float:
     """Greatest value along the runs that slide, or along the one with the largest gain if none does."""
-    sliding = where(points, outcome="sliding")
-    return greatest(sliding or [max(points, key=lambda point: point["switching_gain"])], column)
+    sliding = study.where(points, outcome="sliding")
+    return study.greatest(sliding or [max(points, key=lambda point: point["switching_gain"])], column)
 
 
 class SamplingTime(Sweep):
@@ -156,34 +142,31 @@ class SamplingTime(Sweep):
 
     name = "sampling-time"
 
-    class Case(NamedTuple):
-        """A scenario and its sampling time [ms]."""
-
-        scenario: str
-        Ts_ms: float
+    Case = study.case_type("scenario", "Ts_ms")
+    """A scenario and its sampling time [ms]."""
 
     def spec(self, case: Any) -> RunSpec:
-        """See :class:`Sweep`."""
+        """The run of a case."""
         return RunSpec(case.scenario, overrides={"sampling_time": case.Ts_ms / 1e3})
 
     def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
         """Bands and bounds of every run, and one line more for each row of the case study that was active."""
         points: Points = []
         for case, run in results.items():
-            common, bound = begun(case, run), run.value("phi_band_bound")
+            common, bound = study.begun(case, run), run.value("phi_band_bound")
             bands = {"row": "", "band": run.value("phi_band"), "bound_43": bound}
             bands["band_expected"] = bound + run.Ts * run.entry_push
-            points.append(common | bands | columns(run, "phi_max", "longest_run", "violation_depth"))
+            points.append(common | bands | study.columns(run, "phi_max", "longest_run", "violation_depth"))
             if case.scenario == ROW_SCENARIO:
                 points += [common | _row(row, run.Ts) for row in run.rows.values() if row["active_time_s"] > 0]
         numbers: Numbers = {}
         sentences = []
         for scenario in BAND_SCENARIOS:
-            own = [p for p in where(points, scenario=scenario, row="") if math.isfinite(p["band"])]
+            own = [p for p in study.where(points, scenario=scenario, row="") if math.isfinite(p["band"])]
             if not own:
                 continue
             found = _growth(own)
-            numbers |= keyed(found, scenario) | {(scenario, "band", p["Ts_ms"]): p["band"] for p in own}
+            numbers |= study.keyed(found, scenario) | {(scenario, "band", p["Ts_ms"]): p["band"] for p in own}
             if "exponent" in found:
                 sentences.append(self.sentence("growth", scenario=scenario, **found))
         slow, fast = (
@@ -197,37 +180,39 @@ class SamplingTime(Sweep):
             found = {
                 "longest_run": longest["longest_run"],
                 "longest_run_ms": longest["longest_run"] * longest["Ts_ms"],
-                "greatest_overshoot": greatest(rows, "relative_overshoot"),
+                "greatest_overshoot": study.greatest(rows, "relative_overshoot"),
             }
-            numbers |= keyed(found, ROW_SCENARIO)
+            numbers |= study.keyed(found, ROW_SCENARIO)
             sentences.append(self.sentence("rows", **found))
         return points, numbers, sentences
 
     def figure(self, result: StudyResult) -> Sheet:
         """Band, overshoot by row, samples in a row."""
-        rows = dict(zip(filter(None, grouped(result.points, "row")), ROW_LOOKS, strict=False))
-        runs = {scenario: where(result.points, scenario=scenario, row="") for scenario in BAND_SCENARIOS}
+        rows = dict(zip(filter(None, study.grouped(result.points, "row")), ROW_LOOKS, strict=False))
+        runs = {scenario: study.where(result.points, scenario=scenario, row="") for scenario in BAND_SCENARIOS}
         runs = {scenario: own for scenario, own in runs.items() if own}
         entries = []
         for scenario, own in runs.items():
             gain = own[0]["bound_43"] / own[0]["Ts_ms"] * 1e3
-            entries.append(entry(f"{scenario_title(scenario)}, u⁺ = {gain:.3g} /s", *BAND_SCENARIOS[scenario]))
-        entries += [entry(row, *look) for row, look in rows.items()]
-        entries += [line("Tₛ u⁺ (43)", **REFERENCE), entry("Tₛ (u⁺ + push of tracking)", INK, linestyle=":")]
+            entries.append(
+                draw.entry(f"{draw.scenario_title(scenario)}, u⁺ = {gain:.3g} /s", *BAND_SCENARIOS[scenario])
+            )
+        entries += [draw.entry(row, *look) for row, look in rows.items()]
+        entries += [line("Tₛ u⁺ (43)", **REFERENCE), draw.entry("Tₛ (u⁺ + push of tracking)", INK, linestyle=":")]
         sheet = Sheet(left=0.65)
         sheet.legend(entries)
         sheet.at += 0.15
         band, over, samples = sheet.panels(3, 3, height=2.3, gap=0.62, labels=("sampling time Tₛ [ms]", ""))
         for scenario, own in runs.items():
             colour, marker = BAND_SCENARIOS[scenario]
-            joined(band, own, "Ts_ms", "band", colour, marker)
-            joined(band, own, "Ts_ms", "bound_43", colour, **REFERENCE | {"color": colour})
-            joined(band, own, "Ts_ms", "band_expected", colour, linestyle=":")
-            joined(samples, own, "Ts_ms", "longest_run", colour, marker)
+            draw.joined(band, own, "Ts_ms", "band", colour, marker)
+            draw.joined(band, own, "Ts_ms", "bound_43", colour, **REFERENCE | {"color": colour})
+            draw.joined(band, own, "Ts_ms", "band_expected", colour, linestyle=":")
+            draw.joined(samples, own, "Ts_ms", "longest_run", colour, marker)
         for row, look in rows.items():
-            own = where(result.points, row=row)
-            joined(over, own, "Ts_ms", "relative_overshoot", *look, markersize=4.5)
-            joined(samples, own, "Ts_ms", "longest_run", *look, markersize=4.5)
+            own = study.where(result.points, row=row)
+            draw.joined(over, own, "Ts_ms", "relative_overshoot", *look, markersize=4.5)
+            draw.joined(samples, own, "Ts_ms", "longest_run", *look, markersize=4.5)
         over.axhline(1.0, **REFERENCE)
         for ax, title, ticks in (
             (band, "band of φ while sliding", (1, 2.5, 5, 10, 20, 40)),
@@ -262,6 +247,6 @@ def _growth(points: Points) -> dict[str, float]:
         "least_excess": (band / bound).min(),
         "greatest_excess": (band / bound).max(),
         "greatest_share_of_expected": (band / expected).max(),
-        "longest_run": greatest(points, "longest_run"),
+        "longest_run": study.greatest(points, "longest_run"),
     }
     return found | ({"exponent": np.polyfit(np.log(Ts), np.log(band), 1)[0]} if len(points) > 1 else {})

@@ -5,15 +5,16 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ...comparisons.runs.spec import RunSpec
 from ...reports.plots import INK, REFERENCE, Sheet, line, logarithmic
 from ...scenarios import Scenario
-from .drawing import by_outcome, entry, joined, outcome_entries, scenario_panels
-from .study import Numbers, Points, StudyResult, Sweep, begun, columns, grouped, keyed, smallest_enough, where
+from . import drawing as draw
+from . import study
+from .study import Numbers, Points, StudyResult, Sweep
 from .summary import RunSummary
 
 KEPT = 0.005
@@ -38,16 +39,11 @@ class NonStatic(Sweep):
 
     name = "non-static"
 
-    class Case(NamedTuple):
-        """A scenario, the obstacle's speed as a factor, u⁺, and whether its motion is known."""
-
-        scenario: str
-        speed: float
-        switching_gain: float
-        known: bool
+    Case = study.case_type("scenario", "speed", "switching_gain", "known")
+    """A scenario, the obstacle's speed as a factor, u⁺, and whether its motion is known."""
 
     def spec(self, case: Any) -> RunSpec:
-        """See :class:`Sweep`."""
+        """The run of a case."""
         overrides = {"constraints": [self._constraint(case)], "duration": self._obstacle(case.scenario)["duration"]}
         return RunSpec(case.scenario, overrides=overrides)
 
@@ -84,12 +80,12 @@ class NonStatic(Sweep):
         numbers: Numbers = {}
         sentences = []
         above: Points = []
-        for scenario, at_all in grouped(points, "scenario").items():
+        for scenario, at_all in study.grouped(points, "scenario").items():
             obstacle, gains, costs = self._obstacle(scenario), [], []
-            for speed, own in grouped(at_all, "speed").items():
+            for speed, own in study.grouped(at_all, "speed").items():
                 found = _at_speed(own)
-                numbers |= keyed(found, scenario, speed)
-                above += [p for p in where(own, known=True) if p["switching_gain"] > found["bound_12"]]
+                numbers |= study.keyed(found, scenario, speed)
+                above += [p for p in study.where(own, known=True) if p["switching_gain"] > found["bound_12"]]
                 times = f"at {speed:g} times its speed" if speed else "if it stands still"
                 gains.append(self.sentence("gain", times=times, **found))
                 if speed > 0.0:
@@ -98,8 +94,8 @@ class NonStatic(Sweep):
             sentences.append(self.sentence("gains", title=title, gains="; ".join(gains)))
             sentences += [self.sentence("costs", costs="; ".join(costs))] if costs else []
         above = [point for point in above if point["outcome"] != "failed"]
-        count = {"above_bound": len(above), "above_bound_kept": len(where(above, outcome="kept"))}
-        return points, numbers | keyed(count), [*sentences, self.sentence("bound", **count)]
+        count = {"above_bound": len(above), "above_bound_kept": len(study.where(above, outcome="kept"))}
+        return points, numbers | study.keyed(count), [*sentences, self.sentence("bound", **count)]
 
     def _point(self, case: Any, run: RunSummary) -> dict[str, Any]:
         table, factor = self._constraint(case), 1e3 if self._obstacle(case.scenario)["unit"] == "mm" else 1.0
@@ -110,20 +106,20 @@ class NonStatic(Sweep):
             "depth": factor * depth,
             "depth_expected": factor * table["K"] * float(np.linalg.norm(table["motion"]["velocity"])),
         }
-        return begun(case, run) | own | columns(run, "phi_max", "longest_run", "bound_12")
+        return study.begun(case, run) | own | study.columns(run, "phi_max", "longest_run", "bound_12")
 
     def figure(self, result: StudyResult) -> Sheet:
         """One column per obstacle; gains above, depths below."""
-        scenarios = list(grouped(result.points, "scenario"))
-        known, unknown = entry("velocity known", "#0072B2", "o"), entry("velocity unknown", "#D55E00", "s")
-        marks = outcome_entries([*result.points, {"outcome": "kept"}, {"outcome": "violated"}], LOOK)
+        scenarios = list(study.grouped(result.points, "scenario"))
+        known, unknown = draw.entry("velocity known", "#0072B2", "o"), draw.entry("velocity unknown", "#D55E00", "s")
+        marks = draw.outcome_entries([*result.points, {"outcome": "kept"}, {"outcome": "violated"}], LOOK)
         sheet = Sheet(left=0.8)
-        sheet.legend([*marks, entry("bound (12)", INK), known, unknown, line("K times the speed", **REFERENCE)])
+        sheet.legend([*marks, draw.entry("bound (12)", INK), known, unknown, line("K times the speed", **REFERENCE)])
         below = "speed of the obstacle, relative to the scenario's"
-        panels = scenario_panels(sheet, scenarios, ("", ""), below, height=2.0, gap=0.9)
+        panels = draw.scenario_panels(sheet, scenarios, ("", ""), below, height=2.0, gap=0.9)
         for scenario in scenarios:
-            own, obstacle = where(result.points, scenario=scenario), self._obstacle(scenario)
-            speeds = sorted(grouped(own, "speed"))
+            own, obstacle = study.where(result.points, scenario=scenario), self._obstacle(scenario)
+            speeds = sorted(study.grouped(own, "speed"))
             gap = 0.08 * (speeds[-1] - speeds[0]) or 0.1
             upper, lower = panels[0, scenario], panels[1, scenario]
             for ax in (upper, lower):
@@ -139,13 +135,13 @@ class NonStatic(Sweep):
 
 def _at_speed(points: Points) -> dict[str, float]:
     """Numbers about one obstacle at one speed; the bound (12) is that of the known run with the largest gain."""
-    known = where(points, known=True)
-    unknown = next(iter(where(points, known=False)), {"switching_gain": math.nan, "depth": math.nan})
-    same = where(known, switching_gain=unknown["switching_gain"])
+    known = study.where(points, known=True)
+    unknown = next(iter(study.where(points, known=False)), {"switching_gain": math.nan, "depth": math.nan})
+    same = study.where(known, switching_gain=unknown["switching_gain"])
     largest = max(known, key=lambda point: float(point["switching_gain"]))
     return {
         "bound_12": largest["bound_12"],
-        "smallest_kept": smallest_enough(known, "switching_gain", lambda point: point["outcome"] == "kept"),
+        "smallest_kept": study.smallest_enough(known, "switching_gain", lambda point: point["outcome"] == "kept"),
         "depth_known": same[0]["depth"] if same else math.nan,
         "depth_unknown": unknown["depth"],
         "depth_expected": largest["depth_expected"],
@@ -153,15 +149,15 @@ def _at_speed(points: Points) -> dict[str, float]:
 
 
 def _gains(ax: Any, points: Points, speeds: Sequence[float], bounds: Sequence[float]) -> None:
-    by_outcome(ax, where(points, known=True), "speed", "switching_gain", LOOK)
+    draw.by_outcome(ax, study.where(points, known=True), "speed", "switching_gain", LOOK)
     ax.plot(speeds, bounds, color=INK, linewidth=1.8, zorder=4)
-    logarithmic(ax.yaxis, sorted(grouped(points, "switching_gain")))
+    logarithmic(ax.yaxis, sorted(study.grouped(points, "switching_gain")))
 
 
 def _depths(ax: Any, points: Points) -> None:
-    unknown = sorted(where(points, known=False), key=lambda point: point["speed"])
+    unknown = sorted(study.where(points, known=False), key=lambda point: point["speed"])
     tried = {(point["speed"], point["switching_gain"]) for point in unknown}
-    known = [p for p in where(points, known=True) if (p["speed"], p["switching_gain"]) in tried]
-    joined(ax, unknown, "speed", "depth", "#D55E00", "s")
-    joined(ax, known, "speed", "depth", "#0072B2", "o")
-    joined(ax, [{"speed": 0.0, "depth_expected": 0.0}, *unknown], "speed", "depth_expected", INK, **REFERENCE)
+    known = [p for p in study.where(points, known=True) if (p["speed"], p["switching_gain"]) in tried]
+    draw.joined(ax, unknown, "speed", "depth", "#D55E00", "s")
+    draw.joined(ax, known, "speed", "depth", "#0072B2", "o")
+    draw.joined(ax, [{"speed": 0.0, "depth_expected": 0.0}, *unknown], "speed", "depth_expected", INK, **REFERENCE)

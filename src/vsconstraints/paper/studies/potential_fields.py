@@ -5,36 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 from ...comparisons.runs.spec import SLIDING_MODE, RunSpec
 from ...reports.plots import INK, REFERENCE, Sheet, line, logarithmic, symbol
 from ...scenarios import Scenario
-from .drawing import (
-    LAWS,
-    LOOKS,
-    entry,
-    failed_marks,
-    hierarchical_qp,
-    joined,
-    law_entries,
-    potential_field,
-    scenario_panels,
-    sentence_start,
-)
-from .study import (
-    Numbers,
-    Points,
-    StudyResult,
-    Sweep,
-    begun,
-    columns,
-    completed,
-    ended_early,
-    grouped,
-    keyed,
-    where,
-)
+from . import drawing as draw
+from . import study
+from .study import Numbers, Points, StudyResult, Sweep
 from .summary import NOT_RUN, RunSummary, clearance_distance, joint_distance
 
 BLENDS = ("priority", "additive")
@@ -63,16 +41,12 @@ class ShrinkingRegion(Sweep):
         "switching_rate": "switching rate of the\nacting rows [Hz]",
     }
 
-    class Case(NamedTuple):
-        """A scenario with ``sliding-mode``, with half of the sampling time (``halved``), or a blend and its region."""
-
-        scenario: str
-        law: str
-        region: float | None = None
+    Case = study.case_type("scenario", "law", "region")
+    """A scenario with ``sliding-mode``, with half of the sampling time (``halved``), or a blend and its region."""
 
     def spec(self, case: Any) -> RunSpec:
-        """See :class:`Sweep`."""
-        return RunSpec(case.scenario, potential_field(case.law, case.region) if case.region else SLIDING_MODE)
+        """The run of a case."""
+        return RunSpec(case.scenario, draw.potential_field(case.law, case.region) if case.region else SLIDING_MODE)
 
     def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
         """Distances to the sliding-mode law, by scenario, blend and region."""
@@ -82,7 +56,7 @@ class ShrinkingRegion(Sweep):
             # what one sample of a row's action moves φ by, relative to its allowed range
             steps = [run.Ts * row["switching_gain"] / row["scale"] for row in run.rows.values() if row["challenged"]]
             points.append(
-                begun(case, run)
+                study.begun(case, run)
                 | {
                     "joint_distance": joint_distance(run, reference),
                     "clearance_distance": clearance_distance(run, reference),
@@ -90,20 +64,20 @@ class ShrinkingRegion(Sweep):
                     "step": max(steps, default=math.nan),
                     "switching_rate": run.value("switching_rate_hz"),
                 }
-                | columns(run, "acceleration_variation", "violation_depth")
+                | study.columns(run, "acceleration_variation", "violation_depth")
             )
         numbers: Numbers = {}
         sentences = []
-        for scenario, own in grouped(points, "scenario").items():
+        for scenario, own in study.grouped(points, "scenario").items():
             by_law = {point["law"]: point for point in own}
             floor = by_law["halved"]["joint_distance"] if "halved" in by_law else math.nan
             sliding = by_law["sliding-mode"]["unused"] if "sliding-mode" in by_law else math.nan
-            numbers |= keyed({"sampling_distance": floor, "sliding_unused": sliding}, scenario)
+            numbers |= study.keyed({"sampling_distance": floor, "sliding_unused": sliding}, scenario)
             for blend in BLENDS:
                 found = _shrinking([point for point in own if point["law"] == blend], floor)
-                numbers |= keyed(found, scenario, blend)
+                numbers |= study.keyed(found, scenario, blend)
                 if "region_largest" in found:
-                    sentences.append(self._blend(sentence_start(scenario), blend, sliding, found))
+                    sentences.append(self._blend(draw.sentence_start(scenario), blend, sliding, found))
             sentences.append(self.sentence("sampling", distance=floor))
         return points, numbers, sentences
 
@@ -118,14 +92,14 @@ class ShrinkingRegion(Sweep):
     def figure(self, result: StudyResult) -> Sheet:
         """One column per scenario, one row per measure."""
         sheet = Sheet(left=0.95)
-        looks = {blend: LOOKS[potential_field(blend).name] for blend in BLENDS}
-        entries = law_entries(potential_field(blend).name for blend in BLENDS)
+        looks = {blend: draw.LOOKS[draw.potential_field(blend).name] for blend in BLENDS}
+        entries = draw.law_entries(draw.potential_field(blend).name for blend in BLENDS)
         sheet.legend([*entries, line("sliding-mode", **REFERENCE)])
         below = "region δ, relative to the allowed range (smaller →)"
-        scenarios, names = list(grouped(result.points, "scenario")), list(self.measures)
-        panels = scenario_panels(sheet, scenarios, list(self.measures.values()), below, height=1.45, gap=0.75)
+        scenarios, names = list(study.grouped(result.points, "scenario")), list(self.measures)
+        panels = draw.scenario_panels(sheet, scenarios, list(self.measures.values()), below, height=1.45, gap=0.75)
         for (i, scenario), ax in panels.items():
-            points, column = where(result.points, scenario=scenario), names[i]
+            points, column = study.where(result.points, scenario=scenario), names[i]
             by_law = {point["law"]: point for point in points}
             if math.isfinite(step := by_law.get("sliding-mode", {}).get("step", math.nan)):
                 ax.axvspan(step, 1e-9, color="#F6F0DC", linewidth=0.0, zorder=0.5)
@@ -133,10 +107,10 @@ class ShrinkingRegion(Sweep):
             if math.isfinite(reference):
                 ax.axhline(reference, **REFERENCE, zorder=2)
             for blend, look in looks.items():
-                own = where(points, law=blend)
-                joined(ax, completed(own), "region", column, look.colour, look.marker)
+                own = study.where(points, law=blend)
+                draw.joined(ax, study.completed(own), "region", column, look.colour, look.marker)
                 if i == 0:
-                    failed_marks(ax, [p["region"] for p in filter(ended_early, own)], look.colour, 0.93)
+                    draw.failed_marks(ax, [p["region"] for p in filter(study.ended_early, own)], look.colour, 0.93)
             logarithmic(ax.xaxis, (1e-4, 1e-3, 1e-2, 1e-1))
             logarithmic(ax.yaxis, linear_below=1.0 if column == "switching_rate" else None)
             ax.set_xlim(0.8, 0.6e-4)
@@ -147,7 +121,7 @@ class ShrinkingRegion(Sweep):
 
 def _shrinking(points: Points, floor: float) -> dict[str, float]:
     """Numbers about the runs of one blend, from the largest to the smallest region."""
-    own = sorted(completed(points), key=lambda point: -point["region"])
+    own = sorted(study.completed(points), key=lambda point: -point["region"])
     found: dict[str, float] = {"runs": len(points), "failed": len(points) - len(own)}
     if not own:
         return found
@@ -174,48 +148,43 @@ class Pareto(Sweep):
 
     name = "pareto"
 
-    class Case(NamedTuple):
-        """A scenario, a law's name, its own parameter, and the strength of a potential field."""
-
-        scenario: str
-        controller: str
-        parameter: float
-        strength: float | None = None
+    Case = study.case_type("scenario", "controller", "parameter", "strength")
+    """A scenario, a law's name, its own parameter, and the strength of a potential field."""
 
     def spec(self, case: Any) -> RunSpec:
-        """See :class:`Sweep`."""
+        """The run of a case."""
         if case.controller == "hierarchical-qp":
-            return RunSpec(case.scenario, hierarchical_qp(case.parameter))
+            return RunSpec(case.scenario, draw.hierarchical_qp(case.parameter))
         if case.strength is not None:
             blend = "additive" if case.controller == "potential-field" else "priority"
-            return RunSpec(case.scenario, potential_field(blend, case.parameter, case.strength))
-        return RunSpec(case.scenario, LAWS[case.controller], scaled_gains(case.scenario, case.parameter))
+            return RunSpec(case.scenario, draw.potential_field(blend, case.parameter, case.strength))
+        return RunSpec(case.scenario, draw.LAWS[case.controller], scaled_gains(case.scenario, case.parameter))
 
     def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
         """Price and use of every run, and whether it is on the front."""
         points = [
-            begun(case, run)
+            study.begun(case, run)
             | {"unused": unused(run), "not_kept": not_kept(run)}
-            | columns(run, "acceleration_variation", "violation", "violated")
+            | study.columns(run, "acceleration_variation", "violation", "violated")
             | {"switching_rate": run.value("switching_rate_hz"), "settling_time_s": run.value("settling_time_s")}
             for case, run in results.items()
         ]
         numbers: Numbers = {}
         sentences = []
-        for scenario, own in grouped(points, "scenario").items():
+        for scenario, own in study.grouped(points, "scenario").items():
             best, laws = front(own), []
             for point in own:
                 point["front"] = point in best
-            for law, runs in grouped(own, "controller").items():
+            for law, runs in study.grouped(own, "controller").items():
                 kept = list(filter(_kept, runs))
                 least = min((point["unused"] for point in kept), default=math.nan)
                 found = {"least_unused": least, "on_front": sum(point["front"] for point in kept), "kept": len(kept)}
-                numbers |= keyed(found, scenario, law)
+                numbers |= study.keyed(found, scenario, law)
                 laws.append(f"{law} {self._least(kept, runs)}")
-            for point in where(own, controller="sliding-mode", parameter=1.0):
-                numbers |= keyed({"unused": point["unused"], "kept": _kept(point)}, scenario, "printed")
-            on_front = ", ".join(grouped(best, "controller")) or "nobody"
-            title = sentence_start(scenario)
+            for point in study.where(own, controller="sliding-mode", parameter=1.0):
+                numbers |= study.keyed({"unused": point["unused"], "kept": _kept(point)}, scenario, "printed")
+            on_front = ", ".join(study.grouped(best, "controller")) or "nobody"
+            title = draw.sentence_start(scenario)
             sentences.append(self.sentence("scenario", scenario=title, laws="; ".join(laws), front=on_front))
         return points, numbers, sentences
 
@@ -234,23 +203,26 @@ class Pareto(Sweep):
 
     def figure(self, result: StudyResult) -> Sheet:
         """One column per scenario; acceleration variation above, violation below."""
-        scenarios, laws = list(grouped(result.points, "scenario")), list(grouped(result.points, "controller"))
-        points = completed(result.points)
+        scenarios, laws = (
+            list(study.grouped(result.points, "scenario")),
+            list(study.grouped(result.points, "controller")),
+        )
+        points = study.completed(result.points)
         deepest = max((p["violation"] for p in points if math.isfinite(p["violation"])), default=0.0)
         sheet = Sheet(left=0.8)
-        sheet.legend([*law_entries(laws), entry("front", INK, linewidth=1.0)])
+        sheet.legend([*draw.law_entries(laws), draw.entry("front", INK, linewidth=1.0)])
         measures = ("acceleration variation\n[rad/s³]", "depth of violation\n[% of L]")
         below = "allowed space left unused [%] (less →)"
-        panels = scenario_panels(sheet, scenarios, measures, below, height=2.1, gap=0.75)
+        panels = draw.scenario_panels(sheet, scenarios, measures, below, height=2.1, gap=0.75)
         for scenario in scenarios:
-            own = where(points, scenario=scenario)
+            own = study.where(points, scenario=scenario)
             upper, lower = panels[0, scenario], panels[1, scenario]
-            best = sorted(where(own, front=True), key=lambda point: point["unused"])
+            best = sorted(study.where(own, front=True), key=lambda point: point["unused"])
             steps: dict[str, Any] = {"where": "post", "color": INK, "linewidth": 1.0, "zorder": 2}
             upper.step([_x(p) for p in best], [p["acceleration_variation"] for p in best], **steps)
             for name in laws:
-                _draw_law(upper, where(own, controller=name), "acceleration_variation", name)
-                _draw_law(lower, where(own, controller=name), "violation", name)
+                _draw_law(upper, study.where(own, controller=name), "acceleration_variation", name)
+                _draw_law(lower, study.where(own, controller=name), "violation", name)
             logarithmic(upper.yaxis)
             logarithmic(lower.yaxis, linear_below=0.01)
             lower.set_ylim(-0.002, max(2.0 * deepest, 1.0))
@@ -311,11 +283,11 @@ def _x(point: Mapping[str, Any]) -> float:
 
 def _draw_law(ax: Any, points: Points, column: str, name: str) -> None:
     """A line for each strength of a field, and markers that are hollow where a boundary is not kept."""
-    look = LOOKS[name]
+    look = draw.LOOKS[name]
     own = [p for p in points if math.isfinite(p["unused"]) and math.isfinite(p[column])]
     # laws without a strength have NaN, which is not equal to itself
     for strength in dict.fromkeys(None if math.isnan(p["strength"]) else p["strength"] for p in own):
-        some = own if strength is None else where(own, strength=strength)
+        some = own if strength is None else study.where(own, strength=strength)
         ax.plot(
             [_x(p) for p in some], [p[column] for p in some], color=look.colour, linewidth=1.0, alpha=0.7, zorder=2.5
         )

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 import tomllib
 from abc import ABC, abstractmethod
+from collections import namedtuple
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product, takewhile
 from pathlib import Path
-from string import Formatter
 from typing import Any, ClassVar
 
 from ...comparisons.runs.spec import RunSpec
-from ...reports.numbers import largest, number, percent
+from ...reports.numbers import largest
 from ...reports.plots import Figure, Sheet
+from ..texts import filled
 from .summary import RunSummary
 
 TABLES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("studies.toml").read_text(encoding="utf-8"))
@@ -112,7 +113,7 @@ class Sweep(Study):
     of :attr:`Case`, the last one varied first, and may set keys of the scenario (``overrides``).
     """
 
-    Case: ClassVar[Callable[..., Any]]
+    Case: ClassVar[Any]
 
     def __init__(self) -> None:
         self.table = TABLES[self.name]
@@ -138,14 +139,13 @@ class Sweep(Study):
         return runs
 
     def sentence(self, key: str, **values: Any) -> str:
-        """A sentence of the table with values filled in: ``{x!n}`` as reports print numbers, ``{x!p}`` as percent."""
-        return _Sentences().vformat(self.table["sentences"][key], (), values)
+        """A sentence of the table with values filled in."""
+        return filled(self.table["sentences"][key], **values)
 
 
-class _Sentences(Formatter):
-    def convert_field(self, value: Any, conversion: str | None) -> Any:
-        styles = {"n": number, "p": percent}
-        return styles[conversion](value) if conversion in styles else super().convert_field(value, conversion)
+def case_type(*names: str) -> Any:
+    """A named tuple of what a study varies; a value is None where it does not apply."""
+    return namedtuple("Case", names, defaults=[None] * len(names))
 
 
 def case_text(case: Case) -> str:

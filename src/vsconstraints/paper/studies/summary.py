@@ -21,10 +21,9 @@ from ...errors import SceneError
 from ...rows import Array
 
 GRID = 0.02
-"""Trajectories are kept at these intervals [s]."""
+"""Trajectories are kept at these intervals [s], and at greater ones where there would be more than 1000 samples."""
 
-MOST_POINTS = 1000
-"""Long runs are kept at greater intervals, so that there are no more points than this."""
+MAX_SAMPLES = 1000
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ class RunSummary:
 
     @property
     def ended_early(self) -> bool:
-        """Whether the run did not go on to its end."""
+        """Whether the run failed or was aborted."""
         return self.status in ("failed", "aborted")
 
     def save(self, path: Path) -> None:
@@ -87,7 +86,7 @@ class RunSummary:
 
     @classmethod
     def load(cls, path: Path) -> RunSummary | None:
-        """What the file holds; None if there is none, or it is damaged."""
+        """Read a file; None if it is missing or damaged."""
         with suppress(Exception):  # a damaged file can raise anything
             return cls(**read_arrays(path))
         return None
@@ -109,74 +108,75 @@ def summarise(made: Run, baseline: RunRecord | None, *, drift_noted: bool = Fals
     made
         The run.
     baseline
-        Tracking alone on the same scenario, which tells the challenged rows; None if it failed.
+        Tracking alone on the same scenario, which shows the challenged rows; None if it failed.
     drift_noted
-        Whether ``needed_gain`` and ``entry_push`` are asked for.
+        Whether to compute ``needed_gain`` and ``entry_push``.
     """
     record, run = made.record, made.trajectory
     scored = score(record, baseline)
     if not len(run.t):
         return RunSummary(run.status, run.reason, scored.result)
-    t = np.arange(0.0, run.t[-1] + 1e-9, max(GRID, run.t[-1] / MOST_POINTS))
-    relative, scales = run.clearance / record.length, made.setup.constraints.scale
+    t = np.arange(0.0, run.t[-1] + 1e-9, max(GRID, run.t[-1] / MAX_SAMPLES))
+    coarse: dict[str, Any] = {
+        "q": run.q,
+        "clearance": run.clearance / record.length,
+        "pixels": run.features_px,
+        "qd": run.qd,
+    }
+    coarse = {name: _at(t, run.t, values).astype(np.float32) for name, values in coarse.items()}
+    coarse |= gains(made) if drift_noted else {}
+    rows = zip(scored.constraints, record.switching_gain, made.setup.constraints.scale, strict=True)
     return RunSummary(
         run.status,
         run.reason,
         scored.result,
         {
             str(row["constraint"]): {**row, "switching_gain": float(gain), "scale": float(scale)}
-            for row, gain, scale in zip(scored.constraints, record.switching_gain, scales, strict=True)
+            for row, gain, scale in rows
         },
         record.Ts,
         t,
-        _at(t, run.t, run.q).astype(np.float32),
-        _at(t, run.t, relative).astype(np.float32),
-        _at(t, run.t, run.features_px).astype(np.float32),
-        **(gains(made) if drift_noted else {}),
         phi_max=float(run.phi.max(initial=-np.inf)),
         longest_run=max((round(row["longest_positive_run_s"] / record.Ts) for row in scored.constraints), default=0),
-        qd=_at(t, run.t, run.qd).astype(np.float32),
+        **coarse,
     )
 
 
 def joint_distance(one: RunSummary, other: RunSummary) -> float:
     """Root mean square over time of ‖q − q'‖ between two runs [rad or m], over the time both have."""
-    return _rms(one, other, one.q, other.q)
+    return _rms(_difference(one, other, "q"))
 
 
 def clearance_distance(one: RunSummary, other: RunSummary) -> float:
     """Root mean square over time and rows of the difference of clearances, as a fraction of each row's length."""
-    return _rms(one, other, one.clearance, other.clearance) / math.sqrt(max(one.clearance.shape[1], 1))
+    return _rms(_difference(one, other, "clearance")) / math.sqrt(max(one.clearance.shape[1], 1))
 
 
 def pixel_distance(one: RunSummary, other: RunSummary) -> float:
     """Greatest distance of a marker between two runs at the same time [px]."""
-    t = _common(one, other)
-    if not len(t) or not one.pixels.size:
-        return float("nan")
-    return float(np.linalg.norm(_at(t, one.t, one.pixels) - _at(t, other.t, other.pixels), axis=2).max())
+    apart = _difference(one, other, "pixels")
+    return float(np.linalg.norm(apart, axis=2).max()) if apart.size else math.nan
 
 
 def speed_difference(one: RunSummary, other: RunSummary) -> tuple[float, float]:
     """How joint speeds differ: the greatest difference of one, as a share of the other run's greatest; and both RMS."""
-    t = _common(one, other)
-    if not len(t) or not other.qd.any():
-        return float("nan"), float("nan")
-    apart, reference = _at(t, one.t, one.qd) - _at(t, other.t, other.qd), other.qd
+    apart, reference = _difference(one, other, "qd"), other.qd
+    if not len(apart) or not reference.any():
+        return math.nan, math.nan
     rms = math.sqrt(float((apart**2).mean()) / float((reference**2).mean()))
     return float(np.abs(apart).max() / np.abs(reference).max()), rms
 
 
-def _rms(one: RunSummary, other: RunSummary, values: Array, theirs: Array) -> float:
-    t = _common(one, other)
+def _rms(differences: Array) -> float:
+    return float(np.sqrt((differences**2).sum(axis=1).mean())) if len(differences) else math.nan
+
+
+def _difference(one: RunSummary, other: RunSummary, name: str) -> Array:
+    """Differences of an array at the times of ``one`` that ``other`` has reached, too; empty if there are none."""
+    t = one.t[one.t <= other.t[-1]] if len(one.t) and len(other.t) else np.empty(0)
     if not len(t):
-        return float("nan")
-    return float(np.sqrt(((_at(t, one.t, values) - _at(t, other.t, theirs)) ** 2).sum(axis=1).mean()))
-
-
-def _common(one: RunSummary, other: RunSummary) -> Array:
-    """Times of ``one`` that ``other`` has reached too."""
-    return one.t[one.t <= other.t[-1]] if len(one.t) and len(other.t) else np.empty(0)
+        return np.empty((0, 0, 2))
+    return _at(t, one.t, getattr(one, name)) - _at(t, other.t, getattr(other, name))
 
 
 def _at(t: Array, times: Array, values: Array) -> Array:
@@ -186,9 +186,9 @@ def _at(t: Array, times: Array, values: Array) -> Array:
 
 
 def gains(made: Run) -> dict[str, float]:
-    """What condition (12) asks for along a motion, as its controller was told it: see :class:`RunSummary`.
+    """``needed_gain`` and ``entry_push`` of :class:`RunSummary`, along a motion and with what its controller knew.
 
-    No gradient error and no disturbance of what is sensed is taken into account.
+    Gradient errors and disturbances of what is sensed are left out; without an active row there are none.
     """
     active = made.trajectory.phi >= 0.0
     if not active.any():

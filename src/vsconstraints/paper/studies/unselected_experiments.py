@@ -24,8 +24,9 @@ from ...comparisons.runs.spec import RunSpec
 from ...reports.numbers import median
 from ...reports.plots import REFERENCE, Sheet, logarithmic
 from ...simulation.disturbances import GRADIENT_SIGNS
-from .drawing import entry, scenario_title, sentence_start
-from .study import Numbers, Points, StudyResult, Sweep, grouped, keyed, where
+from . import drawing as draw
+from . import study
+from .study import Numbers, Points, StudyResult, Sweep
 from .summary import NOT_RUN, RunSummary, pixel_distance, speed_difference
 
 EXACT = "exact"
@@ -97,15 +98,11 @@ class UnselectedExperiments(Sweep):
 
     name = "unselected-experiments"
 
-    class Case(NamedTuple):
-        """A scenario, which scene of its geometry, and one of :data:`CASES`."""
-
-        scenario: str
-        scene: str
-        case: str
+    Case = study.case_type("scenario", "scene", "case")
+    """A scenario, which scene of its geometry, and one of :data:`CASES`."""
 
     def spec(self, case: Any) -> RunSpec:
-        """See :class:`Sweep`."""
+        """The run of a case."""
         scene = {} if case.scene == SHIPPED else kept_scenes()[case.scenario]["scenes"][int(case.scene)]
         error = {"disturbances": CASES[case.case]} if CASES[case.case] else {}
         return RunSpec(case.scenario, overrides={**scene, **error})
@@ -141,36 +138,36 @@ class UnselectedExperiments(Sweep):
                 points += lines
                 accepted += [line for line in lines if not reason and line["case"] != EXACT]
             counts = counted(accepted)
-            title = sentence_start(name)
+            title = draw.sentence_start(name)
             by_geometry = kept_scenes()[name]["rejected"]
             reasons = "; ".join(f"{reason}: {count}" for reason, count in by_geometry.items())
             by_run = ", ".join(f"{count} ({reason})" for reason, count in (+rejected).items()) or "none"
             draws = sum(by_geometry.values())
             sentences.append(self.sentence("rejected", title=title, draws=draws, reasons=reasons, runs=by_run))
             for case, found in counts.items():
-                numbers |= keyed(found, name, case)
+                numbers |= study.keyed(found, name, case)
             for case in (case for case in LOOKS if case in counts):
                 sentences.append(self.sentence("case", title=title, shown=LOOKS[case][2], **counts[case]))
         return points, numbers, sentences
 
     def figure(self, result: StudyResult) -> Sheet:
         """One row per experiment; one panel per measure, a line per case."""
-        present = {case: look for case, look in LOOKS.items() if where(result.points, case=case)}
+        present = {case: look for case, look in LOOKS.items() if study.where(result.points, case=case)}
         sheet = Sheet(left=0.95)
-        sheet.legend([entry(label, colour, linestyle=dash) for colour, dash, label in present.values()])
+        sheet.legend([draw.entry(label, colour, linestyle=dash) for colour, dash, label in present.values()])
         panels = sheet.panels(len(EXPERIMENTS) * len(PANELS), len(PANELS), height=1.7, gap=0.4, same_y=True)
         sheet.at += 0.15
         kinds = product(EXPERIMENTS, PANELS)
         for i, (ax, (experiment, (column, label, ticks, wanted))) in enumerate(zip(panels, kinds, strict=True)):
-            own = where(result.points, scenario=experiment.scenario, rejected="")
+            own = study.where(result.points, scenario=experiment.scenario, rejected="")
             for case in present:
-                _distribution(ax, where(own, case=case), column, case)
+                _distribution(ax, study.where(own, case=case), column, case)
             ax.axvline(wanted, **REFERENCE, zorder=2)
             logarithmic(ax.xaxis, ticks, 1.0 if column == "clearance_share" else None)
             ax.set_xlim(ticks[0], ticks[-1])
             ax.set_ylim(-3.0, 103.0)
             if i % len(PANELS) == 0:
-                ax.set_ylabel(f"{scenario_title(experiment.scenario)}\nscenes with less [%]")
+                ax.set_ylabel(f"{draw.scenario_title(experiment.scenario)}\nscenes with less [%]")
             if i >= len(panels) - len(PANELS):
                 ax.set_xlabel(label)
         return sheet
@@ -223,7 +220,7 @@ def compared(experiment: Experiment, run: RunSummary, exact: RunSummary) -> dict
 def counted(points: Points) -> dict[str, dict[str, float]]:
     """By case, in how many unselected scenes what holds, and in how many there is an effect at all."""
     found = {}
-    for case, every in grouped(points, "case").items():
+    for case, every in study.grouped(points, "case").items():
         own = [point for point in every if point["scene"] != SHIPPED]
         what = ("similar", "satisfactory", "little_speed", "applied")
         found[case] = {"scenes": float(len(own))} | {name: float(sum(bool(p[name]) for p in own)) for name in what}
