@@ -19,7 +19,7 @@ from vsconstraints.cli import app
 from vsconstraints.controllers import HierarchicalQP
 from vsconstraints.robots.limits import ActuatorLimits
 from vsconstraints.scenarios.families import Family
-from vsconstraints.scenarios.families.arrival import least_time, rest_to_rest
+from vsconstraints.scenarios.families.attempts import least_time, rest_to_rest
 from vsconstraints.scenarios.families.placements import Ends
 from vsconstraints.simulation import Setup, score_run
 

@@ -185,7 +185,7 @@ def test_shards_merged_and_processes_give_the_same(
     assert (merged.scenes, merged.runs) == (6, 36)
     assert_same(tables(out), tables(tmp_path / "merged"))
     # scenes that are there twice, but the same, count once, however they are split
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.task.LEAST_TASKS", 2)
+    monkeypatch.setattr("vsconstraints.comparisons.evidence.task.MIN_TASKS", 2)
     collect(small, tmp_path / "large", HERE)
     assert len(folders.shard_names(tmp_path / "large")) == 2
     merge(tmp_path / "twice", [tmp_path / "2", tmp_path / "large", out])
@@ -248,7 +248,7 @@ def test_batches_of_another_size_are_gone_on_with(
 ) -> None:
     """What was stored by twos goes on by threes, and the other way round: nothing is lost or twice."""
     small, out = whole
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.task.LEAST_TASKS", 1)
+    monkeypatch.setattr("vsconstraints.comparisons.evidence.task.MIN_TASKS", 1)
     monkeypatch.setattr("vsconstraints.comparisons.evidence.task.RUNS_OF_TASK", before)
     collect(replace(small, scenes=4), tmp_path, HERE)
     assert len(folders.shard_names(tmp_path)) == ceil(4 / (before // 6))

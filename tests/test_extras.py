@@ -60,4 +60,4 @@ def test_every_package_that_is_imported_is_in_some_identity() -> None:
     extra = {module for one in extras.EXTRAS.values() for module in one.modules}
     assert {"numpy", "pinocchio", "coal", "yaml"} <= required
     # what only draws or shows, and dask, which is one with distributed
-    assert found - required - extra <= {"PIL", "mpl_toolkits", "trimesh", "IPython", "dask"}
+    assert found - required - extra <= {"PIL", "mpl_toolkits", "trimesh", "IPython", "dask", "jinja2"}

@@ -28,8 +28,8 @@ from vsconstraints.robots import READY_MADE
 from vsconstraints.scenarios.families import HALVES, Drawn, Family, Reason, families
 from vsconstraints.scenarios.families.distributions import DISTRIBUTIONS
 from vsconstraints.scenarios.families.drawing import Streams, drawn, merged, parsed
-from vsconstraints.scenarios.families.inverse_kinematics import inverse_kinematics
-from vsconstraints.scenarios.families.summary import summarised
+from vsconstraints.scenarios.families.family import summarised
+from vsconstraints.scenarios.families.placements import inverse_kinematics
 from vsconstraints.simulation import simulate
 
 BY_HAND = """

@@ -31,9 +31,8 @@ from vsconstraints.comparisons.tuning.objectives import (
     judged,
     outcome,
 )
-from vsconstraints.comparisons.tuning.problem import evaluating
+from vsconstraints.comparisons.tuning.problem import Search, Searched, evaluating
 from vsconstraints.comparisons.tuning.result import Asked
-from vsconstraints.comparisons.tuning.search import Search, Searched
 from vsconstraints.comparisons.tuning.tune import Journal
 from vsconstraints.controllers import make_controller
 from vsconstraints.errors import ConfigurationError

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ..comparisons.evidence import Finished, Progress
     from ..comparisons.evidence import Keep as Kept
     from ..scenarios.families import Family
-    from ..scenarios.families.summary import Summary
+    from ..scenarios.families.drawn import Summary
 
 
 def families(
@@ -48,7 +48,7 @@ def families(
     """List the families of scenes; draw scenes of those that are named, and describe them."""
     from ..scenarios.families import Family
     from ..scenarios.families import families as shipped
-    from ..scenarios.families.summary import summarised
+    from ..scenarios.families.family import summarised
 
     if not names:
         for name in shipped():

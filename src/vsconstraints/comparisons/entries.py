@@ -15,7 +15,7 @@ from ..scenarios.reading import Table, checked, demand_table
 from ..scenarios.toml import parse_toml
 from .runs.spec import BASELINE, ControllerSpec
 
-LONGEST_NAME = 100
+MAX_NAME_BYTES = 100
 """Bytes that the name of a scenario or controller may have; files are named after both."""
 
 Entries = tuple[ControllerSpec, ...]
@@ -23,15 +23,26 @@ Entries = tuple[ControllerSpec, ...]
 
 
 def entries_of(tables: Table, where: str, folder: Path) -> Entries:
-    """The controllers of a file's tables; raises ConfigurationError for a law that there is not."""
-    return tuple(_entry(name, table, f"{where}.{name}", folder) for name, table in tables.items())
+    """The controllers of a file's tables; raises ConfigurationError for an unknown law."""
+    entries = []
+    for name, table in tables.items():
+        options = demand_table(table, f"{where}.{name}")
+        law = checked(options.pop("type", name), str, f"{where}.{name}", "type")
+        controller_class(law, folder)
+        entries.append(ControllerSpec(name, law, options, folder))
+    return tuple(entries)
 
 
-def _entry(name: str, table: object, where: str, folder: Path) -> ControllerSpec:
-    options = demand_table(table, where)
-    law = checked(options.pop("type", name), str, where, "type")
-    controller_class(law, folder)
-    return ControllerSpec(name, law, options, folder)
+def resolved_entries(entries: Entries) -> dict[str, Any]:
+    """Laws and options by name, as data."""
+    return {entry.name: {"type": entry.law, **entry.options} for entry in entries}
+
+
+def checked_entries(entries: Entries) -> None:
+    """Raise ConfigurationError or InvalidInput unless all of them can be made, and files can be named after them."""
+    demand_names("controller", [entry.name for entry in entries])
+    for entry in entries:
+        entry.make()
 
 
 def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
@@ -56,7 +67,7 @@ def with_option(entries: Entries, name: str, option: str, value: object) -> Entr
 
 
 def with_baseline(entries: Entries) -> Entries:
-    """The same with tracking alone among them, first; raises ConfigurationError if its name is another law's."""
+    """The same with the unconstrained baseline first; raises ConfigurationError if its name is another law's."""
     baseline = next((entry for entry in entries if entry.name == BASELINE), ControllerSpec(BASELINE))
     if baseline.law != BASELINE:
         raise ConfigurationError(f"the name {BASELINE!r} is that of the baseline; give the controller another one")
@@ -71,16 +82,16 @@ def demand_names(what: str, names: Sequence[str]) -> None:
                 f"{what} name {shown(name)} is used in file names: letters, digits, ' ', '.', '_', '+', '=', "
                 "',' and single '-'"
             )
-        if len(name.encode()) > LONGEST_NAME:
+        if len(name.encode()) > MAX_NAME_BYTES:
             raise ConfigurationError(
-                f"{what} name {shown(name)} is used in file names and longer than {LONGEST_NAME} bytes"
+                f"{what} name {shown(name)} is used in file names and longer than {MAX_NAME_BYTES} bytes"
             )
         if names.count(name) > 1:
             raise ConfigurationError(f"{what} {name!r} appears more than once; give each its own name")
 
 
 def demand_stored_names(what: str, names: Iterable[str], where: str) -> None:
-    """The same of names that a folder of results holds, each once: what is drawn of them is written under them."""
+    """The same of names in a folder of results: figures are named after them."""
     for name in names:
         try:
             demand_names(what, [name])

@@ -1,4 +1,4 @@
-"""What a comparison would lose of one that is stored in its folder."""
+"""The files of a comparison's folder: which would be lost to another comparison, and whose trajectories are kept."""
 
 from __future__ import annotations
 
@@ -31,10 +31,9 @@ def stored_files(folder: Path) -> list[Path]:
 
 
 def demand_nothing_lost(folder: Path, suite: Suite) -> None:
-    """Raise ConfigurationError if results in a folder would be lost to those of a suite.
+    """Raise ConfigurationError if finished runs in a folder are no part of a suite, or have other settings in it.
 
-    Lost are finished runs that are no part of it, or have other settings in it. Runs that are made again since the
-    code, the machine or a file has changed are not lost: the same is asked of them.
+    Runs that are repeated because code, machine or a file has changed are not lost.
     """
     earlier, now = _settings(manifest_of(folder).get("configuration")), _settings(plain(suite.resolved()))
     planned = {(scenario, controller, str(trial)) for scenario, controller, trial in (run.key for run in suite.runs())}
@@ -102,15 +101,8 @@ KINDS = Kinds(("scenario", "controller"), "trial", "scenario")
 def keep_trajectories(folder: Path, keep: Keep) -> int:
     """Remove the trajectories of all other runs of a stored comparison; how many stay.
 
-    The same command makes those runs again: it keeps what it makes until its report is written. What an arm has done
-    stays, since no command makes it again.
-
-    Raises
-    ------
-    ConfigurationError
-        if there is no comparison in the folder.
-    StorageError
-        if a trajectory cannot be removed.
+    The same command would repeat those runs. Runs on an arm stay, since no command repeats them. Raises
+    ConfigurationError if there is no comparison in the folder, StorageError if a trajectory cannot be removed.
     """
     lines = read_table(folder / "results.csv", RESULT_COLUMNS)
     driven = [line for line in lines if ON_ARM.match(line["reason"])]

@@ -17,7 +17,7 @@ from ..rows import Array, BoolArray
 from ..rows.readable import in_one_line
 from ..simulation import Setup, Trajectory
 from ..simulation.trajectory import Outcome
-from .runs.files import MOST_EXPANDED, TRAJECTORIES, read_arrays, write_arrays
+from .runs.files import MAX_BYTES, TRAJECTORIES, read_arrays, write_arrays
 from .runs.spec import RunSpec
 
 SAMPLE_MEMORY = 65_536.0
@@ -120,20 +120,16 @@ class RunRecord:
     @classmethod
     def failed(cls, reason: str, fingerprint: str) -> RunRecord:
         """The record of a run that left nothing but its reason."""
-        none = np.empty(0)
-        empty: dict[str, Any] = {f.name: none for f in fields(Trajectory)}
-        wide: dict[str, Any] = {
-            name: np.empty((0, 0))
-            for name in ("q", "qd", "qdd_command", "error", "phi", "sigma", "clearance", "between_clearance")
+        empty: dict[str, Any] = {
+            name: np.empty(
+                [int(axis) if axis.isdecimal() else 0 for axis in axes], np.bool_ if name in FLAGS else float
+            )
+            for name, axes in SHAPES.items()
         }
-        empty.update(wide, camera_error=np.empty((0, 2)), camera_position=np.empty((0, 3)))
-        empty.update(features_px=np.empty((0, 0, 2)), points=np.empty((0, 0, 3)))
-        empty.update(active=np.empty((0, 0), dtype=np.bool_))
-        empty.update(status="failed", reason=one_line(reason), labels=(), fallbacks=0, compiled=False)
-        trajectory = Trajectory(**empty)
-        return cls(
-            trajectory, (), (), none, none, none, none, np.empty(0, dtype=np.bool_), none, 0, np.nan, fingerprint
-        )
+        empty.update(dict.fromkeys(("labels", "kinds", "units"), ()))
+        empty.update(status="failed", reason=one_line(reason), fallbacks=0, compiled=False)
+        trajectory = Trajectory(**{f.name: empty.pop(f.name) for f in fields(Trajectory)})
+        return cls(trajectory, **empty, common=0, Ts=np.nan, fingerprint=fingerprint)
 
     def save(self, path: Path) -> None:
         """Write the file whole or not at all; raises OSError, and what an own part's strange arrays may raise."""
@@ -153,7 +149,7 @@ class RunRecord:
             How many there can be: what is longer, or would take more memory than these, is not expanded.
         """
         with suppress(Exception):  # a damaged file can raise anything: of the archive, its compression, NumPy, JSON
-            values = read_arrays(path, min(MOST_EXPANDED, SAMPLE_MEMORY * (1.0 + samples)))
+            values = read_arrays(path, min(MAX_BYTES, SAMPLE_MEMORY * (1.0 + samples)))
             for name in ("labels", "kinds", "units"):
                 values[name] = tuple(str(text) for text in values[name])
             _demand_shapes(values, samples)

@@ -131,7 +131,7 @@ def compare(
                 # what was stored before is not this run; this is not stored: memory, say, may suffice next time
                 run_file(folder, *key).unlink(missing_ok=True)
                 answer = score(RunRecord.failed(answer.reason, ""), None), False
-            # what an earlier comparison left stays until there is something to replace it
+            # earlier results stay until there is something to replace them
             first = not scores
             scores[key], stored = answer
             stored_before += stored
@@ -173,7 +173,7 @@ def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSp
             return _scored(spec, record, folder, baseline), True
     path = run_file(folder, *spec.key)
     try:
-        # nothing older is left for this run, however it ends
+        # an older trajectory is removed, however this run ends
         path.unlink(missing_ok=True)
         record = _simulated(spec)
         result = _scored(spec, record, folder, baseline)
@@ -186,7 +186,7 @@ def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSp
 def _scored(spec: RunSpec, record: RunRecord, folder: Path, baseline: RunSpec | None) -> Score:
     if baseline is None or spec == baseline:
         return score(record, None if baseline is None else record)
-    # one of an earlier comparison tells nothing
+    # that of an earlier comparison does not count
     return score(record, stored_run(baseline, folder))
 
 

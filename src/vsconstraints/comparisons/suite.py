@@ -17,10 +17,12 @@ from ..scenarios import Scenario
 from ..scenarios.reading import Table, made
 from ..scenarios.toml import read_toml
 from .entries import (
+    checked_entries,
     chosen_entries,
     demand_names,
     entries_of,
     parsed_setting,
+    resolved_entries,
     target_of,
     unique,
     whole,
@@ -29,7 +31,7 @@ from .entries import (
 )
 from .runs.spec import BASELINE, ControllerSpec, RunSpec
 
-MOST_VARIANTS = 10_000
+MAX_VARIANTS = 10_000
 """Variants that one entry of a suite may stand for."""
 
 
@@ -50,8 +52,8 @@ def scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:
         if not isinstance(candidates, list) or not candidates:
             raise ConfigurationError(f"{where}.each: {key} must be a list of values, not {shown(candidates)}")
     count = prod(map(len, variants.each.values()))
-    if count > MOST_VARIANTS:
-        raise ConfigurationError(f"{where}.each makes {count:.3g} variants; an entry may make {MOST_VARIANTS}")
+    if count > MAX_VARIANTS:
+        raise ConfigurationError(f"{where}.each makes {count:.3g} variants; an entry may make {MAX_VARIANTS}")
     found = []
     for values in product(*variants.each.values()):
         texts = [str(value) for value in values]
@@ -75,7 +77,7 @@ class _Variants:
     each: Table = field(default_factory=dict)
 
 
-MOST_RUNS = 100_000
+MAX_RUNS = 100_000
 """Runs that a comparison may have: the scores of all are kept in memory."""
 
 __all__ = ["BASELINE", "DEFAULT", "Suite"]
@@ -194,7 +196,7 @@ class Suite:
         )
 
     def checked(self) -> Suite:
-        """The suite itself, if everything in it can be built and started; raises what is wrong otherwise."""
+        """The suite itself; raises what is wrong if something in it cannot be built or started."""
         if not self.scenarios or not self.controllers:
             missing = "scenario" if self.controllers else "controller"
             raise ConfigurationError(f"suite {self.name}: there is nothing to compare: it has no {missing}")
@@ -203,15 +205,13 @@ class Suite:
                 f"trials must be a whole number from 1, and seed one from 0 on: {self.trials}, {self.seed}"
             )
         scenarios, controllers = len(self.scenarios), len(self.controllers)
-        if scenarios * controllers * self.trials > MOST_RUNS:
+        if scenarios * controllers * self.trials > MAX_RUNS:
             raise ConfigurationError(
                 f"suite {self.name}: {scenarios} scenarios × {controllers} controllers × {self.trials} trials are "
-                f"{scenarios * controllers * self.trials:.3g} runs; a comparison may have {MOST_RUNS}"
+                f"{scenarios * controllers * self.trials:.3g} runs; a comparison may have {MAX_RUNS}"
             )
         demand_names("scenario", [scenario.name for scenario in self.scenarios])
-        demand_names("controller", [entry.name for entry in self.controllers])
-        for entry in self.controllers:
-            entry.make()
+        checked_entries(self.controllers)
         self.remarks()
         if self.trials > 1:
             for scenario in self.scenarios:
@@ -240,7 +240,7 @@ class Suite:
         return found
 
     def with_baseline(self) -> Suite:
-        """The same suite with tracking alone in it, first."""
+        """The same suite with unconstrained tracking in it, first."""
         return replace(self, controllers=with_baseline(self.controllers))
 
     def runs(self) -> list[RunSpec]:
@@ -259,7 +259,7 @@ class Suite:
             "title": self.title,
             "trials": self.trials,
             "seed": self.seed,
-            "controllers": {entry.name: {"type": entry.law, **entry.options} for entry in self.controllers},
+            "controllers": resolved_entries(self.controllers),
             "scenarios": {
                 scenario.name: {
                     "folder": "" if scenario.shipped else str(scenario.folder.resolve()),

@@ -61,10 +61,7 @@ def append_lines(path: Path, columns: Sequence[str], lines: Iterable[dict[str, A
 def read_table(path: Path, columns: Iterable[str] = ()) -> list[dict[str, Any]]:
     """Lines of a table: text as str, flags as bool, ``trial`` and everything else as float, NaN where empty.
 
-    Raises
-    ------
-    ConfigurationError
-        if it cannot be read, has no such columns, or a cell holds what its column cannot; it names file and line.
+    Raises ConfigurationError, with file and line, if it cannot be read, has no such columns, or holds a wrong value.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:

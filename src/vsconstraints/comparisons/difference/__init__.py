@@ -1,4 +1,4 @@
-"""Two comparisons held together: what changed in code and settings, and what that did to the same scenes."""
+"""Two comparisons compared: what changed in code and settings, and the effect in the same scenes."""
 
 from .difference import Difference, difference
 

@@ -15,7 +15,7 @@ from ..metrics import Metric
 from ..statistics import paired, simultaneous
 from ..statistics.judged import converged, judged_metric, judged_metrics, resolution, values, violated
 from ..statistics.rates import sign_test
-from .pairs import LEAST_PAIRS, Group, Pairs, Side, groups
+from .pairs import MIN_PAIRS, Group, Pairs, Side, groups
 
 SIGNIFICANT = 0.05
 """Chance, over all tests of a difference together, to find something where there is nothing."""
@@ -107,7 +107,7 @@ class Outcome:
     lost, gained
         Positions of the pairs in which only A does, only B.
     p
-        Of the exact McNemar (sign) test, uncorrected; None below :data:`.pairs.LEAST_PAIRS`.
+        Of the exact McNemar (sign) test, uncorrected; None below :data:`.pairs.MIN_PAIRS`.
     """
 
     group: Group
@@ -131,7 +131,7 @@ def outcomes(groups: Iterable[Group]) -> Iterator[Outcome]:
             a, b = does(group.a).to_numpy(), does(group.b).to_numpy()
             lost, gained = group.positions[a & ~b], group.positions[b & ~a]
             if differing := len(lost) + len(gained):
-                p = sign_test(len(gained), len(lost)) if differing >= LEAST_PAIRS else None
+                p = sign_test(len(gained), len(lost)) if differing >= MIN_PAIRS else None
                 yield Outcome(group, what, int(a.sum()), int(b.sum()), lost, gained, p)
 
 
@@ -148,7 +148,7 @@ class Shift:
     differences
         (n,) B − A, as stored, of the pairs that differ.
     p
-        Of the sign test, uncorrected; None below :data:`.pairs.LEAST_PAIRS`.
+        Of the sign test, uncorrected; None below :data:`.pairs.MIN_PAIRS`.
     """
 
     group: Group
@@ -177,7 +177,7 @@ def shifts(groups: Iterable[Group], metrics: Iterable[Metric], tolerance: float)
         moved = np.abs(b - a) > np.maximum(tolerance * np.maximum(np.abs(a), np.abs(b)), resolution(metric))
         found = paired(b[moved], a[moved], better=metric.better or "less")
         if found.n:
-            p = found.p if found.n >= LEAST_PAIRS else None
+            p = found.p if found.n >= MIN_PAIRS else None
             yield Shift(group, metric, len(a), found.wins, found.losses, b[moved] - a[moved], p)
 
 

@@ -23,7 +23,7 @@ from ..stored import StoredComparison
 SCORES = tuple(metric.column for metric in METRICS if metric.value is not None and metric.column not in TIMING_COLUMNS)
 """Columns that are equal if a run is: all but times."""
 
-LEAST_PAIRS = 6
+MIN_PAIRS = 6
 """Pairs that have to differ for a test: with fewer, p is at least 2 / 2⁵ = 0.0625."""
 
 

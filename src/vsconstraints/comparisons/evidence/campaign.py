@@ -18,10 +18,12 @@ from ...scenarios.reading import Table, demand_known, demand_table, made
 from ...scenarios.toml import read_toml
 from ..entries import (
     Entries,
+    checked_entries,
     chosen_entries,
     demand_names,
     entries_of,
     parsed_setting,
+    resolved_entries,
     target_of,
     unique,
     whole,
@@ -35,7 +37,7 @@ from ..runs.spec import ControllerSpec
 Identity = dict[str, Any]
 """Nested tables of plain values, as JSON has them; the same wherever the same campaign is run."""
 
-MOST_SHOWN = 3
+MAX_SHOWN = 3
 """Differences that a message shows."""
 
 IN_WORDS = {"code": "the package's source", "version": "the package's version", "compiled": "whether runs are compiled"}
@@ -87,8 +89,8 @@ def differences(there: Any, here: Any, key: str = "") -> Iterator[str]:
 
 def in_words(found: list[str]) -> str:
     """The first of many differences, and how many there are."""
-    more = len(found) - MOST_SHOWN
-    return "; ".join(found[:MOST_SHOWN]) + (f"; and {more} more" if more > 0 else "")
+    more = len(found) - MAX_SHOWN
+    return "; ".join(found[:MAX_SHOWN]) + (f"; and {more} more" if more > 0 else "")
 
 
 SHIPPED_CAMPAIGNS = {name: Path(__file__).parent / f"{name}.toml" for name in ("evidence", "real-world")}
@@ -97,7 +99,7 @@ SHIPPED_CAMPAIGNS = {name: Path(__file__).parent / f"{name}.toml" for name in ("
 DEFAULT = SHIPPED_CAMPAIGNS["evidence"]
 """The campaign that is run when none is given; ``comparisons/evidence.toml`` is a link to it."""
 
-MOST_SCENES = 10_000_000
+MAX_SCENES = 10_000_000
 """Scenes of a family that a campaign may have."""
 
 OWN_SETTINGS = ("scenes", "seed", "half", "conditions", "scenes_in.CONDITION")
@@ -205,19 +207,17 @@ class Campaign:
         return replace(self, controllers=with_option(self.controllers, name, option, value))
 
     def checked(self) -> Campaign:
-        """The campaign with tracking alone in it, if everything in it can be used; raises what is wrong otherwise."""
+        """The campaign with the unconstrained baseline in it; raises what is wrong if something cannot be used."""
         if not self.families:
             raise ConfigurationError(f"campaign {self.name}: it names no family, so there is no scene to be drawn")
-        if not 1 <= self.scenes <= MOST_SCENES:
-            raise ConfigurationError(f"scenes must be from 1 to {MOST_SCENES}, not {self.scenes}")
+        if not 1 <= self.scenes <= MAX_SCENES:
+            raise ConfigurationError(f"scenes must be from 1 to {MAX_SCENES}, not {self.scenes}")
         if self.seed < 0:
             raise ConfigurationError(f"seed must be 0 or more, not {self.seed}")
         if self.half not in HALVES:
             raise unknown_name("half", self.half, HALVES)
         demand_names("family", [family.name for family in self.families])
-        demand_names("controller", [entry.name for entry in self.controllers])
-        for entry in self.controllers:
-            entry.make()
+        checked_entries(self.controllers)
         known = list(dict.fromkeys(condition for family in self.families for condition in family.conditions))
         demand_names("condition", known)
         for name in (*self.conditions, *self.scenes_in):
@@ -268,7 +268,7 @@ class Campaign:
             "seed": self.seed,
             "conditions": list(self.conditions),
             "scenes_in": dict(self.scenes_in),
-            "controllers": {entry.name: {"type": entry.law, **entry.options} for entry in self.controllers},
+            "controllers": resolved_entries(self.controllers),
             "families": {
                 family.name: {
                     "folder": _portable(family.folder),

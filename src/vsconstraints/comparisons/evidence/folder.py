@@ -16,7 +16,7 @@ from ..runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed
 from ..runs.folder import MANIFEST, Keep, Kinds, kept_lines
 from ..runs.machine import machine
 from ..runs.pool import Failure, OpenWorkers
-from ..runs.signals import Deadline
+from ..runs.signals import deadline
 from . import parquet
 from .campaign import Campaign, Identity, differences, in_words
 from .parquet import RUNS, TABLES
@@ -211,8 +211,8 @@ def rerun(task: Batch, keys: tuple[RunKey, ...]) -> dict[RunKey, RunRecord]:
     """Repeat runs of one scene: what workers do."""
     found: dict[RunKey, RunRecord] = {}
     entries = {entry.name: entry for entry in task.controllers}
-    with Deadline(task.limit) as deadline:
-        deadline.step()
+    with deadline(task.limit) as step:
+        step()
         scene, _ = set_up(task, task.scenes[0])
         if not isinstance(scene, Drawn):
             return found
@@ -220,6 +220,6 @@ def rerun(task: Batch, keys: tuple[RunKey, ...]) -> dict[RunKey, RunRecord]:
             bench = Bench(scene, condition)
             for key in keys:
                 if key.condition == condition:
-                    deadline.step()
+                    step()
                     found[key] = bench.run(entries[key.controller])
     return found

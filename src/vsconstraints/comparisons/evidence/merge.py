@@ -1,4 +1,4 @@
-"""Folders of one campaign put together: nothing is lost, nothing is there twice, and nothing else gets in."""
+"""Folders of one campaign merged: every scene once, and nothing else."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from ..runs.folder import MANIFEST, Keep, kind_of
 from ..runs.machine import most_samples
 from ..stored import part, read_folder
 from . import parquet
-from .campaign import MOST_SCENES
+from .campaign import MAX_SCENES
 from .folder import MARK, Facts, RunKey, shard_file, shard_names, stored_files, trajectory_file
 from .parquet import TABLES
 
@@ -150,9 +150,9 @@ def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
     read = part(_Manifest, manifest, where)
     where += ".configuration"
     configuration = part(_Configuration, read.configuration, where)
-    if not (0 < configuration.scenes <= MOST_SCENES and configuration.seed >= 0 and configuration.half in HALVES):
+    if not (0 < configuration.scenes <= MAX_SCENES and configuration.seed >= 0 and configuration.half in HALVES):
         raise ConfigurationError(
-            f"{where}: scenes must be from 1 to {MOST_SCENES}, seed 0 or more and half one of {', '.join(HALVES)}"
+            f"{where}: scenes must be from 1 to {MAX_SCENES}, seed 0 or more and half one of {', '.join(HALVES)}"
         )
     for what, tables in (("family", configuration.families), ("controller", configuration.controllers)):
         demand_stored_names(what, tables, where)

@@ -20,7 +20,7 @@ At 20 ms a run they take 12 s; 10,000 scenes of each of seven families with seve
 shards of some hundred kilobytes each. No result depends on it.
 """
 
-LEAST_TASKS = 16
+MIN_TASKS = 16
 """Minimum number of tasks of a family, so that there is work for several processes."""
 
 
@@ -133,7 +133,7 @@ class Work:
     def _of_family(self, family: Family) -> list[Batch]:
         scenes = self.shard.scenes(self.campaign.scenes)
         runs = len(self.campaign.conditions_of(family)) * len(self.campaign.controllers)
-        size = max(1, min(RUNS_OF_TASK // runs, ceil(len(scenes) / LEAST_TASKS)))
+        size = max(1, min(RUNS_OF_TASK // runs, ceil(len(scenes) / MIN_TASKS)))
         done = self.there.get(family.name, set())
         left = (number for number in scenes if number not in done)
         alike = groupby(left, key=lambda number: (number // size, self.campaign.conditions_of(family, number)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import chdir
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +15,7 @@ from ...scenarios.families import Drawn
 from ...simulation import Prepared, Setup, simulate, until_settled
 from ..metrics import Score, score
 from ..record import RunRecord
-from ..runs.signals import INTERRUPTS, Deadline
+from ..runs.signals import INTERRUPTS, deadline
 from ..runs.spec import BASELINE, ControllerSpec
 from . import parquet
 from .parquet import TABLES
@@ -54,9 +54,9 @@ def scored(task: Batch) -> Part:
     """
     begun = time.perf_counter()
     lines: dict[str, list[Line]] = {name: [] for name in TABLES}
-    with Deadline(task.limit) as deadline:
+    with deadline(task.limit) as step:
         for number in task.scenes:
-            deadline.step()
+            step()
             scene, setups = set_up(task, number)
             if task.single is None:
                 lines["scenes"].append(_scene_line(task, number, scene))
@@ -65,7 +65,7 @@ def scored(task: Batch) -> Part:
             for condition in task.conditions:
                 if task.single is None or task.single.condition == condition:
                     bench = Bench(scene, condition, setups.get(condition))
-                    for entry, result in _scores(task, bench, deadline):
+                    for entry, result in _scores(task, bench, step):
                         _add(lines, keys_of(task, number, condition, entry.name), result)
     return Part.of(lines, time.perf_counter() - begun)
 
@@ -134,13 +134,13 @@ def _json(data: Any) -> str:
     return json.dumps(dict(data), ensure_ascii=False, default=lambda value: value.tolist())
 
 
-def _scores(task: Batch, bench: Bench, deadline: Deadline) -> Iterator[tuple[ControllerSpec, Score]]:
+def _scores(task: Batch, bench: Bench, step: Callable[[], None]) -> Iterator[tuple[ControllerSpec, Score]]:
     """Each controller's score, relative to the unconstrained baseline, which is the first of them."""
     baseline = None
     for entry in task.controllers:
         wanted = task.single is None or task.single.controller == entry.name
         if wanted or entry.name == BASELINE:
-            deadline.step()
+            step()
             record = bench.run(entry)
             if entry.name == BASELINE:
                 baseline = record

@@ -75,7 +75,7 @@ def longest_run(flags: BoolArray) -> int:
 
 
 def _reached(phi: Array) -> list[int]:
-    """Numbers of the rows whose φ (N, m) is ever at or above zero: of the others there is nothing to be said."""
+    """Indices of the rows whose φ (N, m) is ever at or above zero."""
     rows: list[int] = np.flatnonzero((phi >= 0.0).any(axis=0)).tolist()
     return rows
 

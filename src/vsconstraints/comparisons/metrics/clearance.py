@@ -66,7 +66,7 @@ def named(labels: tuple[str, ...], depth: Array) -> str:
 
 
 def outside_alone(record: RunRecord, baseline: RunRecord | None) -> BoolArray:
-    """(T, m) sampling periods in which the baseline, tracking alone, is outside, of the T that it lasts.
+    """(T, m) sampling periods in which the baseline, unconstrained tracking, is outside, of the T that it lasts.
 
     No period without it, or if its rows are others.
     """
@@ -131,9 +131,9 @@ def usage(record: RunRecord) -> Array:
 
 
 def utilization(record: RunRecord, used: Array, when: BoolArray) -> float:
-    """Mean usage (N, m) over all rows and samples in which tracking alone is outside (T, m), while both runs last.
+    """Mean usage (N, m) over all rows and samples in which the baseline is outside (T, m), while both runs last.
 
-    NaN where the goal is not reached, or tracking alone is never outside.
+    NaN where the goal is not reached, or the baseline is never outside.
     """
     common = min(len(used), len(when))
     if record.trajectory.status != "converged" or not when[:common].any():

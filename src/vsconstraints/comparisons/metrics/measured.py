@@ -57,7 +57,7 @@ class Measured:
 
     @cached_property
     def outside_alone(self) -> BoolArray:
-        """(T, m) periods in which tracking alone is outside."""
+        """(T, m) periods in which unconstrained tracking is outside."""
         return outside_alone(self.record, self.baseline)
 
     @property
@@ -80,7 +80,7 @@ class Metric:
     column, value
         Its name, and its value for a run or, in constraints.csv, for each row of it; None for a ratio of two columns.
     header
-        What the tables of a scenario call it, with the unit in which they show it; empty if they do not.
+        Its heading in the tables of a scenario, with the unit; empty if it is not shown.
     better
         Which values are better; None where none is: a fact, or noise.
     definition
@@ -98,11 +98,10 @@ class Metric:
     over
         Column that it is divided by; empty if by none.
     overall, condensed
-        What the tables over all scenarios call it, if it is there; and what stands for several runs: the ``median`` of
-        those that converged, of a time of all, or the
-        ``worst`` of all. No mean: one run that diverges would be all of it.
+        Its heading in the tables over all scenarios, and how runs are aggregated: the ``median`` of those that
+        converged, of a time of all, or the ``worst`` of all. No mean: one run that diverges would dominate it.
     finding
-        Sentence of the findings that tells who has the best value, and its unit; empty for none.
+        Sentence of the findings that names the best law, and the unit; empty for none.
     added
         Columns stand in the order in which they were added: a new one has a greater number than the others.
     """

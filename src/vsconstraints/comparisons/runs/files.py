@@ -18,7 +18,7 @@ import numpy as np
 
 from ...errors import ConfigurationError, StorageError
 
-MOST_EXPANDED = 2e9
+MAX_BYTES = 2e9
 """Bytes of the arrays of a file; a run may take as much memory."""
 
 
@@ -66,10 +66,10 @@ def write_arrays(path: Path, values: Mapping[str, Any], *, compressed: bool = Tr
         (np.savez_compressed if compressed else np.savez)(file, facts=np.array(text), **arrays)
 
 
-def read_arrays(path: Path, most: float = MOST_EXPANDED) -> dict[str, Any]:
+def read_arrays(path: Path, most: float = MAX_BYTES) -> dict[str, Any]:
     """What :func:`write_arrays` wrote; raises anything if there is no such file or it is damaged.
 
-    Before anything is expanded, the archive and the header of each array have to say that all of it together takes no
+    Before anything is expanded, the archive and the header of each array have to claim that all of it together takes no
     more than ``most`` bytes.
     """
     with path.open("rb") as file:
@@ -104,9 +104,9 @@ Sums = dict[str, str]
 """SHA-256 of files, by their names as seen from the folder."""
 
 TRAJECTORIES = "trajectories"
-"""Folder of what runs left, below that of the results."""
+"""Folder of the runs' records, below that of the results."""
 
-MOST_NAMED = 3
+MAX_NAMED = 3
 """Files that a message names."""
 
 
@@ -210,7 +210,7 @@ class Difference:
 
 
 def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_there: bool = False) -> str:
-    """What a reader should know of a folder's checksums; nothing where every file is as it was stored.
+    """A remark on a folder's checksums for the reader; empty if every file is as it was stored.
 
     Parameters
     ----------
@@ -243,8 +243,8 @@ def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_th
 
 
 def _named(names: tuple[str, ...]) -> str:
-    more = len(names) - MOST_NAMED
-    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - MAX_NAMED
+    return ", ".join(names[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def demand_inside(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""A folder of results: of one kind, held by one process at a time, and never taken from anything else that is there."""
+"""A folder of results: of one kind, locked by one process at a time; whose trajectories are kept in it."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ _held: set[Path] = set()
 
 @contextmanager
 def held(folder: Path, kind: Kind) -> Iterator[None]:
-    """Hold a folder, made if it is not there, so that no other process stores anything in it meanwhile.
+    """Lock a folder, created if it does not exist, so that no other process stores anything in it meanwhile.
 
-    A process may hold it more than once. The lock ends with the process, however that ends.
+    A process may lock it more than once. The lock ends with the process.
 
     Raises
     ------
     ConfigurationError
-        if the folder cannot be made, holds something and no results of this kind, or another process holds it. Nothing
-        in it has been touched then.
+        if the folder cannot be created, holds something else than results of this kind, or another process has locked
+        it. Nothing in it has been touched then.
     """
     path = folder.absolute()
     if path in _held:
@@ -61,7 +61,7 @@ def held(folder: Path, kind: Kind) -> Iterator[None]:
             ) from None
         except OSError:
             pass  # a file system without locks
-        with suppress(OSError):  # a full disk: whoever is refused is not told by whom
+        with suppress(OSError):  # a full disk: others are refused without the process id
             lock.truncate(0)
             lock.write(f"{os.getpid()}\n")
             lock.flush()

@@ -61,7 +61,7 @@ def code_hash() -> str:
 def package_versions() -> dict[str, str]:
     """Versions of Python and of all packages that this one requires, but for those that only make output.
 
-    What else a configuration uses is told by :func:`used_versions`.
+    For what else a configuration uses, see :func:`used_versions`.
     """
     names = {*_required("vsconstraints"), *OPTIONAL}.difference(OUTPUT_ONLY)
     return {"Python": python_version(), **{name: _version(name) for name in sorted(names)}}
@@ -175,7 +175,7 @@ def _processor() -> str:
 PROCESS_MEMORY = 300e6
 """What a process takes that simulates [bytes]: the interpreter, Pinocchio, the compiler and a trajectory."""
 
-LEAST_LIMIT, LIMIT_PER_SAMPLE = 120.0, 0.1
+MIN_LIMIT, LIMIT_PER_SAMPLE = 120.0, 0.1
 """A run may take this long, and in addition so long per sample [s]: shipped laws take 1e-5 to 1e-3 s per sample, and
 the first run of a process may have to compile."""
 
@@ -219,6 +219,6 @@ def most_samples(tables: Mapping[str, Any]) -> float:
 def run_limit(tables: Mapping[str, Any]) -> float:
     """How long the run of a scenario may take [s], from its ``duration`` and ``sampling_time``."""
     try:
-        return LEAST_LIMIT + LIMIT_PER_SAMPLE * float(tables["duration"]) / float(tables["sampling_time"])
+        return MIN_LIMIT + LIMIT_PER_SAMPLE * float(tables["duration"]) / float(tables["sampling_time"])
     except (KeyError, TypeError, ValueError, ArithmeticError):  # it is said where the scenario is built
-        return LEAST_LIMIT
+        return MIN_LIMIT

@@ -7,9 +7,9 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import FrameType, TracebackType
+from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """What asks a command to stop: Ctrl-C, the system, and a terminal that is closed."""
@@ -20,13 +20,7 @@ ends services, send several; while the first one is obeyed tables are written.""
 
 
 class Stopped(BaseException):
-    """A signal asked this process to stop.
-
-    Attributes
-    ----------
-    signal
-        Its number.
-    """
+    """A signal, with this number, asked this process to stop."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -103,33 +97,27 @@ SLACK = 1.0
 """A step may take so much longer than its limit [s]: setting the clock for every short one would take a share of it."""
 
 
-class Deadline:
-    """Ends this process if a step takes longer than its limit; one at a time in a process.
+@contextmanager
+def deadline(limit: float | None) -> Iterator[Callable[[], None]]:
+    """End this process if a step takes longer than its limit [s], also while compiled code keeps the interpreter busy.
 
-    Parameters
-    ----------
-    limit
-        How long a step may take [s]; for ever if None.
+    The function that it yields is called where a step begins and the one before has ended. None is no limit; one
+    deadline at a time in a process.
     """
+    if limit is None:
+        yield lambda: None
+        return
+    last = -float("inf")
+    with open(os.devnull, "w") as nowhere:
 
-    def __init__(self, limit: float | None) -> None:
-        self._limit, self._set = limit, -float("inf")
+        def step() -> None:
+            nonlocal last
+            now = time.monotonic()
+            if now - last > SLACK:
+                last = now
+                faulthandler.dump_traceback_later(limit + SLACK, exit=True, file=nowhere)
 
-    def __enter__(self) -> Deadline:
-        if self._limit is not None:
-            self._nowhere = open(os.devnull, "w")
-        return self
-
-    def step(self) -> None:
-        """A step begins, and the one before has ended."""
-        now = time.monotonic()
-        if self._limit is not None and now - self._set > SLACK:
-            self._set = now
-            faulthandler.dump_traceback_later(self._limit + SLACK, exit=True, file=self._nowhere)
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        if self._limit is not None:
+        try:
+            yield step
+        finally:
             faulthandler.cancel_dump_traceback_later()
-            self._nowhere.close()

@@ -68,7 +68,7 @@ class ControllerSpec:
 
 
 BASELINE = "tracking"
-"""The controller that tells which rows a scenario challenges: every comparison and every study runs it."""
+"""The controller that defines which rows a scenario challenges: every comparison and every study runs it."""
 
 SLIDING_MODE = ControllerSpec("sliding-mode")
 
@@ -131,7 +131,7 @@ class RunSpec:
 
     @property
     def tables(self) -> dict[str, Any]:
-        """What the scenario says; nothing if there is none: that is said where it is run."""
+        """Of the scenario; empty if there is none: the error is raised where it is run."""
         try:
             return self.load().tables
         except VsconstraintsError:

@@ -3,8 +3,7 @@
 Pure functions of arrays, one entry per scene, and of tables of runs. What they rest on is in the guide.
 """
 
-from .inputs import Verdict, distinguishable, simultaneous, verdict
-from .judged import LAW, OUTCOMES, SCENE, judged_metrics
+from .judged import LAW, OUTCOMES, SCENE, Verdict, distinguishable, judged_metrics, simultaneous, verdict
 from .ranking import Profile, Ranks, profile, ranks
 from .rates import (
     Median,

@@ -12,7 +12,7 @@ from scipy.stats import friedmanchisquare, rankdata, studentized_range
 
 from ...errors import InvalidInput
 from ...rows import Array
-from .inputs import checked_confidence, table
+from .judged import checked_confidence, table
 from .rates import sign_test
 
 

@@ -13,7 +13,7 @@ from scipy.stats import binom, binomtest, norm
 
 from ...errors import InvalidInput, shown
 from ...rows import Array
-from .inputs import Better, checked_confidence, checked_name, flags, line, numbers, pair
+from .judged import Better, checked_confidence, checked_name, flags, line, numbers, pair
 
 CONTINUITY = 1.0
 """Taken off |only a − only b|, which comes in steps (Edwards 1948). Without it the test of few scenes that often differ

@@ -1,4 +1,4 @@
-"""Tables of what each law comes to. They need pandas."""
+"""Tables of rates and medians of each law, and of every pair of laws on the same scenes. They need pandas."""
 
 from __future__ import annotations
 
@@ -13,8 +13,21 @@ import numpy as np
 from ...errors import unknown_name
 from ...plugins.extras import demand
 from ...rows import Array
-from .inputs import FEWEST, Better, checked_confidence, simultaneous, verdict
-from .judged import LAW, OUTCOMES, SCENE, checked, counts, judged_metric, resolution, values
+from .judged import (
+    LAW,
+    MIN_SCENES,
+    OUTCOMES,
+    SCENE,
+    Better,
+    checked,
+    checked_confidence,
+    counts,
+    judged_metric,
+    resolution,
+    simultaneous,
+    values,
+    verdict,
+)
 from .rates import mcnemar, median, paired, rate
 
 BY = ("family", "condition")
@@ -22,7 +35,7 @@ BY = ("family", "condition")
 
 
 def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
-    """How often each law's runs come to an outcome: one line per group and law, of its runs.
+    """How often each law's runs have an outcome: one line per group and law.
 
     Parameters
     ----------
@@ -90,7 +103,7 @@ def costs(runs: Any, metric: str) -> Costs:
 
 
 def groups(lines: Any, by: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], Any]]:
-    """Groups by columns or levels, in the order of their names; all lines as one, if nothing tells groups apart."""
+    """Groups by columns or levels, in the order of their names; all lines as one, without columns."""
     if not by:
         yield (), lines
     else:
@@ -177,7 +190,7 @@ def compare_laws(
     (:func:`.judged.counts`): ``only_a`` and ``only_b`` say how many more there are in which one does.
 
     Intervals are simultaneous, and p-values corrected, for all pairs of a group that are tested (Bonferroni), those of
-    :data:`.inputs.FEWEST` scenes or more. A reference has to be chosen before looking at the runs; the best of them is
+    :data:`.judged.MIN_SCENES` scenes or more. Choose a reference before looking at the runs; the best of them is
     one of all pairs.
 
     Parameters
@@ -189,7 +202,7 @@ def compare_laws(
     reference
         Law that is b in every pair.
     by
-        Columns that tell the groups apart.
+        Columns that define groups.
     least
         Values that are no more than this apart are equal; :func:`.judged.resolution` if not given.
     confidence
@@ -203,7 +216,7 @@ def compare_laws(
         a − b, as stored, over the scenes in which they differ; ratio, ratio_low, ratio_high: the same of a/b (empty of
         outcomes and where values are negative); effect: chance that a is better on a scene, equal values counting half;
         p (of McNemar's test, or of the sign test), p_corrected; verdict: what is said of a against b,
-        :func:`.inputs.verdict`, which is that p_corrected is at most 1 − confidence.
+        :func:`.judged.verdict`, which is that p_corrected is at most 1 − confidence.
     """
     checked_confidence(confidence)
     if metric in OUTCOMES:
@@ -225,12 +238,12 @@ def compare_laws(
         for a, b in _pairs([law for law in own.columns if there[law].any()], reference):
             both = (there[a] & there[b]).to_numpy()
             pairs.append((a, b, own[a].to_numpy()[both], own[b].to_numpy()[both]))
-        tests = sum(int((~np.isnan(one + other)).sum()) >= FEWEST for *_, one, other in pairs)
+        tests = sum(int((~np.isnan(one + other)).sum()) >= MIN_SCENES for *_, one, other in pairs)
         level = simultaneous(confidence, tests)
         for a, b, one, other in pairs:
             found = compare(one, other, level)
             said = verdict(found.low, found.high, n=found.paired, better=better)
-            corrected = min(found.p * tests, 1.0) if found.paired >= FEWEST else 1.0
+            corrected = min(found.p * tests, 1.0) if found.paired >= MIN_SCENES else 1.0
             lines.append((*group, metric, a, b, *found, corrected, said))
     return frame((*by, "metric", "a", "b", *Comparison._fields, "p_corrected", "verdict"), lines)
 

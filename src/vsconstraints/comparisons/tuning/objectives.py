@@ -48,7 +48,7 @@ Point = tuple[float, ...]
 
 
 class Outcome(NamedTuple):
-    """Status of one run, whether a constraint was violated, and the objectives; NaN where the run says nothing."""
+    """Status of one run, whether a constraint was violated, and the objectives; NaN where the run has none."""
 
     status: str
     violated: bool
@@ -80,10 +80,10 @@ class Judged(NamedTuple):
 def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
     """The outcome of a run, from its line of results and that of the unconstrained baseline in the same scene.
 
-    A run that does not converge has the worst value of every objective, unless it is still moving when time is up and
-    the baseline is too: a goal that wrong images keep everyone from says nothing of a law, and what is left of such a
-    run is its variation. Of one that converges, the unused space is left out where nothing was challenged, and the
-    settling time where the baseline does not settle.
+    A run that does not converge has the worst value of every objective. If it is still moving when time is up and the
+    baseline is too, its goal is out of reach for every law, because of wrong images, say: it counts by its variation
+    alone. Of one that converges, the unused space is left out where nothing was challenged, and the settling time where
+    the baseline does not settle.
     """
     status, violated = str(result["status"]), bool(result["violated"])
     if status != "converged" and not {status, str(baseline["status"])}.issubset(STILL_MOVING):

@@ -10,8 +10,7 @@ from typing import Any
 
 from ..runs.files import replaced, storing
 from .objectives import OBJECTIVES, Judged, choose, front, hypervolume
-from .problem import Problem
-from .search import Options, Searched
+from .problem import Options, Problem, Searched
 
 EVALUATIONS, HYPERVOLUMES, TUNED = "evaluations.parquet", "hypervolumes.parquet", "tuned.toml"
 

@@ -17,9 +17,8 @@ from ..runs.files import plain, storing, write_json
 from ..runs.folder import MANIFEST, held
 from ..runs.machine import git_commit, loaded_versions, machine
 from .objectives import Judged
-from .problem import Evaluator, Problem, evaluating
+from .problem import Evaluator, Problem, Search, evaluating
 from .result import Asked, Tuning
-from .search import Search
 
 JOURNAL = "journal.jsonl"
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from ...comparisons.statistics import distinguishable, mcnemar, rate, simultaneous
-from ...comparisons.statistics.inputs import FEWEST
+from ...comparisons.statistics.judged import MIN_SCENES
 from .material import Material
 from .words import Share
 
@@ -66,7 +66,7 @@ class Standing:
     @property
     def too_few(self) -> bool:
         """Whether there are too few scenes to tell laws apart."""
-        return self.scenes < FEWEST
+        return self.scenes < MIN_SCENES
 
     def pair(self, first: str, second: str) -> Pair:
         """One law against another."""

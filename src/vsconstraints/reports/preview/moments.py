@@ -13,8 +13,7 @@ from ...constraints import ImageConstraint
 from ...errors import ConfigurationError, SceneError, VsconstraintsError, described
 from ...robots.geometry import Pose, distance
 from ...rows import Array, BoolArray
-from ...scenarios.families.inverse_kinematics import inverse_kinematics
-from ...scenarios.families.placements import tip_of
+from ...scenarios.families.placements import inverse_kinematics, tip_of
 from ...simulation import Setup
 from ...simulation.occluders import LinesOfSight
 from ...vision.features import Goal

@@ -2,142 +2,133 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
 from ...errors import ConfigurationError, shown
 from ...rows import Array
 
-LARGEST = 1e300
+MAX_NUMBER = 1e300
 """Numbers beyond cannot be drawn with."""
 
+Random = np.random.Generator
 
-class Distribution(ABC):
-    """What a value is drawn from; numbers in it are single ones or arrays of one shape, drawn number by number."""
 
-    name: ClassVar[str]
-    """The one key of its table: ``{ name = [...] }``."""
+class Distribution(Protocol):
+    """What a value is drawn from."""
 
-    @abstractmethod
-    def __init__(self, value: object, where: str) -> None:
-        """From what its table says; raises ConfigurationError that names ``where`` if nothing can be drawn from it."""
-
-    @abstractmethod
-    def draw(self, random: np.random.Generator) -> Any:
+    def draw(self, random: Random) -> Any:
         """A value of Python's own, as files hold it."""
 
 
-class TwoNumbers(Distribution):
-    """Two numbers, or two arrays, of one shape after broadcasting."""
+@dataclass(frozen=True)
+class Rule:
+    """A distribution of two numbers, or of two arrays of one shape after broadcasting, drawn number by number.
 
-    words: ClassVar[str]
-    """What the two are, for messages."""
+    Attributes
+    ----------
+    words
+        What the two numbers are, for messages.
+    needs, holds
+        What they must satisfy, in words and as a test of the two arrays.
+    sample
+        Draws an array.
+    """
 
-    def __init__(self, value: object, where: str) -> None:
-        self.where = f"{where}: {self.name}"
-        try:
-            if not isinstance(value, list) or len(value) != 2:
-                raise ValueError
-            first, second = np.broadcast_arrays(*(np.asarray(part, dtype=np.float64) for part in value))
-        except (TypeError, ValueError) as error:
-            raise ConfigurationError(f"{self.where} must be [{self.words}], not {shown(value)}") from error
-        if not (np.abs([first, second]) <= LARGEST).all():
-            raise ConfigurationError(f"{self.where} must be finite, and less than 1e300, not {shown(value)}")
-        if first.size == 0:
-            raise ConfigurationError(f"{self.where} is of no number at all: {shown(value)}")
-        self.first, self.second = first, second
-
-    def demand(self, fine: Any, rule: str) -> None:
-        """Raise ConfigurationError that states the rule unless all numbers are fine."""
-        if not np.all(fine):
-            raise ConfigurationError(f"{self.where} = [{self.words}] needs {rule}, not {shown(self.numbers)}")
-
-    @property
-    def numbers(self) -> list[Any]:
-        """Both, as files hold them."""
-        return [self.first.tolist(), self.second.tolist()]
+    words: str
+    needs: str
+    holds: Callable[[Array, Array], Any]
+    sample: Callable[[Random, Array, Array], Any]
 
 
-class Uniform(TwoNumbers):
-    """Every number between two is as likely."""
-
-    name, words = "uniform", "least, greatest"
-
-    def __init__(self, value: object, where: str) -> None:
-        super().__init__(value, where)
-        self.demand(self.first <= self.second, "least ≤ greatest")
-
-    def draw(self, random: np.random.Generator) -> Any:
-        """From [least, greatest)."""
-        return np.asarray(random.uniform(self.first, self.second)).tolist()
+def _log_uniform(random: Random, least: Array, greatest: Array) -> Array:
+    # rounding of exp and log must not leave the range
+    drawn: Array = np.clip(np.exp(random.uniform(np.log(least), np.log(greatest))), least, greatest)
+    return drawn
 
 
-class LogUniform(TwoNumbers):
-    """Every order of magnitude between two is as likely."""
-
-    name, words = "log-uniform", "least, greatest"
-
-    def __init__(self, value: object, where: str) -> None:
-        super().__init__(value, where)
-        self.demand((self.first > 0.0) & (self.first <= self.second), "0 < least ≤ greatest")
-
-    def draw(self, random: np.random.Generator) -> Any:
-        """Exp of a uniform draw between the logarithms."""
-        drawn: Array = np.exp(random.uniform(np.log(self.first), np.log(self.second)))
-        # rounding of exp and log must not lead out
-        return np.clip(drawn, self.first, self.second).tolist()
+def _integers(least: Array, greatest: Array) -> Any:
+    numbers = np.stack((least, greatest))
+    return (numbers == np.round(numbers)).all(axis=0) & (np.abs(numbers) < 2**53).all(axis=0) & (least <= greatest)
 
 
-class Gaussian(TwoNumbers):
-    """The normal distribution; called by its other name since half-spaces have normals."""
-
-    name, words = "gaussian", "mean, standard deviation"
-
-    def __init__(self, value: object, where: str) -> None:
-        super().__init__(value, where)
-        self.demand(self.second >= 0.0, "a standard deviation ≥ 0")
-
-    def draw(self, random: np.random.Generator) -> Any:
-        """A draw around each mean."""
-        return np.asarray(random.normal(self.first, self.second)).tolist()
-
-
-class Integer(TwoNumbers):
-    """Every integer between two, both included, is as likely."""
-
-    name, words = "integer", "least, greatest"
-
-    def __init__(self, value: object, where: str) -> None:
-        super().__init__(value, where)
-        whole = (self.first == np.round(self.first)) & (self.second == np.round(self.second))
-        self.demand(whole & (np.abs(self.numbers) < 2**53).all(axis=0), "integers")
-        self.demand(self.first <= self.second, "least ≤ greatest")
-
-    def draw(self, random: np.random.Generator) -> Any:
-        """From {least, …, greatest}."""
-        least, greatest = self.first.astype(np.int64), self.second.astype(np.int64)
-        return np.asarray(random.integers(least, greatest, endpoint=True)).tolist()
+RULES: Mapping[str, Rule] = {
+    "uniform": Rule(
+        "least, greatest", "least ≤ greatest", lambda a, b: a <= b, lambda random, a, b: random.uniform(a, b)
+    ),
+    "log-uniform": Rule("least, greatest", "0 < least ≤ greatest", lambda a, b: (a > 0.0) & (a <= b), _log_uniform),
+    # not "normal", since half-spaces have normals
+    "gaussian": Rule(
+        "mean, standard deviation",
+        "a standard deviation ≥ 0",
+        lambda a, b: b >= 0.0,
+        lambda random, a, b: random.normal(a, b),
+    ),
+    "integer": Rule(
+        "least, greatest",
+        "integers, least ≤ greatest",
+        _integers,
+        lambda random, a, b: random.integers(a.astype(np.int64), b.astype(np.int64), endpoint=True),
+    ),
+}
+"""Distributions of two numbers, by the key of their tables: ``{ uniform = [least, greatest] }``."""
 
 
-class Choice(Distribution):
+@dataclass(frozen=True)
+class TwoNumbers:
+    """A distribution by its key in :data:`RULES`, with its two numbers or arrays."""
+
+    name: str
+    first: Array
+    second: Array
+
+    def draw(self, random: Random) -> Any:
+        """A number, or a list of numbers."""
+        return np.asarray(RULES[self.name].sample(random, self.first, self.second)).tolist()
+
+
+@dataclass(frozen=True)
+class Choice:
     """One of several values, of any kind, each as likely."""
 
-    name = "choice"
+    values: list[Any]
 
-    def __init__(self, value: object, where: str) -> None:
-        if not isinstance(value, list) or not value:
-            raise ConfigurationError(f"{where}: choice must be a list of one or more values, not {shown(value)}")
-        self.values = value
-
-    def draw(self, random: np.random.Generator) -> Any:
+    def draw(self, random: Random) -> Any:
         """One of them."""
         return self.values[int(random.integers(len(self.values)))]
 
 
-DISTRIBUTIONS: Mapping[str, type[Distribution]] = {
-    kind.name: kind for kind in (Uniform, LogUniform, Gaussian, Integer, Choice)
-}
-"""All of them, by the key of their tables."""
+DISTRIBUTIONS = (*RULES, "choice")
+"""The keys of the tables that state a distribution."""
+
+
+def distribution(name: str, value: object, where: str) -> Distribution:
+    """The distribution that a table ``{ name = value }`` states.
+
+    Raises
+    ------
+    ConfigurationError
+        that names ``where`` if nothing can be drawn from it.
+    """
+    if name == "choice":
+        if not isinstance(value, list) or not value:
+            raise ConfigurationError(f"{where}: choice must be a list of one or more values, not {shown(value)}")
+        return Choice(value)
+    rule, where = RULES[name], f"{where}: {name}"
+    try:
+        if not isinstance(value, list) or len(value) != 2:
+            raise ValueError
+        first, second = np.broadcast_arrays(*(np.asarray(part, dtype=np.float64) for part in value))
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(f"{where} must be [{rule.words}], not {shown(value)}") from error
+    if not (np.abs([first, second]) <= MAX_NUMBER).all():
+        raise ConfigurationError(f"{where} must be finite, and less than 1e300, not {shown(value)}")
+    if first.size == 0:
+        raise ConfigurationError(f"{where} is of no number at all: {shown(value)}")
+    if not np.all(rule.holds(first, second)):
+        numbers = [first.tolist(), second.tolist()]
+        raise ConfigurationError(f"{where} = [{rule.words}] needs {rule.needs}, not {shown(numbers)}")
+    return TwoNumbers(name, first, second)

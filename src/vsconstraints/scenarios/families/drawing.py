@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import ConfigurationError, unknown_name
 from ..reading import Table
-from .distributions import DISTRIBUTIONS, Distribution
+from .distributions import DISTRIBUTIONS, Choice, TwoNumbers, distribution
 from .placements import PLACEMENTS, Placement
 
 ALIKE = 0.75
@@ -60,7 +60,7 @@ def parsed(value: Any, where: str) -> Any:
     if len(value) == 1:
         ((name, said),) = value.items()
         if name in DISTRIBUTIONS:
-            return DISTRIBUTIONS[name](said, where)
+            return distribution(name, said, where)
         if name in PLACEMENTS:
             return Placed(PLACEMENTS[name], parsed(said, f"{where}.{name}"))
         known = [*DISTRIBUTIONS, *PLACEMENTS]
@@ -83,7 +83,7 @@ def drawn(tree: Any, streams: Streams, key: str, values: dict[str, Any]) -> Any:
     values
         Takes what is drawn, by dotted keys.
     """
-    if isinstance(tree, Distribution):
+    if isinstance(tree, TwoNumbers | Choice):
         values[key] = tree.draw(streams.of(key))
         return values[key]
     if isinstance(tree, Placed):

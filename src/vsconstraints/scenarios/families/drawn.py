@@ -1,12 +1,15 @@
-"""One scene of a family: what was drawn, and what is known of it before any law has run."""
+"""Scenes of a family: what was drawn, what is known of each before any law has run, and what many are like."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ...errors import ConfigurationError, unknown_name
 from ...simulation import Setup
@@ -33,10 +36,10 @@ class Drawn:
     refusal
         What the last rejected attempt was rejected for, in words.
     challenged
-        Labels of the rows that tracking alone leaves in the nominal condition.
+        Labels of the rows that tracking alone violates in the nominal condition.
     share_to_hold
         The greatest over rows, of tracking alone under the family's limits of actuators: above 1, no law could have
-        held a row from where tracking alone first comes to its boundary. NaN without limits.
+        satisfied a row from where tracking alone first meets its boundary. NaN without limits.
     least_time
         In which the arm can be at rest at its goal under the same limits, whatever the law [s]; NaN where that is not
         known.
@@ -107,3 +110,56 @@ def reasons(rejected: Mapping[str, int]) -> str:
     """Counts in words, the most frequent first."""
     ordered = sorted(rejected.items(), key=lambda item: -item[1])
     return ", ".join(f"{reason} {count}" for reason, count in ordered) or "none rejected"
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Counts over the first scenes of a family.
+
+    Attributes
+    ----------
+    family
+        Its name.
+    scenes
+        As they were drawn, those that were not found too.
+    seconds
+        Wall time of drawing them.
+    """
+
+    family: str
+    scenes: tuple[Drawn, ...]
+    seconds: float
+
+    @property
+    def found(self) -> list[Drawn]:
+        """Those for which an attempt was accepted."""
+        return [scene for scene in self.scenes if scene.found]
+
+    @property
+    def rejected(self) -> Counter[str]:
+        """Attempts that were rejected, by reason."""
+        counts: Counter[str] = Counter()
+        for scene in self.scenes:
+            counts.update(scene.rejected)
+        return counts
+
+    @property
+    def acceptance(self) -> float:
+        """Share of the attempts that was accepted."""
+        return len(self.found) / max(sum(scene.attempts for scene in self.scenes), 1)
+
+    @property
+    def challenged(self) -> Counter[str]:
+        """In how many scenes tracking alone violates a row of each kind."""
+        return Counter(kind for scene in self.found for kind in {label.partition("[")[0] for label in scene.challenged})
+
+    @property
+    def beyond_limits(self) -> float:
+        """Share of the scenes with :attr:`Drawn.share_to_hold` above 1; NaN without limits."""
+        shares = np.array([scene.share_to_hold for scene in self.found])
+        return float((shares > 1.0).mean()) if np.isfinite(shares).any() else np.nan
+
+    @property
+    def timed(self) -> list[Drawn]:
+        """Those of which the least time to arrive in is known."""
+        return [scene for scene in self.found if np.isfinite(scene.least_time)]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, reduce
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 from ...errors import ConfigurationError, VsconstraintsError, shown, unknown_name
@@ -16,12 +17,18 @@ from .. import Scenario
 from ..reading import Table, demand_table
 from ..scenario import demand_data
 from ..toml import file_named, read_toml
-from .arrival import least_time
-from .checks import check_ends, check_first_image, left_by_tracking, share_to_hold
+from .attempts import (
+    Reason,
+    Rejected,
+    check_ends,
+    check_first_image,
+    least_time,
+    placed,
+    share_to_hold,
+    violated_by_tracking,
+)
 from .drawing import Streams, demand_no_placement, drawn, merged, parsed
-from .drawn import Drawn, reasons
-from .ends import placed
-from .reasons import Reason, Rejected
+from .drawn import Drawn, Summary, reasons
 
 SHIPPED = Path(__file__).parent
 """Folder of the families that come with the package."""
@@ -229,7 +236,7 @@ class Family:
             nominal = scenarios[NOMINAL].setup(seed=noise)
             check_ends(nominal, ends)
             check_first_image(nominal)
-            challenged = left_by_tracking(nominal)
+            challenged = violated_by_tracking(nominal)
             # what takes time and seldom refuses comes last
             setups = {name: scenario.setup(seed=noise) for name, scenario in scenarios.items() if name != NOMINAL}
             for setup in setups.values():
@@ -261,3 +268,19 @@ class Family:
             f"family {self.name}: all of {sum(rejected.values())} attempts at its first {scenes} scenes were rejected: "
             f"{reasons(rejected)}; the last one: {tried.refusal}"
         )
+
+
+def summarised(
+    family: Family,
+    scenes: int,
+    half: str = "held-out",
+    seed: int = 0,
+    on_drawn: Callable[[], None] = lambda: None,
+) -> Summary:
+    """Draw the first scenes of a family; raises ConfigurationError with counts if none of the very first is found."""
+    family.demand_scenes(half, seed)
+    began, scenes_drawn = perf_counter(), []
+    for number in range(scenes):
+        scenes_drawn.append(family.scene(number, half, seed))
+        on_drawn()
+    return Summary(family.name, tuple(scenes_drawn), perf_counter() - began)

@@ -12,11 +12,21 @@ import pinocchio as pin
 
 from ...errors import ConfigurationError
 from ...robots.geometry import Pose, Vector2, Vector3
+from ...robots.robot import Robot
 from ...rows import Array
 from ...vision.motion import Motion
 from ...vision.scene import Scene
 from ..reading import Table, checked, made
-from .inverse_kinematics import inverse_kinematics
+
+POSE_TOLERANCE = 1e-9
+"""Error of a pose, ‖(m, rad)‖, that counts as none."""
+
+MAX_STEPS = 60
+MAX_STEP = 0.5
+"""Of any joint [rad or m], so that the steps stay near where the linearisation holds."""
+
+DAMPING = 0.02
+"""Share of the squared error by which singular directions are damped: none is left at the solution."""
 
 
 class Ends(NamedTuple):
@@ -105,7 +115,7 @@ class LookAt(Placement):
         return Pose(R, scene.markers.mean(axis=0) - R @ (self.distance * np.array([x, y, 1.0])))
 
     def value(self, ends: Ends, beside: Table, where: str) -> list[float] | None:
-        """See :meth:`Placement.value`."""
+        """Joint coordinates (n,); None where they are out of reach or range."""
         if not (self.distance > 0.0 and np.any(self.normal)):
             raise ConfigurationError(f"{where}: distance must be positive and normal no zero vector")
         robot = ends.scene.robot
@@ -147,7 +157,7 @@ class TipPath(Placement):
     link: str = "tip"
 
     def value(self, ends: Ends, beside: Table, where: str) -> list[float] | None:
-        """See :meth:`Placement.value`."""
+        """The point (3,) in the base frame [m]."""
         first, last = (ends.scene.robot.pose(q, self.link).t for q in ends.pair(self.goal, where))
         return _begun(first + self.share * (last - first) + self.aside, self.after, beside)
 
@@ -175,7 +185,7 @@ class MarkerPath(Placement):
     goal: int = 1
 
     def value(self, ends: Ends, beside: Table, where: str) -> list[float] | None:
-        """See :meth:`Placement.value`."""
+        """The point (2,) in the image [px]."""
         scene, count = ends.scene, len(ends.scene.markers)
         if not 1 <= self.marker <= count:
             raise ConfigurationError(f"{where}: there is no marker {self.marker}; there are {count}")
@@ -202,7 +212,7 @@ class JointPath(Placement):
     goal: int = 1
 
     def value(self, ends: Ends, beside: Table, where: str) -> list[float] | None:
-        """See :meth:`Placement.value`."""
+        """Limits, one for each of the joints [rad or m]."""
         robot, both = ends.scene.robot, np.stack(ends.pair(self.goal, where))
         numbers = checked(beside.get("joints", list(range(1, robot.n + 1))), list[int], where, "joints")
         if not set(numbers) <= set(range(1, robot.n + 1)):
@@ -216,6 +226,28 @@ class JointPath(Placement):
 
 PLACEMENTS: Mapping[str, type[Placement]] = {kind.name: kind for kind in (LookAt, TipPath, MarkerPath, JointPath)}
 """All of them, by the key of their tables."""
+
+
+def inverse_kinematics(robot: Robot, tip: Pose, near: Array) -> Array | None:
+    """Joint coordinates (n,) at which the tip is there, found from ``near`` (n,); None if that finds none in range.
+
+    Steps of Levenberg and Marquardt on the logarithm of the pose's error, each clipped to the joints' ranges:
+    δq = (JᵀJ + μ I)⁻¹ Jᵀ e with μ falling to zero with ‖e‖² (Sugihara, IEEE Trans. Robotics 27, 2011).
+    """
+    model, frame = robot.model, robot.frame_id("tip")
+    data, wanted, eye = model.createData(), pin.SE3(tip.R, tip.t), np.eye(robot.n)
+    q = np.clip(near, robot.q_min, robot.q_max)
+    for _ in range(MAX_STEPS):
+        pin.computeJointJacobians(model, data, q)
+        there = pin.updateFramePlacement(model, data, frame).actInv(wanted)
+        error = pin.log6(there).vector
+        squared = float(error @ error)
+        if squared <= POSE_TOLERANCE**2:
+            return np.asarray(q)
+        J = pin.Jlog6(there.inverse()) @ pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL)
+        step = np.linalg.solve(J.T @ J + (DAMPING * squared + 1e-12) * eye, J.T @ error)
+        q = np.clip(q + step / max(1.0, np.abs(step).max() / MAX_STEP), robot.q_min, robot.q_max)
+    return None
 
 
 def tip_of(scene: Scene, camera: Pose) -> Pose:

@@ -1,0 +1,290 @@
+"""What an attempt at a scene must pass: ends that are reachable, allowed and seen, and something to compare."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...constraints import JointSpeed
+from ...controllers import Tracking
+from ...errors import ConfigurationError, SceneError, VsconstraintsError
+from ...robots.geometry import Pose
+from ...rows import Array
+from ...simulation import RunScores, Setup, score_run
+from ...simulation.image_sensor import ImageSensor
+from ...simulation.occluders import LinesOfSight
+from ...vision.scene import Scene
+from ..build import build_scene
+from ..reading import Table, made
+from .drawing import Placed
+from .placements import Ends, inverse_kinematics, tip_of
+
+CLEAR = 1e-3
+"""Least σ, or φ of speeds, relative to its range, from which on tracking alone violates a row: ten times what scores
+neglect, so that what is challenged here is challenged there."""
+
+
+class Reason(StrEnum):
+    """Why an attempt is rejected: the checks' names, in the order in which they are made, the cheap ones first."""
+
+    START_OUT_OF_REACH = "start out of reach"
+    """No joint coordinates within the ranges put the camera where it shall start."""
+    GOAL_OUT_OF_REACH = "goal out of reach"
+    """The same of a goal; where the target moves, of where the goal is at last."""
+    START_OUT_OF_RANGE = "start out of joint range"
+    GOAL_OUT_OF_RANGE = "goal out of joint range"
+    START_BEHIND = "marker behind the camera at the start"
+    GOAL_BEHIND = "marker behind the camera at the goal"
+    START_UNSEEN = "marker outside the image at the start"
+    GOAL_UNSEEN = "marker outside the image at the goal"
+    BUILD_REFUSED = "build refused"
+    """The scenario of one of the conditions cannot be built."""
+    START_FORBIDDEN = "start forbidden"
+    """A row is violated at the start: an obstacle, a collision, a range, the field of view."""
+    GOAL_FORBIDDEN = "goal forbidden"
+    START_HIDDEN = "marker hidden by the robot at the start"
+    GOAL_HIDDEN = "marker hidden by the robot at the goal"
+    START_REFUSED = "start refused"
+    """Anything else for which a run cannot start."""
+    NOT_CHALLENGED = "nothing challenged"
+    """Tracking alone violates no row: there is nothing to compare."""
+    START_UNDETECTED = "no tag in the first image"
+    """In a condition by images no law has anything to begin with."""
+
+
+class Rejected(Exception):
+    """An attempt is given up for a reason, with details for a reader."""
+
+    def __init__(self, reason: Reason, detail: str = "") -> None:
+        super().__init__(f"{reason}: {detail}" if detail else str(reason))
+        self.reason = reason
+
+
+# --- ends: placed, and looked at before anything is built ---
+
+
+def placed(tables: Table, where: str, folder: Path) -> tuple[Table, Ends]:
+    """Tables with values for all placements, and where the robot is at the scene's ends.
+
+    Parameters
+    ----------
+    tables
+        Drawn but for placements.
+    where, folder
+        As of :func:`vsconstraints.scenarios.build.build`.
+
+    Raises
+    ------
+    Rejected
+        if an end is out of reach or range, or a marker is not in the image there.
+    ConfigurationError
+        if the tables cannot be read.
+    """
+    scene = build_scene(tables, where, folder)
+    start = _configuration(tables.get("q0"), Ends(scene, []), tables, f"{where}.q0", Reason.START_OUT_OF_REACH)
+    ends = Ends(scene, [start])
+    tables = {**tables, "q0": start.tolist()}
+    task = tables.get("task")
+    goals = task.get("goals", []) if isinstance(task, Mapping) else []
+    if isinstance(task, Mapping) and isinstance(goals, list):
+        placed_goals = []
+        for i, goal in enumerate(goals):
+            goal, q = _goal(goal, ends, f"{where}.task.goals.{i}")
+            placed_goals.append(goal)
+            ends = Ends(scene, [*ends.q, q])
+        tables["task"] = {**task, "goals": placed_goals}
+    _check_views(ends)
+    filled: Table = _filled(tables, ends, {}, where)
+    return filled, ends
+
+
+def _goal(goal: Any, ends: Ends, where: str) -> tuple[Any, Array | None]:
+    """A goal with its placement's value, and the joint coordinates there; None if its image alone is given."""
+    if isinstance(goal, Mapping) and "camera_at_q" in goal:
+        q = _configuration(goal["camera_at_q"], ends, goal, f"{where}.camera_at_q", Reason.GOAL_OUT_OF_REACH)
+        return {**goal, "camera_at_q": q.tolist()}, q
+    if isinstance(goal, Mapping) and "camera_pose" in goal:
+        camera = made(Pose.from_xyz_rpy, goal["camera_pose"], f"{where}.camera_pose")
+        return goal, _reached(ends.scene, tip_of(ends.scene, camera), _start(ends))
+    return goal, None
+
+
+def _reached(scene: Scene, tip: Pose, near: Array) -> Array:
+    q = inverse_kinematics(scene.robot, tip, near)
+    if q is None:
+        raise Rejected(Reason.GOAL_OUT_OF_REACH)
+    return q
+
+
+def _start(ends: Ends) -> Array:
+    start = ends.q[0]
+    assert start is not None  # only goals may be given by their image alone
+    return start
+
+
+def _configuration(value: Any, ends: Ends, beside: Mapping[str, Any], where: str, reason: Reason) -> Array:
+    if isinstance(value, Placed):
+        value = made(value.kind, value.table, where).value(ends, dict(beside), where)
+        if value is None:
+            raise Rejected(reason)
+    return ends.scene.robot.configuration(value, where)
+
+
+def _filled(tree: Any, ends: Ends, beside: Table, where: str) -> Any:
+    """Everything in it with the values of the placements that are left."""
+    if isinstance(tree, Placed):
+        value = made(tree.kind, tree.table, where).value(ends, beside, where)
+        if value is None:
+            raise ConfigurationError(f"{where}: {tree.kind.name} stands at q0 and at camera_at_q of goals")
+        return value
+    if isinstance(tree, dict):
+        return {name: _filled(inner, ends, tree, f"{where}.{name}") for name, inner in tree.items()}
+    if isinstance(tree, list):
+        return [_filled(inner, ends, beside, f"{where}.{i}") for i, inner in enumerate(tree)]
+    return tree
+
+
+def _check_views(ends: Ends) -> None:
+    """Raise Rejected if an end is out of range, or a marker not in the image there."""
+    scene, known = ends.scene, [(min(i, 1), q) for i, q in enumerate(ends.q) if q is not None]
+    for at, q in known:
+        outside = scene.robot.outside_ranges(q)
+        if outside:
+            raise Rejected((Reason.START_OUT_OF_RANGE, Reason.GOAL_OUT_OF_RANGE)[at], outside[0])
+    for at, q in known:
+        try:
+            seen = scene.camera.sees(scene.project(scene.camera_pose(q)))
+        except SceneError as error:
+            raise Rejected((Reason.START_BEHIND, Reason.GOAL_BEHIND)[at], str(error)) from error
+        if not np.all(seen):
+            raise Rejected((Reason.START_UNSEEN, Reason.GOAL_UNSEEN)[at])
+
+
+# --- what is built ---
+
+
+def check_ends(setup: Setup, ends: Ends) -> None:
+    """Raise Rejected if a row is violated at the start or the last goal, or the robot hides a marker there."""
+    start, duration = setup.q0, (setup.samples - 1) * setup.Ts
+    _check_allowed(setup, start, 0.0, Reason.START_FORBIDDEN)
+    goal, end = setup.task.goals[-1].camera, None
+    if goal is not None:
+        end = _last(ends, goal, duration)
+        _check_allowed(setup, end, duration, Reason.GOAL_FORBIDDEN)
+    lines = LinesOfSight(setup.scene)
+    for q, t, reason in ((start, 0.0, Reason.START_HIDDEN), (end, duration, Reason.GOAL_HIDDEN)):
+        hidden = [] if q is None else lines.hidden(q, t)
+        if hidden and setup.on_hidden_markers == "refuse":
+            raise Rejected(reason, f"marker {hidden[0][0]} by {hidden[0][1]}")
+
+
+def _last(ends: Ends, goal: Pose, t: float) -> Array:
+    """Joint coordinates (n,) at a goal, a pose in the target's frame, at time ``t`` [s] if the target moves."""
+    scene, near = ends.scene, ends.q[-1]
+    if near is not None and scene.motion is None:
+        return near
+    tip = tip_of(scene, goal)
+    if scene.motion is not None:
+        tip = scene.motion.pose(t) @ tip
+    return _reached(scene, tip, near if near is not None else _start(ends))
+
+
+def _check_allowed(setup: Setup, q: Array, t: float, reason: Reason) -> None:
+    try:
+        _, sigma = setup.constraints.rows(setup.scene.evaluate(t, q, np.zeros_like(q)))
+    except SceneError as error:
+        raise Rejected(reason, str(error)) from error
+    violated = np.flatnonzero(sigma > 0.0)
+    if len(violated):
+        raise Rejected(reason, setup.constraints.labels[violated[0]])
+
+
+def check_first_image(setup: Setup) -> None:
+    """Raise Rejected if the control sees images, and none of its tags in the first one."""
+    sensor = setup.sensor() if setup.images is not None else None
+    if isinstance(sensor, ImageSensor):
+        try:
+            sensor.measured(0, setup.q0, setup.qd0)
+        except SceneError as error:
+            raise Rejected(Reason.START_UNDETECTED, str(error)) from error
+
+
+def violated_by_tracking(setup: Setup) -> tuple[str, ...]:
+    """Labels of the rows that tracking alone violates; raises Rejected if there is none, or it cannot start."""
+    scores = _track(setup)
+    violated = scores.sigma_max > CLEAR * setup.constraints.scale
+    challenged = tuple(label for label, row in zip(scores.labels, violated, strict=True) if row)
+    if not challenged:
+        raise Rejected(Reason.NOT_CHALLENGED)
+    return challenged
+
+
+def share_to_hold(setup: Setup) -> float:
+    """The greatest share of all that the actuators can do that it takes to satisfy a row where tracking alone meets it.
+
+    NaN without limits, or where no row is met; see :class:`vsconstraints.simulation.Trajectory`.
+    """
+    shares = _track(setup).share_to_hold if setup.limits.any else np.empty(0)
+    return float(np.nanmax(shares)) if np.isfinite(shares).any() else np.nan
+
+
+def _track(setup: Setup) -> RunScores:
+    try:
+        return score_run(setup, Tracking())
+    except VsconstraintsError as error:
+        raise Rejected(Reason.START_REFUSED, str(error)) from error
+
+
+# --- whether any law could arrive in time ---
+
+
+def rest_to_rest(distance: Array, acceleration: Array, speed: Array) -> Array:
+    """(n,) least time from rest to rest of joints by themselves [s]: d/w + w/a with the peak speed w = min(v, √(a d)).
+
+    A joint accelerates as hard as it can up to w, keeps w where that is its limit v, and brakes as hard: what is best
+    for a double integrator with bounded input and speed.
+
+    Parameters
+    ----------
+    distance
+        (n,) d ≥ 0 [rad or m].
+    acceleration, speed
+        (n,) a > 0 [rad/s² or m/s²] and v > 0 [rad/s or m/s]; infinite where there is no limit.
+    """
+    w = np.minimum(speed, np.sqrt(acceleration * distance))
+    # a joint that need not move, or is without any limit, is there at once
+    moving = (distance > 0.0) & np.isfinite(w)
+    w = np.where(moving, w, 1.0)
+    return np.where(moving, distance / w + w / acceleration, 0.0)
+
+
+def least_time(setup: Setup, ends: Ends) -> float:
+    """Least time from rest at the start to rest at the joint coordinates of the last goal [s].
+
+    It is that of the slowest joint: each keeps the actuators' limit of acceleration, and of speeds what the rows of
+    joint speeds leave with their sampling band, or the robot's own speed where limits keep it. Jerk, obstacles and the
+    image take more. Other joint coordinates with the same goal are not looked at, nor tolerances of the goal.
+
+    NaN without limits of actuators, where the robot does not start at rest, and where the goal is not one place of the
+    joints: it is known by its image alone, the target moves, or joints are left free by it (a redundant arm).
+    """
+    robot, goal = setup.scene.robot, ends.q[-1]
+    if goal is None or ends.scene.motion is not None or not setup.limits.any or np.any(setup.qd0):
+        return math.nan
+    there = setup.scene.evaluate(0.0, goal, np.zeros(robot.n))
+    if np.linalg.matrix_rank(setup.task.feature.evaluate(there, setup.task.goals[-1], None).J) < robot.n:
+        return math.nan
+    way = goal - setup.q0
+    speed = robot.qd_max.copy() if setup.limits.ranges else np.full(robot.n, np.inf)
+    for rows in setup.constraints.constraints:
+        if isinstance(rows, JointSpeed):
+            at = np.array(rows.joints) - 1
+            # the share of a limit up to which scores count a speed as allowed
+            share = 1.0 - rows.margin + setup.Ts * rows.switching_gain
+            speed[at] = np.minimum(speed[at], share * np.where(way[at] > 0.0, rows.upper, -rows.lower))
+    return float(rest_to_rest(np.abs(way), setup.limits.of_joint("acceleration", robot.n), speed).max())
