@@ -26,7 +26,11 @@ from vsconstraints.simulation import simulate
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *(path for path in sorted(DOCS.rglob("*.md")) if "_build" not in path.parts)]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *(path for path in sorted(DOCS.rglob("*.md")) if "_build" not in path.parts),
+]
 REFERENCE = sorted((DOCS / "api").glob("*.rst"))
 BASE = "ur5-fov"
 """The scenario that TOML blocks without a robot are changes of."""

@@ -217,7 +217,7 @@ def test_the_gate_leaves_a_developers_results_alone(tmp_path: Path) -> None:
     for name in ("python3", "python", "pip", "vsconstraints", "pytest", "chromium", "sphinx-build", "ruff", "mypy"):
         (stubs / name).write_text(STUB)
         (stubs / name).chmod(0o755)
-    for name in (".ci/run", "README.md", ".gitignore"):
+    for name in (".ci/run", "README.md", "CONTRIBUTING.md", ".gitignore"):
         (checkout / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, checkout / name)
     for name in ("reports/paper/claims.csv", "reports/paper/report.md", "vsconstraints-results/report.md"):
