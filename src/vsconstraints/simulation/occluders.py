@@ -13,6 +13,7 @@ from ..constraints import Body, BodyDistance, Collision, Constraint, link_bodies
 from ..constraints.meshes import hull_points
 from ..errors import ConfigurationError
 from ..rows import Array, BoolArray
+from ..vision.images.settings import OpaqueName
 from ..vision.scene import Scene
 
 THIN = 1e-6
