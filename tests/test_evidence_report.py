@@ -249,7 +249,7 @@ def test_a_tuned_law_looks_like_the_law_that_it_was_tuned_from() -> None:
     assert look["own-tuned"].colour == look["own"].colour != look["sliding-mode"].colour
     assert look["own-tuned"].line != look["own"].line
     assert look["other-tuned"].line == look["own-tuned"].line
-    assert look["other-tuned"].colour == looks(["other-tuned"])["other-tuned"].colour
+    assert len({look[name].colour for name in ("sliding-mode", "own", "other-tuned")}) == 3
     assert len({one.marker for one in look.values()}) == 5
 
 

@@ -177,7 +177,7 @@ def _draw(runs: dict[str, Punctuality]) -> Sheet | None:
     if not any(len(run.late) for run in runs.values()):
         return None
     sheet = Sheet()
-    panels = sheet.panels(len(runs), height=1.5, above=0.3, labels=("delay [ms]; red: one period", "periods"))
+    panels = sheet.panels(len(runs), height=1.5, above=0.3, labels=("delay [ms]; red: one period", "number of periods"))
     least, most = 1e-3, 1e3
     for ax, (name, run) in zip(panels, runs.items(), strict=True):
         ax.hist(np.clip(1e3 * run.late, least, most), bins=np.geomspace(least, most, 73), color="0.35")

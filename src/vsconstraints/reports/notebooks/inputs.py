@@ -1,4 +1,4 @@
-"""Laws as a session has them, instances among them, told so that any process can make them."""
+"""Laws and scenarios as a session has them, described so that any process can make them where that is possible."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import hashlib
 import inspect
 import json
 import pickle
+import re
 import sys
 import uuid
 from collections.abc import Iterable, Mapping
@@ -19,6 +20,8 @@ from ...controllers import CONTROLLERS, Controller, Demand, Resolver, make_contr
 from ...errors import ConfigurationError, VsconstraintsError, described, shown
 from ...plugins.classes import IN_SESSION
 from ...plugins.provenance import noted_import
+from ...scenarios import Scenario
+from ...simulation import Setup
 
 AnyLaw = Controller | type[Controller] | str
 """An instance, a class that needs no options, the name of a registered one, or ``module:Class``."""
@@ -76,22 +79,22 @@ def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
         laws = [laws]
     if not isinstance(laws, Iterable):
         raise _no_law(laws)
-    given = list(laws.items()) if isinstance(laws, Mapping) else [(_name(law), law) for law in laws]
-    names = [name for name, _ in given]
+    named = list(laws.items()) if isinstance(laws, Mapping) else [(_name(law), law) for law in laws]
+    names = [name for name, _ in named]
     for name in names:
         if names.count(name) > 1:
             raise ConfigurationError(
                 f"two laws have the name {name!r}; give each its own, as in "
                 f'{{"{name} 1": …, "{name} 2": …}} instead of a list'
             )
-    made = [spec_of(law, name) for name, law in given]
-    return tuple(spec for spec, _ in made), tuple(note for _, note in made if note)
+    specs = [spec_of(law, name) for name, law in named]
+    return tuple(spec for spec, _ in specs), tuple(note for _, note in specs if note)
 
 
 def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
     """One law, and why only this process can run it if that is so.
 
-    Laws of this package are told by their names and options, as in a file; all others as they are.
+    Laws of this package are described by their names and options, as in a file; all others by what they hold.
     """
     if isinstance(law, str):
         return ControllerSpec.called(law, name, Path()), ""
@@ -144,9 +147,9 @@ def _name(law: object) -> str:
     return name
 
 
-def _no_law(given: object) -> ConfigurationError:
+def _no_law(value: object) -> ConfigurationError:
     return ConfigurationError(
-        f"a law is a name, module:Class, or a class or an instance of a Controller, not {shown(given)}"
+        f"a law is a name, module:Class, or a class or an instance of a Controller, not {shown(value)}"
     )
 
 
@@ -190,3 +193,52 @@ def _packed(law: Controller) -> tuple[bytes, str]:
     if not by_value and IN_SESSION.encode() in packed:
         return b"", "it is defined in this session; pip install 'vsconstraints[notebooks]' to send it to others"
     return packed, ""
+
+
+# --- scenarios ---
+
+AnyScenario = Scenario | Setup | str | Path
+"""A scenario, a setup made in Python, the name of a shipped scenario, or the path of a file."""
+
+
+@dataclass(frozen=True)
+class SetupScenario(Scenario):
+    """A setup made in Python, where a scenario is asked for; it has no trials, and no other process can make it."""
+
+    made: Setup | None = None
+
+    @classmethod
+    def of(cls, setup: Setup) -> SetupScenario:
+        """A setup under the name of its robot."""
+        name = re.sub(r"[^\w]+", "-", setup.scene.robot.name).strip("-") or "setup"
+        # a number of its own keeps the stored runs of two setups apart
+        times = {"sampling_time": setup.Ts, "duration": setup.duration}
+        return cls(name, {"title": setup.scene.robot.name, **times, "setup": uuid.uuid4().hex}, made=setup)
+
+    why_here = "it is a Setup, which is made in this session"
+    in_session = True
+
+    def setup(self, trial: int = 0, seed: int = 0) -> Setup:
+        """The setup; raises ConfigurationError for other trials than the first."""
+        assert self.made is not None
+        if trial:
+            raise ConfigurationError(f"{self.name} is a Setup, which has one trial: a Scenario can have several")
+        return self.made
+
+
+def scenario_of(scenario: AnyScenario) -> Scenario:
+    """The scenario; raises ConfigurationError, with candidates, if there is none."""
+    if isinstance(scenario, Scenario):
+        return scenario
+    if isinstance(scenario, Setup):
+        return SetupScenario.of(scenario)
+    if not isinstance(scenario, str | Path):
+        raise ConfigurationError(f"a scenario is a name, a path, a Scenario or a Setup, not {shown(scenario)}")
+    return Scenario.load(scenario)
+
+
+def scenarios_of(scenario: AnyScenario | Iterable[AnyScenario]) -> tuple[Scenario, ...]:
+    """One or several."""
+    if isinstance(scenario, Scenario | Setup | str | Path) or not isinstance(scenario, Iterable):
+        return (scenario_of(scenario),)
+    return tuple(scenario_of(one) for one in scenario)
