@@ -11,7 +11,7 @@ from ..rows import IntArray
 from . import samples
 from .compiler import IN_PLACE, compiled, in_place, register_formulas
 from .laws import carry_out, load_law
-from .parts import address, call_int_pointer, monotonic, struct_loader
+from .parts import address, call_int_pointer, checked, monotonic, struct_loader
 from .samples import ALONE, LAW, STEP, Goals, Kept, Loop, PlantArrays, Running
 from .step import evaluate_step
 from .structures import RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays
@@ -64,6 +64,7 @@ def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
     return code == SOLVED or code >= RELAXED_ROWS
 
 
+@checked(Loop)
 @compiled("UniTuple(int64, 2)(int64, int64, int64, int64)", IN_PLACE)
 def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
     """Go on with sample k, from that stage, until sample ``end``.

@@ -9,7 +9,7 @@ import numpy as np
 from ..rows import Array
 from .arm import TORQUE, Arm, BodyArrays, Drive, accelerate, blank, evaluate
 from .compiler import IN_PLACE, compiled, in_place
-from .parts import address, struct_loader
+from .parts import address, checked, struct_loader
 
 BOUND = 1e4
 """Speed of a joint beyond which the motion counts as unbounded [rad/s or m/s]."""
@@ -213,6 +213,7 @@ def _example() -> Arm:
 load_arm = struct_loader(_example())
 
 
+@checked(Arm)
 @compiled("void(int64, float64[:, ::1])", IN_PLACE)
 def begin(arm_address: int, x: Array) -> None:
     """Begin a run at the state x (s, n): the gears give what the controller commands where q̈_c is zero."""
@@ -230,6 +231,7 @@ def begin(arm_address: int, x: Array) -> None:
             memory.under_way[i, j] = memory.torque[j]
 
 
+@checked(Arm)
 @compiled("int64(int64, float64[:, ::1])", IN_PLACE)
 def drive_period(arm_address: int, x: Array) -> int:
     """Move the arm through a period: its state x (s, n) has q and q̇ first, and the command last but one.
@@ -250,12 +252,14 @@ def drive_period(arm_address: int, x: Array) -> int:
     return 0 if bounded else 1
 
 
+@checked(Arm)
 @compiled("void(int64, float64[:, ::1], boolean)", IN_PLACE)
 def drive_substep(arm_address: int, x: Array, first: bool) -> None:
     """As :func:`drive`, where another program integrates the motion."""
     drive(load_arm(arm_address), x[0], x[1], x[-2], first)
 
 
+@checked(Arm)
 @compiled("void(int64, float64[:, ::1])", IN_PLACE)
 def end_substep(arm_address: int, x: Array) -> None:
     """As :func:`update_motion`, likewise."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..formulas.gradient_error import gradient_error
+from ..formulas.row import gradient_error
 from .compiler import IN_PLACE, compiled
 from .parts import address, load_step
 

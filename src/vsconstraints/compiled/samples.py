@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from ..formulas.limits import JointLimits, actuator_box, at_end, between
-from ..formulas.poses import angle, reached
+from ..formulas.motion import angle, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
 from .structures import Answer, RowArrays, TaskArrays

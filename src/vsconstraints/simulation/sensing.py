@@ -14,7 +14,7 @@ from ..compiled.images import Images, Lenses, Sensing, usable
 from ..compiled.structures import Scratch, Step
 from ..constraints import ConstraintSet, SpeedConstraint
 from ..errors import ConfigurationError, SceneError, unknown_name
-from ..formulas.gradient_error import gradient_error
+from ..formulas.row import gradient_error
 from ..robots.geometry import Pose
 from ..rows import Array, BoolArray, Rows
 from ..vision.camera import Camera

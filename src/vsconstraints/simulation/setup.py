@@ -11,7 +11,7 @@ import numpy as np
 from ..compiled.control_step import ControlStep
 from ..constraints import ConstraintSet, Trace
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
-from ..formulas.poses import reached
+from ..formulas.motion import reached
 from ..formulas.tracking import goals_at
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import Array, BoolArray
