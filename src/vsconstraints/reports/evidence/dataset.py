@@ -1,4 +1,4 @@
-"""What the parts of the report of evidence are written from: runs with their outcome, paired by scene."""
+"""The data of the report of evidence: runs with their outcome, paired by scene, and single runs made again."""
 
 from __future__ import annotations
 
@@ -9,8 +9,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from ...comparisons import RunRecord
+from ...comparisons.evidence import Evidence
 from ...comparisons.runs.spec import BASELINE
 from ...comparisons.statistics.judged import OUTCOMES
+from ...controllers import Controller, make_controller
+from ...errors import unknown_name
+from ...plugins.classes import untrusted
+from ...simulation import Setup, simulate, until_settled
 from ..groups import required_information
 from ..plots import PNG, Formats
 from ..plots.style import TUNED
@@ -18,17 +24,15 @@ from ..plots.style import TUNED
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ...comparisons.evidence import Evidence
-
-Worked = TypeVar("Worked")
+Value = TypeVar("Value")
 
 SCENE = ["family", "scene"]
-"""Columns that say which scene it is: laws are compared on the same ones."""
+"""Columns that identify a scene: controllers are compared on the same ones."""
 
 
 @dataclass(eq=False)
-class Material:
-    """Evidence as the report's parts need it.
+class Dataset:
+    """Evidence as the parts of the report need it.
 
     Attributes
     ----------
@@ -46,14 +50,14 @@ class Material:
     tuning: Path | None = None
     figures: bool = True
     formats: Formats = PNG
-    _worked_out: dict[Any, Any] = field(default_factory=dict, repr=False)
+    _cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
-    def once(self, key: Hashable, work_out: Callable[[], Worked]) -> Worked:
-        """What several parts ask for, worked out for the first of them, by what it is of."""
-        if key not in self._worked_out:
-            self._worked_out[key] = work_out()
-        found: Worked = self._worked_out[key]
-        return found
+    def once(self, key: Hashable, compute: Callable[[], Value]) -> Value:
+        """What several parts need, computed for the first of them and kept by its key."""
+        if key not in self._cache:
+            self._cache[key] = compute()
+        value: Value = self._cache[key]
+        return value
 
     @property
     def folder(self) -> Path:
@@ -72,7 +76,7 @@ class Material:
 
     @cached_property
     def runs(self) -> pd.DataFrame:
-        """Runs of the laws that are compared, with what came of each.
+        """Runs of the controllers that are compared, with their outcomes.
 
         ``kept`` is whether no row was violated, ``success`` whether the goal was reached besides; both by the strict
         standard, and as ``tolerant kept`` and ``tolerant success`` by the tolerant one. ``tolerance`` is the least
@@ -89,7 +93,7 @@ class Material:
 
     @cached_property
     def laws(self) -> tuple[str, ...]:
-        """Laws that have runs, without tracking alone, in the campaign's order."""
+        """Controllers that have runs, without tracking alone, in the campaign's order."""
         return _ordered(self.evidence.controllers, self.runs["controller"])
 
     @cached_property
@@ -103,8 +107,8 @@ class Material:
         return _ordered(tuple(self.configuration["families"]), self.runs["family"])
 
     @cached_property
-    def uses(self) -> dict[str, tuple[str, ...] | None]:
-        """What each law uses beside rows and task; None for an own law, whose code says it."""
+    def required(self) -> dict[str, tuple[str, ...] | None]:
+        """What each controller requires beside rows and task; None for an own one, whose code says it."""
         entries = self.configuration["controllers"]
         return {name: required_information(name, entries.get(name, {})) for name in self.laws}
 
@@ -114,18 +118,18 @@ class Material:
         return runs if families is None else runs[runs["family"].isin(list(families))]
 
     def paired(self, condition: str, column: str, families: Sequence[str] | None = None) -> pd.DataFrame:
-        """A column's values with one line per scene and one column per law, of scenes that every law ran."""
+        """A column's values with one line per scene and one column per controller, of scenes that all of them ran."""
         runs = self.among(condition, families)
         wide = runs.pivot_table(index=SCENE, columns="controller", values=column, aggfunc="first", dropna=False)
         ran = runs.pivot_table(index=SCENE, columns="controller", values="success", aggfunc="count", fill_value=0)
         wide = wide.reindex(index=ran.index)[(ran > 0).all(axis=1)]
         return wide[[name for name in self.laws if name in wide.columns]]
 
-    def going(self, condition: str) -> tuple[str, ...]:
-        """Laws that came to anything in a condition: standing still violates nothing. All, if none did."""
+    def working(self, condition: str) -> tuple[str, ...]:
+        """Controllers not all of whose runs failed in a condition: standing still violates nothing. All, if none."""
         runs = self.among(condition)
-        came = set(runs[~runs["status"].isin(["failed", "aborted"])]["controller"])
-        return tuple(law for law in self.laws if law in came) or self.laws
+        working = set(runs[~runs["status"].isin(["failed", "aborted"])]["controller"])
+        return tuple(law for law in self.laws if law in working) or self.laws
 
     def families_of(self, condition: str) -> tuple[str, ...]:
         """Families that have runs in a condition."""
@@ -134,12 +138,60 @@ class Material:
 
     @property
     def tuned(self) -> dict[str, str]:
-        """Names of tuned laws, by those of the laws they were tuned from, where both have runs."""
+        """Names of tuned controllers, by those of the untuned ones, where both have runs."""
         return {name: name + TUNED for name in self.laws if name + TUNED in self.laws}
 
 
-def _ordered(planned: Sequence[str], found: pd.Series) -> tuple[str, ...]:
-    """Names that were found: those that were planned in that order, then the others."""
-    there = list(dict.fromkeys(found))
+def _ordered(planned: Sequence[str], present: pd.Series) -> tuple[str, ...]:
+    """Names that are present: those that were planned in that order, then the others."""
+    there = list(dict.fromkeys(present))
     names = dict.fromkeys([*(name for name in planned if name in there), *sorted(there)])
     return tuple(names)
+
+
+def replay(
+    folder: Path | str, family: str, scene: int, condition: str, controller: str, *, trust: bool = False
+) -> RunRecord:
+    """Draw a scene of a campaign again and run a controller on it: the same run, with its whole trajectory.
+
+    Parameters
+    ----------
+    folder
+        The campaign's.
+    family, scene, condition, controller
+        Which run, as tables of the campaign name it.
+    trust
+        Whether code that the campaign names as ``module:Class`` may run.
+
+    Raises
+    ------
+    ConfigurationError
+        if there is no evidence in the folder, it has no such family, scene, condition or controller, or the run needs
+        code that is not trusted.
+    """
+    evidence = Evidence.load(Path(folder), trust)
+    setup = setup_of(evidence, family, scene, condition)
+    return rerun(evidence, setup, controller)
+
+
+def rerun(evidence: Evidence, setup: Setup, controller: str) -> RunRecord:
+    """A controller run on a setup."""
+    return RunRecord.of(setup, simulate(setup, controller_of(evidence, controller)), "")
+
+
+def setup_of(evidence: Evidence, family: str, scene: int, condition: str) -> Setup:
+    """The setup of a scene, with its own noise."""
+    if family not in evidence.families:
+        raise unknown_name("family", family, evidence.families)
+    return until_settled(evidence.drawn(family, scene).setup(condition))
+
+
+def controller_of(evidence: Evidence, name: str) -> Controller:
+    """A controller with the options of the campaign."""
+    entries = evidence.manifest["configuration"]["controllers"]
+    if name not in entries:
+        raise unknown_name("controller", name, entries)
+    law, options = str(entries[name].get("type", name)), {k: v for k, v in entries[name].items() if k != "type"}
+    if ":" in law and not evidence.trusted:
+        raise untrusted(f"controller {name}", [law])
+    return make_controller(law, options)

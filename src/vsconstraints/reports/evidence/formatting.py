@@ -1,4 +1,4 @@
-"""How the report of evidence says conditions, shares and intervals."""
+"""How the report of evidence prints conditions, shares and intervals."""
 
 from __future__ import annotations
 
@@ -8,33 +8,28 @@ from dataclasses import dataclass
 
 from ...comparisons.statistics import Rate
 from ...rows.readable import counted
-from ..markdown import plain
+from ..markdown import enumeration, plain
 from ..numbers import DASH
 
-WHERE = {
+CONDITIONS = {
     "nominal": "Without disturbances",
     "disturbed": "With disturbances",
     "limited": "Under the arms' own limits",
-    "calibrated": "With errors of calibration",
+    "calibrated": "With calibration errors",
     "dynamics": "On arms with mass",
     "images": "By images",
     "images-and-dynamics": "By images and on arms with mass",
 }
-"""How a sentence on a condition begins."""
+"""What conditions are called at the beginning of a sentence."""
 
-MOST_NAMED = 4
-"""A sentence names no more laws than this in one breath."""
-
-
-def where(condition: str) -> str:
-    """The beginning of a sentence on a condition."""
-    return WHERE.get(condition, f"In the condition {plain(condition)}")
+MAX_NAMES = 4
+"""A sentence names no more controllers than this."""
 
 
-def within(condition: str) -> str:
-    """The same inside a sentence."""
-    text = where(condition)
-    return text[0].lower() + text[1:]
+def condition_text(condition: str, inside: bool = False) -> str:
+    """The beginning of a sentence on a condition, or the same inside a sentence."""
+    text = CONDITIONS.get(condition, f"In the condition {plain(condition)}")
+    return text[0].lower() + text[1:] if inside else text
 
 
 @dataclass(frozen=True)
@@ -53,7 +48,7 @@ class Share:
 
     @classmethod
     def of(cls, rate: Rate) -> Share:
-        """That of a rate."""
+        """The share of a rate."""
         return cls(rate.share, rate.low, rate.high)
 
     @property
@@ -63,7 +58,7 @@ class Share:
 
     @property
     def digits(self) -> int:
-        """Decimals: as many as the interval can tell apart, and no more."""
+        """Decimals: as many as the interval can resolve, and no more."""
         half = 50.0 * (self.high - self.low)
         if not (math.isfinite(half) and half > 0.0):
             return 1
@@ -76,22 +71,23 @@ class Share:
 
     @property
     def interval(self) -> str:
-        """From where to where, without a unit."""
+        """The interval without a unit."""
         # a dash before or behind a negative number would be read as a sign
         between = " to " if self.low < 0.0 else "–"
         return f"{percentage(self.low, self.digits)}{between}{percentage(self.high, self.digits)}"
 
     @property
     def cell(self) -> str:
-        """``93.0 (91.2–94.6)``, for tables that say that it is per cent."""
+        """``93.0 (91.2–94.6)``, for tables in per cent."""
         return f"{self.percent} ({self.interval})" if math.isfinite(self.value) else DASH
 
-    def text(self, more: str = "") -> str:
-        """``93.0 % (91.2–94.6 %)``, and in the parentheses what else there is to say."""
-        return f"{self.percent} % ({self.interval} %{', ' + more if more else ''})"
+    @property
+    def text(self) -> str:
+        """``93.0 % (91.2–94.6 %)``."""
+        return f"{self.percent} % ({self.interval} %)"
 
     def numbers(self, name: str, low: str = "low", high: str = "high", law: str = "") -> dict[str, float]:
-        """The three numbers by these names, of a law if one is given."""
+        """The three numbers by these names, of a controller if one is named."""
         of = f"[{law}]" if law else ""
         return {name + of: self.value, low + of: self.low, high + of: self.high}
 
@@ -107,13 +103,19 @@ def percentage(share: float, digits: int) -> str:
     return f"{100.0 * share:.{digits}f}".replace("-", "−")
 
 
-def of_scenes(scenes: int, families: int) -> str:
+def scenes_text(scenes: int, families: int) -> str:
     """How many scenes, of how many families."""
     return f"{counted(scenes, 'scene')} of {counted(families, 'family', 'families')}"
 
 
-def first_of(names: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The names that a sentence names, and what it says of the others: how many more there are."""
-    if len(names) <= MOST_NAMED:
+def first_names(names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The names that a sentence names, and how many more there are, as text."""
+    if len(names) <= MAX_NAMES:
         return list(names), []
-    return list(names[: MOST_NAMED - 1]), [f"{len(names) - MOST_NAMED + 1} more"]
+    return list(names[: MAX_NAMES - 1]), [f"{len(names) - MAX_NAMES + 1} more"]
+
+
+def names_text(names: Sequence[str]) -> str:
+    """The names, or the first of them and how many more there are."""
+    named, more = first_names(names)
+    return enumeration([*named, *more])
