@@ -1,4 +1,4 @@
-"""Rows with erroneous gradients, compiled: see :class:`vsconstraints.simulation.gradient_error.GradientError`."""
+"""Rows with erroneous gradients, compiled: see :class:`vsconstraints.simulation.sensing.GradientError`."""
 
 from __future__ import annotations
 

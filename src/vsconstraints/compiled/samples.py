@@ -54,7 +54,7 @@ class Kept(NamedTuple):
     """Samples as :class:`vsconstraints.simulation.Trajectory` has them; shorter arrays are filled round and round.
 
     ``states`` (N, s, n) are those of the plant at the beginning of each period. The camera's errors and poses, and the
-    features' error, are kept for as long as it takes to tell rest even where nothing else is.
+    features' error, are kept for as long as it takes to detect rest, even where nothing else is.
     """
 
     states: Array

@@ -121,4 +121,4 @@ def observe(sensing_address: int, true_address: int, believed_address: int, t: f
 
 
 OBSERVE = address(observe)
-"""Where the function begins that tells a step what is measured."""
+"""Address of the function that gives a step its measurement."""

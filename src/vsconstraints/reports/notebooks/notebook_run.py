@@ -16,7 +16,6 @@ from ...comparisons.metrics import METRICS, Score
 from ...comparisons.run import Run, perform
 from ...comparisons.runs.spec import BASELINE
 from ...controllers import Controller, Tracking
-from ...errors import described
 from ...plugins.classes import beside
 from ...rows.readable import amount, counted, in_one_line
 from ...simulation import simulate
@@ -187,8 +186,5 @@ def run(scenario: AnyScenario, law: AnyLaw, *, trial: int = 0, seed: int = 0) ->
     if isinstance(law, Controller):
         spec = own_spec(law, spec.name)
     loaded = scenario_of(scenario)
-    try:
-        finished = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True, to_the_goal=True)
-    except SystemExit as error:  # of a law that is reset or bound: it ends its run, not the session
-        finished = Run(loaded.setup(trial, seed), RunRecord.failed(described(error), ""))
+    finished = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True, to_the_goal=True)
     return NotebookRun(finished.setup, finished.record, spec.name, loaded.name, loaded.title, loaded.folder)

@@ -13,7 +13,7 @@ from ..camera import Camera
 from .board import Board
 from .detectors import Detector, Pixels
 
-MOST_RESIDUAL = 5.0
+MAX_RESIDUAL = 5.0
 """Root mean square of the corners' distances from where a pose has them, above which they are of no such board [px]."""
 
 AS_GOOD = 2.0
@@ -21,7 +21,7 @@ AS_GOOD = 2.0
 
 
 @dataclass(frozen=True)
-class Sighting:
+class TagPose:
     """What one image says of M markers.
 
     Attributes
@@ -49,7 +49,7 @@ class Sighting:
     unfit: bool = False
 
 
-def sight(image: Pixels, detector: Detector, board: Board, camera: Camera, near: Pose | None = None) -> Sighting:
+def locate_board(image: Pixels, detector: Detector, board: Board, camera: Camera, near: Pose | None = None) -> TagPose:
     """What an image (H, W) says.
 
     Parameters
@@ -83,18 +83,18 @@ def sight(image: Pixels, detector: Detector, board: Board, camera: Camera, near:
         corners, certain = _undistorted(camera, camera.from_corner(tags.corners[own], detector.counts))
         own, corners = [k for k, sure in zip(own, certain, strict=True) if sure], corners[certain]
     if not own:
-        return Sighting(None, pixels, seen, foreign=foreign)
+        return TagPose(None, pixels, seen, foreign=foreign)
     at = [known[numbers[k]] for k in own]
     flat = board.corners[at].reshape(-1, 2)
     expected = None if near is None else board.camera_in_board(near)
     pose, residual = board_pose(flat, camera.normalised(corners.reshape(-1, 2)), expected)
     residual_px = residual * float(np.mean(camera.focal))
-    if pose is None or residual_px > MOST_RESIDUAL:
-        return Sighting(None, pixels, seen, residual_px, foreign, unfit=True)
+    if pose is None or residual_px > MAX_RESIDUAL:
+        return TagPose(None, pixels, seen, residual_px, foreign, unfit=True)
     P = (np.pad(board.corners[:, 0], ((0, 0), (0, 1))) - pose.t) @ pose.R
     pixels = camera.pixels(P[:, :2] / P[:, 2:])
     pixels[at], seen[at] = corners[:, 0], True
-    return Sighting(board.camera_in_target(pose), pixels, seen, residual_px, foreign)
+    return TagPose(board.camera_in_target(pose), pixels, seen, residual_px, foreign)
 
 
 def _undistorted(camera: Camera, corners: Array) -> tuple[Array, BoolArray]:

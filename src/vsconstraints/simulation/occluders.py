@@ -1,26 +1,29 @@
-"""Whether the robot's own links stand between the camera and a marker."""
+"""What stands between the camera and the markers: the arm's own links, bodies and regions of constraints."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from ..constraints import Body, link_bodies
+from ..constraints import Body, BodyDistance, Collision, Constraint, link_bodies
+from ..constraints.meshes import hull_points
 from ..errors import ConfigurationError
 from ..rows import Array, BoolArray
+from ..vision.images.settings import OpaqueName
 from ..vision.scene import Scene
 
 THIN = 1e-6
 """Radius of a line of sight [m]."""
 
 GLANCES = 100
-"""How often in a run lines of sight are checked."""
+"""Instants of a run at which lines of sight are checked."""
 
 SLACK = 1e-5
-"""By how much the boxes around links are larger than they must be [m]: more than rounding, and a line's radius."""
+"""By how much the boxes around links are enlarged [m]: more than rounding, and a line's radius."""
 
 TINY = 1e-300
 """For a coordinate that does not change along a line [m]."""
@@ -54,7 +57,7 @@ class LinesOfSight:
         if not parts:
             return np.zeros(len(t), dtype=np.bool_)
         joints, placements, solids = zip(*parts, strict=True)
-        low, high = (np.array(corner)[:, None] for corner in zip(*map(_box, solids), strict=True))
+        low, high = (np.array(corner)[:, None] for corner in zip(*map(_bounds, solids), strict=True))
         model, data, tip = self.scene.robot.model, self._data, self.scene.robot.frame_id("tip")
         tips, moved = np.empty((len(t), 4, 4)), np.empty((len(t), model.njoints, 4, 4))
         for k, configuration in enumerate(q):
@@ -91,12 +94,8 @@ class LinesOfSight:
         camera = self.scene.camera
         eye = (camera.fixed or self.scene.robot.pose(q) @ camera.mount.inverse).t
         pin.forwardKinematics(self.scene.robot.model, self._data, q)
-        found = []
-        for number, marker in enumerate(self.scene.markers_at(q, t), start=1):
-            name = self._in_between(eye, marker)
-            if name:
-                found.append((number, name))
-        return found
+        names = [self._in_between(eye, marker) for marker in self.scene.markers_at(q, t)]
+        return [(number, name) for number, name in enumerate(names, start=1) if name]
 
     def _in_between(self, eye: Array, marker: Array) -> str:
         along = marker - eye
@@ -112,7 +111,7 @@ class LinesOfSight:
         return ""
 
 
-def _box(solid: coal.CollisionGeometry) -> tuple[Array, Array]:
+def _bounds(solid: coal.CollisionGeometry) -> tuple[Array, Array]:
     """(3,) least and greatest coordinates of a solid, in its own frame."""
     solid.computeLocalAABB()
     return np.array(solid.aabb_local.min_), np.array(solid.aabb_local.max_)
@@ -133,3 +132,59 @@ def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
     return [
         f"marker {number} is hidden by {link}, first seen at {since:.3g} s" for (number, link), since in first.items()
     ]
+
+
+class Occluders:
+    """Convex solids that may stand before the tags of a scene: links, bodies of constraints, forbidden regions.
+
+    Parameters
+    ----------
+    scene
+        Whose arm it is.
+    constraints
+        Those that give a mesh are drawn: obstacles of collision as ``bodies``, all others as ``regions``.
+    kinds
+        What is drawn. Links that move with the tip carry the camera or the tags, and never count.
+    """
+
+    def __init__(self, scene: Scene, constraints: Sequence[Constraint], kinds: Sequence[OpaqueName]) -> None:
+        self.scene, self._data = scene, scene.robot.model.createData()
+        self.links = _links(scene, constraints) if "links" in kinds else []
+        self.obstacles = [
+            one for one in constraints if ("bodies" if isinstance(one, Collision) else "regions") in kinds
+        ]
+
+    def solids(self, q: Array, t: float) -> Iterator[Array]:
+        """Each (V, 3) points in the base frame whose convex hull a solid is, at ``q`` (n,) and ``t`` [s]."""
+        if self.links:
+            pin.forwardKinematics(self.scene.robot.model, self._data, q)
+        for body in self.links:
+            for placement, solid in body.parts:
+                points = hull_points(solid)
+                if points is not None:
+                    at = self._data.oMi[body.joint] * placement
+                    yield points @ at.rotation.T + at.translation
+        yield from self._still
+        for one in self._moving:
+            yield from (mesh.points for mesh in one.meshes(t))
+
+    @cached_property
+    def _moving(self) -> list[Constraint]:
+        return [one for one in self.obstacles if getattr(one, "motion", None) is not None]
+
+    @cached_property
+    def _still(self) -> list[Array]:
+        return [mesh.points for one in self.obstacles if one not in self._moving for mesh in one.meshes(0.0)]
+
+
+def _links(scene: Scene, constraints: Sequence[Constraint]) -> list[Body]:
+    """Of the URDF, or as collision constraints have them; none if a mesh is missing, which the start says."""
+    robot = scene.robot
+    if robot.source is not None:
+        try:
+            return list(LinesOfSight(scene).bodies)
+        except ConfigurationError:
+            return []
+    carrying = int(robot.model.frames[robot.frame_id("tip")].parentJoint)
+    known = (body for one in constraints if isinstance(one, BodyDistance) for pair in one.pairs for body in pair)
+    return list({body.name: body for body in known if body.joint not in (0, carrying)}.values())

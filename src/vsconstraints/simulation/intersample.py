@@ -1,4 +1,4 @@
-"""Clearances between samples: the plant's motion inside a period is known."""
+"""Clearance between samples: the plant's motion inside a period is known."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ BACK = 1e-5, 1e-3
 wherever it is: what turns at every sample never changes its clearance from one to the next."""
 
 
-def between_clearance(setup: Setup, control: ControlStep, plant: Plant, states: Array, clearance: Array) -> Array:
+def intersample_clearance(setup: Setup, control: ControlStep, plant: Plant, states: Array, clearance: Array) -> Array:
     """(N, m) least clearance inside the period after each sample; infinite where none was inspected.
 
     Inspected are periods inside which a row may be outside, or have its least clearance of the run: those in which its
