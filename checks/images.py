@@ -25,7 +25,7 @@ from vsconstraints.vision.images.board import Board
 from vsconstraints.vision.images.detectors import DETECTORS
 from vsconstraints.vision.images.rendering import Renderer
 from vsconstraints.vision.images.settings import ImageSettings
-from vsconstraints.vision.images.sighting import sight
+from vsconstraints.vision.images.tag_pose import locate_board
 
 SCENES = ("ur5-images", "ur5-image")
 POSES = 60
@@ -66,7 +66,7 @@ def found(detector: str, settings: ImageSettings, poses: int = POSES) -> Found:
         begun = time.process_time()
         image = renderer.render(lambda after, pose=there: pose, rng)
         rendered = time.process_time()
-        seen = sight(image, find, board, camera)
+        seen = locate_board(image, find, board, camera)
         spent += rendered - begun, time.process_time() - rendered
         P = there.inverse.act(markers)
         offsets.append((seen.pixels - camera.pixels(P[:, :2] / P[:, 2:]))[seen.seen])

@@ -26,8 +26,7 @@ from vsconstraints.arms import (
     run_on_arm,
 )
 from vsconstraints.arms.driver import Address
-from vsconstraints.arms.record import punctuality
-from vsconstraints.arms.timing import LATENESS
+from vsconstraints.arms.record import LATENESS, punctuality
 from vsconstraints.controllers import HierarchicalQP
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
@@ -76,7 +75,7 @@ def measured(setup: Setup, address: str, fifo: bool) -> tuple[Punctuality, list[
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Print numbers and histograms; with a second argument, draw them to that file."""
+    """Print numbers; with a second argument, draw histograms to that file."""
     seconds = float(arguments[0]) if arguments else 10.0
     scenario = Scenario.load(SCENE).with_override("sampling_time", 0.001).with_override("duration", seconds)
     found = {}

@@ -84,7 +84,7 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.formulas.F"),
     ("py:class", "vsconstraints.controllers.laws.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
-    ("py:class", "vsconstraints.reports.evidence.material.Worked"),
+    ("py:class", "vsconstraints.reports.evidence.dataset.Value"),
     ("py:class", "ArrayLike"),  # of NumPy, where other names are there for type checkers only
     ("py:func", "superellipse"),  # in docstrings of formulas, where classes of other modules have them as theirs
     ("py:class", "Triangles"),  # an array of whole numbers

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vsconstraints import Camera, Robot
-from vsconstraints.compiled.model import Prediction, Present
+from vsconstraints.compiled.model import CurrentState, Prediction
 from vsconstraints.compiled.samples import mark_acting
 from vsconstraints.compiled.structures import RowArrays
 from vsconstraints.constraints import Constraint, robot_points
@@ -56,7 +56,7 @@ class Straight:
 
     def __init__(self, rows: Rows, task: Task) -> None:
         self.rows, self.task, n = rows, task, task.J.shape[1]
-        self.present = Present(0.0, np.zeros(n), np.zeros(n))
+        self.present = CurrentState(0.0, np.zeros(n), np.zeros(n))
         self.labels, self.K, self.acceleration = rows.labels, np.zeros(len(rows.labels)), np.full(n, np.inf)
 
     def along(self, t: Array, q: Array, qd: Array) -> Prediction:

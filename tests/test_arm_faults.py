@@ -29,9 +29,8 @@ from vsconstraints.arms import (
     run_on_arm,
     stream,
 )
+from vsconstraints.arms.drivers.loopback import Behaviour, FakeArm, in_thread
 from vsconstraints.arms.guardian import Guardian
-from vsconstraints.arms.server import Behaviour, in_thread
-from vsconstraints.arms.stand_in import StandIn, StandInLimits
 from vsconstraints.controllers import Controller, HierarchicalQP
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.rows import Array, Command, Rows, Task
@@ -43,10 +42,10 @@ AT = 40
 """In which period it happens: the arm moves by then."""
 
 
-def endless() -> StandIn:
+def endless() -> FakeArm:
     """An arm that goes on as it was sent for ever."""
     own = Envelope.of(SETUP.scene.robot, SETUP.limits, SETUP.Ts)
-    return StandIn(SETUP.q0, StandInLimits(own.q_min, own.q_max, own.qd_max, own.acceleration), SETUP.Ts, 1e9)
+    return FakeArm(SETUP.q0, own, 1e9)
 
 
 class Fault:
@@ -124,7 +123,7 @@ def run(fault: Fault) -> tuple[Faulty, ArmLog]:
     return driver, run_on_arm(Job(SETUP, Law(fault), driver, eye))[1]
 
 
-def assert_at_rest(arm: StandIn) -> None:
+def assert_at_rest(arm: FakeArm) -> None:
     """It is, or has been told to stop by its own means."""
     arm.advance(1.0)
     assert np.abs(arm.state()[1]).max() < 1e-12
@@ -230,7 +229,7 @@ def test_what_is_raised_before_the_first_setpoint_moves_nothing(kind: type[BaseE
 
 
 @contextmanager
-def served() -> Iterator[tuple[StandIn, int]]:
+def served() -> Iterator[tuple[FakeArm, int]]:
     """The endless arm behind a socket."""
     arm = endless()
     # setpoints come late on a slow machine
@@ -302,7 +301,7 @@ class Told:
 )
 def test_a_guardian_is_told_that_all_is_well(safe: bool, fails: int, said: str, tmp_path: Path) -> None:
     guardian = Guardian(Told(tmp_path / "told", fails), 60.0)
-    guardian.heard()
+    guardian.alive()
     assert not guardian.lost
     assert guardian.end(safe).startswith(said)
     assert (tmp_path / "told").exists() == (not safe and fails < 3)
@@ -312,23 +311,23 @@ def test_a_guardian_that_is_gone_or_cannot_begin_is_told(tmp_path: Path) -> None
     with pytest.raises(ConfigurationError, match="cannot be given to another process"):
         Guardian(lambda: None, 1.0)
     guardian = Guardian(Told(tmp_path / "told"), 60.0)
-    guardian.heard()
+    guardian.alive()
     os.kill(guardian.process.pid, signal.SIGKILL)
     guardian.process.wait()
-    guardian.heard()
+    guardian.alive()
     assert guardian.lost
     assert guardian.end(True) == ""
 
 
 def test_a_loop_whose_guardian_is_gone_brakes(monkeypatch: pytest.MonkeyPatch) -> None:
-    heard = Guardian.heard
+    alive = Guardian.alive
 
     def once(guardian: Guardian, more: float = 0.0) -> None:
         guardian.process.kill()
         guardian.process.wait()
-        heard(guardian, more)
+        alive(guardian, more)
 
-    monkeypatch.setattr(Guardian, "heard", once)
+    monkeypatch.setattr(Guardian, "alive", once)
     with served() as (arm, port):
         driver = driver_for(f"loopback://127.0.0.1:{port}?patience=20", SETUP)
         patient = Supervision(late_s=10.0, hang_s=10.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,10 @@ from scenes import random_scene, robot
 from vsconstraints import Robot
 from vsconstraints.compiled import available
 from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.compiled.manipulability_rows import SINGULAR
 from vsconstraints.constraints import ConstraintSet, Manipulability
 from vsconstraints.errors import ConfigurationError
+from vsconstraints.robots.geometry import skew
 from vsconstraints.rows import Array
 from vsconstraints.vision.features import Goal, ImagePoints
 from vsconstraints.vision.scene import Scene
@@ -36,13 +39,85 @@ def world(arm: Robot, constraints: list[Any], seed: int = 0) -> tuple[Scene, Vis
 
 
 def rows_of(arm: Robot, part: Any, q: Array, qd: Array) -> tuple[Any, Any]:
-    """Of both forms, wherever the markers are."""
+    """Of the compiled step and of an oracle, wherever the markers are."""
     one = Manipulability(arm, minimum=0.05, scale=0.2, part=part, **GAINS)
     scene, task, _, _ = world(arm, [one])
     scene.markers[:] = scene.camera_pose(q).act(np.array([[0.1, 0.0, 1.0], [0.0, 0.1, 1.0], [-0.1, 0.0, 1.2]]))
     step = ControlStep(scene, ConstraintSet([one], scene), task)
     assert step.in_numpy == ()
-    return step.evaluate(0.0, q, qd), step.define(scene.evaluate(0.0, q, qd))
+    return step.evaluate(0.0, q, qd), oracle(one, scene.evaluate(0.0, q, qd).robot.J, qd)
+
+
+def oracle(one: Manipulability, J: Array, qd: Array) -> Any:
+    """σ, φ, L_gφ and L_fφ by the singular values of LAPACK, and brackets as matrices."""
+    at = {"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3, 6)}[one.part]
+    weighted, change = weighted_inverse(J[at]), jacobian_derivatives(J)[:, at]
+    slope = change.reshape(len(change), -1) @ weighted.T.ravel()
+    A, B, C = J[at], *(rate[at] for rate in jacobian_rates(J, qd))
+    if A.shape[0] > A.shape[1]:
+        A, B, C = A.T, B.T, C.T
+    U, s, _ = np.linalg.svd(A, full_matrices=False)
+    w, s = s.prod(), np.maximum(s, SINGULAR)
+    inverse = (U / s**2) @ U.T
+    X = inverse @ (B @ A.T + A @ B.T)
+    second = 2.0 * np.trace(inverse @ (C @ A.T + B @ B.T))
+    bent = s.prod() * ((0.5 * np.trace(X)) ** 2 + 0.5 * (second - (X * X.T).sum()))
+    factor = -1.0 / one.w_scale
+    block = one.block(
+        np.array([(one.minimum - w) / one.w_scale]), factor * slope @ qd[:, None], factor * slope[None], factor * bent
+    )
+    return SimpleNamespace(sigma=block.sigma, rows=SimpleNamespace(phi=block.phi, Lg=block.Lg, Lf=block.Lf))
+
+
+def weighted_inverse(J: Array) -> Array:
+    """(n, r) w J⁺ with w the product of the singular values: finite also where one of them is zero."""
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    others = np.where(np.eye(len(s), dtype=np.bool_), 1.0, s).prod(axis=1)
+    weighted: Array = (Vt.T * others) @ U.T
+    return weighted
+
+
+def _structure() -> Array:
+    """(6, 36) C with (a C) as a 6 × 6 matrix times b being [a, b] = (ω_a × v_b + v_a × ω_b, ω_a × ω_b)."""
+    C = np.zeros((6, 6, 6))
+    turns = skew(np.eye(3))
+    C[:3, :3, 3:] = turns
+    C[3:, :3, :3] = C[3:, 3:, 3:] = turns
+    return C.reshape(6, 36)
+
+
+_STRUCTURE = _structure()
+
+
+def adjoints(twists: Array) -> Array:
+    """(k, 6, 6) matrices of [a, ·] for twists a = (v, ω) (k, 6)."""
+    matrices: Array = (twists @ _STRUCTURE).reshape(-1, 6, 6)
+    return matrices
+
+
+def jacobian_derivatives(J: Array) -> Array:
+    """(n, 6, n) ∂J/∂q_k of a serial arm's tip Jacobian J (6, n) in the tip's frame, k first."""
+    # a joint moves the columns of those before it, as seen from the tip
+    n = J.shape[1]
+    before = np.arange(n) < np.arange(n)[:, None]
+    change: Array = (adjoints(J.T) @ -J) * before[:, None, :]
+    return change
+
+
+def jacobian_rates(J: Array, qd: Array) -> tuple[Array, Array]:
+    """(6, n) J̇ and J̈ when q̈ = 0, for J as in :func:`jacobian_derivatives`."""
+    columns = J.T
+    turning = adjoints(_sum_after(columns * qd[:, None]))
+    first = -(turning @ columns[:, :, None])[..., 0]
+    turning_dot = adjoints(_sum_after(first * qd[:, None]))
+    second = -(turning_dot @ columns[:, :, None] + turning @ first[:, :, None])[..., 0]
+    return first.T, second.T
+
+
+def _sum_after(twists: Array) -> Array:
+    """(n, 6) what the joints after each one add to the tip's twist."""
+    after: Array = twists[::-1].cumsum(axis=0)[::-1] - twists
+    return after
 
 
 def random_arm(rng: np.random.Generator, n: int) -> Robot:
@@ -75,7 +150,7 @@ def numbers(found: Any) -> tuple[Array, ...]:
 
 @pytest.mark.parametrize("angle", [1e-3, -1e-3, 1e-5, 1e-7])
 def test_near_a_singular_configuration(angle: float) -> None:
-    """There the definition loses digits of the curvature, which is continuous on each side."""
+    """There LAPACK's decomposition loses digits of the curvature, which is continuous on each side."""
     arm = robot("ur5")
     found, defined = rows_of(arm, "pose", np.array(WRIST) + np.eye(6)[4] * angle, 0.5 * np.ones(6))
     np.testing.assert_allclose(found.sigma, defined.sigma, rtol=0.0, atol=1e-9)
@@ -86,7 +161,7 @@ def test_near_a_singular_configuration(angle: float) -> None:
 
 
 def test_in_a_singular_configuration_the_gradient_is_that_of_one_side() -> None:
-    """As with the definition: which side is left to rounding."""
+    """As by LAPACK: which side is left to rounding."""
     arm = robot("ur5")
     for q in (np.array(WRIST), np.zeros(6)):
         found, defined = rows_of(arm, "pose", q, 0.5 * np.ones(6))

@@ -43,7 +43,7 @@ from vsconstraints.constraints import (
 )
 from vsconstraints.constraints.base import PositionConstraint
 from vsconstraints.constraints.curves import SHAPES, Shape
-from vsconstraints.constraints.forbidden_region import RegionAroundAxis
+from vsconstraints.constraints.regions import RegionAroundAxis
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.robots.kinematics import Kinematics
 from vsconstraints.rows import Array

@@ -141,7 +141,7 @@ def test_more_samples_than_were_told_go_on_with_the_same_numbers() -> None:
 
 def in_numpy(setup: Setup, law: Controller, monkeypatch: pytest.MonkeyPatch) -> Any:
     with monkeypatch.context() as patch:
-        patch.setattr("vsconstraints.simulation.loop.load", lambda name: None)
+        patch.setattr("vsconstraints.compiled.control_step.ControlStep.bound", lambda step: None)
         return simulate(setup, law)
 
 

@@ -100,27 +100,6 @@ def test_inertia_and_bias_are_pinocchios(name: str) -> None:
         np.testing.assert_allclose(compiled.arm.motion.bias, h, atol=1e-11 * np.abs(h).max())
 
 
-@pytest.mark.parametrize("name", ARMS)
-@pytest.mark.parametrize("controller", ["computed-torque", "position"])
-def test_both_forms_move_alike(name: str, controller: str) -> None:
-    """With everything switched on: wrong model, friction, delays, limits."""
-    settings: dict[str, Any] = {
-        "controller": controller,
-        "payload": Payload(0.5, (0.0, 0.0, 0.05)),
-        "mass_factor": 1.1,
-        "payload_factor": 0.0,
-        "friction": Friction(0.5, 1.0, 1.5, 0.1),
-        "dead_time": 0.0004,
-        "lag": 0.001,
-        "speed": 0.5,
-    }
-    one, other = plant(name, **settings), plant(name, **settings)
-    other.mover = (0, 0)
-    for there in (one, other):
-        held(there, 2, 3.0)
-    np.testing.assert_allclose(one.x, other.x, rtol=1e-9, atol=1e-11)
-
-
 @pytest.mark.parametrize(
     ("integrator", "least"),
     # twice what the Panda's light wrist makes of the second order
@@ -294,14 +273,6 @@ def test_clearances_between_samples_are_looked_at() -> None:
     q, qd = there.within(states, np.array([0]), 0.5)
     np.testing.assert_allclose(q[0], half.q, atol=1e-7)
     np.testing.assert_allclose(qd[0], half.qd, atol=1e-4)
-
-
-def test_without_a_compiler_the_loop_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    there = case(duration=0.05, controller="position")
-    compiled = simulate(there, HierarchicalQP())
-    monkeypatch.setattr(DynamicPlant, "mover", (0, 0), raising=False)
-    monkeypatch.setattr("vsconstraints.simulation.dynamics.plant.load", lambda name: None)
-    np.testing.assert_allclose(simulate(there, HierarchicalQP()).q, compiled.q, atol=1e-9)
 
 
 # --- MuJoCo ---

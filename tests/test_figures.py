@@ -130,7 +130,7 @@ def test_looks_are_distinct_and_those_of_known_controllers_fixed() -> None:
         assert chosen["sliding-mode"].colour == LOOKS["sliding-mode"].colour
         assert len({(look.colour, look.line) for look in chosen.values()}) == len(chosen)
     # an own law looks the same whoever else is there
-    assert few["mine"] == looks(["mine", "cbf-filter", "hierarchical-qp"])["mine"]
+    assert few["mine"] == looks(["cbf-filter", "mine", "hierarchical-qp"])["mine"]
     for tuned in (looks(["predictive-tuned"]), looks(["predictive", "predictive-tuned"])):
         assert tuned["predictive-tuned"].colour == LOOKS["predictive"].colour
         assert tuned["predictive-tuned"].line == "--"

@@ -17,10 +17,8 @@ from vsconstraints.formulas import (
     curves,
     features,
     frames,
-    image,
     motion,
     polylines,
-    poses,
     regions,
     rotation,
     row,
@@ -70,8 +68,8 @@ def test_turns_are_scipys(angle: float) -> None:
     axis = a / np.linalg.norm(a)
     expected = Rotation.from_rotvec(angle * axis).as_matrix()
     same(rotation.turn_about(axis, np.sin(angle), np.cos(angle)), expected)
-    same(poses.angle(((expected - np.eye(3)) ** 2).sum()), min(angle, 2.0 * np.pi - angle), rtol=1e-7)
-    assert poses.angle(8.0 + 1e-9) == pytest.approx(np.pi, abs=1e-12)
+    same(motion.angle(((expected - np.eye(3)) ** 2).sum()), min(angle, 2.0 * np.pi - angle), rtol=1e-7)
+    assert motion.angle(8.0 + 1e-9) == pytest.approx(np.pi, abs=1e-12)
 
 
 @pytest.mark.parametrize("theta", [1e-4, 0.03, 0.0999, 0.1, 0.4, 2.0, 3.1, 6.0])
@@ -157,7 +155,7 @@ def test_rows_of_the_interaction_matrix_are_the_textbooks() -> None:
     expected = np.array([[-0.5, 0.0, 0.25, -0.125, -1.25, -0.25], [0.0, -0.5, -0.125, 1.0625, 0.125, -0.5]])
     for coordinate in (0, 1):
         same(features.image_row(coordinate, 0.5, -0.25, 2.0), expected[coordinate])
-    linear, angular = image.interaction(3.0, -2.0, 0.5, -0.25, 2.0)
+    linear, angular = features.interaction(3.0, -2.0, 0.5, -0.25, 2.0)
     same([*linear, *angular], 3.0 * expected[0] - 2.0 * expected[1])
 
 
@@ -170,7 +168,7 @@ def test_a_point_in_the_image_moves_as_differences_say() -> None:
         X, Y, Z = turn.inv().apply(P - moved)
         return np.array([X / Z, Y / Z])
 
-    found = image.image_motion(P, c, a, d - np.cross(a, c), b)
+    found = features.image_motion(P, c, a, d - np.cross(a, c), b)
     same(found[:2], [0.2, -0.2 / 1.5])
     same(found[2:4], slope(seen, 1e-3), rtol=1e-8)
     same(found[4:], second_slope(seen, 1e-3), rtol=1e-6)
@@ -202,13 +200,13 @@ def test_the_rates_of_a_pose_are_those_of_its_matrix() -> None:
 
 def test_a_goal_is_reached_at_its_tolerances_and_not_beyond() -> None:
     tolerance = (0.01, 0.02, 0.5, 0.1)
-    assert poses.reached(0.01, 0.02, 9.0, 0.1, tolerance, True)
-    assert not poses.reached(0.011, 0.02, 0.0, 0.0, tolerance, True)
-    assert not poses.reached(0.01, 0.021, 0.0, 0.0, tolerance, True)
-    assert not poses.reached(0.0, 0.0, 0.0, 0.11, tolerance, True)
-    assert poses.reached(9.0, 9.0, 0.5, 0.1, tolerance, False)
-    assert not poses.reached(0.0, 0.0, 0.51, 0.0, tolerance, False)
-    assert not poses.reached(0.0, 0.0, 0.0, 0.11, tolerance, False)
+    assert motion.reached(0.01, 0.02, 9.0, 0.1, tolerance, True)
+    assert not motion.reached(0.011, 0.02, 0.0, 0.0, tolerance, True)
+    assert not motion.reached(0.01, 0.021, 0.0, 0.0, tolerance, True)
+    assert not motion.reached(0.0, 0.0, 0.0, 0.11, tolerance, True)
+    assert motion.reached(9.0, 9.0, 0.5, 0.1, tolerance, False)
+    assert not motion.reached(0.0, 0.0, 0.51, 0.0, tolerance, False)
+    assert not motion.reached(0.0, 0.0, 0.0, 0.11, tolerance, False)
 
 
 # --- what rows ask for ---

@@ -30,7 +30,7 @@ from vsconstraints.reports.summary import (
     winner_table,
 )
 from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation.separation import UNSOLVABLE
+from vsconstraints.simulation.start import UNSOLVABLE
 
 USED, CALM = "Most of the allowed space used [%]", "Least chattering (acceleration variation) [rad/s³]"
 

@@ -19,7 +19,7 @@ from vsconstraints.vision.images.board import Board
 from vsconstraints.vision.images.detectors import DETECTORS, Detector, Pixels, Tags, roomy
 from vsconstraints.vision.images.rendering import Renderer
 from vsconstraints.vision.images.settings import ImageSettings
-from vsconstraints.vision.images.sighting import Sighting, board_pose, sight
+from vsconstraints.vision.images.tag_pose import TagPose, board_pose, locate_board
 
 SIDE = 0.14
 MARKERS = 0.5 * SIDE * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
@@ -54,8 +54,8 @@ def projected(camera: Camera, pose: Pose, points: Array = MARKERS) -> Array:
     return cv2.projectPoints(points, cv2.Rodrigues(seen.R)[0], seen.t, K, lens)[0][:, 0]
 
 
-def look(camera: Camera, image: Pixels, detector: str = "apriltag", board: Board = BOARD) -> Sighting:
-    return sight(image, DETECTORS[detector](), board, camera)
+def look(camera: Camera, image: Pixels, detector: str = "apriltag", board: Board = BOARD) -> TagPose:
+    return locate_board(image, DETECTORS[detector](), board, camera)
 
 
 @cache
@@ -264,7 +264,7 @@ def test_a_tag_beyond_the_lens_leaves_the_others() -> None:
     corners = bent.to_corner(bent.distort(bent.pixels(P[:, :2] / P[:, 2:]))).reshape(4, 4, 2)
     corners[3, 0] = bent.to_corner(np.array([-bent.reach_px - 5.0, 0.0]))
     found = Detector(lambda image: Tags(BOARD.ids, corners), "edges")
-    seen = sight(np.zeros((480, 640), dtype=np.uint8), found, BOARD, bent)
+    seen = locate_board(np.zeros((480, 640), dtype=np.uint8), found, BOARD, bent)
     assert seen.seen.tolist() == [True, True, True, False]
     assert seen.camera is not None
     assert distance(seen.camera, pose)[0] < 1e-6

@@ -18,8 +18,7 @@ from vsconstraints.reports.frames import FOREIGN, OWN, frames, marked, write_fra
 from vsconstraints.robots.geometry import distance
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, Trajectory, simulate
-from vsconstraints.simulation.photographer import Photographer
-from vsconstraints.simulation.seeing import ImageSensor
+from vsconstraints.simulation.image_sensor import ImageSensor, SceneRenderer
 from vsconstraints.vision.images.detectors import Pixels
 from vsconstraints.vision.images.settings import ImageSettings
 from vsconstraints.vision.scene import State
@@ -154,13 +153,13 @@ def test_an_arm_with_mass_and_a_camera_that_is_not_quite_known_see_images_too() 
 
 def blinded(monkeypatch: pytest.MonkeyPatch, first: int, last: int, duration: float, **settings: Any) -> Trajectory:
     """A run in which images of those numbers are grey."""
-    usual = Photographer.image
+    usual = SceneRenderer.image
 
-    def image(self: Photographer, number: int, state: State) -> Pixels:
+    def image(self: SceneRenderer, number: int, state: State) -> Pixels:
         picture = usual(self, number, state)
         return np.full_like(picture, 100) if first <= number <= last else picture
 
-    monkeypatch.setattr(Photographer, "image", image)
+    monkeypatch.setattr(SceneRenderer, "image", image)
     return simulate(made(duration, **settings), Tracking())
 
 
@@ -169,7 +168,7 @@ def test_without_images_the_arm_is_braked_and_goes_on_when_there_are_some(
     compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not compiled:
-        monkeypatch.setattr("vsconstraints.simulation.loop.load", lambda name: None)
+        monkeypatch.setattr("vsconstraints.compiled.control_step.ControlStep.bound", lambda step: None)
     # the last one is taken at 0.1 s; at 0.1 + 0.03 + 0.034 + 0.05 s patience ends, at 0.434 + 0.03 s there is another
     run = blinded(monkeypatch, 4, 12, 0.5, sensor__patience_s=0.05)
     assert run.status == "unfinished"
@@ -214,7 +213,7 @@ def test_what_occludes_stands_before_the_tags() -> None:
         eye = sensor(covered)
         for k in range(60):
             eye.measured(k, there.q0, there.qd0)
-        first, last = (eye.exposures[i].sighting.seen for i in (0, -1))
+        first, last = (eye.exposures[i].tags.seen for i in (0, -1))
         assert first.tolist() == [False, True, True, True]
         assert last[0] == at_last
 
@@ -224,9 +223,9 @@ def test_what_occludes_stands_before_the_tags() -> None:
 
 def test_images_of_a_run_are_those_that_its_control_has_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Pixels] = []
-    usual = Photographer.image
+    usual = SceneRenderer.image
     monkeypatch.setattr(
-        Photographer, "image", lambda self, number, state: seen.append(usual(self, number, state)) or seen[-1]
+        SceneRenderer, "image", lambda self, number, state: seen.append(usual(self, number, state)) or seen[-1]
     )
     there = made(0.1)
     run = simulate(there, SlidingMode())

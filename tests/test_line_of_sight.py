@@ -13,7 +13,7 @@ from vsconstraints.errors import ConfigurationError
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import simulate
-from vsconstraints.simulation.line_of_sight import LinesOfSight
+from vsconstraints.simulation.occluders import LinesOfSight
 from vsconstraints.vision.motion import Motion, TargetMotion
 from vsconstraints.vision.scene import Scene
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from scenes import Straight
-from vsconstraints.compiled.model import Model, Prediction, Present
+from vsconstraints.compiled.model import CurrentState, Model, Prediction
 from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range, goal_governor, predictive
 from vsconstraints.controllers.condensed import Lookahead, cost, limits, look_ahead
 from vsconstraints.controllers.horizon import Horizon, stopping_time
@@ -278,7 +278,7 @@ def test_a_plan_that_has_ended_is_forgotten(t: float, then: float) -> None:
     """Half a block on it is the mean of 0 and −2; after its one block, and before it, −0.5 rad/s is braked anew."""
     law = planned(0.0, qd=1.0, max_acceleration=2.0)
     box = np.array([[9.0]])
-    now = Present(t, np.zeros(1), np.array([-0.5]))
+    now = CurrentState(t, np.zeros(1), np.array([-0.5]))
     assert law.continued(Horizon.of(1, 1, 0.1), now, -box, box)[0, 0] == pytest.approx(then, abs=1e-12)
 
 
@@ -288,7 +288,7 @@ def test_a_plan_is_as_old_as_it_was_made() -> None:
     assert law.plan is not None
     law.plan = law.plan._replace(made=0.3)
     for t, then in ((0.35, -1.0), (0.45, 5.0)):
-        now = Present(t, np.zeros(1), np.array([-0.5]))
+        now = CurrentState(t, np.zeros(1), np.array([-0.5]))
         assert law.continued(horizon, now, -box, box)[0, 0] == pytest.approx(then)
 
 
@@ -462,7 +462,7 @@ def test_the_reference_moves_where_its_motion_keeps_half_the_margin(
 
     monkeypatch.setattr(goal_governor, "response", responds)
     gains = SimpleNamespace(at=lambda error: (4.0, 5.0))
-    present, task = Present(0.0, np.zeros(2), np.zeros(2)), SimpleNamespace(gains=gains, goals=[])
+    present, task = CurrentState(0.0, np.zeros(2), np.zeros(2)), SimpleNamespace(gains=gains, goals=[])
     model: Any = SimpleNamespace(present=present, task=task, goal=0, labels=(), K=np.empty(0))
     law, given = (
         GoalGovernor(speed=2.0, margin=0.1, influence=0.3),
@@ -528,7 +528,8 @@ def test_the_law_underneath_is_given_the_task_of_the_reference() -> None:
     feature = SimpleNamespace(carried=lambda r, before, after, error: r + before.place - after.place + 0.0 * error)
     gains = SimpleNamespace(at=lambda error: (4.0 * np.abs(error).max(), 5.0 * np.abs(error).max()))
     model: Any = SimpleNamespace(
-        present=Present(0.0, np.ones(1), np.zeros(1)), task=SimpleNamespace(gains=gains, goals=goals, feature=feature),
+        present=CurrentState(0.0, np.ones(1), np.zeros(1)),
+        task=SimpleNamespace(gains=gains, goals=goals, feature=feature),
         goal=0, until=inf, at=at, compiled=lambda: None, labels=("a",), K=np.zeros(1),
     )  # fmt: skip
     rows = Rows(-np.ones(1), np.ones((1, 1)), np.zeros(1), np.ones(1), ("a",))
@@ -589,7 +590,7 @@ def test_a_response_of_two_joints_of_which_the_feature_is_the_first() -> None:
         return SimpleNamespace(task=task, error=error, sigma=sigma, rows=SimpleNamespace(Lg=np.full((3, 2), 7.0)))
 
     gains = SimpleNamespace(at=lambda error: (8.0 * abs(error[0]), 10.0 * abs(error[0])))
-    present = Present(0.0, np.array([1.0, 0.0]), np.array([0.3, 0.3]))
+    present = CurrentState(0.0, np.array([1.0, 0.0]), np.array([0.3, 0.3]))
     task = SimpleNamespace(gains=gains, rest_of=lambda n, k: Rest())
     model = SimpleNamespace(present=present, task=task, until=0.6, at=at, compiled=lambda: None)
     found = response(cast(Model, model), np.array([0.5]), np.ones(1), np.full(3, 2.0))
@@ -614,7 +615,7 @@ def test_in_each_sample_the_reference_moves_on() -> None:
 
     gains = SimpleNamespace(at=lambda error: (4.0, 5.0))
     model: Any = SimpleNamespace(
-        present=Present(0.0, np.ones(1), np.zeros(1)), task=SimpleNamespace(gains=gains, goals=[]), goal=0,
+        present=CurrentState(0.0, np.ones(1), np.zeros(1)), task=SimpleNamespace(gains=gains, goals=[]), goal=0,
         until=inf, at=at, compiled=lambda: None, labels=("a",), K=np.zeros(1),
     )  # fmt: skip
     law, task = (

@@ -18,7 +18,7 @@ from vsconstraints.reports.replay.space import scene_of
 from vsconstraints.reports.scene3d import Scene3D, Viewpoint, obstacle_meshes, setup_frames, viewpoint_of
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation.opaque import Opaque
+from vsconstraints.simulation.occluders import Occluders
 from vsconstraints.vision.images.silhouettes import covered
 from vsconstraints.vision.motion import Motion
 from vsconstraints.vision.scene import Scene
@@ -102,13 +102,13 @@ def test_a_region_of_a_users_own_is_drawn_highlighted_and_hides_markers() -> Non
     board = camera.inverse.act(setup.scene.markers)
     normal = np.cross(board[1] - board[0], board[2] - board[0])
     normal *= np.sign(normal @ board[0]) / np.linalg.norm(normal)
-    solids = [camera.inverse.act(points) for points in Opaque(setup.scene, [own], ["regions"]).solids(setup.q0, 0.0)]
+    solids = [camera.inverse.act(points) for points in Occluders(setup.scene, [own], ["regions"]).solids(setup.q0, 0.0)]
     hidden = covered(solids, np.append(normal, normal @ board[0]), setup.scene.camera)
     pixels = setup.scene.camera.to_corner(setup.scene.camera.pixels(board[:, :2] / board[:, 2:]), "centres")
     u, v = pixels[0]
     assert hidden[int(v), int(u)]
     assert 0.0 < hidden.mean() < 0.5
-    assert not list(Opaque(setup.scene, [own], ["bodies"]).solids(setup.q0, 0.0))
+    assert not list(Occluders(setup.scene, [own], ["bodies"]).solids(setup.q0, 0.0))
 
 
 def test_a_region_that_moves_is_drawn_where_it_is_then() -> None:
@@ -117,5 +117,5 @@ def test_a_region_that_moves_is_drawn_where_it_is_then() -> None:
     np.testing.assert_allclose(after - before, [[0.2, 0.0, 0.0]] * len(before), atol=1e-12)
     number = len(setup.constraints.constraints) - 1
     np.testing.assert_allclose(setup_frames(setup, setup.q0, 2.0)[f"obstacle {number}"].pose.t, [0.2, 0.0, 0.0])
-    (seen,) = Opaque(setup.scene, [own], ["regions"]).solids(setup.q0, 2.0)
+    (seen,) = Occluders(setup.scene, [own], ["regions"]).solids(setup.q0, 2.0)
     np.testing.assert_allclose(seen, after)

@@ -30,8 +30,8 @@ from vsconstraints.comparisons.tables import read_table
 from vsconstraints.controllers import CONTROLLERS, Controller, HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import replay
-from vsconstraints.reports.notebooks import Comparison, NotebookRun, laws, progress
-from vsconstraints.reports.notebooks.laws import InstanceSpec, spec_of, specs_of
+from vsconstraints.reports.notebooks import Comparison, NotebookRun, display, inputs
+from vsconstraints.reports.notebooks.inputs import InstanceSpec, spec_of, specs_of
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 
@@ -315,7 +315,7 @@ def test_without_cloudpickle_a_law_of_the_session_runs_here(monkeypatch: pytest.
     mine = type("Mine", (Half,), {"__module__": "__main__", "name": "mine"})
     monkeypatch.setattr(sys.modules["__main__"], "Mine", mine, raising=False)
     assert not spec_of(mine())[1]
-    monkeypatch.setattr(laws, "find_spec", lambda module: None)
+    monkeypatch.setattr(inputs, "find_spec", lambda module: None)
     spec, note = spec_of(mine())
     assert spec.here
     assert "pip install 'vsconstraints[notebooks]'" in note
@@ -382,7 +382,7 @@ def test_how_far_a_comparison_is_is_told_in_a_terminal_alone(
     compare("sliding-mode", brief, workers=0)
     assert capfd.readouterr() == ("", "")
     terminal = StringIO()
-    monkeypatch.setattr(progress, "Console", lambda **given: Console(file=terminal, force_terminal=True, width=80))
+    monkeypatch.setattr(display, "Console", lambda **given: Console(file=terminal, force_terminal=True, width=80))
     compare("sliding-mode", brief, workers=0, progress=False)
     assert terminal.getvalue() == ""
     compare("sliding-mode", brief, workers=0)

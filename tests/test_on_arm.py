@@ -34,7 +34,7 @@ from vsconstraints.arms import (
     Supervision,
     driver_for,
     drivers,
-    eye_of,
+    image_source,
     real_time,
     realtime,
     record,
@@ -42,13 +42,11 @@ from vsconstraints.arms import (
     stream,
     trajectory_of,
 )
-from vsconstraints.arms.brake import Brake, deceleration
-from vsconstraints.arms.clock import RealClock
 from vsconstraints.arms.drivers import ur_rtde
-from vsconstraints.arms.drivers.loopback import LoopbackArm
-from vsconstraints.arms.images import SimulatedEye
-from vsconstraints.arms.server import Behaviour, Fault, Server, in_thread
-from vsconstraints.arms.stand_in import PATIENCE, StandIn, StandInLimits
+from vsconstraints.arms.drivers.loopback import PATIENCE, Behaviour, FakeArm, Fault, LoopbackArm, Server, in_thread
+from vsconstraints.arms.envelope import Brake, deceleration
+from vsconstraints.arms.images import SimulatedImages
+from vsconstraints.arms.realtime import RealClock
 from vsconstraints.cli import app
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.folder import demand_arm_kept, demand_nothing_lost
@@ -191,7 +189,7 @@ def test_an_arm_without_a_limit_of_acceleration_is_refused() -> None:
 @pytest.mark.parametrize("images", ["simulated", "model"])
 def test_a_dry_run_is_what_is_simulated(images: str) -> None:
     setup, log = run_on_arm(
-        Job(SETUP, HierarchicalQP(), driver_for("simulated://", SETUP), eye_of(images, SETUP), supervision=FAST)
+        Job(SETUP, HierarchicalQP(), driver_for("simulated://", SETUP), image_source(images, SETUP), supervision=FAST)
     )
     assert (log.ended, log.cause, log.missed, log.remarks) == ("done", "", 0, ())
     assert_stopped(log)
@@ -227,7 +225,7 @@ def test_a_dry_run_moves_the_scenarios_own_arm() -> None:
 
 def test_images_of_a_dry_run_come_late_and_rarely() -> None:
     setup = UR5.with_override("disturbances", {"image_period": 0.02, "delay": 1}).setup()
-    eye = eye_of("simulated", setup)
+    eye = image_source("simulated", setup)
     assert eye is not None
     seen = [eye(k * Ts, setup.q0) for k in range(35)]
     assert all(one is not None for one in seen)
@@ -235,7 +233,7 @@ def test_images_of_a_dry_run_come_late_and_rarely() -> None:
     np.testing.assert_allclose(ages[20:30], 0.02 + Ts * np.arange(10), atol=1e-12)
     wrong = UR5.with_override("disturbances", {"focal_factor": [1.1, 1.1]}).setup()
     with pytest.raises(ConfigurationError, match="disturbances of calibration"):
-        eye_of("simulated", wrong)
+        image_source("simulated", wrong)
 
 
 # --- everything that can go wrong ends in a stop ---
@@ -243,7 +241,7 @@ def test_images_of_a_dry_run_come_late_and_rarely() -> None:
 
 def test_a_dry_run_sees_rendered_images() -> None:
     setup = Scenario.load("ur5-images").with_override("duration", 0.08).setup()
-    job = Job(setup, HierarchicalQP(), driver_for("simulated://", setup), eye_of("simulated", setup))
+    job = Job(setup, HierarchicalQP(), driver_for("simulated://", setup), image_source("simulated", setup))
     started, log = run_on_arm(job)
     theirs = simulate(setup, HierarchicalQP())
     np.testing.assert_allclose(trajectory_of(started, log, "simulated://").q, theirs.q, atol=1e-6)
@@ -251,7 +249,9 @@ def test_a_dry_run_sees_rendered_images() -> None:
     assert log.remarks == ()
     other = Scenario.load("ur5-images").with_override("sensor", {"type": "images", "printed": [0, 1, 2, 17]})
     setup = other.with_override("duration", 0.01).setup()
-    log = run_on_arm(replace(job, setup=setup, driver=driver_for("simulated://", setup), eye=SimulatedEye(setup)))[1]
+    log = run_on_arm(
+        replace(job, setup=setup, driver=driver_for("simulated://", setup), images=SimulatedImages(setup))
+    )[1]
     assert log.remarks == ("tags were seen that are not the board's: 17",)
     with pytest.raises(ConfigurationError, match="rendered only where time is simulated"):
         run_on_arm(replace(job, driver=driver_for("loopback://", job.setup)))
@@ -260,7 +260,7 @@ def test_a_dry_run_sees_rendered_images() -> None:
 def test_a_camera_that_leaves_is_told(tmp_path: Path) -> None:
     (tmp_path / "leaving_camera.py").write_text("import sys\n\n\ndef eye(setup):\n    sys.exit('no camera')\n")
     with pytest.raises(ConfigurationError, match="images by leaving_camera:eye: SystemExit: no camera"):
-        eye_of("leaving_camera:eye", SETUP, tmp_path)
+        image_source("leaving_camera:eye", SETUP, tmp_path)
 
 
 class Own(Controller):
@@ -324,26 +324,26 @@ def test_lost_images_end_in_a_braked_stop() -> None:
         pixels = SETUP.scene.glance(q)[0] if t < 0.05 else np.full_like(seen, np.nan)
         return Measurement(pixels, None, t)
 
-    log = on("loopback://?time=simulated&patience=5", eye=eye, supervision=Supervision(image_s=0.04))
+    log = on("loopback://?time=simulated&patience=5", images=eye, supervision=Supervision(image_s=0.04))
     assert log.cause == "t = 0.09 s: no image shows a marker since t = 0.048 s"
     assert_stopped(log)
     # by the system's clock an image would never be old
     for taken in (1.7e9, np.nan):
-        ahead = on("simulated://", eye=lambda t, q, taken=taken: Measurement(seen, None, taken))
+        ahead = on("simulated://", images=lambda t, q, taken=taken: Measurement(seen, None, taken))
         assert "which is not yet: by another clock?" in ahead.cause
-    never = on("loopback://?time=simulated&patience=5", eye=lambda t, q: None, supervision=Supervision(image_s=0.04))
+    never = on("loopback://?time=simulated&patience=5", images=lambda t, q: None, supervision=Supervision(image_s=0.04))
     assert "no image shows a marker" in never.cause
     nothing: Any = np.zeros(3)
-    odd = on("simulated://", eye=lambda t, q: nothing)
+    odd = on("simulated://", images=lambda t, q: nothing)
     assert "what sees the markers gave no Measurement, but " in odd.cause
     assert odd.at_rest
 
 
 def test_a_camera_can_tell_its_pose_alone() -> None:
     """A pose that is said to be elsewhere bends the way there, as pixels would."""
-    straight, camera_pose = on("simulated://", eye=None), SETUP.scene.camera_pose
+    straight, camera_pose = on("simulated://", images=None), SETUP.scene.camera_pose
     as_is, elsewhere = (
-        on("simulated://", eye=lambda t, q, by=by: Measurement(camera=by @ camera_pose(q, t)))
+        on("simulated://", images=lambda t, q, by=by: Measurement(camera=by @ camera_pose(q, t)))
         for by in (Pose(np.eye(3), np.zeros(3)), Pose(np.eye(3), np.array([0.0, 0.02, 0.0])))
     )
     assert straight.ended == as_is.ended == elsewhere.ended == "done"
@@ -360,7 +360,7 @@ def shown(eye: Eyes, setup: Setup = SETUP, **bounds: float) -> ArmLog:
     def newest(t: float, q: Array) -> Measurement:
         return Measurement(eye(t, setup.scene.glance(q)[0]), None, t)
 
-    return on("simulated://", eye=newest, setup=setup, supervision=Supervision(**bounds))
+    return on("simulated://", images=newest, setup=setup, supervision=Supervision(**bounds))
 
 
 HALF = 0.5 * np.asarray(SETUP.scene.camera.size)
@@ -420,7 +420,7 @@ def test_images_that_are_too_old_are_not_used() -> None:
         old = round(t / Ts) % 2 == 1 and t > 0.1
         return Measurement(SETUP.scene.glance(SETUP.q0 if old else q)[0], None, 0.0 if old else t)
 
-    log = on("simulated://", eye=eye, supervision=Supervision(image_s=0.09))
+    log = on("simulated://", images=eye, supervision=Supervision(image_s=0.09))
     assert log.cause.startswith("t = 0.102 s: ")
     assert "the image is 0.102 s old (allowed are 0.09 s)" in log.cause
     assert_stopped(log)
@@ -429,10 +429,10 @@ def test_images_that_are_too_old_are_not_used() -> None:
 def test_a_pose_that_cannot_be_right_brakes() -> None:
     camera_pose = SETUP.scene.camera_pose
     by = Pose(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
-    log = on("simulated://", eye=lambda t, q: Measurement(camera=camera_pose(q, t) @ by))
+    log = on("simulated://", images=lambda t, q: Measurement(camera=camera_pose(q, t) @ by))
     assert " m and 3.14 rad from where the joints have it" in log.cause
     far = Pose(np.eye(3), np.array([0.0, 0.25, 0.0]))
-    log = on("simulated://", eye=lambda t, q: Measurement(camera=far @ camera_pose(q, t)))
+    log = on("simulated://", images=lambda t, q: Measurement(camera=far @ camera_pose(q, t)))
     assert "the camera is measured 0.25 m and " in log.cause
 
 
@@ -462,9 +462,9 @@ def test_a_joint_speed_that_cannot_be_right_brakes(wrong: Any) -> None:
     ],
 )
 def test_an_arm_that_fails_is_stopped(fault: Fault, told: str, streamed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[StandIn] = []
+    made: list[FakeArm] = []
 
-    def kept(arm: StandIn, behaviour: Behaviour) -> Any:
+    def kept(arm: FakeArm, behaviour: Behaviour) -> Any:
         made.append(arm)
         return in_thread(arm, behaviour)
 
@@ -529,7 +529,7 @@ def test_a_loop_that_hangs_is_braked_by_the_watchdog(interrupt: Any, request: py
         while True:  # until the watchdog ends it
             time.sleep(0.005)
 
-    address, end = stand_in_server()
+    address, end = fake_arm_server()
     log = on(address, Own(hang, at=10), supervision=Supervision(late_s=10.0, hang_s=0.1))
     end()
     assert log.ended == "failed"
@@ -549,7 +549,7 @@ def test_an_arm_brakes_by_itself_where_python_is_held() -> None:
     # the server is a process of its own
     log = on("loopback://?patience=20", law, supervision=patient)
     assert log.ended == "failed"
-    assert "the arm stopped by itself: its watchdog was told nothing for 100 ms" in log.cause
+    assert "the arm stopped by itself: its watchdog received nothing for 100 ms" in log.cause
 
 
 def test_a_stop_after_silence_begins_where_the_arm_is() -> None:
@@ -660,7 +660,7 @@ def test_a_drivers_own_mistake_does_not_keep_an_arm_from_its_stop() -> None:
 
 
 def test_a_call_to_the_arm_that_hangs_is_answered_by_the_arms_own_stop() -> None:
-    address, end = stand_in_server("stall")
+    address, end = fake_arm_server("stall")
     log = on(f"{address}?patience=1", supervision=Supervision(late_s=10.0, hang_s=0.05))
     end()
     assert log.ended == "failed"
@@ -671,7 +671,7 @@ def test_a_call_to_the_arm_that_hangs_is_answered_by_the_arms_own_stop() -> None
 def test_an_arm_may_take_its_time_to_be_ready(allowed: float, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Longer than the loop may later say nothing, while it stands."""
     monkeypatch.setattr(LoopbackArm, "begin", lambda arm: time.sleep(0.5))
-    address, end = stand_in_server()
+    address, end = fake_arm_server()
     bounds = Supervision(late_s=10.0, begin_s=allowed, hang_s=0.1)
     log = on(f"{address}?patience=5", supervision=bounds, setup=replace(SETUP, duration=0.1))
     end()
@@ -679,9 +679,9 @@ def test_an_arm_may_take_its_time_to_be_ready(allowed: float, told: str, monkeyp
     assert told in log.cause
 
 
-def stand_in_server(fault: Fault = "none") -> tuple[str, Any]:
+def fake_arm_server(fault: Fault = "none") -> tuple[str, Any]:
     own = Envelope.of(SETUP.scene.robot, SETUP.limits, Ts)
-    arm = StandIn(SETUP.q0, StandInLimits(own.q_min, own.q_max, 10.0 * own.qd_max, 100.0 * own.acceleration), Ts, 2.0)
+    arm = FakeArm(SETUP.q0, replace(own, qd_max=10.0 * own.qd_max, acceleration=100.0 * own.acceleration), 2.0)
     port, end = in_thread(arm, Behaviour(fault, 0.0))
     return f"loopback://127.0.0.1:{port}", end
 
@@ -693,9 +693,9 @@ def test_missed_periods_of_a_real_loop_are_a_column(tmp_path: Path) -> None:
         time.sleep(0.02 if 0.02 < t < 0.04 else 0.0)
         return Measurement(SETUP.scene.glance(q)[0], None, t)
 
-    address, end = stand_in_server()
+    address, end = fake_arm_server()
     setup = replace(SETUP, duration=0.08)
-    log = on(f"{address}?patience=5", eye=eye, setup=setup, supervision=Supervision(late_s=10.0, hang_s=10.0))
+    log = on(f"{address}?patience=5", images=eye, setup=setup, supervision=Supervision(late_s=10.0, hang_s=10.0))
     end()
     assert log.missed >= 1
     log = replace(log, missed=17)  # what the law took cannot be as many by chance
@@ -713,7 +713,7 @@ def test_a_period_that_is_much_too_late_ends_in_a_braked_stop() -> None:
         time.sleep(0.05)
         return command
 
-    address, end = stand_in_server()
+    address, end = fake_arm_server()
     log = on(address, Own(slow, at=10), supervision=Supervision(late_s=0.03, hang_s=10.0))
     end()
     assert "ms late" in log.cause
@@ -788,17 +788,22 @@ def test_addresses_that_cannot_be_used(address: str, told: str) -> None:
 
 
 def test_nobody_listens() -> None:
-    server = Server(StandIn(np.zeros(6), StandInLimits(*(np.ones(6),) * 4), Ts), Behaviour())
+    server = Server(FakeArm(np.zeros(6), Envelope(*(np.ones(6),) * 5, period=Ts)), Behaviour())
     server.close()
     with pytest.raises(ArmError, match=r"no arm answers at 127\.0\.0\.1"):
         on(f"loopback://127.0.0.1:{server.port}")
 
 
-# --- the stand-in ---
+# --- the fake arm ---
 
 
-def test_a_stand_in_follows_then_goes_on_then_brakes() -> None:
-    arm = StandIn(np.zeros(1), StandInLimits(-np.ones(1), np.ones(1), np.ones(1), np.full(1, 10.0)), Ts)
+def one_joint(acceleration: float) -> FakeArm:
+    one = np.ones(1)
+    return FakeArm(np.zeros(1), Envelope(-one, one, one, acceleration * one, np.inf * one, Ts))
+
+
+def test_the_fake_arm_follows_then_goes_on_then_brakes() -> None:
+    arm = one_joint(10.0)
     arm.take(np.array([1e-5]), np.array([0.01]))
     assert arm.state()[0] == 0.0
     arm.advance(Ts)
@@ -808,12 +813,12 @@ def test_a_stand_in_follows_then_goes_on_then_brakes() -> None:
     assert not arm.stopped
     arm.advance(1.0)
     np.testing.assert_allclose(arm.state(), [[1e-5 + PATIENCE * 0.01 + 0.01**2 / 20.0], [0.0]], atol=1e-15)
-    assert arm.stopped == "its watchdog was told nothing for 100 ms"
+    assert arm.stopped == "its watchdog received nothing for 100 ms"
 
 
-def test_a_stand_in_refuses_what_it_cannot_do() -> None:
+def test_the_fake_arm_refuses_what_it_cannot_do() -> None:
     def sent(late: float, q: float, qd: float) -> str:
-        arm = StandIn(np.zeros(1), StandInLimits(-np.ones(1), np.ones(1), np.ones(1), np.full(1, 10.0)), Ts)
+        arm = one_joint(10.0)
         arm.take(np.array([1e-5]), np.array([0.01]))
         arm.advance(Ts + late)
         arm.take(np.array([q]), np.array([qd]))
@@ -823,7 +828,7 @@ def test_a_stand_in_refuses_what_it_cannot_do() -> None:
     # where it was sent 50 ms ago it is no more
     assert sent(0.0, 1e-5, 0.0) == ""
     assert sent(0.05, 1e-5, 0.5) == "protective stop: joint 1 accelerates too much"
-    fast = StandIn(np.zeros(1), StandInLimits(-np.ones(1), np.ones(1), np.ones(1), np.full(1, 1e4)), Ts)
+    fast = one_joint(1e4)
     fast.take(np.array([1e-3]), np.array([1.0]))
     fast.advance(Ts + 0.05)
     fast.take(np.array([2e-3]), np.array([1.0]))
@@ -1045,23 +1050,19 @@ def test_memory_is_locked_where_that_cannot_fail_later(monkeypatch: pytest.Monke
     warned = realtime.Permitted("Operation not permitted", "a limit of 8 MB").warnings()
     assert "`ulimit -r 80`" in warned[0]
     assert "`ulimit -l unlimited`" in warned[1]
-    assert (
-        realtime.Permitted("", "").warnings() == realtime.Permitted("not asked for", "not asked for").warnings() == []
-    )
+    assert realtime.Permitted("", "").warnings() == realtime.Permitted(None, None).warnings() == []
 
 
 def test_memory_is_made_ready_before_the_loop() -> None:
     if not realtime.reserve_memory():
         pytest.skip("another C library")
     try:
-        before = realtime.usage().faults
+        before = realtime.usage()[0]
         kept = [np.ones(20_000) for _ in range(50)]  # 8 MB, which the system would give out page by page
         assert len(kept) == 50
-        assert realtime.usage().faults - before < 200
-        said = realtime.used(realtime.Usage(1, 0, 2), realtime.Usage(4, 1, 9))
-        assert said == "meanwhile 3 page faults, 1 of them from disk, and preempted 7 times"
+        assert realtime.usage()[0] - before < 200
     finally:
-        realtime.set_malloc(*realtime.AS_BEFORE)
+        realtime.set_malloc(False)
 
 
 class Late:
@@ -1100,9 +1101,6 @@ def test_a_clock_is_not_early() -> None:
 def test_punctuality_by_hand() -> None:
     late = np.array([0.0, 2e-6, 2e-6, 4e-3])
     run = Punctuality(late, np.full(4, 1e-4), 1, Ts)
-    assert run.counts[0] == ("0 µs to 1 µs", 1)
-    assert run.counts[1] == ("1 µs to 3.16 µs", 2)
-    assert run.counts[-1] == ("3.16 ms to 10 ms", 1)
     assert run.numbers()["late_median_s"] == 2e-6
     assert run.lines()[0] == "4 periods of 2 ms, 1 missed (25 %)"
 

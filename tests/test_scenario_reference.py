@@ -20,7 +20,7 @@ from vsconstraints.constraints.curves import SHAPES
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.robots.kinematics import RobotPoint
 from vsconstraints.robots.limits import ActuatorLimits
-from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, build, cameras, constraint_types, goals
+from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, build, constraint_types, views
 from vsconstraints.scenarios.reading import parameters, placed
 from vsconstraints.simulation import Setup, Tolerances
 from vsconstraints.simulation.disturbances import Disturbances
@@ -41,14 +41,14 @@ KEY = re.compile(r"^\| ((?:`\w+`(?:, )?)+) \| ([^|`]+) \| ([^|]+) \|", flags=re.
 TABLES_OF: dict[str, tuple[Callable[..., Any], ...]] = {
     "": (build.File,),
     "robot": (Robot.from_urdf, Robot.from_dh),
-    "camera": (Camera, cameras.Places, Camera.from_calibration),
-    **{f"camera.{place}": (cameras.measured,) for place in parameters(cameras.Places)},
+    "camera": (Camera, views.Places, Camera.from_calibration),
+    **{f"camera.{place}": (views.pose_from,) for place in parameters(views.Places)},
     "camera.distortion": (Distortion,),
     "target.square": (build.Square,),
     "target.motion": (Motion, build.Turn),
     "task": (*FEATURES.values(), TrackingGains, VisualTask),
     "task.rest": (Rest,),
-    "task.goals": (goals.GoalTable,),
+    "task.goals": (views.GoalTable,),
     "task.goals.camera_pose": (Pose.from_xyz_rpy,),
     "tolerances": (Tolerances,),
     "limits": (ActuatorLimits,),

@@ -17,7 +17,7 @@ from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.robots import READY_MADE
 from vsconstraints.robots.geometry import Pose, distance
 from vsconstraints.scenarios import CONSTRAINTS, SHIPPED, Scenario, shipped_scenarios
-from vsconstraints.scenarios.scenario import MOST_EXTENDED
+from vsconstraints.scenarios.scenario import MAX_EXTENDED
 from vsconstraints.simulation import simulate
 from vsconstraints.vision.features import FEATURES
 
@@ -404,9 +404,9 @@ def test_a_chain_of_files_has_an_end(tmp_path: Path) -> None:
     for i in range(1200):
         (tmp_path / f"{i}.toml").write_text(f'extends = "{i + 1}.toml"')
     (tmp_path / "1200.toml").write_text("duration = 3.0")
-    with pytest.raises(ConfigurationError, match=rf"{MOST_EXTENDED} in all"):
+    with pytest.raises(ConfigurationError, match=rf"{MAX_EXTENDED} in all"):
         Scenario.load(tmp_path / "0.toml")
-    assert Scenario.load(tmp_path / f"{1201 - MOST_EXTENDED}.toml").tables == {"duration": 3.0}
+    assert Scenario.load(tmp_path / f"{1201 - MAX_EXTENDED}.toml").tables == {"duration": 3.0}
 
 
 # --- overrides ---

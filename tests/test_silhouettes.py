@@ -14,12 +14,11 @@ from vsconstraints.constraints.meshes import hull_points
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array, BoolArray
 from vsconstraints.scenarios import Scenario
-from vsconstraints.simulation.line_of_sight import LinesOfSight
-from vsconstraints.simulation.opaque import Opaque
+from vsconstraints.simulation.occluders import LinesOfSight, Occluders
 from vsconstraints.vision.distortion import Distortion
 from vsconstraints.vision.images.detectors import DETECTORS
-from vsconstraints.vision.images.sighting import sight
 from vsconstraints.vision.images.silhouettes import BEFORE, NEAR, clipped, covered
+from vsconstraints.vision.images.tag_pose import locate_board
 from vsconstraints.vision.scene import Scene
 
 PINHOLE = Camera((200.0, 210.0), (160.0, 120.0), (83.0, 57.0))
@@ -139,7 +138,7 @@ def test_links_hide_the_markers_that_lines_of_sight_say() -> None:
         camera = Camera((600.0, 600.0), (640.0, 480.0), fixed=fixed)
         scene = Scene(robot, camera, markers, ())
         told = {number for number, _ in LinesOfSight(scene).hidden(q, 0.0)}
-        solids = [(points - eye) @ fixed.R for points in Opaque(scene, (), ("links",)).solids(q, 0.0)]
+        solids = [(points - eye) @ fixed.R for points in Occluders(scene, (), ("links",)).solids(q, 0.0)]
         there = (tip.act(markers) - eye) @ fixed.R
         n = np.cross(there[1] - there[0], there[2] - there[0])
         n /= np.linalg.norm(n) * np.sign(n @ there[0])
@@ -166,7 +165,7 @@ def test_a_tag_behind_a_solid_is_lost_because_the_image_hides_it(opaque: list[st
     setup = scenario.with_override("constraints", constraints).setup()
     photographer, state = setup.photographer(), setup.scene.evaluate(0.0, q, setup.qd0)
     image = photographer.image(0, state)
-    found = sight(image, DETECTORS["apriltag"](), photographer.renderer.board, setup.scene.camera)
+    found = locate_board(image, DETECTORS["apriltag"](), photographer.renderer.board, setup.scene.camera)
     assert found.seen.tolist() == [seen, True, True, True]
     # a marker that is hidden is where the other tags have it
     np.testing.assert_allclose(found.pixels, state.pixels.position, atol=0.3)

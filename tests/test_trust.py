@@ -416,7 +416,7 @@ def test_the_page_on_trust_says_what_readers_do(
 
 @pytest.mark.parametrize("kind", ["page of a report", "page of a replay"])
 def test_the_page_on_trust_says_what_pages_do(kind: str) -> None:
-    folder = "reports" if "report" in kind else "reports/replay"
+    folder = "reports/templates" if "report" in kind else "reports/replay"
     text = (ROOT / "src" / "vsconstraints" / folder / "page.html").read_text(encoding="utf-8")
     (policy,) = re.findall(r'Content-Security-Policy" content="([^"]+)"', text)
     rules = dict(rule.split(" ", 1) for rule in policy.split("; "))

@@ -20,8 +20,8 @@ from documents import DOCS
 from test_calibration import ros, written
 from test_urdf import TETRAHEDRON
 from vsconstraints import Camera, Robot
-from vsconstraints.arms.server import Behaviour, Server, length
-from vsconstraints.arms.stand_in import StandIn, StandInLimits
+from vsconstraints.arms import Envelope
+from vsconstraints.arms.drivers.loopback import Behaviour, FakeArm, Server
 from vsconstraints.comparisons import Suite
 from vsconstraints.comparisons.tuning.objectives import Judged
 from vsconstraints.comparisons.tuning.tune import Journal
@@ -160,20 +160,23 @@ def dask(folder: Path) -> Seen:
 
 
 def arm(folder: Path) -> Seen:
-    """Random messages to the server, and its answers: it moves a stand-in, on this machine alone, and that is all."""
+    """Random messages to the server, and its answers: it moves a fake arm, on this machine alone, and that is all."""
     n = 2
-    rest = StandInLimits(-np.ones(n), np.ones(n), np.ones(n), np.ones(n))
+    limits, garbage = (
+        Envelope(*(np.ones(n),) * 5, period=0.01),
+        (b"[[[", b'["move"]', b'["move", [1], {}]', b"null", b"1"),
+    )
     with watched() as began:
-        server = Server(StandIn(np.zeros(n), rest, 0.01), Behaviour(simulated_time=True))
+        server = Server(FakeArm(np.zeros(n), limits), Behaviour(simulated_time=True))
     assert began.network == {"(('127.0.0.1', 0),)"}
     thread = threading.Thread(target=server.serve, daemon=True)
     thread.start()
     rng = np.random.default_rng(0)
     with watched() as seen:
-        for _ in range(300):
+        for message in (*garbage, *(rng.bytes(40) for _ in range(300)), b'["move", [0, NaN], [0, 1]]'):
             with socket.create_connection(("127.0.0.1", server.port), timeout=5.0) as connection:
-                connection.sendall(rng.bytes(length(n, False)))
-                assert len(connection.recv(10_000)) in (0, length(n, True))
+                connection.sendall(message + b"\n")
+                assert connection.recv(10_000)[:2] in (b"", b'["')
     seen.network.clear()  # these were the test's own
     server.close()
     thread.join(5.0)

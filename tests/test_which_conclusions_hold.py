@@ -18,9 +18,15 @@ from hypothesis import strategies as st
 from made_evidence import drawn_runs, frame, made, run
 from vsconstraints.comparisons.evidence import Evidence
 from vsconstraints.comparisons.statistics import detectable, simultaneous
-from vsconstraints.reports.evidence.holding import conclusions, held, holding, powers
-from vsconstraints.reports.evidence.material import Material
-from vsconstraints.reports.evidence.pairs import MEASURES, PairVerdict
+from vsconstraints.reports.evidence.dataset import Dataset
+from vsconstraints.reports.evidence.ranking import MEASURES, PairVerdict
+from vsconstraints.reports.evidence.robustness import (
+    conclusion_tables,
+    conclusions,
+    power_table,
+    powers,
+    robustness_findings,
+)
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -37,7 +43,7 @@ MADE: dict[str, dict[str, Any]] = {
 }
 
 
-def material(letters: Mapping[str, Mapping[str, str]], **columns: Any) -> Material:
+def material(letters: Mapping[str, Mapping[str, str]], **columns: Any) -> Dataset:
     """By condition and law, one letter a scene."""
     lines = [
         run(condition, law, scene, **{**columns, **MADE[letter]})
@@ -45,10 +51,10 @@ def material(letters: Mapping[str, Mapping[str, str]], **columns: Any) -> Materi
         for law, each in laws.items()
         for scene, letter in enumerate(each)
     ]
-    return Material(made(frame(lines), Path()))
+    return Dataset(made(frame(lines), Path()))
 
 
-def outcomes(made_up: Material, measure: str = "success") -> dict[tuple[str, str, str], str]:
+def outcomes(made_up: Dataset, measure: str = "success") -> dict[tuple[str, str, str], str]:
     every = [one for one in conclusions(made_up) if one.measure.name == measure]
     return {(one.better, one.worse, one.condition): one.outcome for one in every}
 
@@ -72,34 +78,27 @@ def test_a_conclusion_holds_is_reversed_or_is_inconclusive() -> None:
     (over,) = (one for one in conclusions(made_up) if one.condition == "over" and one.measure is SUCCESS)
     assert (over.first.difference, over.other.difference, over.other.scenes) == (12 / 20, -12 / 20, 20)
     assert over.other.low == pytest.approx(-over.first.high)
-    said = {one.condition: one.text for one in held(made_up)}
-    assert said["over"].startswith(
-        "By the strict standard, of 1 conclusion on pairs of laws without disturbances, in the condition over none "
-        "hold, 1 is reversed and "
-        "none are inconclusive (20 scenes of 1 family). Reversed: a before b by success. A reversal of success is "
-        "found with 80 % power from "
-    )
+    found = {one.condition: one.numbers for one in robustness_findings(made_up)}
+    counts = ("holds", "reversed", "inconclusive", "reversal_excluded", "scenes", "families")
+    assert [found["over"][name] for name in counts] == [0, 1, 0, 0, 20, 1]
     # not one scene in which they differ, of 20: by 10 points they still may
-    assert "1 is inconclusive, of which none exclude a reversal by the equivalence margin (20 scenes" in said["alike"]
+    assert [found["alike"][name] for name in counts] == [0, 0, 1, 0, 20, 1]
     # five scenes are too few for a verdict, and no reversal on them would have been found
-    assert said["short"].endswith(
-        "1 is inconclusive, of which 1 excludes a reversal by the equivalence margin (5 scenes of 1 family). No "
-        "reversal of success, however great, is found with 80 % power."
-    )
-    text = holding(made_up)
-    assert [line.split(" | ")[3:] for line in text.splitlines() if line.startswith("| a ")] == [
+    assert [found["short"][name] for name in counts] == [0, 0, 1, 1, 5, 1]
+    assert "detectable" in found["over"]
+    assert "detectable" not in found["short"]
+    tables = conclusion_tables(made_up)
+    assert [line.split(" | ")[3:] for line in tables["Success"].splitlines() if line.startswith("| a ")] == [
         ["holds, 60.0 %", "**reversed**, −60.0 %", "inconclusive", "inconclusive |"]
     ]
-    assert (
-        "### Violation: a row is violated, strictly\n\nWithout disturbances, no two laws differ significantly." in text
-    )
+    assert tables["Violation"] == ""
 
 
 def test_what_is_not_told_without_disturbances_is_no_conclusion() -> None:
     made_up = material({"nominal": {"a": AHEAD, "b": AHEAD}, "over": {"a": AHEAD, "b": BEHIND}})
     assert conclusions(made_up) == ()
-    assert held(made_up) == []
-    assert holding(made_up) == ""
+    assert robustness_findings(made_up) == []
+    assert power_table(made_up) == ""
 
 
 def test_fewer_violations_are_better_and_who_only_fails_is_not_compared() -> None:
@@ -122,7 +121,7 @@ def test_numbers_are_compared_where_both_succeed(name: str, better: float) -> No
                     values = values[::-1]
                 lines += [run(condition, law, scene, **{name: v}) for law, v in zip("ab", values, strict=True)]
                 lines.append(run(condition, "c", scene, **{**MADE["t"], name: better * values[0]}))
-        made_up = Material(made(frame(lines), Path()))
+        made_up = Dataset(made(frame(lines), Path()))
         assert outcomes(made_up, name) == {("a", "b", "other"): "reversed" if swapped else "holds"}
         (one,) = (one for one in conclusions(made_up) if one.measure.name == name)
         sides = (10.5, -10.5) if name == "utilization" else (0.5, 2.0)
@@ -139,7 +138,7 @@ def test_conditions_are_held_together_in_the_families_that_both_have() -> None:
             lines += [
                 run("other", law, s, family="ur5", **MADE["+t"["+t".index(good) - 1]]) for s in (scene, scene + 20)
             ]
-    made_up = Material(made(frame(lines), Path()))
+    made_up = Dataset(made(frame(lines), Path()))
     assert outcomes(made_up) == {("a", "b", "other"): "holds"}
 
 
@@ -151,7 +150,7 @@ def test_the_same_runs_hold_and_swapped_ones_are_reversed(seed: int, swap: bool)
     if swap:
         again["controller"] = again["controller"].astype(str).replace({"a": "b", "b": "a"})
     both = frame(pd.concat([runs, again]).to_dict("records"))
-    every = conclusions(Material(made(both, Path())))
+    every = conclusions(Dataset(made(both, Path())))
     assert every
     assert {one.outcome for one in every} == {"reversed" if swap else "holds"}
 
@@ -190,7 +189,10 @@ def test_the_power_is_that_of_the_scenes_the_pairs_and_how_often_they_differ() -
 
 def test_the_pages_say_of_the_kept_runs_what_the_report_says() -> None:
     root = Path(__file__).parents[1]
-    each = [one.numbers for one in held(Material(Evidence.load(root / "reports" / "real-world"), figures=False))]
+    each = [
+        one.numbers
+        for one in robustness_findings(Dataset(Evidence.load(root / "reports" / "real-world"), figures=False))
+    ]
     holds, unsure, excluded = ([int(one[k]) for one in each] for k in ("holds", "inconclusive", "reversal_excluded"))
     points = [round(100.0 * one["detectable"]) for one in each]
     (conclusions,) = {int(one["conclusions"]) for one in each}
@@ -208,7 +210,7 @@ def test_the_pages_say_of_the_kept_runs_what_the_report_says() -> None:
 def test_all_of_it_found_again_by_other_libraries(tmp_path: Path) -> None:
     """McNemar's test and the sign test by statsmodels and SciPy, from the runs and the report's data."""
     rates = {"nominal": {"a": 0.9, "b": 0.6, "c": 0.3}, "worse": {"a": 0.4, "b": 0.6, "c": 0.35}}
-    made_up = Material(made(drawn_runs(rates, ["x", "y"], 60, seed=3), tmp_path), figures=False)
+    made_up = Dataset(made(drawn_runs(rates, ["x", "y"], 60, seed=3), tmp_path), figures=False)
     said = {"conclusions": conclusions(made_up), "power": powers(made_up)}
     data = {name: [one.as_data() for one in every] for name, every in said.items()}
     claims = json.loads(json.dumps(data, allow_nan=False))
@@ -220,6 +222,6 @@ def test_all_of_it_found_again_by_other_libraries(tmp_path: Path) -> None:
     assert differing(made_up.runs, {**claims, "conclusions": claims["conclusions"][1:]})
     stronger = [{**one, "detectable": 0.5 * one["detectable"]} for one in claims["power"]]
     assert differing(made_up.runs, {**claims, "power": stronger})
-    (sentence,) = held(made_up)
+    (sentence,) = robustness_findings(made_up)
     counted = Counter(one["outcome"] for one in claims["conclusions"])
     assert all(sentence.numbers[name] == counted[name] for name in ("holds", "reversed", "inconclusive"))

@@ -32,7 +32,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "src/vsconstraints/controllers/least_norm.py",
         "src/vsconstraints/controllers/resolvers.py",
         "src/vsconstraints/simulation/plant.py",
-        "src/vsconstraints/simulation/gradient_error.py",
+        "src/vsconstraints/simulation/sensing.py",
         "src/vsconstraints/robots/order_filter.py",
         "src/vsconstraints/vision/tracking.py",
     ),

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-LONGEST = 200
+MAX_VALUE_LENGTH = 200
 """Characters of a value that a message shows."""
 
-LONGEST_REASON = 2000
+MAX_REASON_LENGTH = 2000
 """Characters of a reason that are kept."""
 
 
@@ -38,7 +38,7 @@ class SolverError(VsconstraintsError):
 
 
 class WorkersLost(VsconstraintsError):
-    """Who makes the runs is gone: for example, the scheduler of a cluster."""
+    """The workers that make the runs are gone: for example, the scheduler of a cluster."""
 
 
 class StorageError(VsconstraintsError):
@@ -58,7 +58,7 @@ def unknown_name(what: str, name: object, candidates: Iterable[str]) -> Configur
         The names that would have been accepted.
     """
     known = sorted(candidates)
-    close = get_close_matches(str(name)[:LONGEST], known, n=1)
+    close = get_close_matches(str(name)[:MAX_VALUE_LENGTH], known, n=1)
     hint = f" Did you mean {close[0]!r}?" if close else ""
     return ConfigurationError(f"unknown {what} {shown(name)}.{hint} Available: {', '.join(known) or 'none'}")
 
@@ -67,13 +67,13 @@ def shown(value: object) -> str:
     """A value in messages: as it would be written, 0.0 and not np.float64(0.0); cut short where that is long."""
     with np.printoptions(legacy="1.25"):
         text = repr(value)
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}… ({len(text)} characters)"
+    return text if len(text) <= MAX_VALUE_LENGTH else f"{text[:MAX_VALUE_LENGTH]}… ({len(text)} characters)"
 
 
 def one_line(text: str) -> str:
-    """A text as one line that any file and terminal takes, cut after :data:`LONGEST_REASON` characters."""
-    line = " ".join(text[: 2 * LONGEST_REASON].encode("utf-8", "backslashreplace").decode().splitlines())
-    return line if len(line) <= LONGEST_REASON else f"{line[:LONGEST_REASON]}… ({len(text)} characters)"
+    """A text as one line that any file and terminal takes, cut after :data:`MAX_REASON_LENGTH` characters."""
+    line = " ".join(text[: 2 * MAX_REASON_LENGTH].encode("utf-8", "backslashreplace").decode().splitlines())
+    return line if len(line) <= MAX_REASON_LENGTH else f"{line[:MAX_REASON_LENGTH]}… ({len(text)} characters)"
 
 
 def described(error: BaseException) -> str:

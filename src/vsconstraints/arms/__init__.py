@@ -6,13 +6,11 @@ See :doc:`/on-an-arm`. A driver is one small file and a line in :data:`vsconstra
 from .driver import Address, ArmError, Driver, Joints
 from .drivers import DRIVERS, driver_for
 from .envelope import Envelope, Setpoint
-from .images import Eye, SimulatedEye, eye_of
-from .log import ArmLog, Period
+from .images import ImageSource, SimulatedImages, image_source
 from .loop import Job, run_on_arm
 from .realtime import real_time
-from .record import store, trajectory_of
+from .record import ArmLog, Period, Punctuality, store, trajectory_of
 from .supervision import Supervision
-from .timing import Punctuality
 
 __all__ = [
     "DRIVERS",
@@ -21,16 +19,16 @@ __all__ = [
     "ArmLog",
     "Driver",
     "Envelope",
-    "Eye",
+    "ImageSource",
     "Job",
     "Joints",
     "Period",
     "Punctuality",
     "Setpoint",
-    "SimulatedEye",
+    "SimulatedImages",
     "Supervision",
     "driver_for",
-    "eye_of",
+    "image_source",
     "real_time",
     "run_on_arm",
     "store",

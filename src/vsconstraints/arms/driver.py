@@ -133,15 +133,15 @@ class Driver(ABC):
     def halt(self, deceleration: float) -> None:
         """Let the arm stop by its own means [rad/s²], where streaming a stop is not possible.
 
-        It may be called by another thread while a call has not returned. Raises ArmError if the arm cannot be told.
+        It may be called by another thread while a call has not returned. Raises ArmError if the arm is not reached.
         """
 
     def stopper(self) -> Callable[[], None] | None:
-        """What stops the arm as :meth:`halt` does, from another process; asked for once the arm is reached.
+        """What stops the arm as :meth:`halt` does, from another process; called once the arm is connected.
 
         It is pickled and, where this process ends or falls silent, called in one that shares nothing with it: so it has
-        a connection of its own, and raises ArmError if the arm cannot be told. None where there is no such way: then
-        only the arm itself can stop where Python is held.
+        a connection of its own, and raises ArmError if the arm is not reached. None where there is no such way: then
+        only the arm itself can stop while Python is blocked.
         """
         return None
 

@@ -16,13 +16,13 @@ from ..comparisons.runs.signals import SIGNALS
 from ..errors import ConfigurationError, described
 
 ATTEMPTS = 3
-"""How often an arm is told to stop, where it cannot be told."""
+"""How often a stop command is tried."""
 
 START_S, END_S = 60.0, 10.0
 """How long the process may take to be ready, while the arm stands, and to end [s]."""
 
-HEARD = struct.Struct("<d")
-"""A message: for how many seconds it may be the last one; negative if the arm is at rest."""
+HEARTBEAT = struct.Struct("<d")
+"""A message: for how many seconds it may be the last one [s]; negative if the arm is at rest."""
 
 CODE = """
 import pickle, sys
@@ -33,7 +33,7 @@ watch()
 
 
 class Guardian:
-    """Stops an arm from a process of its own, unless it is told at least that often that all is well.
+    """Stops an arm from a process of its own, unless heartbeats come at least that often.
 
     It has its own connection to the arm and nothing in common with this process, whose end it sees as silence. Signals
     of the terminal do not reach it.
@@ -77,19 +77,19 @@ class Guardian:
         # where it no longer reads, this process must not wait for it
         os.set_blocking(self._to.fileno(), False)
 
-    def heard(self, more: float = 0.0) -> None:
-        """All is well, and it may take so much more time than usual [s] until this is said again."""
+    def alive(self, more: float = 0.0) -> None:
+        """A heartbeat; the next one may take so much more time than usual [s]."""
         try:
             # nothing is written, nor raised, where the pipe is full
-            self.lost = self.lost or not self._to.write(HEARD.pack(self.patience + more))
+            self.lost = self.lost or not self._to.write(HEARTBEAT.pack(self.patience + more))
         except OSError:
             self.lost = True
 
     def end(self, safe: bool) -> str:
-        """End it; what it has done, if anything. Unless the arm is ``safe``, it is told to stop now."""
+        """End it; returns what it has done, if anything. Unless the arm is ``safe``, it stops it now."""
         with suppress(OSError):
             if safe:
-                self._to.write(HEARD.pack(-1.0))
+                self._to.write(HEARTBEAT.pack(-1.0))
         with suppress(OSError):
             self._to.close()
         try:
@@ -102,7 +102,7 @@ class Guardian:
 
 
 def watch() -> None:
-    """What the process does: wait for messages and, where they fail to come, tell the arm to stop."""
+    """What the process does: wait for heartbeats and, where they fail to come, stop the arm."""
     for number in (*SIGNALS, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)
     stop = pickle.load(sys.stdin.buffer)
@@ -113,28 +113,28 @@ def watch() -> None:
         if not messages and patience is None:  # nothing was sent to the arm yet
             return
         if not messages:
-            _tell(f"the loop has ended, and a process of its own {_stopped(stop)}")
+            _report(f"the loop has ended, and a process of its own {_stopped(stop)}")
             return
-        (patience,) = HEARD.unpack(messages[-HEARD.size :])
+        (patience,) = HEARTBEAT.unpack(messages[-HEARTBEAT.size :])
         if not patience >= 0.0:
             return
-    _tell(f"the loop has said nothing for {1e3 * (patience or 0.0):g} ms, and a process of its own {_stopped(stop)}")
+    _report(f"the loop has said nothing for {1e3 * (patience or 0.0):g} ms, and a process of its own {_stopped(stop)}")
 
 
 def _stopped(stop: Callable[[], None]) -> str:
     """Stop the arm; how that went."""
-    said = ""
+    why = ""
     for _ in range(ATTEMPTS):
         try:
             stop()
             return "told the arm to stop by its own means"
-        except BaseException as error:  # a driver's own mistake must not keep the arm from being told again
-            said = described(error)
-    return f"COULD NOT TELL THE ARM TO STOP ({said})"
+        except BaseException as error:  # a driver's own mistake must not prevent another try
+            why = described(error)
+    return f"COULD NOT TELL THE ARM TO STOP ({why})"
 
 
-def _tell(text: str) -> None:
-    """To the process that is watched, and to whoever started it, as far as they are there."""
+def _report(text: str) -> None:
+    """Write to the watched process, and to whoever started it, as far as they still run."""
     for file in (1, 2):
         with suppress(OSError):
             os.write(file, f"{text}\n".encode())

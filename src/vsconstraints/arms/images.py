@@ -1,4 +1,4 @@
-"""What sees the markers while an arm moves: a camera with its detector, the scenario's simulated one, or nothing."""
+"""Where images come from while an arm moves: a camera with its detector, the scenario's simulated one, or nothing."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from ..errors import ConfigurationError, described, shown
 from ..plugins.classes import beside
 from ..rows import Array
 from ..simulation import Setup
-from ..simulation.seeing import ImageSensor
+from ..simulation.image_sensor import ImageSensor
 from ..vision.measurement import Measurement
 
-Eye = Callable[[float, Array], Measurement | None]
-"""Asked in each period with the time [s] and the measured q (n,): what the newest image shows, None before the first.
+ImageSource = Callable[[float, Array], Measurement | None]
+"""Called in each period with the time [s] and the measured q (n,): what the newest image shows, None before the first.
 
-It must return at once: a camera is read, and its image looked at, in a thread or process of its own. ``taken`` of the
-measurement is by the same clock as the time that it is asked with; pixels are those on the sensor, from the image's
-centre, NaN for markers that were not found. The camera's pose will do without pixels.
+It must return at once: a camera is read, and its image searched, in a thread or process of its own. ``taken`` of the
+measurement is by the same clock as the time argument; pixels are those on the sensor, from the image's centre, NaN for
+markers that were not found. The camera's pose will do without pixels.
 """
 
 SIMULATED, MODEL = "simulated", "model"
 
 
-class SimulatedEye:
+class SimulatedImages:
     """The scenario's camera: its noise, image period, delay and lost images, seen from where the arm is measured to be.
 
     With ``sensor = "images"`` images are rendered and searched for tags, which takes longer than a period: that is for
-    dry runs whose time is simulated.
+    dry runs in simulated time, and ``renders`` says so.
 
     Raises
     ------
@@ -48,50 +48,40 @@ class SimulatedEye:
                 "target are for `compare`"
             )
         self._setup, self._sensor, self._sample = setup, setup.sensor(), 0
-        images = wrong.image_period or setup.Ts
-        self._every, self._delay = round(images / setup.Ts), round(wrong.delay * images / setup.Ts)
+        self.renders = isinstance(self._sensor, ImageSensor)
+        period = wrong.image_period or setup.Ts
+        self._every, self._delay = round(period / setup.Ts), round(wrong.delay * period / setup.Ts)
 
     def __call__(self, t: float, q: Array) -> Measurement | None:
-        """What is seen; images that are lost leave the last one, with the time at which it would have been taken."""
-        scene, Ts = self._setup.scene, self._setup.Ts
+        """What is seen; a lost image leaves the last one, with the time at which it would have been taken."""
+        scene, k = self._setup.scene, self._sample
+        self._sample += 1
         if isinstance(self._sensor, ImageSensor):
-            return self._found(self._sensor, t, q)
+            seen = self._sensor.measured(k, q, np.zeros_like(q))
+            assert seen.pixels is not None
+            pixels = scene.camera.distort(seen.pixels)
+            return None if self._sensor.blind else Measurement(pixels, seen.depth, t, seen.camera)
         if not self._setup.disturbances.sensing:
             return Measurement(scene.camera.distort(scene.glance(q, t)[0]), None, t)
-        state = scene.evaluate(t, q, np.zeros_like(q))
-        self._sensor.sample = self._sample
-        pixels = self._sensor.observe(state).pixels.position
-        image = self._sample - self._sample % self._every
-        self._sample += 1
-        taken = t - (self._sample - 1 - max(image - self._delay, 0)) * Ts
+        self._sensor.sample = k
+        pixels = self._sensor.observe(scene.evaluate(t, q, np.zeros_like(q))).pixels.position
+        image = k - k % self._every
+        taken = t - (k - max(image - self._delay, 0)) * self._setup.Ts
         return Measurement(scene.camera.distort(pixels), None, min(taken, t))
-
-    @property
-    def renders(self) -> bool:
-        """Whether images are rendered, which takes longer than a period."""
-        return isinstance(self._sensor, ImageSensor)
 
     def remarks(self) -> list[str]:
         """What a reader of the results should know of rendered images."""
-        return self._sensor.remarks() if isinstance(self._sensor, ImageSensor) else []
-
-    def _found(self, sensor: ImageSensor, t: float, q: Array) -> Measurement | None:
-        """What is found in rendered images; nothing where the last one is too old."""
-        seen = sensor.measured(self._sample, q, np.zeros_like(q))
-        self._sample += 1
-        assert seen.pixels is not None
-        pixels = self._setup.scene.camera.distort(seen.pixels)
-        return None if sensor.blind else Measurement(pixels, seen.depth, t, seen.camera)
+        return self._sensor.remarks()
 
 
-def eye_of(name: str, setup: Setup, folder: Path | None = None) -> Eye | None:
-    """What sees, by its name; None where the image is predicted from the joints alone.
+def image_source(name: str, setup: Setup, folder: Path | None = None) -> ImageSource | None:
+    """The source of images, by its name; None where the image is predicted from the joints alone.
 
     Parameters
     ----------
     name
         ``simulated``, ``model``, or ``module:function`` for one's own: the function is given the setup and returns an
-        :data:`Eye`.
+        :data:`ImageSource`.
     setup
         What is run.
     folder
@@ -105,16 +95,16 @@ def eye_of(name: str, setup: Setup, folder: Path | None = None) -> Eye | None:
     if name == MODEL:
         return None
     if name == SIMULATED:
-        return SimulatedEye(setup)
+        return SimulatedImages(setup)
     module, colon, function = name.partition(":")
     if not (module and colon and function):
         raise ConfigurationError(f"images come from simulated, model, or module:function, not {shown(name)}")
     try:
         with chdir("."), beside(folder, Path()):
-            made: Any = getattr(importlib.import_module(module), function)(setup)
+            source: Any = getattr(importlib.import_module(module), function)(setup)
     except (Exception, SystemExit) as error:  # own code can fail in any way
         raise ConfigurationError(f"images by {name}: {described(error)}") from error
-    if not callable(made):
-        raise ConfigurationError(f"images by {name}: it must return what can be called, not {shown(made)}")
-    eye: Eye = made
-    return eye
+    if not callable(source):
+        raise ConfigurationError(f"images by {name}: it must return what can be called, not {shown(source)}")
+    own: ImageSource = source
+    return own

@@ -22,18 +22,17 @@ from ..vision.measurement import Measurement
 from .driver import ArmError, Driver, Joints
 from .envelope import Envelope
 from .guardian import Guardian
-from .images import Eye, SimulatedEye
-from .log import ArmLog, Ended
-from .realtime import usage, used
-from .start import demand_start
+from .images import ImageSource, SimulatedImages
+from .realtime import usage
+from .record import ArmLog, Ended
 from .stream import Stream
-from .supervision import TAKE_OVER, Requests, Supervision, Watchdog, requests_noted
+from .supervision import TAKE_OVER, Requests, Supervision, Watchdog, demand_start, requests_noted
 
 GUARDED = 2.0
-"""How much longer than the watchdog the guardian waits."""
+"""Factor by which the guardian waits longer than the watchdog."""
 
 REHEARSALS = 3
-"""How often a law is asked before the arm moves: what is done for the first time takes longer."""
+"""Calls of a law before the arm moves: the first ones take longer."""
 
 
 class Halt(Exception):
@@ -45,7 +44,7 @@ class Halt(Exception):
 
 
 class TakenOver(BaseException):
-    """The watchdog speaks to the arm now. No law's own `except Exception` may keep it."""
+    """The watchdog has taken over the arm: a BaseException, so that no law's own `except Exception` catches it."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +59,8 @@ class Job:
         What commands.
     driver
         What speaks to the arm.
-    eye
-        What sees; None where the image is predicted from the joints.
+    images
+        Where images come from; None where the image is predicted from the joints.
     supervision
         When the arm is braked.
     from_arm
@@ -71,7 +70,7 @@ class Job:
     setup: Setup
     controller: Controller
     driver: Driver
-    eye: Eye | None = None
+    images: ImageSource | None = None
     supervision: Supervision = field(default_factory=Supervision)
     from_arm: bool = False
 
@@ -94,7 +93,7 @@ def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
     """
     driver, setup = job.driver, job.setup
     envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
-    if isinstance(job.eye, SimulatedEye) and job.eye.renders and not driver.simulated_time:
+    if isinstance(job.images, SimulatedImages) and job.images.renders and not driver.simulated_time:
         raise ConfigurationError(
             "images are rendered only where time is simulated, since that takes longer than a period: let images be "
             "predicted (--images model) or one's own, or give simulated:// or loopback://?time=simulated as the arm"
@@ -104,13 +103,13 @@ def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
         setup = demand_start(setup, driver.read(), job.supervision, job.from_arm)
         return setup, _Run(replace(job, setup=setup), envelope).carry_out()
     finally:
-        # the arm stands by now: what its driver still raises must not cost the log
+        # the arm stands by now: what its driver still raises must not lose the log
         with suppress(BaseException):
             driver.close()
 
 
 class _Run:
-    """One run; the thread that runs it speaks to the arm, unless the watchdog has taken over.
+    """One run; the thread that runs it commands the arm, unless the watchdog has taken over.
 
     Attributes
     ----------
@@ -147,7 +146,7 @@ class _Run:
 
     def carry_out(self) -> ArmLog:
         """All periods, and the stop."""
-        stream, before, eye = self.stream, usage(), self.job.eye
+        stream, before = self.stream, usage()
         with requests_noted() as requests, self._guarded(), self._watched(requests):
             ended, cause = self._periods(requests)
             with stream.turn:
@@ -165,11 +164,22 @@ class _Run:
             Ts=self.Ts,
             compiled=self._compiled(),
             bounds=asdict(self.bounds),
-            remarks=(
-                *stream.remarks(used(before, usage())),
-                *(eye.remarks() if isinstance(eye, SimulatedEye) else ()),
-            ),
+            remarks=tuple(self._remarks(before)),
         )
+
+    def _remarks(self, before: tuple[int, int, int]) -> list[str]:
+        """What a reader of the results should know; ``before`` is the usage at the start."""
+        stream, images, remarks = self.stream, self.job.images, []
+        if stream.missed:
+            faults, from_disk, preempted = np.subtract(usage(), before)
+            remarks.append(
+                f"{stream.missed} periods were missed, by {1e3 * stream.shift:.3g} ms in all (meanwhile {faults} page "
+                f"faults, {from_disk} of them from disk, and preempted {preempted} times)"
+            )
+        limited = sum(period.guarded for period in stream.periods)
+        if limited:
+            remarks.append(f"commands were brought to the arm's limits in {limited} periods")
+        return remarks + (images.remarks() if isinstance(images, SimulatedImages) else [])
 
     def _compiled(self) -> bool:
         """Whether rows, task and law all ran compiled."""
@@ -182,7 +192,7 @@ class _Run:
 
     @contextmanager
     def _guarded(self) -> Iterator[None]:
-        """A process of its own looks meanwhile, where time is real and it can stop the arm."""
+        """Run a guardian meanwhile, where time is real and the driver has a stopper."""
         stop = None if self.stream.clock.simulated else self.driver.stopper()
         if stop is None:
             yield
@@ -191,12 +201,12 @@ class _Run:
         try:
             yield
         finally:
-            said, (how, at_rest) = self.guardian.end(self.stream.safe), self.stream.stop
-            self.stream.stop = "; ".join(filter(None, (said, how))), at_rest
+            report, (how, at_rest) = self.guardian.end(self.stream.safe), self.stream.stop
+            self.stream.stop = "; ".join(filter(None, (report, how))), at_rest
 
     @contextmanager
     def _watched(self, requests: Requests) -> Iterator[None]:
-        """A watchdog looks meanwhile, where time is real."""
+        """Run a watchdog meanwhile, where time is real."""
         if self.stream.clock.simulated:
             yield
             return
@@ -217,7 +227,7 @@ class _Run:
             self.watchdog.end()
 
     def _take_over(self) -> None:
-        """The loop hangs: brake in its place, or, where it hangs in a call to the arm, have the arm stop itself."""
+        """Brake in place of a loop that hangs; where it hangs in a call to the arm, have the arm stop itself."""
         waited = self._patience if self.stream.begun else self.bounds.begin_s + self._patience
         self.taken = f"the loop has not gone on for {1e3 * waited:g} ms"
         free = self.stream.turn.acquire(timeout=self._patience)
@@ -228,15 +238,15 @@ class _Run:
                 self.stream.turn.release()
 
     def _alive(self, more: float = 0.0) -> None:
-        """Tell the watchdog and the guardian; it may take so much more time than usual until this is said again."""
+        """A heartbeat for watchdog and guardian; the next one may take so much more time than usual."""
         if self.watchdog is not None:
-            self.watchdog.heard(more)
+            self.watchdog.alive(more)
         if self.guardian is not None:
-            self.guardian.heard(more)
+            self.guardian.alive(more)
 
     @contextmanager
     def _own_turn(self) -> Iterator[None]:
-        """Meanwhile the watchdog does not speak to the arm; raises TakenOver where it has."""
+        """Keep the watchdog from commanding the arm meanwhile; raises TakenOver where it has done so."""
         with self.stream.turn:
             if self.taken:
                 raise TakenOver
@@ -261,8 +271,8 @@ class _Run:
             self.silent = True
             return "failed", f"t = {k * self.Ts:.4g} s: {error}"
         except BaseException as error:  # own laws, constraints and cameras may raise anything, even SystemExit
-            said = str(error) if isinstance(error, SceneError) else described(error)
-            return "failed", f"t = {k * self.Ts:.4g} s: {said}"
+            why = str(error) if isinstance(error, SceneError) else described(error)
+            return "failed", f"t = {k * self.Ts:.4g} s: {why}"
         return "done", ""
 
     def _period(self, k: int) -> None:
@@ -303,11 +313,9 @@ class _Run:
 
     def _look(self, t: float, q: Array) -> dict[str, Any]:
         """What is measured now, as the control step takes it; raises Halt where images are lost."""
-        eye = self.job.eye
-        if eye is None:
+        if self.job.images is None:
             return {}
-        seen = eye(t, q)
-        given: dict[str, Any] = {}
+        seen, measured = self.job.images(t, q), dict[str, Any]()
         if seen is not None:
             if not isinstance(seen, Measurement):
                 raise Halt("failed", f"what sees the markers gave no Measurement, but {shown(seen)}")
@@ -320,10 +328,10 @@ class _Run:
                 last = self.stream.periods[-1].pixels if self.stream.periods else None
                 if pixels is None or last is None or not np.array_equal(pixels, last):
                     self.same_since = taken
-                given = {"pixels": pixels, "taken": taken, "depth": seen.depth, "camera": seen.camera}
+                measured = {"pixels": pixels, "taken": taken, "depth": seen.depth, "camera": seen.camera}
         if t - self.image_at > self.bounds.image_s:
             raise Halt("failed", f"no image shows a marker since t = {self.image_at:.4g} s")
-        return given
+        return measured
 
     def _ask(self, t: float, q: Array, qd: Array, measured: dict[str, Any]) -> tuple[Command, float, float]:
         """The law's command, and how long rows with task, and the law, took [s]; raises Halt if there is none."""

@@ -1,4 +1,4 @@
-"""A process that is not kept waiting: scheduling before all others, memory that stays, no collection of garbage."""
+"""Clocks of a control loop, and a process that need not wait: SCHED_FIFO, locked memory, no garbage collection."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import ctypes
 import gc
 import os
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 PRIORITY = 80
-"""Of SCHED_FIFO, from 1 to 99: above what else runs so, below the system's own threads that watch."""
+"""Of SCHED_FIFO, from 1 to 99: above what else runs so, below the system's own watchdog threads."""
 
 CURRENT_AND_FUTURE = 1 | 2
 """MCL_CURRENT and MCL_FUTURE of Linux' mlockall."""
@@ -22,13 +22,52 @@ IPC_LOCK = 14
 """Number of the capability to lock memory without limit."""
 
 RESERVED = 1 << 26
-"""Memory that is made ready beforehand, so that the loop waits for none [bytes]."""
+"""Memory that is touched beforehand, so that the loop waits for none [bytes]."""
 
-TRIM_THRESHOLD, MMAP_MAX = -1, -4
-"""M_TRIM_THRESHOLD and M_MMAP_MAX of glibc's mallopt: memory that is freed is kept, and none is mapped by itself."""
+MALLOC = {-1: (2**31 - 1, 128 * 1024), -4: (0, 65536)}
+"""Options of glibc's mallopt, with their values in the loop and otherwise: M_TRIM_THRESHOLD, so that freed memory is
+kept, and M_MMAP_MAX, so that no array is mapped separately."""
 
-NEVER, AS_BEFORE = (2**31 - 1, 0), (128 * 1024, 65536)
-"""What they are set to meanwhile, and what they are otherwise."""
+SPIN = 150e-6
+"""How long before an instant sleeping ends and polling begins [s]: a system's sleep overshoots."""
+
+
+class RealClock:
+    """The system's monotonic clock."""
+
+    simulated = False
+
+    def now(self) -> float:
+        """[s]."""
+        return time.perf_counter()
+
+    def wait(self, until: float) -> None:
+        """Return at that instant, or at once if it is over."""
+        left = until - time.perf_counter() - SPIN
+        if left > 0.0:
+            time.sleep(left)
+        while time.perf_counter() < until:
+            pass
+
+
+class SimulatedClock:
+    """Advances when it is waited for, and never otherwise."""
+
+    simulated = True
+
+    def __init__(self) -> None:
+        self._now = 0.0
+
+    def now(self) -> float:
+        """[s]."""
+        return self._now
+
+    def wait(self, until: float) -> None:
+        """Advance to that instant."""
+        self._now = max(self._now, until)
+
+
+Clock = RealClock | SimulatedClock
 
 
 @dataclass(frozen=True)
@@ -38,94 +77,76 @@ class Permitted:
     Attributes
     ----------
     fifo, locked
-        Empty if SCHED_FIFO and mlockall were granted; else why not.
+        Why SCHED_FIFO and mlockall were refused; empty if they were granted, None if not asked for.
     """
 
-    fifo: str
-    locked: str
+    fifo: str | None
+    locked: str | None
 
     def said(self) -> list[str]:
         """One sentence each."""
+        fifo, locked = ("not asked for" if why is None else why for why in (self.fifo, self.locked))
         return [
-            f"SCHED_FIFO with priority {PRIORITY}"
-            if not self.fifo
-            else f"no real-time scheduling ({self.fifo}): other programs can delay the loop",
-            "memory is locked" if not self.locked else f"memory is not locked ({self.locked})",
+            f"no real-time scheduling ({fifo}): other programs can delay the loop"
+            if fifo
+            else f"SCHED_FIFO with priority {PRIORITY}",
+            f"memory is not locked ({locked})" if locked else "memory is locked",
             "no garbage is collected meanwhile",
         ]
 
     def warnings(self) -> list[str]:
-        """What was asked for and not permitted, and what would permit it."""
-        found = []
-        if self.fifo and self.fifo != NOT_ASKED:
-            found.append(
-                f"no real-time scheduling ({self.fifo}): other programs can delay the loop by tens of milliseconds. "
-                f"`ulimit -r {PRIORITY}` permits it (/etc/security/limits.conf: rtprio)"
-            )
-        if self.locked and self.locked != NOT_ASKED:
-            found.append(
-                f"memory is not locked ({self.locked}): the loop can wait for a disk. `ulimit -l unlimited` permits it "
-                "(/etc/security/limits.conf: memlock)"
-            )
-        return found
+        """What was refused, and what would permit it."""
+        advice = (
+            (
+                self.fifo,
+                "no real-time scheduling ({}): other programs can delay the loop by tens of milliseconds. "
+                f"`ulimit -r {PRIORITY}` permits it (/etc/security/limits.conf: rtprio)",
+            ),
+            (
+                self.locked,
+                "memory is not locked ({}): the loop can wait for a disk. `ulimit -l unlimited` permits it "
+                "(/etc/security/limits.conf: memlock)",
+            ),
+        )
+        return [text.format(why) for why, text in advice if why]
 
 
-class Usage(NamedTuple):
-    """What a thread has met so far.
-
-    Pages that were not there, those of them that were read from a disk, and how often another thread was let before it.
-    """
-
-    faults: int
-    from_disk: int
-    preempted: int
-
-
-def usage() -> Usage:
-    """Of this thread; zeros where the system does not tell."""
+def usage() -> tuple[int, int, int]:
+    """Page faults of this thread, those of them served from disk, and preemptions; zeros where not reported."""
     try:
         import resource
 
         now = resource.getrusage(resource.RUSAGE_THREAD)
     except (ImportError, AttributeError):
-        return Usage(0, 0, 0)
-    return Usage(now.ru_minflt + now.ru_majflt, now.ru_majflt, now.ru_nivcsw)
-
-
-def used(before: Usage, after: Usage) -> str:
-    """What was met between the two, in words."""
-    faults, from_disk, preempted = (b - a for a, b in zip(before, after, strict=True))
-    return f"meanwhile {faults} page faults, {from_disk} of them from disk, and preempted {preempted} times"
-
-
-NOT_ASKED = "not asked for"
+        return 0, 0, 0
+    return now.ru_minflt + now.ru_majflt, now.ru_majflt, now.ru_nivcsw
 
 
 @contextmanager
 def real_time(wanted: bool = True) -> Iterator[Permitted]:
-    """Meanwhile this thread, and threads that it starts, run as real time permits; then as before.
+    """Run this thread, and threads that it starts, with real-time priority as far as permitted; then as before.
 
     Parameters
     ----------
     wanted
-        If not, only garbage is left alone.
+        If not, only garbage collection is suspended.
     """
     collected = gc.isenabled()
     gc.collect()
     gc.freeze()
     gc.disable()
-    before = _schedule() if wanted else NOT_ASKED
+    before = _schedule() if wanted else None
     reserved = wanted and reserve_memory()
-    locked = lock_memory() if wanted else NOT_ASKED
+    locked = lock_memory() if wanted else None
     try:
-        yield Permitted(before if isinstance(before, str) else "", locked)
+        yield Permitted("" if isinstance(before, tuple) else before, locked)
     finally:
-        if not isinstance(before, str):
+        if isinstance(before, tuple):
             os.sched_setscheduler(0, before[0], os.sched_param(before[1]))
-        if not locked:
+        if locked == "":
             ctypes.CDLL(None).munlockall()
         if reserved:
-            set_malloc(*AS_BEFORE)
+            set_malloc(False)
         gc.unfreeze()
         if collected:
             gc.enable()
@@ -149,16 +170,16 @@ def lock_memory() -> str:
         return f"{sys.platform}: not tried"
     import resource
 
-    most = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
-    if most != resource.RLIM_INFINITY and not may_lock():
-        # within a limit, what the program asks for later would be refused
-        return f"a limit of {most / 2**20:g} MB"
+    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    if limit != resource.RLIM_INFINITY and not may_lock():
+        # within a limit, later requests of the program would be refused
+        return f"a limit of {limit / 2**20:g} MB"
     library = ctypes.CDLL(None, use_errno=True)
     return "" if library.mlockall(CURRENT_AND_FUTURE) == 0 else os.strerror(ctypes.get_errno())
 
 
 def may_lock() -> bool:
-    """Whether this process may lock memory without limit."""
+    """Whether this process has the capability to lock memory without limit."""
     with suppress(OSError, ValueError, IndexError):
         status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
         return bool(int(status.split("CapEff:")[1].split()[0], 16) >> IPC_LOCK & 1)
@@ -166,10 +187,10 @@ def may_lock() -> bool:
 
 
 def reserve_memory() -> bool:
-    """Have memory ready that the C library gives out without asking the system; False where it is another library."""
+    """Make memory ready that the C library hands out without a system call; False with another library than glibc."""
     try:
         library = ctypes.CDLL(None)
-        set_malloc(*NEVER)
+        set_malloc(True)
         library.malloc.restype = ctypes.c_void_p
         library.malloc.argtypes, library.free.argtypes = [ctypes.c_size_t], [ctypes.c_void_p]
         block = library.malloc(RESERVED)
@@ -181,8 +202,7 @@ def reserve_memory() -> bool:
     return True
 
 
-def set_malloc(trim: int, mapped: int) -> None:
-    """Tell malloc from how many free bytes on it gives memory back, and how many arrays it may map by themselves."""
-    library = ctypes.CDLL(None)
-    library.mallopt(TRIM_THRESHOLD, trim)
-    library.mallopt(MMAP_MAX, mapped)
+def set_malloc(in_loop: bool) -> None:
+    """Set the options of :data:`MALLOC`."""
+    for option, (ours, default) in MALLOC.items():
+        ctypes.CDLL(None).mallopt(option, ours if in_loop else default)

@@ -1,10 +1,11 @@
-"""A run on an arm as results that reports, comparisons and differences read as any other run."""
+"""What a run on an arm leaves: its log, and results that reports, comparisons and differences read as any other run."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -12,19 +13,191 @@ from ..comparisons import Finished, RunSpec, Suite
 from ..comparisons import compare as compare_runs
 from ..comparisons.folder import ARM_LOG
 from ..comparisons.record import RunRecord, run_file
+from ..comparisons.runs.files import write_arrays
 from ..comparisons.runs.folder import MANIFEST
 from ..controllers import Controller
 from ..errors import ConfigurationError
 from ..plugins.provenance import digests
-from ..rows import Array, Command, Rows, Task
+from ..reports.plots import Figure, Sheet, decades, logarithmic
+from ..rows import Array, BoolArray, Command, Rows, Task
 from ..simulation import Setup, Trajectory, simulate
 from ..simulation.disturbances import Disturbances
 from ..simulation.plant import Plant
-from .log import ArmLog
-from .timing import LATENESS, Punctuality
 
 ARM = ARM_LOG.parent.name
 """Folder of what only a run on an arm has: the log of all periods, and how late they began."""
+
+Ended = Literal["done", "aborted", "failed", "stopped"]
+"""``done``: the whole duration. ``aborted``: the law lost rank, and the scenario stops there. ``failed``: anything else
+that ended it. ``stopped``: a signal asked for it."""
+
+
+class Period(NamedTuple):
+    """One period: times [s], and arrays (n,).
+
+    ``scheduled`` and ``late`` are its scheduled start and its delay; ``rows_time`` and ``step_time`` the times of rows
+    with task, and of the law; ``busy`` of the whole period's work. ``q`` and ``qd`` are measured, ``sent_q`` and
+    ``sent_qd`` the setpoint for its end. ``pixels`` (M, 2) is the measured image, NaN without one; ``taken`` its time;
+    ``innovation`` (6,) its difference from the model's prediction, see
+    :data:`vsconstraints.vision.measurement.INNOVATIONS`. ``guarded``: the command was brought to the limits.
+    """
+
+    scheduled: float
+    late: float
+    rows_time: float
+    step_time: float
+    busy: float
+    q: Array
+    qd: Array
+    qdd: Array
+    sent_q: Array
+    sent_qd: Array
+    pixels: Array
+    taken: float
+    innovation: Array
+    guarded: bool
+    braking: bool
+
+
+@dataclass(frozen=True)
+class ArmLog:
+    """A run on an arm.
+
+    Attributes
+    ----------
+    ended, cause
+        How and why it ended; no cause if it is done.
+    signal
+        Number of the signal that asked for a stop; 0 if none did.
+    stop, at_rest
+        How the arm came to rest, in words, and whether it was seen to.
+    periods
+        All of them, those of the stop too.
+    missed
+        How many began later than the next should have.
+    Ts
+        Sampling time [s].
+    compiled
+        Whether rows, task and law all ran compiled.
+    remarks
+        What else a reader should know.
+    real_time
+        Whether time was the system's; simulated time waits for the loop, which then misses nothing.
+    bounds
+        Beyond which the arm would have been braked, by name: see :class:`.Supervision`.
+    """
+
+    ended: Ended
+    cause: str
+    signal: int
+    stop: str
+    at_rest: bool
+    periods: Sequence[Period]
+    missed: int
+    Ts: float
+    compiled: bool = False
+    remarks: tuple[str, ...] = field(default=())
+    real_time: bool = False
+    bounds: Mapping[str, float] = field(default_factory=dict)
+
+    def column(self, name: str) -> Array:
+        """(N, …) one field of all periods."""
+        return np.array([getattr(period, name) for period in self.periods])
+
+    @property
+    def braking(self) -> BoolArray:
+        """(N,) which periods are those of the stop."""
+        flags: BoolArray = np.array([period.braking for period in self.periods], dtype=np.bool_)
+        return flags
+
+    def save(self, path: Path, **facts: Any) -> None:
+        """Write all periods as .npz, and facts as JSON in it."""
+        columns = {name: self.column(name) for name in Period._fields}
+        own = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "periods"}
+        write_arrays(path, {**columns, **own, "remarks": list(self.remarks), **facts})
+
+
+@dataclass(frozen=True)
+class Punctuality:
+    """How late periods began, and how long their work took.
+
+    Attributes
+    ----------
+    late, busy
+        (N,) [s].
+    missed
+        How many began a period late, or later.
+    Ts
+        [s].
+    """
+
+    late: Array
+    busy: Array
+    missed: int
+    Ts: float
+
+    def numbers(self) -> dict[str, float]:
+        """What is printed and stored: [s], but for counts."""
+        spread = {}
+        for name in ("late", "busy"):
+            values = getattr(self, name) if len(getattr(self, name)) else np.zeros(1)
+            spread[f"{name}_median_s"] = float(np.median(values))
+            spread[f"{name}_p99_s"] = float(np.percentile(values, 99))
+            spread[f"{name}_max_s"] = float(values.max())
+        return {"periods": len(self.late), "missed": self.missed, **spread}
+
+    def lines(self) -> list[str]:
+        """For a terminal."""
+        n = self.numbers()
+        share = 100.0 * n["missed"] / max(n["periods"], 1.0)
+        return [
+            f"{n['periods']:.0f} periods of {1e3 * self.Ts:g} ms, {n['missed']:.0f} missed ({share:.2g} %)",
+            *(
+                f"{what}: median {_time(n[f'{name}_median_s'])}, p99 {_time(n[f'{name}_p99_s'])}, "
+                f"maximum {_time(n[f'{name}_max_s'])}"
+                for what, name in (("late by", "late"), ("work of a period", "busy"))
+            ),
+        ]
+
+
+def punctuality(log: ArmLog) -> Punctuality:
+    """How punctual the law's own periods were."""
+    own = ~log.braking if len(log.periods) else np.empty(0, dtype=np.bool_)
+    late, busy = (log.column(name)[own] for name in ("late", "busy"))
+    return Punctuality(late, busy, log.missed, log.Ts)
+
+
+def _time(seconds: float) -> str:
+    if seconds >= 0.9995:
+        return f"{seconds:.3g} s"
+    return f"{1e3 * seconds:.3g} ms" if seconds >= 0.9995e-3 else f"{1e6 * seconds:.3g} µs"
+
+
+def _draw(runs: dict[str, Punctuality]) -> Sheet | None:
+    if not any(len(run.late) for run in runs.values()):
+        return None
+    sheet = Sheet()
+    panels = sheet.panels(len(runs), height=1.5, above=0.3, labels=("delay [ms]; red: one period", "number of periods"))
+    least, most = 1e-3, 1e3
+    for ax, (name, run) in zip(panels, runs.items(), strict=True):
+        ax.hist(np.clip(1e3 * run.late, least, most), bins=np.geomspace(least, most, 73), color="0.35")
+        ax.axvline(1e3 * run.Ts, color="tab:red", linewidth=1.0)
+        ax.set_xlim(least, most)
+        logarithmic(ax.xaxis, decades(least, most))
+        logarithmic(ax.yaxis, decades(0.0, max(len(run.late), 1)), linear_below=1.0)
+        n = run.numbers()
+        ax.set_title(
+            f"{name}: {n['missed']:.0f} of {n['periods']:.0f} missed, p99 {_time(n['late_p99_s'])}", fontsize=8
+        )
+    return sheet
+
+
+LATENESS = Figure(
+    "lateness",
+    "How late periods began",
+    "Periods by their delay; the line is a whole period: what is right of it was missed.",
+    _draw,
+)
 
 
 class _Recorded(Plant):
@@ -45,36 +218,23 @@ class _Recorded(Plant):
 
 
 class _Repeated(Controller):
-    """What was commanded, again."""
+    """Repeats recorded commands."""
 
     name = "recorded"
 
     def __init__(self, qdd: Array) -> None:
-        self._qdd, self._at = qdd, 0
+        self._commands = iter(qdd)
 
     def command(self, rows: Rows, task: Task) -> Command:
         """The next command."""
-        return self.define(rows, task)
+        return Command(next(self._commands).copy(), "ok", np.zeros(len(rows.labels), dtype=np.bool_), rows.labels)
 
-    def define(self, rows: Rows, task: Task) -> Command:
-        """The next command, as it was."""
-        return self.solve(rows, task)
-
-    def solve(self, rows: Rows, task: Task) -> Command:
-        """The next command."""
-        self._at += 1
-        return Command(self._qdd[self._at - 1].copy(), "ok", np.zeros(len(rows.labels), dtype=np.bool_), rows.labels)
+    define = solve = command
 
 
 @dataclass(frozen=True)
 class _RecordedSetup(Setup):
-    """A setup whose robot was measured.
-
-    Attributes
-    ----------
-    states
-        (N, 2, n) q and q̇.
-    """
+    """A setup whose robot was measured: ``states`` (N, 2, n) are q and q̇."""
 
     states: Array = ()  # type: ignore[assignment]
 
@@ -84,41 +244,38 @@ class _RecordedSetup(Setup):
 
 
 def trajectory_of(setup: Setup, log: ArmLog, where: str) -> Trajectory:
-    """What a simulation would leave of this motion: the same bookkeeping, with the robot where it was measured.
+    """The trajectory of a run on an arm, scored as a simulation is, with the robot where it was measured.
 
-    Rows, markers and camera are those of the model at the measured joints. A run that was ended holds the periods of
-    its stop, too. Status and reason say that it was on an arm.
+    Rows, markers and camera are those of the model at the measured joints. A run that was ended includes the periods of
+    its stop. Status and reason say that it was on an arm.
 
     Parameters
     ----------
     setup
         What was run, with the start that the arm had.
     log
-        What it left: at least two periods.
+        Its log: at least two periods.
     where
         The arm, in words.
     """
-    kept = np.ones(len(log.periods), dtype=np.bool_) if log.ended != "done" else ~log.braking
+    done = log.ended == "done"
+    kept = ~log.braking if done else np.ones(len(log.periods), dtype=np.bool_)
     states = np.stack([log.column("q")[kept], log.column("qd")[kept]], axis=1)
-    made = _RecordedSetup(
-        **{
-            **{name: getattr(setup, name) for name in setup.__dataclass_fields__},
-            "states": states,
-            "duration": (len(states) - 1) * setup.Ts,
-            "disturbances": Disturbances(),
-            "dynamics": None,
-            "images": None,
-            "actuation": "acceleration",
-        }
-    )
-    found = simulate(made, _Repeated(log.column("qdd")[kept]), remarks=())
-    status = {"aborted": "aborted", "failed": "failed", "stopped": "unfinished"}.get(log.ended, found.status)
-    reason = found.reason if log.ended == "done" else log.cause
-    said = f"on {where}", reason, log.stop if log.ended != "done" else "", *log.remarks
+    settings = {
+        **{each.name: getattr(setup, each.name) for each in fields(Setup)},
+        "duration": (len(states) - 1) * setup.Ts,
+        "disturbances": Disturbances(),
+        "dynamics": None,
+        "images": None,
+        "actuation": "acceleration",
+    }
+    run = simulate(_RecordedSetup(**settings, states=states), _Repeated(log.column("qdd")[kept]), remarks=())
+    status = {"aborted": "aborted", "failed": "failed", "stopped": "unfinished"}.get(log.ended, run.status)
+    reason = (run.reason,) if done else (log.cause, log.stop)
     return replace(
-        found,
+        run,
         status=status,  # type: ignore[arg-type]
-        reason="; ".join(filter(None, said)),
+        reason="; ".join(filter(None, (f"on {where}", *reason, *log.remarks))),
         rows_time=log.column("rows_time")[kept],
         step_time=log.column("step_time")[kept],
         compiled=log.compiled,
@@ -126,7 +283,7 @@ def trajectory_of(setup: Setup, log: ArmLog, where: str) -> Trajectory:
 
 
 def demand_own_folder(folder: Path) -> None:
-    """Raise ConfigurationError if a folder holds results: what an arm has done cannot be made again."""
+    """Raise ConfigurationError if a folder holds results: a run on an arm cannot be repeated."""
     if (folder / MANIFEST).exists() or (folder / ARM).exists():
         raise ConfigurationError(
             f"{folder} holds results: what an arm has done cannot be done again, so each run needs its own --out"
@@ -147,7 +304,7 @@ def store(
     setup, log, where
         See :func:`trajectory_of`.
     command
-        What the user typed.
+        The command line.
 
     Returns
     -------
@@ -166,15 +323,8 @@ def store(
     else:
         trajectory = trajectory_of(setup, log, where)
         record = RunRecord.of(setup, trajectory, spec.fingerprint)
-    # as a run that is there, which a comparison takes as it is
+    # as a run that exists already, which a comparison keeps as it is
     replace(record, files=digests(spec.files), missed=log.missed if log.real_time else None).save(
         run_file(folder, *spec.key)
     )
     return trajectory, compare_runs(suite, folder, workers=1, command=command)
-
-
-def punctuality(log: ArmLog) -> Punctuality:
-    """How punctual the periods of the law were."""
-    own = ~log.braking if len(log.periods) else np.empty(0, dtype=np.bool_)
-    late, busy = (log.column(name)[own] for name in ("late", "busy"))
-    return Punctuality(late, busy, log.missed, log.Ts)

@@ -12,26 +12,25 @@ from ..errors import described
 from ..robots.order_filter import OrderFilter
 from ..rows import Array
 from ..vision.measurement import INNOVATIONS
-from .brake import Brake
-from .clock import Clock, RealClock, SimulatedClock
 from .driver import ArmError, Driver, Joints
-from .envelope import Envelope, Setpoint
-from .log import Period
+from .envelope import Brake, Envelope, Setpoint
+from .realtime import Clock, RealClock, SimulatedClock
+from .record import Period
 
-LONGEST_STOP = 30.0
+MAX_STOP = 30.0
 """A stop that is streamed takes no longer [s]."""
 
 SILENT = 0.01
 """After so long without a setpoint an arm may have gone on, held or braked: a stop begins where it is measured [s]."""
 
-MOST_SILENCES = 3
+MAX_SILENCES = 3
 """In a stop: each begins it anew, so that with more of them it might not end."""
 
 SETTLING = 0.5
 """How long after the last setpoint of a stop an arm may still move [s]."""
 
 HALTS = 3
-"""How often an arm is told to stop by its own means, where it cannot be told."""
+"""How often the arm's own stop is tried, where the command fails."""
 
 NO_INNOVATION = np.full(len(INNOVATIONS), np.nan)
 """Of periods in which nothing is compared with the model."""
@@ -142,8 +141,8 @@ class Stream:
         try:
             if not by_arm:
                 self.stop, self.safe = (self._stream_stop(alive), True), True
-        except BaseException as error:  # whatever a driver raises, SystemExit too, the arm is to be told to stop
-            trouble = f"while braking, {_said(error)}; "
+        except BaseException as error:  # whatever a driver raises, SystemExit too, the arm must stop
+            trouble = f"while braking, {_why(error)}; "
         finally:
             if not self.safe:
                 self._halt(trouble)
@@ -155,9 +154,9 @@ class Stream:
                 self.driver.halt(float(self.envelope.acceleration.min()))
                 self.stop, self.safe = (f"{trouble}told to stop by its own means", False), True
                 return
-            except BaseException as error:  # as above: then it is said
+            except BaseException as error:  # as above: then it is reported
                 self.stop = (
-                    f"{trouble}IT COULD NOT BE TOLD TO STOP ({_said(error)}): its own watchdog, or the emergency stop, "
+                    f"{trouble}IT COULD NOT BE TOLD TO STOP ({_why(error)}): its own watchdog, or the emergency stop, "
                     "must do so",
                     False,
                 )
@@ -176,7 +175,7 @@ class Stream:
             alive()
             if self._silent():
                 brake, rested, silences = self._brake(), 0, silences + 1
-                if silences > MOST_SILENCES:
+                if silences > MAX_SILENCES:
                     raise ArmError(f"setpoints came too late {silences} times")
             due, state = self.clock.now() - self.begun, self.driver.read()
             if brake.at_rest(self._filter.qd):
@@ -189,8 +188,8 @@ class Stream:
                         f"joint {j + 1} still moves at {state.qd[j]:.3g} rad/s, {SETTLING:g} s after it was sent to "
                         "rest"
                     )
-            if k * self.Ts > LONGEST_STOP:
-                raise ArmError(f"the stop has taken {LONGEST_STOP:g} s")
+            if k * self.Ts > MAX_STOP:
+                raise ArmError(f"the stop has taken {MAX_STOP:g} s")
             qdd = brake.step(self._filter.q, self._filter.qd) if not rested else np.zeros_like(state.q)
             q = self._filter.step(qdd)
             if (np.abs(self._filter.qd) <= 1e-12).all():
@@ -215,15 +214,6 @@ class Stream:
         self._filter.q, self._filter.qd = self.sent.q, self.sent.qd
         return Brake(self.sent.qdd, self.envelope)
 
-    def remarks(self, meanwhile: str) -> tuple[str, ...]:
-        """What a reader of the results should know, with what went on where periods were missed."""
-        said, guarded = [], sum(period.guarded for period in self.periods)
-        if self.missed:
-            said.append(f"{self.missed} periods were missed, by {1e3 * self.shift:.3g} ms in all ({meanwhile})")
-        if guarded:
-            said.append(f"commands were brought to the arm's limits in {guarded} periods")
-        return tuple(said)
-
     def log(
         self,
         times: tuple[float, float, float, float, float],
@@ -233,24 +223,10 @@ class Stream:
         braking: bool = False,
     ) -> None:
         """Keep a period, whose setpoint is :attr:`sent`: see :class:`Period`."""
-        pixels = self._no_image if image[0] is None else image[0]
-        sent = self.sent
-        self.periods.append(
-            Period(
-                *times,
-                q=state.q,
-                qd=state.qd,
-                qdd=sent.qdd,
-                sent_q=sent.q,
-                sent_qd=sent.qd,
-                pixels=pixels,
-                taken=image[1],
-                innovation=image[2],
-                guarded=guarded,
-                braking=braking,
-            )
-        )
+        sent, pixels = self.sent, self._no_image if image[0] is None else image[0]
+        moved = state.q, state.qd, sent.qdd, sent.q, sent.qd
+        self.periods.append(Period(*times, *moved, pixels, *image[1:], guarded, braking))
 
 
-def _said(error: BaseException) -> str:
+def _why(error: BaseException) -> str:
     return str(error) if isinstance(error, ArmError) else described(error)

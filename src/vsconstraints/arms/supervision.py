@@ -1,4 +1,4 @@
-"""What ends a run on an arm, as numbers; and the thread that stops the arm where the loop itself hangs."""
+"""Bounds beyond which a run on an arm is stopped, checks before it starts, and the watchdog of a loop that hangs."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from types import FrameType
 
 import numpy as np
 
 from ..comparisons.runs.signals import SIGNALS
 from ..errors import ConfigurationError
+from ..simulation import Setup
 from ..vision.measurement import Plausible
+from .driver import Joints
 
 
 @dataclass(frozen=True)
@@ -53,8 +55,54 @@ class Supervision(Plausible):
                 raise ConfigurationError(f"{field.name} must be positive, not {getattr(self, field.name)}")
 
 
+def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm: bool) -> Setup:
+    """The setup with the start that the arm has.
+
+    Parameters
+    ----------
+    setup
+        The scenario's.
+    state
+        Where the arm is.
+    supervision
+        How near to the scenario's start that must be, and how nearly at rest.
+    from_arm
+        Whether it may start elsewhere.
+
+    Raises
+    ------
+    ConfigurationError
+        if it is elsewhere, moves, or cannot start there (:meth:`Setup.check_start`), or if gradients have errors.
+    """
+    n = setup.scene.robot.n
+    if state.q.shape != (n,) or state.qd.shape != (n,):
+        raise ConfigurationError(f"the arm has {len(state.q)} joints, the scenario's robot {n}")
+    if not (np.isfinite(state.q).all() and np.isfinite(state.qd).all()):
+        raise ConfigurationError("the arm's state is not finite")
+    if setup.gradient_error().any:
+        raise ConfigurationError(
+            "disturbances.gradient_error is for simulations: an arm's law gets the rows as they are known"
+        )
+    if setup.qd0.any():
+        raise ConfigurationError("the scenario starts with joint speeds; an arm starts at rest")
+    fast = np.abs(state.qd)
+    if fast.max() > supervision.rest_rad_s:
+        j = int(np.argmax(fast))
+        raise ConfigurationError(f"the arm moves: joint {j + 1} at {state.qd[j]:.3g} rad/s; it must stand still")
+    off = np.abs(state.q - setup.q0)
+    if not from_arm and off.max() > supervision.start_rad:
+        j = int(np.argmax(off))
+        raise ConfigurationError(
+            f"the arm does not stand at the scenario's start: joint {j + 1} is at {state.q[j]:.4g}, not at "
+            f"{setup.q0[j]:.4g}, {off[j]:.3g} away. Move it there, or let the run start where it stands (--from-arm)"
+        )
+    here = replace(setup, q0=state.q.copy(), qd0=np.zeros(n))
+    here.check_start()
+    return here
+
+
 TAKE_OVER = signal.SIGUSR1
-"""With which the watchdog ends a hanging call in the main thread: no shell ignores it, as some do Ctrl-C's."""
+"""Interrupts a hanging call in the main thread: no shell ignores it, as some do Ctrl-C's."""
 
 
 class Requests:
@@ -65,9 +113,9 @@ class Requests:
     signal
         Number of the first one; 0 while there is none.
     raising
-        What a signal raises from now on, where it finds the main thread inside a period; until then it is noted.
+        What a signal raises from now on, if the main thread is inside a period; until then it is noted.
     inside
-        Whether it is there.
+        Whether it is.
     """
 
     def __init__(self) -> None:
@@ -96,25 +144,25 @@ class Requests:
 
 @contextmanager
 def requests_noted() -> Iterator[Requests]:
-    """Signals are noted meanwhile, and interrupt nothing: the loop looks at them between two periods."""
-    noted = Requests()
+    """Note signals instead of being interrupted by them: the loop checks them between two periods."""
+    requests = Requests()
     if threading.current_thread() is not threading.main_thread():
-        yield noted  # signals are the main thread's
+        yield requests  # signals are the main thread's
         return
     handlers = {number: signal.getsignal(number) for number in (*SIGNALS, TAKE_OVER)}
     # those that are ignored stay so; those that were not set by Python could not be set again
     before = {number: own for number, own in handlers.items() if own not in (signal.SIG_IGN, None)}
     for number in before:
-        signal.signal(number, noted.note)
+        signal.signal(number, requests.note)
     try:
-        yield noted
+        yield requests
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
 class Watchdog(threading.Thread):
-    """Acts once if it is not told for too long that all is well.
+    """Acts once if no heartbeat comes for too long.
 
     Parameters
     ----------
@@ -127,21 +175,21 @@ class Watchdog(threading.Thread):
     def __init__(self, patience: float, act: Callable[[], None]) -> None:
         super().__init__(daemon=True, name="watchdog")
         self._patience, self._act, self._over = patience, act, threading.Event()
-        self._heard = time.monotonic()
+        self._last = time.monotonic()
 
-    def heard(self, more: float = 0.0) -> None:
-        """All is well, and it may take so much more time than usual [s] until this is said again."""
-        self._heard = time.monotonic() + more
+    def alive(self, more: float = 0.0) -> None:
+        """A heartbeat; the next one may take so much more time than usual [s]."""
+        self._last = time.monotonic() + more
 
     def run(self) -> None:
-        """Look four times in the time that it has patience."""
+        """Check four times within its patience."""
         while not self._over.wait(0.25 * self._patience):
-            if time.monotonic() - self._heard > self._patience:
+            if time.monotonic() - self._last > self._patience:
                 self._act()
                 return
 
     def end(self) -> None:
-        """Look no more; returns when it has done what it was doing."""
+        """Stop checking; returns when a running action has finished."""
         self._over.set()
         if self.is_alive():
             self.join()

@@ -59,7 +59,7 @@ def run(
     figures: options.Figures = True,
 ) -> None:
     """Run a law on an arm, supervised; without --robot a dry run, in which nothing moves."""
-    from ..arms import Job, driver_for, eye_of, real_time, run_on_arm, store
+    from ..arms import Job, driver_for, image_source, real_time, run_on_arm, store
     from ..arms.images import MODEL, SIMULATED
     from ..arms.record import demand_own_folder, punctuality
     from ..comparisons import Suite
@@ -87,7 +87,7 @@ def run(
             f"{robot} is a real arm: say what sees the markers, --images module:function, or --images {MODEL} where "
             "nothing does and the image is predicted from the joints"
         )
-    image_source = eye_of(images or SIMULATED, setup, loaded.folder)
+    source = image_source(images or SIMULATED, setup, loaded.folder)
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     out = out or Path("vsconstraints-runs") / f"{loaded.name}--{controller}--{stamp}"
     demand_own_folder(out)
@@ -96,14 +96,14 @@ def run(
     if robot == SIMULATED_ARM:
         console.print("Dry run: no arm is connected; the scenario's robot is simulated, as fast as it goes.")
     elif not driver.real:
-        console.print(f"Dry run: {robot} is a stand-in for an arm, and nothing moves.")
+        console.print(f"Dry run: {robot} is not a real arm, and nothing moves.")
     with real_time(priority and not driver.simulated_time) as permitted:
         if not driver.simulated_time:
             console.print(f"Real time: {'; '.join(permitted.said())}.")
             console.print(f"If the loop stops sending: {driver.watchdog or NO_WATCHDOG}.")
             for warning in permitted.warnings():
                 errors.print(f"warning: {warning}")
-        setup, log = run_on_arm(Job(setup, law, driver, image_source, from_arm=from_arm))
+        setup, log = run_on_arm(Job(setup, law, driver, source, from_arm=from_arm))
     for line in punctuality(log).lines() if not driver.simulated_time else ():
         console.print(line)
     if log.cause:

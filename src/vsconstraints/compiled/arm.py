@@ -1,17 +1,24 @@
-"""An arm with mass under its own joint controller: what it is made of, and what is remembered and computed of it.
+"""An arm with mass: its bodies and its drive, inertia and bias, and the accelerations that follow.
 
-How its joints are driven is in :mod:`.drives`, how it moves in :mod:`.arm_motion`; both are written once, in operations
-that compile, as :mod:`.samples` is. What differs is who computes inertia and bias of the arm:
-:mod:`vsconstraints.compiled.dynamics` compiled, Pinocchio in NumPy (:mod:`vsconstraints.simulation.dynamics.plant`).
+All is expressed in the base frame, twists and momenta at its origin. So momenta of bodies are summed as they are: those
+of the bodies behind a joint, projected on its axis, give the bias (recursive Newton–Euler), and the inertia where the
+joint alone moves them (composite rigid bodies). Pinocchio's ``crba`` and ``nonLinearEffects``, which compiled code
+cannot call, give the same: ``test_inertia_and_bias_are_pinocchios`` in ``tests/test_dynamics.py``.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+import math
+from typing import NamedTuple
 
 import numpy as np
 
+from ..formulas.rotation import turn_about
+from ..formulas.vectors import along_with, cross, dot, matrix, plus, product, times, turned, vector
 from ..rows import Array, BoolArray, IntArray
+from .compiler import in_place, register_formulas
+
+register_formulas()
 
 TORQUE, POSITION, SPEED = range(3)
 """Controllers of the joints: computed torque; a speed loop with a position loop around it; the speed loop alone."""
@@ -69,12 +76,12 @@ class Drive(NamedTuple):
         (n,) greatest torque, and greatest speed that a reference may have; infinite where there is none.
     viscous, coulomb, static, stribeck
         (n,) friction: per speed, at speed, at rest, and the speed at which the last two have met by 63 %.
-    rubs
+    has_friction
         Whether (1 or 0) there is any friction.
     share
-        How much of the way to what is asked for the torque goes in a substep: 1 − exp(−h/τ).
+        Fraction of the way to the commanded torque that is covered in a substep: 1 − exp(−h/τ).
     at_once
-        Whether (1 or 0) what is asked for acts without dead time and lag, and is no longer held for a substep.
+        Whether (1 or 0) the commanded torque acts without dead time and lag, and changes within a substep.
     fourth_order
         Whether (1 or 0) the motion is integrated by Runge and Kutta's method of that order.
     """
@@ -90,7 +97,7 @@ class Drive(NamedTuple):
     coulomb: Array
     static: Array
     stribeck: Array
-    rubs: int
+    has_friction: int
     share: float
     at_once: int
     fourth_order: int
@@ -110,11 +117,11 @@ class Memory(NamedTuple):
     torque
         What the gears give.
     under_way
-        (d + 1, n) what was asked for in the last substeps, round and round.
+        (d + 1, n) commanded in the last substeps, a ring buffer.
     at
         (1,) where the next one is put.
     at_limit
-        (n,) how many substeps asked for more torque than there is.
+        (n,) substeps in which the torque limit was exceeded.
     """
 
     q_c: Array
@@ -140,8 +147,8 @@ class Arm(NamedTuple):
         Controller, friction and gears.
     substeps, h
         Of a period, and how long each is [s].
-    asked
-        (n,) torques that the controller asks for.
+    commanded
+        (n,) torques that the controller commands.
     acceleration, after, friction, speed
         (n,) scratch.
     stages
@@ -156,32 +163,12 @@ class Arm(NamedTuple):
     memory: Memory
     substeps: int
     h: float
-    asked: Array
+    commanded: Array
     acceleration: Array
     after: Array
     friction: Array
     speed: Array
     stages: Array
-
-
-class Engine(Protocol):
-    """What computes an arm's mechanics where nothing is compiled."""
-
-    def evaluate(self, bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
-        """Write M(q), its factor, and h(q, q̇)."""
-
-    def move(self, arm: Arm, q: Array, qd: Array, command: Array) -> None:
-        """As :func:`.substep`."""
-
-
-def evaluate(engine: Engine, bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
-    """Write inertia and bias of bodies at q and q̇ (n,); compiled code has a form of its own."""
-    engine.evaluate(bodies, q, qd, motion)
-
-
-def move(engine: Engine, arm: Arm, q: Array, qd: Array, command: Array) -> None:
-    """Move an arm through a substep; compiled, by :func:`.substep`."""
-    engine.move(arm, q, qd, command)
 
 
 def blank(bodies: tuple[BodyArrays, BodyArrays], drive: Drive, slots: int, substeps: int, h: float) -> Arm:
@@ -192,9 +179,139 @@ def blank(bodies: tuple[BodyArrays, BodyArrays], drive: Drive, slots: int, subst
         return np.zeros(shape)
 
     true, expected = (Motion(zeros(n, n), zeros(n, n), zeros(n), zeros(n, 32)) for _ in range(2))
-    q_c, qd_c, integral, gravity, torque, asked, qdd, after, friction, speed = zeros(10, n)
+    q_c, qd_c, integral, gravity, torque, commanded, qdd, after, friction, speed = zeros(10, n)
     counts = np.zeros(1, dtype=np.int64), np.zeros(n, dtype=np.int64)
     memory = Memory(q_c, qd_c, integral, gravity, torque, zeros(slots, n), *counts)
     return Arm(
-        *bodies, true, expected, drive, memory, substeps, h, asked, qdd, after, friction, speed, stages=zeros(4, n)
+        *bodies, true, expected, drive, memory, substeps, h, commanded, qdd, after, friction, speed, stages=zeros(4, n)
     )
+
+
+@in_place
+def factor(M: Array, L: Array) -> None:
+    """Write the Cholesky factor of M (n, n), of which the lower half counts, with the inverses of its diagonal."""
+    for j in range(len(M)):
+        rest = M[j, j]
+        for k in range(j):
+            rest -= L[j, k] * L[j, k]
+        # NaN where M is not positive definite: whoever looks at the speeds sees it
+        inverse = 1.0 / math.sqrt(rest) if rest > 0.0 else math.nan
+        L[j, j] = inverse
+        for i in range(j + 1, len(M)):
+            rest = M[i, j]
+            for k in range(j):
+                rest -= L[i, k] * L[j, k]
+            L[i, j] = rest * inverse
+
+
+@in_place
+def solve(L: Array, x: Array) -> None:
+    """Set x ← M⁻¹ x (n,) by the factor of :func:`factor`."""
+    n = len(x)
+    for i in range(n):
+        for k in range(i):
+            x[i] -= L[i, k] * x[k]
+        x[i] *= L[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            x[i] -= L[k, i] * x[k]
+        x[i] *= L[i, i]
+
+
+@in_place
+def accelerate(motion: Motion, torque: Array, friction: Array, qdd: Array) -> None:
+    """Write q̈ = M⁻¹(τ − τ_f − h) (n,)."""
+    for j in range(len(qdd)):
+        qdd[j] = torque[j] - friction[j] - motion.bias[j]
+    solve(motion.L, qdd)
+
+
+@in_place
+def evaluate(bodies: BodyArrays, q: Array, qd: Array, motion: Motion) -> None:
+    """Write M(q) (its lower half), h(q, q̇) and the factor of M."""
+    n, work = len(q), motion.work
+    R, o = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0)
+    omega, alpha = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    # of the body's frame; gravity is an acceleration of the base upwards
+    a = times(-1.0, vector(bodies.gravity))
+    for i in range(n):
+        axis, placement, along = vector(bodies.axis[i]), matrix(bodies.R[i]), 0.0
+        r = turned(R, vector(bodies.t[i]))
+        if bodies.prismatic[i]:
+            along = q[i]
+        else:
+            placement = product(placement, turn_about(axis, math.sin(q[i]), math.cos(q[i])))
+        R = product(R, placement)
+        z = turned(R, axis)
+        r = along_with(r, along, z)
+        o = plus(o, r)
+        # the body before carries the frame's origin
+        a = plus(a, plus(cross(alpha, r), cross(omega, cross(omega, r))))
+        if bodies.prismatic[i]:
+            a = along_with(a, 2.0 * qd[i], cross(omega, z))
+            S, turn = z, (0.0, 0.0, 0.0)
+        else:
+            alpha = along_with(alpha, qd[i], cross(omega, z))
+            omega = along_with(omega, qd[i], z)
+            S, turn = cross(o, z), z
+        m, arm_c = bodies.mass[i], turned(R, vector(bodies.centre[i]))
+        c = plus(o, arm_c)
+        force = times(m, plus(a, plus(cross(alpha, arm_c), cross(omega, cross(omega, arm_c)))))
+        # I in the base's axes, by its columns
+        local = matrix(bodies.inertia[i])
+        half = product(R, local)
+        xx, xy, xz = dot(half[0], R[0]), dot(half[0], R[1]), dot(half[0], R[2])
+        yy, yz, zz = dot(half[1], R[1]), dot(half[1], R[2]), dot(half[2], R[2])
+        spin = (
+            xx * omega[0] + xy * omega[1] + xz * omega[2],
+            xy * omega[0] + yy * omega[1] + yz * omega[2],
+            xz * omega[0] + yz * omega[1] + zz * omega[2],
+        )
+        moment = plus(
+            plus(
+                (
+                    xx * alpha[0] + xy * alpha[1] + xz * alpha[2],
+                    xy * alpha[0] + yy * alpha[1] + yz * alpha[2],
+                    xz * alpha[0] + yz * alpha[1] + zz * alpha[2],
+                ),
+                cross(omega, spin),
+            ),
+            cross(c, force),
+        )
+        row = work[i]
+        row[0], row[1], row[2] = S
+        row[3], row[4], row[5] = turn
+        row[6], row[7], row[8] = force
+        row[9], row[10], row[11] = moment
+        # mass, first moment and inertia about the base's origin
+        row[12] = m
+        row[13], row[14], row[15] = m * c[0], m * c[1], m * c[2]
+        row[16] = xx + m * (c[1] * c[1] + c[2] * c[2])
+        row[17] = xy - m * c[0] * c[1]
+        row[18] = xz - m * c[0] * c[2]
+        row[19] = yy + m * (c[0] * c[0] + c[2] * c[2])
+        row[20] = yz - m * c[1] * c[2]
+        row[21] = zz + m * (c[0] * c[0] + c[1] * c[1])
+    for i in range(n - 1, -1, -1):
+        row = work[i]
+        if i + 1 < n:
+            for k in range(6, 22):
+                row[k] += work[i + 1, k]
+        S, turn = (row[0], row[1], row[2]), (row[3], row[4], row[5])
+        motion.bias[i] = dot(S, (row[6], row[7], row[8])) + dot(turn, (row[9], row[10], row[11]))
+        p = (row[13], row[14], row[15])
+        # momentum of all behind the joint where it alone moves, with speed 1
+        P = plus(times(row[12], S), cross(turn, p))
+        L = plus(
+            (
+                row[16] * turn[0] + row[17] * turn[1] + row[18] * turn[2],
+                row[17] * turn[0] + row[19] * turn[1] + row[20] * turn[2],
+                row[18] * turn[0] + row[20] * turn[1] + row[21] * turn[2],
+            ),
+            cross(p, S),
+        )
+        for j in range(i + 1):
+            other = work[j]
+            motion.M[i, j] = dot((other[0], other[1], other[2]), P) + dot((other[3], other[4], other[5]), L)
+        motion.M[i, i] += bodies.rotor[i]
+    factor(motion.M, motion.L)

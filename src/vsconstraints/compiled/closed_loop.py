@@ -11,7 +11,7 @@ from ..rows import IntArray
 from . import samples
 from .compiler import IN_PLACE, compiled, in_place, register_formulas
 from .laws import carry_out, load_law
-from .parts import address, call_int_pointer, monotonic, struct_loader
+from .parts import address, call_int_pointer, checked, monotonic, struct_loader
 from .samples import ALONE, LAW, STEP, Goals, Kept, Loop, PlantArrays, Running
 from .step import evaluate_step
 from .structures import RELAXED_ROWS, SOLVED, Answer, RowArrays, TaskArrays
@@ -59,11 +59,12 @@ def now(clock: IntArray) -> float:
 
 @in_place
 def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
-    """Ask a law for the command; False if Python has to be asked."""
+    """Run a law; False if Python has to run it."""
     code = carry_out(law_address, loop.rows, loop.task, answer)
     return code == SOLVED or code >= RELAXED_ROWS
 
 
+@checked(Loop)
 @compiled("UniTuple(int64, 2)(int64, int64, int64, int64)", IN_PLACE)
 def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
     """Go on with sample k, from that stage, until sample ``end``.
@@ -71,7 +72,7 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
     Returns
     -------
     tuple
-        The sample, and the stage of it that Python has to be asked for; ``end`` and ``STEP`` if all is done.
+        The sample, and its stage that Python has to do; ``end`` and ``STEP`` if all is done.
     """
     loop = load_loop(loop_address)
     evaluate, believed, true, law, alone, observe, sensing, move, moved = loop.parts
@@ -105,7 +106,7 @@ def run(loop_address: int, k: int, end: int, stage: int) -> tuple[int, int]:
             )
         samples.finish(loop, k)
         k, stage = k + 1, STEP
-        # a motion without bounds is for Python to tell
+        # an unbounded motion is for Python to report
         if move != 0 and call_int_pointer(move, (moved, loop.plant.x)) != 0:
             return k, STEP
     return k, STEP

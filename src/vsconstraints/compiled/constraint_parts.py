@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..constraints import Constraint, ConstraintSet
-from ..constraints.form import Form
+from ..constraints.by_formula import Form
 from ..vision.motion import Motion
+from . import constraint_rows
 from .compiler import IN_PLACE, OPTIONS
-from .parts import address, make_part, tell_refused
+from .parts import address, make_part, warn_refused
 from .structures import Step
 
 SIGNATURE = "void(int64, int64)"
@@ -103,12 +104,13 @@ def part(rows: str, formulas: tuple[Callable[..., Any] | None, ...], count: int)
 
     Then a RuntimeWarning tells which, and why.
     """
-    module = import_module(f"{__package__}.{rows}")
-    options = OPTIONS if getattr(module, "MAKES_ARRAYS", False) else IN_PLACE
+    options, templates = IN_PLACE, constraint_rows
+    if rows == "manipulability_rows":
+        options, templates = OPTIONS, import_module(f"{__package__}.manipulability_rows")
     try:
-        return make_part(module.template, formulas, (count,) if formulas else (), SIGNATURE, options)
+        return make_part(getattr(templates, rows), formulas, (count,) if formulas else (), SIGNATURE, options)
     except Exception as error:  # numba raises anything for code that it does not know
         if all(formula is None for formula in formulas):
             raise
-        tell_refused(formulas, error)
+        warn_refused(formulas, error)
         return None

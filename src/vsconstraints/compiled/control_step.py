@@ -21,7 +21,7 @@ from ..vision.scene import Scene, State
 from ..vision.tracking import VisualTask
 from . import load
 from .evaluation import Bound, CompiledEvaluation, DefinedEvaluation, Evaluation
-from .model import Believe, Model, Present, Spoil
+from .model import CurrentState, GradientErrorModel, Model, StateEstimator
 from .state_to_command import StateToCommand, in_one_call, in_two_calls
 
 if TYPE_CHECKING:
@@ -32,10 +32,9 @@ if TYPE_CHECKING:
 class ControlStep:
     """Evaluates a scene, its constraints and its task together: at compiled speed where all of them have that form.
 
-    The NumPy form, ``scene.evaluate``, ``constraints.rows`` and ``task.evaluate``, is the definition. It runs where
-    there is no compiler, where the scene or the task has no compiled form, and where the compiled form cannot answer:
-    then it says why. Constraints without a compiled form (own ones, for example) give their rows in NumPy beside the
-    compiled ones of the others.
+    The NumPy form, ``scene.evaluate``, ``constraints.rows`` and ``task.evaluate``, runs where the scene or the task has
+    no compiled form, and where the compiled form cannot answer: then it says why. Constraints without a compiled form
+    (own ones, for example) give their rows in NumPy beside the compiled ones of the others.
 
     Constraints and task are compiled with the options that they have when a step is made. A step keeps scratch: threads
     need one each.
@@ -101,17 +100,14 @@ class ControlStep:
         self._controller: Controller | None = None
         self._options: dict[str, Any] | None = None
         packing, self._kernels = load("packing"), load("step")
-        if packing is None or self._kernels is None:
-            self.not_compiled = "there is no compiler"
-        else:
-            try:
-                self._packed = packing.Packed(scene, constraints, task, known, self._limits)
-                step = self._packed.step
-                self._now, self.last_command = (step.time, step.q, step.qd), step.last_command
-                self.innovation, self._bounds, self._slip = step.innovation, step.bounds, step.slip
-                self._correction = step.correction
-            except packing.NotCompiled as reason:
-                self.not_compiled = str(reason)
+        try:
+            self._packed = packing.Packed(scene, constraints, task, known, self._limits)
+            step = self._packed.step
+            self._now, self.last_command = (step.time, step.q, step.qd), step.last_command
+            self.innovation, self._bounds, self._slip = step.innovation, step.bounds, step.slip
+            self._correction = step.correction
+        except packing.NotCompiled as reason:
+            self.not_compiled = str(reason)
         self.plausible = plausible or Plausible()
 
     @property
@@ -176,10 +172,10 @@ class ControlStep:
             self._packed.recall(other._packed.memory)
 
     @property
-    def present(self) -> Present:
+    def present(self) -> CurrentState:
         """What rows and task were made of last; at first zeros."""
         t, q, qd = self._now
-        return Present(float(t[0]), q.copy(), qd.copy())
+        return CurrentState(float(t[0]), q.copy(), qd.copy())
 
     @property
     def acceleration(self) -> Array:
@@ -187,9 +183,9 @@ class ControlStep:
         limits = self._limits
         return np.full(self.scene.robot.n, np.inf) if limits is None else np.array(limits.acceleration)
 
-    def model(self, believe: Believe | None = None, spoil: Spoil | None = None) -> Model:
+    def model(self, estimate: StateEstimator | None = None, gradient_error: GradientErrorModel | None = None) -> Model:
         """Rows and task at states to come, for laws that use a model: see :class:`.Model`."""
-        return Model(self, believe, spoil)
+        return Model(self, estimate, gradient_error)
 
     def evaluate(
         self,

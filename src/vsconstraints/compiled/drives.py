@@ -1,23 +1,60 @@
-"""How the joints of an arm are driven: what their controller asks for and remembers, and what the gears give of it."""
+"""How an arm with mass is driven and moves: joint controller, gears, friction, substeps and periods, compiled."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+
+import numpy as np
 
 from ..rows import Array
-from .arm import TORQUE, Arm, evaluate
+from .arm import TORQUE, Arm, BodyArrays, Drive, accelerate, blank, evaluate
+from .compiler import IN_PLACE, compiled, in_place
+from .parts import address, checked, struct_loader
+
+BOUND = 1e4
+"""Speed of a joint beyond which the motion counts as unbounded [rad/s or m/s]."""
+
+SWEEPS, SETTLED = 200, 1e-12
+"""Most sweeps that balance friction among the joints, and the change at which they end, by the greatest speed."""
 
 
-def ask_torque(arm: Arm, q: Array, qd: Array, command: Array) -> None:
-    """Write to ``arm.asked`` the torques that the controller asks for, at q and q̇ (n,) with the command q̈_c (n,)."""
+@in_place
+def update_motion(arm: Arm, q: Array, qd: Array) -> None:
+    """Compute inertia and bias at q and q̇ (n,): the true ones, and those that computed torque believes in."""
+    evaluate(arm.true, q, qd, arm.motion)
+    if arm.drive.kind == TORQUE and not arm.drive.exact:
+        evaluate(arm.believed, q, qd, arm.expected)
+
+
+@in_place
+def update_gravity(arm: Arm, q: Array) -> None:
+    """Compute the weight on the joints at q (n,) that controllers without a model of inertia compensate."""
+    if arm.drive.kind != TORQUE:
+        for j in range(len(q)):
+            arm.speed[j] = 0.0
+        evaluate(arm.believed, q, arm.speed, arm.expected)
+        for j in range(len(q)):
+            arm.memory.gravity[j] = arm.expected.bias[j]
+
+
+@in_place
+def speed_error(arm: Arm, q: Array, qd: Array, j: int) -> float:
+    """Error of a joint's speed loop: q̇_c − q̇ + κ (q_c − q)."""
+    memory = arm.memory
+    error: float = memory.qd_c[j] - qd[j] + arm.drive.outer * (memory.q_c[j] - q[j])
+    return error
+
+
+@in_place
+def command_torque(arm: Arm, q: Array, qd: Array, command: Array) -> None:
+    """Write the torques that the controller commands at q and q̇ (n,), with the command q̈_c (n,)."""
     drive, memory, n = arm.drive, arm.memory, len(q)
     rate = drive.rate
     if drive.kind != TORQUE:
         for j in range(n):
             error = speed_error(arm, q, qd, j)
             torque = drive.weight[j] * (2.0 * rate * error + rate * rate * memory.integral[j])
-            arm.asked[j] = memory.gravity[j] + torque
+            arm.commanded[j] = memory.gravity[j] + torque
         return
     for j in range(n):
         away, faster = memory.q_c[j] - q[j], memory.qd_c[j] - qd[j]
@@ -26,26 +63,32 @@ def ask_torque(arm: Arm, q: Array, qd: Array, command: Array) -> None:
     if drive.exact:
         M, bias = arm.motion.M, arm.motion.bias
     for i in range(n):
-        arm.asked[i] = bias[i]
+        arm.commanded[i] = bias[i]
         for j in range(n):
-            arm.asked[i] += M[max(i, j), min(i, j)] * arm.after[j]
+            arm.commanded[i] += M[max(i, j), min(i, j)] * arm.after[j]
 
 
-def speed_error(arm: Arm, q: Array, qd: Array, j: int) -> float:
-    """What the speed loop of a joint sees: q̇_c − q̇ + κ (q_c − q)."""
-    memory = arm.memory
-    error: float = memory.qd_c[j] - qd[j] + arm.drive.outer * (memory.q_c[j] - q[j])
-    return error
+@in_place
+def transmit_torque(arm: Arm) -> None:
+    """Take the commanded torques through saturation, dead time and lag."""
+    drive, memory, slots = arm.drive, arm.memory, len(arm.memory.under_way)
+    at = memory.at[0]
+    for j in range(len(arm.commanded)):
+        memory.under_way[at, j] = min(max(arm.commanded[j], -drive.effort[j]), drive.effort[j])
+    memory.at[0] = at = (at + 1) % slots
+    for j in range(len(arm.commanded)):
+        memory.torque[j] += drive.share * (memory.under_way[at, j] - memory.torque[j])
 
 
-def refer(arm: Arm, q: Array, qd: Array, command: Array) -> None:
-    """Take what the controller remembers through a substep that begins at q and q̇ (n,), its reference first."""
+@in_place
+def advance_reference(arm: Arm, q: Array, qd: Array, command: Array) -> None:
+    """Advance the controller's reference and integral through a substep that begins at q and q̇ (n,)."""
     drive, memory, h = arm.drive, arm.memory, arm.h
     for j in range(len(command)):
         error = speed_error(arm, q, qd, j)
-        memory.at_limit[j] += abs(arm.asked[j]) > drive.effort[j]
-        # what is integrated while the torque has no more to give would have to be undone
-        if abs(arm.asked[j]) <= drive.effort[j] or error * arm.asked[j] < 0.0:
+        memory.at_limit[j] += abs(arm.commanded[j]) > drive.effort[j]
+        # anti-windup: the integral stops while the torque is at its limit
+        if abs(arm.commanded[j]) <= drive.effort[j] or error * arm.commanded[j] < 0.0:
             memory.integral[j] += h * error
         speed = memory.qd_c[j] + h * command[j]
         memory.q_c[j] += h * memory.qd_c[j]
@@ -57,22 +100,171 @@ def refer(arm: Arm, q: Array, qd: Array, command: Array) -> None:
         memory.qd_c[j] = speed
 
 
-def give_torque(arm: Arm) -> None:
-    """Take what is asked for through saturation, dead time and lag."""
-    drive, memory, slots = arm.drive, arm.memory, len(arm.memory.under_way)
-    at = memory.at[0]
-    for j in range(len(arm.asked)):
-        memory.under_way[at, j] = min(max(arm.asked[j], -drive.effort[j]), drive.effort[j])
-    memory.at[0] = at = (at + 1) % slots
-    for j in range(len(arm.asked)):
-        memory.torque[j] += drive.share * (memory.under_way[at, j] - memory.torque[j])
+@in_place
+def dry_friction(drive: Drive, j: int, speed: float) -> float:
+    """Coulomb's friction of a joint at that speed, with Stribeck's rise towards rest [Nm or N]."""
+    more = drive.static[j] - drive.coulomb[j]
+    if more == 0.0:
+        return float(drive.coulomb[j])
+    ratio = speed / drive.stribeck[j]
+    return float(drive.coulomb[j] + more * math.exp(-ratio * ratio))
 
 
-def weigh(engine: Any, arm: Arm, q: Array) -> None:
-    """Let controllers that do not know inertias know what they believe to be the weight on the joints at q (n,)."""
-    if arm.drive.kind != TORQUE:
-        for j in range(len(q)):
-            arm.speed[j] = 0.0
-        evaluate(engine, arm.believed, q, arm.speed, arm.expected)
-        for j in range(len(q)):
-            arm.memory.gravity[j] = arm.expected.bias[j]
+@in_place
+def apply_friction(arm: Arm, qd: Array) -> None:
+    """Write friction (n,) of a substep that begins with q̇ (n,), and q̈ (n,) at its beginning.
+
+    Friction is that at the end of the substep, so that it stops a joint, and never sends it back: with v of the end,
+    M (v − v_free) = −h τ_f(v), where τ_f is anything within ± static friction if v = 0. This is the minimum of a convex
+    function, found joint by joint.
+    """
+    drive, M, h, v, n = arm.drive, arm.motion.M, arm.h, arm.speed, len(qd)
+    for j in range(n):
+        arm.friction[j] = 0.0
+    accelerate(arm.motion, arm.memory.torque, arm.friction, arm.acceleration)
+    if not drive.has_friction:
+        return
+    greatest = 0.0
+    for j in range(n):
+        arm.after[j] = qd[j] + h * arm.acceleration[j]
+        v[j] = qd[j]
+        greatest = max(greatest, abs(arm.after[j]))
+    for _ in range(SWEEPS):
+        change = 0.0
+        for j in range(n):
+            pull = M[j, j] * arm.after[j]
+            for k in range(n):
+                if k != j:
+                    pull -= M[max(j, k), min(j, k)] * (v[k] - arm.after[k])
+            left = abs(pull) - h * dry_friction(drive, j, qd[j])
+            speed = math.copysign(max(left, 0.0) / (M[j, j] + h * drive.viscous[j]), pull)
+            change = max(change, abs(speed - v[j]))
+            v[j] = speed
+        if change <= SETTLED * greatest:
+            break
+    for i in range(n):
+        arm.friction[i] = 0.0
+        for j in range(n):
+            arm.friction[i] += M[max(i, j), min(i, j)] * (arm.after[j] - v[j]) / h
+    accelerate(arm.motion, arm.memory.torque, arm.friction, arm.acceleration)
+
+
+@in_place
+def verlet(arm: Arm, q: Array, qd: Array, command: Array) -> None:
+    """Integrate a substep, and compute inertia and bias at its end.
+
+    q⁺ = q + h q̇ + ½h² q̈, q̇⁺ = q̇ + ½h (q̈ + q̈⁺), where q̈⁺ takes the speed to be q̇ + h q̈: second order with one
+    evaluation, and exact for constant accelerations. A controller whose torque acts at once is a continuous one: what
+    it commands at the end is in q̈⁺. Otherwise the torque is held.
+    """
+    h = arm.h
+    for j in range(len(q)):
+        q[j] += h * qd[j] + 0.5 * h * h * arm.acceleration[j]
+        arm.speed[j] = qd[j] + h * arm.acceleration[j]
+    update_motion(arm, q, arm.speed)
+    if arm.drive.at_once:
+        command_torque(arm, q, arm.speed, command)
+        transmit_torque(arm)
+    accelerate(arm.motion, arm.memory.torque, arm.friction, arm.after)
+    for j in range(len(q)):
+        qd[j] += 0.5 * h * (arm.acceleration[j] + arm.after[j])
+
+
+@in_place
+def runge_kutta(arm: Arm, q: Array, qd: Array) -> None:
+    """Integrate a substep by the classical method of fourth order, with torque and friction held."""
+    h, n, a = arm.h, len(q), arm.stages
+    for j in range(n):
+        a[0, j] = arm.acceleration[j]
+    for i in range(3):
+        way, bend = (0.5, 0.25 * (i == 1)) if i < 2 else (1.0, 0.5)
+        for j in range(n):
+            arm.commanded[j] = q[j] + way * h * qd[j] + bend * h * h * a[max(i - 1, 0), j]
+            arm.speed[j] = qd[j] + way * h * a[i, j]
+        evaluate(arm.true, arm.commanded, arm.speed, arm.motion)
+        accelerate(arm.motion, arm.memory.torque, arm.friction, a[i + 1])
+    for j in range(n):
+        q[j] += h * qd[j] + h * h / 6.0 * (a[0, j] + a[1, j] + a[2, j])
+        qd[j] += h / 6.0 * (a[0, j] + 2.0 * a[1, j] + 2.0 * a[2, j] + a[3, j])
+    update_motion(arm, q, qd)
+
+
+@in_place
+def drive(arm: Arm, q: Array, qd: Array, command: Array, first: bool) -> None:
+    """Torques and friction of a substep, the ``first`` of a period or a later one, and q̈ at its beginning."""
+    if first:
+        update_gravity(arm, q)
+    # torques that act at once were computed at the end of the substep before
+    if first or not arm.drive.at_once:
+        command_torque(arm, q, qd, command)
+        transmit_torque(arm)
+    advance_reference(arm, q, qd, command)
+    apply_friction(arm, qd)
+
+
+def _example() -> Arm:
+    """An arm of the types that all have; the numbers do not matter."""
+    one = np.zeros(1)
+    flat, flag = np.zeros((1, 1, 1)), np.zeros(1, dtype=np.bool_)
+    bodies = BodyArrays(flat, flat[0], flat[0], flag, one, flat[0], flat, one, one)
+    return blank((bodies, bodies), Drive(0, 0, 1.0, 1.0, *(one,) * 7, 0, 1.0, 1, 0), 1, 1, 1.0)
+
+
+load_arm = struct_loader(_example())
+
+
+@checked(Arm)
+@compiled("void(int64, float64[:, ::1])", IN_PLACE)
+def begin(arm_address: int, x: Array) -> None:
+    """Begin a run at the state x (s, n): the gears give what the controller commands where q̈_c is zero."""
+    arm, q, qd = load_arm(arm_address), x[0], x[1]
+    memory, effort = arm.memory, arm.drive.effort
+    update_gravity(arm, q)
+    for j in range(len(q)):
+        memory.q_c[j], memory.qd_c[j] = q[j], qd[j]
+        arm.speed[j] = 0.0
+    update_motion(arm, q, qd)
+    command_torque(arm, q, qd, arm.speed)
+    for j in range(len(q)):
+        memory.torque[j] = min(max(arm.commanded[j], -effort[j]), effort[j])
+        for i in range(len(memory.under_way)):
+            memory.under_way[i, j] = memory.torque[j]
+
+
+@checked(Arm)
+@compiled("int64(int64, float64[:, ::1])", IN_PLACE)
+def drive_period(arm_address: int, x: Array) -> int:
+    """Move the arm through a period: its state x (s, n) has q and q̇ first, and the command last but one.
+
+    Returns 0, or 1 if the motion is unbounded.
+    """
+    arm, q, qd, command = load_arm(arm_address), x[0], x[1], x[-2]
+    for i in range(arm.substeps):
+        drive(arm, q, qd, command, i == 0)
+        if arm.drive.fourth_order:
+            runge_kutta(arm, q, qd)
+        else:
+            verlet(arm, q, qd, command)
+    bounded = True
+    for j in range(len(qd)):
+        # NaN is not less than anything
+        bounded = bounded and abs(qd[j]) < BOUND
+    return 0 if bounded else 1
+
+
+@checked(Arm)
+@compiled("void(int64, float64[:, ::1], boolean)", IN_PLACE)
+def drive_substep(arm_address: int, x: Array, first: bool) -> None:
+    """As :func:`drive`, where another program integrates the motion."""
+    drive(load_arm(arm_address), x[0], x[1], x[-2], first)
+
+
+@checked(Arm)
+@compiled("void(int64, float64[:, ::1])", IN_PLACE)
+def end_substep(arm_address: int, x: Array) -> None:
+    """As :func:`update_motion`, likewise."""
+    update_motion(load_arm(arm_address), x[0], x[1])
+
+
+MOVE = address(drive_period)
+"""Where the function begins that moves an arm through a period."""

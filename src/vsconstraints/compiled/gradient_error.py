@@ -1,14 +1,14 @@
-"""Rows with erroneous gradients, compiled: see :class:`vsconstraints.simulation.gradient_error.GradientError`."""
+"""Rows with erroneous gradients, compiled: see :class:`vsconstraints.simulation.sensing.GradientError`."""
 
 from __future__ import annotations
 
-from ..formulas.gradient_error import gradient_error
+from ..formulas.row import gradient_error
 from .compiler import IN_PLACE, compiled
 from .parts import address, load_step
 
 
 @compiled("void(int64, int64)", IN_PLACE, from_python=False)
-def spoil(step_address: int, in_phi: int) -> None:
+def apply_gradient_error(step_address: int, in_phi: int) -> None:
     """Put ∇σ_e in place of ∇σ in the rows of a step: in L_gφ, and in φ and L_fφ if so."""
     step = load_step(step_address)
     rows, share = step.rows, step.gradient_share
@@ -24,5 +24,5 @@ def spoil(step_address: int, in_phi: int) -> None:
             rows.Lf[i] += change / rows.K[i]
 
 
-SPOIL = address(spoil)
+APPLY = address(apply_gradient_error)
 """Where it begins."""

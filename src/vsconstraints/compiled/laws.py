@@ -12,7 +12,7 @@ import numpy as np
 from ..formulas.row import Row, asked_for
 from ..rows import Array, BoolArray, IntArray
 from .compiler import IN_PLACE, INT, MATRIX, VECTOR, compiled, in_place, signature, type_of
-from .parts import call_int_pointer, make_part, struct_loader, tell_refused, to_fixed_tuple
+from .parts import call_int_pointer, checked, make_part, struct_loader, to_fixed_tuple, warn_refused
 from .structures import NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
 _one, _two, _count = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
@@ -102,7 +102,7 @@ def demand(formula: Callable[..., Any], count: int, memory: int, relative: bool,
     try:
         return make_part(demand_part, (formula,), (count, memory, int(relative), int(everywhere)), DEMAND)
     except Exception as error:  # numba raises anything for code that it does not know
-        tell_refused((formula,), error)
+        warn_refused((formula,), error)
         return None
 
 
@@ -158,6 +158,7 @@ CONSTANT = "Array(float64, 1, 'C', readonly=True)"
 OUTPUTS = "float64[::1], boolean[::1], float64[::1], int64[::1]"
 
 
+@checked(LawArrays)
 @compiled(
     f"int64(int64, int64, float64[::1], float64[:, ::1], float64[::1], {CONSTANT}, {CONSTANT}, float64[:, ::1], "
     f"float64[::1], {OUTPUTS})",
@@ -188,6 +189,7 @@ def follow(
     return code
 
 
+@checked(LawArrays)
 @compiled(
     f"int64(int64, int64, float64[::1], float64[:, ::1], float64[::1], {', '.join([CONSTANT] * 7)}, float64[:, ::1], "
     f"float64[::1], {', '.join([CONSTANT] * 3)}, {OUTPUTS})",

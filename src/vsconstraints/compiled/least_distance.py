@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..rows import Array
+from ..rows import Array, IntArray
 from .compiler import inner
 from .linear import (
     S_ROWS,
@@ -45,6 +45,128 @@ POINT, NEW, DIRECTION, FORCE, RATIO = constant(0), constant(1), constant(2), con
 
 
 @inner
+def normalise(G: Array, rows: Array, R: Array, S: Array) -> bool:
+    """State the rows in u = R y + r, with unit norms; False if a side is no number then."""
+    p, m = G.shape
+    for i in range(m):
+        rows[EXCESS, i] = 0.0 if rows[SIDE, i] < math.inf else math.inf
+    for j in range(p):
+        for i in range(j):
+            add(G, j, -R[j, i], G, i, START, m)
+        for i in range(m):
+            G[j, i] *= S[0, j]
+            rows[EXCESS, i] += G[j, i] * G[j, i]
+        add(rows, SIDE, R[p, j], G, j, START, m)
+    for i in range(m):
+        rows[MULTIPLIER, i] = 0.0
+        rows[SCALE, i] = rows[EXCESS, i] = 1.0 / math.sqrt(rows[EXCESS, i])
+        if rows[EXCESS, i] > 0.0:
+            rows[SIDE, i] *= rows[EXCESS, i]
+            if not abs(rows[SIDE, i]) < math.inf:
+                return False
+    for j in range(p):
+        for i in range(m):
+            G[j, i] *= rows[EXCESS, i]
+    return True
+
+
+@inner
+def most_violated(G: Array, rows: Array, X: Array, length: float) -> int:
+    """The row that the point exceeds most, by more than rounding; writes all excesses."""
+    p, m = G.shape
+    chosen, worst = NONE, 0.0
+    for i in range(m):
+        rows[EXCESS, i] = -rows[SIDE, i]
+    for j in range(p):
+        add(rows, EXCESS, X[POINT, j], G, j, START, m)
+    for i in range(m):
+        excess = rows[EXCESS, i]
+        if excess > worst and excess > EXCEEDED * (length + abs(rows[SIDE, i])):
+            chosen, worst = i, excess
+    return chosen
+
+
+@inner
+def drop(G: Array, F: Array, T: Array, X: Array, active: IntArray, leaving: int, q: int) -> None:
+    """Let one of the active rows leave, of which q are left, and factor those behind it anew."""
+    for j in range(leaving, q):
+        active[j], X[FORCE, j] = active[j + 1], X[FORCE, j + 1]
+        for i in range(F.shape[1]):
+            F[j, i] = G[i, active[j]]
+        apply_transposed(F, T, j, F, j)
+        make_reflection(F, T, j)
+
+
+@inner
+def reach(G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray, chosen: int, q: int) -> int:
+    """Move the point until a row is met; rows whose multiplier would turn negative leave. Of q, how many are left.
+
+    −1 if no point meets the row together with the active ones. X[NEW] becomes its normal in the basis of the QR.
+    """
+    p = G.shape[0]
+    while True:
+        excess = -rows[SIDE, chosen]
+        for j in range(p):
+            X[NEW, j] = G[j, chosen]
+            excess += X[NEW, j] * X[POINT, j]
+        apply_transposed(F, T, q, X, NEW)
+        copy(X, RATIO, X, NEW, q)
+        solve_upper(F, T, q, X, RATIO)
+        outside = dot(X, NEW, X, NEW, q, p)
+        leaving, step = NONE, math.inf
+        for j in range(q):
+            if X[RATIO, j] > 0.0 and X[FORCE, j] < step * X[RATIO, j]:
+                leaving, step = j, X[FORCE, j] / X[RATIO, j]
+        if math.sqrt(outside) > DEPENDENT:
+            full = excess / outside
+            if full <= step:
+                leaving, step = NONE, full
+            copy(X, DIRECTION, X, NEW, p)
+            for j in range(q):
+                X[DIRECTION, j] = 0.0
+            apply(F, T, q, X, DIRECTION)
+            add(X, POINT, -step, X, DIRECTION, START, p)
+        if step == math.inf:
+            return -1
+        for j in range(q):
+            X[FORCE, j] = max(0.0, X[FORCE, j] - step * X[RATIO, j])
+        if leaving < 0:
+            return q
+        q -= 1
+        drop(G, F, T, X, active, leaving, q)
+
+
+@inner
+def recompute(rows: Array, F: Array, T: Array, X: Array, active: IntArray, q: int) -> None:
+    """Compute the point and the multipliers from the q active rows, so that errors do not accumulate."""
+    for j in range(F.shape[0]):
+        X[POINT, j] = rows[SIDE, active[j]] if j < q else 0.0
+    solve_lower(F, T, q, X, POINT)
+    copy(X, FORCE, X, POINT, q)
+    solve_upper(F, T, q, X, FORCE)
+    for j in range(q):
+        X[FORCE, j] = max(0.0, -X[FORCE, j])
+    apply(F, T, q, X, POINT)
+
+
+@inner
+def proved(G: Array, rows: Array, X: Array, active: IntArray, q: int, length: float) -> bool:
+    """Whether rows are met, multipliers only where a row is reached, and the point a sum of those rows."""
+    p, m = G.shape
+    met = length < math.inf
+    for i in range(m):
+        met = met and rows[EXCESS, i] <= OPTIMAL * (length + abs(rows[SIDE, i]))
+    copy(X, NEW, X, POINT, p)
+    for i in range(q):
+        row = active[i]
+        rows[MULTIPLIER, row] = X[FORCE, i]
+        met = met and X[FORCE, i] * abs(rows[EXCESS, row]) <= OPTIMAL * length * length
+        for j in range(p):
+            X[NEW, j] += X[FORCE, i] * G[j, row]
+    return met and math.sqrt(dot(X, NEW, X, NEW, START, p)) <= OPTIMAL * length
+
+
+@inner
 def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratch) -> tuple[int, int]:
     """Minimise ½‖R y + r‖² subject to Gᵀ y ≤ h: the code, and how many rows were added.
 
@@ -74,103 +196,28 @@ def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratc
     """
     p, m = G.shape
     F, T, active = matrix(scratch, p, p), matrix(scratch, S_ROWS, p), np.empty(p, np.int64)
-    for i in range(m):
-        rows[EXCESS, i] = 0.0 if rows[SIDE, i] < math.inf else math.inf
-    for j in range(p):
-        for i in range(j):
-            add(G, j, -R[j, i], G, i, START, m)
-        for i in range(m):
-            G[j, i] *= S[0, j]
-            rows[EXCESS, i] += G[j, i] * G[j, i]
-        add(rows, SIDE, R[p, j], G, j, START, m)
-    for i in range(m):
-        rows[MULTIPLIER, i] = 0.0
-        rows[SCALE, i] = rows[EXCESS, i] = 1.0 / math.sqrt(rows[EXCESS, i])
-        if rows[EXCESS, i] > 0.0:
-            rows[SIDE, i] *= rows[EXCESS, i]
-            if not abs(rows[SIDE, i]) < math.inf:
-                return FAILED, 0
-    for j in range(p):
-        for i in range(m):
-            G[j, i] *= rows[EXCESS, i]
+    if not normalise(G, rows, R, S):
+        return FAILED, 0
     for j in range(p):
         X[POINT, j] = 0.0
     q, steps = START, 0
     length, before = 0.0, -1.0
     met = False
     for steps in range(10 * (m + p)):
-        chosen, worst = NONE, 0.0
-        for i in range(m):
-            rows[EXCESS, i] = -rows[SIDE, i]
-        for j in range(p):
-            add(rows, EXCESS, X[POINT, j], G, j, START, m)
-        for i in range(m):
-            excess = rows[EXCESS, i]
-            if excess > worst and excess > EXCEEDED * (length + abs(rows[SIDE, i])):
-                chosen, worst = i, excess
+        chosen = most_violated(G, rows, X, length)
         met = chosen < 0 or not length > before
         if met:
             break
-        while True:
-            excess = -rows[SIDE, chosen]
-            for j in range(p):
-                X[NEW, j] = G[j, chosen]
-                excess += X[NEW, j] * X[POINT, j]
-            apply_transposed(F, T, q, X, NEW)
-            copy(X, RATIO, X, NEW, q)
-            solve_upper(F, T, q, X, RATIO)
-            outside = dot(X, NEW, X, NEW, q, p)
-            leaving, step = NONE, math.inf
-            for j in range(q):
-                if X[RATIO, j] > 0.0 and X[FORCE, j] < step * X[RATIO, j]:
-                    leaving, step = j, X[FORCE, j] / X[RATIO, j]
-            if math.sqrt(outside) > DEPENDENT:
-                full = excess / outside
-                if full <= step:
-                    leaving, step = NONE, full
-                copy(X, DIRECTION, X, NEW, p)
-                for j in range(q):
-                    X[DIRECTION, j] = 0.0
-                apply(F, T, q, X, DIRECTION)
-                add(X, POINT, -step, X, DIRECTION, START, p)
-            if step == math.inf:
-                return INCOMPATIBLE, steps
-            for j in range(q):
-                X[FORCE, j] = max(0.0, X[FORCE, j] - step * X[RATIO, j])
-            if leaving < 0:
-                break
-            q -= 1
-            for j in range(leaving, q):
-                active[j], X[FORCE, j] = active[j + 1], X[FORCE, j + 1]
-                for i in range(p):
-                    F[j, i] = G[i, active[j]]
-                apply_transposed(F, T, j, F, j)
-                make_reflection(F, T, j)
+        q = reach(G, rows, F, T, X, active, chosen, q)
+        if q < 0:
+            return INCOMPATIBLE, steps
         copy(F, q, X, NEW, p)
         make_reflection(F, T, q)
         active[q] = chosen
         q += 1
-        for j in range(p):
-            X[POINT, j] = rows[SIDE, active[j]] if j < q else 0.0
-        solve_lower(F, T, q, X, POINT)
-        copy(X, FORCE, X, POINT, q)
-        solve_upper(F, T, q, X, FORCE)
-        for j in range(q):
-            X[FORCE, j] = max(0.0, -X[FORCE, j])
-        apply(F, T, q, X, POINT)
+        recompute(rows, F, T, X, active, q)
         before, length = length, math.sqrt(dot(X, POINT, X, POINT, START, p))
-    # rows met, multipliers only where a row is reached, and the point a sum of those rows
-    met = met and length < math.inf
-    for i in range(m):
-        met = met and rows[EXCESS, i] <= OPTIMAL * (length + abs(rows[SIDE, i]))
-    copy(X, NEW, X, POINT, p)
-    for i in range(q):
-        row = active[i]
-        rows[MULTIPLIER, row] = X[FORCE, i]
-        met = met and X[FORCE, i] * abs(rows[EXCESS, row]) <= OPTIMAL * length * length
-        for j in range(p):
-            X[NEW, j] += X[FORCE, i] * G[j, row]
-    met = met and math.sqrt(dot(X, NEW, X, NEW, START, p)) <= OPTIMAL * length
+    met = proved(G, rows, X, active, q, length) and met
     add(X, POINT, -1.0, R, p, START, p)
     solve_upper(R, S, p, X, POINT)
     return (SOLVED if met else FAILED), steps

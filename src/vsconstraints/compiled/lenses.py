@@ -9,7 +9,7 @@ from typing import Any
 
 from ..formulas.lenses import extended, newton
 from ..rows import Array
-from ..vision.distortion import ACCURACY, ENOUGH, INSIDE, ITERATIONS, MODELS
+from ..vision.distortion import ACCURACY, INSIDE, ITERATIONS, MODELS, TOLERANCE
 from .parts import address, make_part, to_fixed_tuple
 
 FIXED = 5
@@ -35,7 +35,7 @@ def template(lens: Callable[..., Any], count: int) -> Callable[[Array, Array, Ar
                 x, y = share * x, share * y
                 dx, dy, off = newton(lens, (x, y), image, reach, coefficients)
                 for _ in range(ITERATIONS):
-                    if not off > ENOUGH:
+                    if not off > TOLERANCE:
                         break
                     then = newton(lens, (x + dx, y + dy), image, reach, coefficients)
                     if then[2] < off:

@@ -1,29 +1,26 @@
-"""The row of manipulability: see :mod:`vsconstraints.constraints.manipulability`, which decomposes by LAPACK instead.
+"""The row of manipulability: see :class:`vsconstraints.constraints.Manipulability`.
 
 Twists are in the base frame's axes, about the tip's origin: singular values, and brackets up to that rotation, are
-the same there as in the tip's axes. ``test_arms_of_every_shape`` in ``tests/test_compiled_manipulability.py`` holds the
-pair together.
+the same there as in the tip's axes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
-from ..formulas.manipulability import SINGULAR
 from ..formulas.vectors import matrix, plus, turned, vector
 from ..rows import Array
 from .compiler import inner
+from .constraint_rows import WriteRows, write_row
 from .kinematics import point_jacobian
 from .least_squares import orthogonalise
 from .linear import START, add, dot
 from .parts import load_step, to_fixed_tuple
-from .row import write_row
 
-MAKES_ARRAYS = True
-"""Whether such functions make arrays, which takes as long as some thirty products."""
+SINGULAR = 1e-9
+"""Singular value below which the curvature is taken as that at this value, so that it stays finite."""
 
 GONE = 1e-14
 """Singular value, relative to the largest, below which the vector that belongs to it is only rounding."""
@@ -42,13 +39,21 @@ def add_bracket(a: Array, b: Array, out: Array) -> None:
 def tip_twists(address: int, T: Array) -> None:
     """Write J, J̇ and J̈ of the tip when q̈ = 0, by columns (3, n, 6)."""
     step = load_step(address)
-    n, J, after, body = len(step.joints), step.J_point, np.zeros((2, 6)), step.bodies[len(step.joints)]
+    n, J, body = len(step.joints), step.J_point, step.bodies[len(step.joints)]
     tip = plus(turned(matrix(body.R), vector(step.camera[0].tip_t)), vector(body.origin))
     point_jacobian(address, n, tip, J)
-    for j in range(n - 1, -1, -1):
+    for j in range(n):
         turns = 0.0 if step.joints[j].prismatic else 1.0
         for i in range(3):
             T[0, j, i], T[0, j, 3 + i] = J[i, j], turns * step.bodies[j + 1].axis[i]
+    write_rates(T, step.qd)
+
+
+@inner
+def write_rates(T: Array, qd: Array) -> None:
+    """Write J̇ and J̈ when q̈ = 0 behind the columns of J, in the base's axes or the tip's (3, n, 6)."""
+    after = np.zeros((2, 6))
+    for j in range(T.shape[1] - 1, -1, -1):
         for i in range(6):
             T[1, j, i] = T[2, j, i] = 0.0
         # a joint moves the columns of those before it, as seen from the tip: J̇_j = [J_j, sum of J_k q̇_k after it]
@@ -56,8 +61,8 @@ def tip_twists(address: int, T: Array) -> None:
         add_bracket(T[0, j], after[1], T[2, j])
         add_bracket(T[1, j], after[0], T[2, j])
         for i in range(6):
-            after[0, i] += T[0, j, i] * step.qd[j]
-            after[1, i] += T[1, j, i] * step.qd[j]
+            after[0, i] += T[0, j, i] * qd[j]
+            after[1, i] += T[1, j, i] * qd[j]
 
 
 @inner
@@ -168,7 +173,16 @@ def measure(T: Array, first: int, count: int, slope: Array) -> tuple[float, floa
     return product, whole * (rate * rate + 0.5 * (second - squared))
 
 
-def template() -> Callable[[int, int], None]:
+def derivatives(J: Array, qd: Array, first: int, count: int) -> tuple[float, Array, float]:
+    """w, ∂w/∂q (n,) and q̇ᵀ (∂²w/∂q²) q̇ of so many rows of the tip's J (6, n), from the first one on, in Python."""
+    T, slope = np.zeros((3, J.shape[1], 6)), np.empty(J.shape[1])
+    T[0] = J.T
+    write_rates(T, qd)
+    w, bent = measure(T, first, count, slope)
+    return float(w), slope, float(bent)
+
+
+def manipulability_rows() -> WriteRows:
     """Make the function that writes the row of manipulability, by its number among the parts of the step at an address.
 
     Its parameters are the least w, the scale, and the first and the number of the rows of the Jacobian that count.

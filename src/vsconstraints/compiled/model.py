@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from .evaluation import Bound
     from .structures import Step
 
-Believe = Callable[[State], State]
-"""From a state to what a controller would believe it to be; compiled, if it is :class:`Compiled`."""
+StateEstimator = Callable[[State], State]
+"""From a state to what a controller would estimate it to be; compiled, if it is :class:`Compiled`."""
 
-Spoil = Callable[[Rows, Array], Rows]
+GradientErrorModel = Callable[[Rows, Array], Rows]
 """From rows and q̇ (n,) to those that a controller would be given; compiled likewise."""
 
 
@@ -37,7 +37,7 @@ class Compiled(Protocol):
         """Let a compiled step do the same."""
 
 
-class Present(NamedTuple):
+class CurrentState(NamedTuple):
     """The time [s], q and q̇ (n,) that rows and task were made of last."""
 
     t: float
@@ -95,7 +95,7 @@ class Model:
     ----------
     of
         The control step in the loop.
-    believe, spoil
+    estimate, gradient_error
         What the control believes of a state, and what becomes of its rows, where that is not what the scene says.
 
     Attributes
@@ -108,29 +108,31 @@ class Model:
         The compiled step that predicts; None where anything runs in NumPy.
     """
 
-    def __init__(self, of: ControlStep, believe: Believe | None = None, spoil: Spoil | None = None) -> None:
+    def __init__(
+        self, of: ControlStep, estimate: StateEstimator | None = None, gradient_error: GradientErrorModel | None = None
+    ) -> None:
         task = copy(of.visual_task)
         task.drift = task.velocity = task.reference = "exact"
-        self._of, self._believe, self._spoil = of, believe, spoil
+        self._of, self._estimate, self._gradient_error = of, estimate, gradient_error
         self._own = type(of)(of.scene, of.constraints, task, known=of.known)
         self.K, self.acceleration = of.constraints.approach_time, of.acceleration
         self._kernels = load("predictions")
-        wrong: list[object] = [part for part in (believe, spoil) if part is not None]
+        wrong: list[object] = [part for part in (estimate, gradient_error) if part is not None]
         write = [part.write for part in wrong if isinstance(part, Compiled)]
-        self.step = self._own.bound() if self._kernels is not None and len(write) == len(wrong) else None
+        self.step = self._own.bound() if len(write) == len(wrong) else None
         if self.step is not None:
             for each in write:
                 each(self.step.packed.step)
 
     def __getstate__(self) -> dict[str, Any]:
         """What it is made of; the compiled form is made again where it is needed."""
-        return {"of": self._of, "believe": self._believe, "spoil": self._spoil}
+        return {"of": self._of, "estimate": self._estimate, "gradient_error": self._gradient_error}
 
     def __setstate__(self, made: dict[str, Any]) -> None:
         self.__init__(**made)  # type: ignore[misc]
 
     @property
-    def present(self) -> Present:
+    def present(self) -> CurrentState:
         """What the rows and the task in the loop were made of last."""
         return self._of.present
 
@@ -212,14 +214,14 @@ class Model:
             t = self.present.t
         if self.step is not None:
             return own.evaluate(t, q, qd)
-        if self._believe is not None:
-            found: Evaluation = own.define(self._believe(own.scene.evaluate(t, q, qd)))
+        if self._estimate is not None:
+            found: Evaluation = own.define(self._estimate(own.scene.evaluate(t, q, qd)))
         else:
             found = own.evaluate(t, q, qd)
-        if self._spoil is None:
+        if self._gradient_error is None:
             return found
         seen = found.error, found.sigma, found.pixels, found.points, found.camera_R, found.camera_t
-        return DefinedEvaluation(self._spoil(found.rows, qd), found.task, *seen)
+        return DefinedEvaluation(self._gradient_error(found.rows, qd), found.task, *seen)
 
     def _one_by_one(self, t: Array, q: Array, qd: Array) -> Prediction:
         found: list[tuple[Array, ...]] = []

@@ -13,14 +13,16 @@ import inspect
 import time
 import warnings
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, wraps
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from ..rows import Array, IntArray
 from . import compiler
 from .compiler import IN_PLACE, INT, VOID, compiled, in_python
-from .structures import Size, packed_at
+from .structures import Size, demand_packed, packed_at
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 _functions: dict[int, Callable[..., Any]] = {}
 """Functions whose address was taken, as Python calls them."""
@@ -82,6 +84,29 @@ if compiler.internals is not None:
     compiler.internals.matrix_at_as(matrix_at)
     compiler.internals.monotonic_as(monotonic, time.CLOCK_MONOTONIC)
 
+
+def checked(*kinds: type) -> Callable[[F], F]:
+    """Make a decorator of a compiled function that takes the addresses of structures of these classes first.
+
+    From Python it raises InvalidInput for any other address; ``unchecked`` is the function without that look.
+    """
+
+    def decorate(function: F) -> F:
+        @wraps(getattr(function, "py_func", function))
+        def demanding(*arguments: Any) -> Any:
+            for kind, at in zip(kinds, arguments, strict=False):
+                demand_packed(at, kind)
+            return function(*arguments)
+
+        for name in ("overloads", "signatures", "py_func"):
+            if hasattr(function, name):
+                setattr(demanding, name, getattr(function, name))
+        demanding.unchecked = function  # type: ignore[attr-defined]
+        return cast("F", demanding)
+
+    return decorate
+
+
 load_step = struct_loader(Size().step()[0])
 """The :class:`.Step` at an address: entry points take a number in place of fifty arrays."""
 
@@ -117,11 +142,11 @@ def make_part(
     given = tuple(formula for formula in formulas if formula is not None)
     # functions from the disk are found by their names, of which every process counts its own
     made_of = hashlib.sha256(repr(constants).encode() + compiler.internals.state_of(formulas)).hexdigest()[:16]
-    function.__name__ = function.__qualname__ = f"{function.__name__}_{made_of}"
+    function.__name__ = function.__qualname__ = f"{template.__name__}_{made_of}"
     return compiled(signature, options, given, from_python)(function)
 
 
-def tell_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Exception) -> None:
+def warn_refused(formulas: tuple[Callable[..., Any] | None, ...], error: Exception) -> None:
     """Warn that the compiler refuses one of these formulas, by name, file and line, and why: it runs in NumPy."""
     names = " and ".join(
         f"{formula.__qualname__} ({inspect.getsourcefile(formula)}, line {formula.__code__.co_firstlineno})"

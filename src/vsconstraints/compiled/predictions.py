@@ -6,6 +6,7 @@ from ..rows import Array
 from .compiler import IN_PLACE, compiled
 from .parts import address, call_int_pointer
 from .step import evaluate_step
+from .structures import Step, demand_packed
 
 EVALUATE = address(evaluate_step)
 """Where the function begins that evaluates a step."""
@@ -29,5 +30,6 @@ def predict_by(evaluate: int, step: int, t: Array, q: Array, qd: Array, now: Arr
 
 def predict(step: int, t: Array, q: Array, qd: Array, now: Array, out: Array) -> int:
     """As :func:`predict_by`, for the step at an address."""
+    demand_packed(step, Step)
     N: int = predict_by(EVALUATE, step, t, q, qd, now, out)
     return N

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from ..formulas.limits import JointLimits, actuator_box, at_end, between
-from ..formulas.poses import angle, reached
+from ..formulas.motion import angle, reached
 from ..formulas.tracking import goal_at
 from ..rows import Array, BoolArray, IntArray
 from .structures import Answer, RowArrays, TaskArrays
@@ -54,7 +54,7 @@ class Kept(NamedTuple):
     """Samples as :class:`vsconstraints.simulation.Trajectory` has them; shorter arrays are filled round and round.
 
     ``states`` (N, s, n) are those of the plant at the beginning of each period. The camera's errors and poses, and the
-    features' error, are kept for as long as it takes to tell rest even where nothing else is.
+    features' error, are kept for as long as it takes to detect rest, even where nothing else is.
     """
 
     states: Array

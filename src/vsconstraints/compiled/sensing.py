@@ -24,8 +24,8 @@ from .images import Images, Lenses, Sensing
 from .kinematics import put, put_matrix
 from .least_squares import pseudoinverse
 from .linear import START
-from .parts import address, call_int_pointer, load_step, struct_loader
-from .structures import Scratch
+from .parts import address, call_int_pointer, checked, load_step, struct_loader
+from .structures import Scratch, Step
 
 in_place(images.usable)
 register_formulas()
@@ -82,6 +82,7 @@ load_sensing = struct_loader(
 )
 
 
+@checked(Sensing, Step, Step)
 @compiled("int64(int64, int64, int64, float64, int64)", OPTIONS)
 def observe(sensing_address: int, true_address: int, believed_address: int, t: float, k: int) -> int:
     """Tell the step that the control believes in what is measured in sample k, at t [s], of the step that is true.
@@ -120,4 +121,4 @@ def observe(sensing_address: int, true_address: int, believed_address: int, t: f
 
 
 OBSERVE = address(observe)
-"""Where the function begins that tells a step what is measured."""
+"""Address of the function that gives a step its measurement."""

@@ -49,7 +49,7 @@ def in_one_call(control: ControlStep, controller: Controller) -> StateToCommand 
     if law is None:
         return None
     kernels, packed, measure = load("from_state"), step.packed, step.measure
-    both = partial(entry(kernels.command), packed.address, law.address, law.answer)
+    both = partial(entry(kernels.command_by), kernels.EVALUATE, packed.address, law.address, law.answer)
     refused, answer, copied = kernels.REFUSED, law.command, step.out.copy
     constraints, unknown = control.constraints, np.full(size.M, np.nan)
     innovation, doubted = control.innovation, control.doubted

@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 
-from ..formulas.image import image_motion
+from ..formulas.features import image_motion
 from ..formulas.innovation import MEMORY, image_innovation, slip
 from ..formulas.limits import JointLimits, joint_box
-from ..formulas.motion import carried, relative_twist, target_pose
-from ..formulas.poses import angle
+from ..formulas.motion import angle, carried, relative_twist, target_pose
 from ..formulas.vectors import (
     Vector,
     along_with,
@@ -27,9 +26,10 @@ from ..formulas.vectors import (
 from ..rows import Array, BoolArray
 from ..vision.scene import MINIMUM_DEPTH
 from .compiler import IN_PLACE, compiled, in_place
+from .constraint_rows import displaced
 from .kinematics import move, place, point_jacobian, put, put_matrix
-from .parts import call_void_pointer, load_step
-from .row import displaced
+from .parts import call_void_pointer, checked, load_step
+from .structures import Step
 from .visual_task import JUST_NOW, write_task
 
 
@@ -224,6 +224,7 @@ def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
     return True
 
 
+@checked(Step)
 @compiled("int64(int64, float64, float64[::1], float64[::1])", IN_PLACE)
 def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
     """Compute everything that a controller needs at time t [s], q and q̇ (n,), on the arrays of a :class:`.Step`.
@@ -237,6 +238,7 @@ def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
     return 0 if done else 1
 
 
+@checked(Step)
 @compiled("int64(int64, float64[:, ::1], float64[::1], float64, float64)", IN_PLACE)
 def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -> int:
     """Let the next step take these pixels (M, 2) and depths (M,), NaN where there are none, of an image of that time.
@@ -258,6 +260,7 @@ def measure(address: int, pixels: Array, depth: Array, taken: float, t: float) -
     return 0
 
 
+@checked(Step)
 @compiled("void(int64, float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, :, ::1], boolean[::1])", IN_PLACE)
 def views(address: int, t: Array, q: Array, pixels: Array, points: Array, seen: BoolArray) -> None:
     """Write pixels (N, M, 2) and robot points (N, P, 3) at times t (N,) and coordinates q (N, n), without their motion.

@@ -8,6 +8,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
+from ..errors import InvalidInput
 from ..formulas.limits import JointLimits
 from ..rows import Array, BoolArray, IntArray
 from .records import (
@@ -347,6 +348,13 @@ def pack_struct(structure: Any) -> StructWords:
     words.structure = structure
     _packed[words.ctypes.data] = words
     return words
+
+
+def demand_packed(address: int, kind: type) -> None:
+    """Raise InvalidInput unless a structure of that class was packed at an address, and still lives."""
+    words = _packed.get(address)
+    if words is None or type(words.structure) is not kind:
+        raise InvalidInput(f"there is no {kind.__name__} at the address {address}")
 
 
 def packed_at(address: int) -> Any:

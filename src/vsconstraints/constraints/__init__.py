@@ -4,24 +4,24 @@ from .base import Constraint, RowBlock, Trace
 from .bodies import Body, attached_body, fixed_body, link_bodies, mesh
 from .collision import BodyDistance, Collision, SelfCollision
 from .constraint_set import ConstraintSet, robot_points
-from .curves import Bowl, Circle, Curve, Heart, Hyperellipse, Shape
+from .curves import Bowl, Circle, Curve, Heart, Hyperellipse, Occlusion, Shape
 from .field_of_view import FieldOfView
-from .forbidden_box import ForbiddenBox
-from .forbidden_capsule import ForbiddenCapsule
-from .forbidden_cylinder import ForbiddenCylinder
-from .forbidden_half_space import ForbiddenHalfSpace
-from .forbidden_region import ForbiddenRegion
-from .forbidden_sphere import ForbiddenSphere
 from .image_constraint import ImageConstraint
 from .joint_constraint import JointConstraint, SpeedConstraint
-from .joint_range import JointRange
-from .joint_speed import JointSpeed
+from .joint_limits import JointRange, JointSpeed
 from .link_points import LinkPoints, link_points
 from .manipulability import Manipulability
 from .meshes import Mesh
-from .occlusion import Occlusion
 from .performance_funnel import PerformanceFunnel
 from .point_constraint import PointConstraint
+from .regions import (
+    ForbiddenBox,
+    ForbiddenCapsule,
+    ForbiddenCylinder,
+    ForbiddenHalfSpace,
+    ForbiddenRegion,
+    ForbiddenSphere,
+)
 
 __all__ = [
     "Body",

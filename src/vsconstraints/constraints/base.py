@@ -23,8 +23,7 @@ from ..rows.readable import amount, enumerated, in_one_line
 from ..vision.motion import Motion
 from ..vision.scene import PointMotion, Scene, State
 from . import by_formula
-from .by_formula import Formula, Frame
-from .form import Form
+from .by_formula import Form, Formula, Frame
 from .meshes import Mesh
 
 FOLLOWING = ("sigma", "gradient", "curvature", "rows", "relative", "chain_rule")

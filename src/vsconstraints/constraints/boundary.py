@@ -14,7 +14,7 @@ from ..rows import Array
 STEP = 1.0
 """Distance between the grid points on which a curve is looked for [px]; narrower parts of it may be missed."""
 
-MOST = 8000
+MAX_GRID_POINTS = 8000
 """Grid points a side at most; the grid is coarser for curves that come from farther away."""
 
 SPACING = 0.25
@@ -52,7 +52,7 @@ def zero_lines(
     half = 0.5 * AROUND * np.asarray(image_size)
     moved = np.zeros((1, 2)) if displacements is None else displacements
     low, high = -half - moved.max(axis=0), half - moved.min(axis=0)
-    counts = np.minimum(np.ceil((high - low) / STEP), MOST).astype(int) + 1
+    counts = np.minimum(np.ceil((high - low) / STEP), MAX_GRID_POINTS).astype(int) + 1
     u, v = (np.linspace(a, b, count) for a, b, count in zip(low, high, counts, strict=True))
     lines = contourpy.contour_generator(*_cut_out(u, v, grid(u, v))).lines(0.0)
     return [_refined(_onto_curve(np.asarray(line), sigma, gradient), sigma, gradient) for line in lines]
@@ -119,6 +119,6 @@ class Polylines:
         nearest, found = np.empty(len(flat), dtype=np.int64), np.full(len(flat), np.inf)
         if self._prepared is not None:
             stride = points.shape[-2] if points.ndim > 2 else 1
-            search = (load("polylines") or polylines).search
+            search = load("polylines").search
             search(flat, self._prepared, stride, nearest, found)
         return found.reshape(points.shape[:-1])

@@ -1,16 +1,17 @@
-"""What an elementwise formula in a frame of its own comes to, for arrays of coordinates."""
+"""Elementwise formulas in frames of their own: for arrays of coordinates, and for the compiled step."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ..errors import ConfigurationError
 from ..formulas.frames import TINY, differences_in_image, differences_in_space, turned_back_in_image, turned_in_image
 from ..formulas.vectors import turned, turned_back
-from ..rows import Array
+from ..rows import Array, IntArray
+from ..vision.motion import Motion
 
 Formula = Callable[..., Any]
 Frame = tuple[Array, Array]
@@ -44,6 +45,36 @@ class ByFormula(Protocol):
     curvature_formula: Formula | None
     parameters: tuple[float, ...]
     frame: Frame | None
+
+
+class Form(NamedTuple):
+    """What the compiled step needs to know of a constraint.
+
+    Attributes
+    ----------
+    rows
+        Which function of :mod:`vsconstraints.compiled.constraint_rows` makes such rows.
+    formulas
+        Elementwise functions that it makes them of.
+    parameters
+        Of the formulas.
+    which
+        (r,) for each row the number of the marker, or of the robot point in the scene, counted from 0.
+    frame, margin, motion
+        See :class:`vsconstraints.constraints.base.PositionConstraint`.
+    gradients, offsets
+        Of linear rows: (r, n) and (r,).
+    """
+
+    rows: str
+    formulas: tuple[Callable[..., Any] | None, ...] = ()
+    parameters: tuple[float, ...] = ()
+    which: Sequence[int] | IntArray | int = 0
+    frame: Frame | None = None
+    margin: float = 0.0
+    motion: Motion | None = None
+    gradients: Array | float = 0.0
+    offsets: Array | float = 0.0
 
 
 def demand_own_curvature(kind: type) -> None:

@@ -15,7 +15,7 @@ from ..vision.scene import PointMotion, Scene, State
 from . import by_formula
 from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_positive
 from .boundary import Polylines, zero_lines
-from .form import Form
+from .by_formula import Form
 
 
 class ImageConstraint(PositionConstraint):

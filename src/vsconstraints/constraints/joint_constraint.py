@@ -10,8 +10,7 @@ import numpy as np
 from ..rows import Array
 from ..vision.scene import Scene, State
 from .base import Constraint, RowBlock, Trace, to_first_order
-from .by_formula import differences_along
-from .form import Form
+from .by_formula import Form, differences_along
 
 
 class JointConstraint(Constraint):

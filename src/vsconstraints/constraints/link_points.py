@@ -16,7 +16,7 @@ from ..rows import Array
 from .base import demand_positive
 from .surfaces import surface
 
-MOST = 60
+MAX_POINTS = 60
 """Points along a link: each is a row, and covering its surface takes the square of their number."""
 
 FIXED = 1e-9
@@ -68,7 +68,7 @@ def link_points(
     ------
     ConfigurationError
         if there is no collision geometry and no radius, a mesh cannot be read, no point of a link moves, or a link
-        would have more than :data:`MOST` points.
+        would have more than :data:`MAX_POINTS` points.
     """
     demand_positive(spacing, "spacing of points along the links")
     if link_radius is None:
@@ -104,10 +104,10 @@ def _moves(robot: Robot, point: RobotPoint) -> bool:
 
 
 def _demand_few(link: str, length: float, spacing: float) -> None:
-    if length > MOST * spacing:
+    if length > MAX_POINTS * spacing:
         raise ConfigurationError(
             f"spacing of points along the links: {link} is {length:.3g} m long, {length / spacing:.3g} points with a "
-            f"spacing of {spacing:g} m; a link may have {MOST}"
+            f"spacing of {spacing:g} m; a link may have {MAX_POINTS}"
         )
 
 

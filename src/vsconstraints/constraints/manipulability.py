@@ -1,8 +1,4 @@
-"""The arm stays away from singular configurations: section 4.3.6.
-
-Singular values are LAPACK's; :mod:`.manipulability_rows`, where it cannot be called, finds them by
-rotations. ``test_arms_of_every_shape`` in ``tests/test_compiled_manipulability.py`` holds the pair together.
-"""
+"""The arm stays away from singular configurations: section 4.3.6."""
 
 from __future__ import annotations
 
@@ -10,15 +6,14 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from ..compiled import load
 from ..errors import ConfigurationError, unknown_name
-from ..formulas.manipulability import SINGULAR
 from ..qp.decomposition import svd
-from ..robots.geometry import skew
 from ..robots.robot import Robot
 from ..rows import Array
 from ..vision.scene import Scene, State
 from .base import Constraint, RowBlock, Trace, demand_positive
-from .form import Form
+from .by_formula import Form
 
 Part = Literal["pose", "position", "orientation"]
 """Which rows of the tip's Jacobian count."""
@@ -93,34 +88,21 @@ class Manipulability(Constraint):
 
     def gradient(self, J: Array) -> Array:
         """(n,) ∂w/∂q from the tip's Jacobian J (6, n) in the tip's frame."""
-        weighted = weighted_inverse(J[self._rows])
-        change = jacobian_derivatives(J)[:, self._rows]
-        gradient: Array = change.reshape(len(change), -1) @ weighted.T.ravel()
-        return gradient
-
-    def curvature(self, J: Array, qd: Array) -> Array:
-        """() q̇ᵀ (∂²w/∂q²) q̇, from the first two derivatives of log det along q̇."""
-        J_dot, J_ddot = jacobian_rates(J, qd)
-        A, B, C = J[self._rows], J_dot[self._rows], J_ddot[self._rows]
-        if A.shape[0] > A.shape[1]:
-            A, B, C = A.T, B.T, C.T
-        U, s, _ = svd(A, full_matrices=False)
-        s = np.maximum(s, SINGULAR)
-        # X = G⁻¹ Ġ and tr(G⁻¹ G̈) for G = A Aᵀ
-        inverse = (U / s**2) @ U.T
-        X = inverse @ (B @ A.T + A @ B.T)
-        second = 2.0 * np.trace(inverse @ (C @ A.T + B @ B.T))
-        rate = 0.5 * np.trace(X)
-        curvature: Array = s.prod() * (rate**2 + 0.5 * (second - (X * X.T).sum()))
-        return curvature
+        return self._derivatives(J, np.zeros(J.shape[1]))[1]
 
     def rows(self, state: State, points: slice) -> RowBlock:
         """One row, from the tip's Jacobian."""
-        J, qd = state.robot.J, state.robot.qd
-        factor = -1.0 / self.w_scale
-        sigma = np.array([(self.minimum - measure(J[self._rows])) / self.w_scale])
-        g = factor * self.gradient(J)[None, :]
-        return self.block(sigma, g @ qd, g, factor * self.curvature(J, qd))
+        qd, factor = state.robot.qd, -1.0 / self.w_scale
+        w, slope, bent = self._derivatives(state.robot.J, qd)
+        g = factor * slope[None, :]
+        return self.block(np.array([(self.minimum - w) / self.w_scale]), g @ qd, g, np.array([factor * bent]))
+
+    def _derivatives(self, J: Array, qd: Array) -> tuple[float, Array, float]:
+        directions = range(6)[self._rows]
+        found: tuple[float, Array, float] = load("manipulability_rows").derivatives(
+            J, qd, directions.start, len(directions)
+        )
+        return found
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """The row that compiled code makes from the tip's Jacobian, by a decomposition of its own."""
@@ -144,54 +126,3 @@ class Manipulability(Constraint):
 def measure(J: Array) -> float:
     """Product of the singular values of J (r, n)."""
     return float(svd(J, full_matrices=False)[1].prod())
-
-
-def weighted_inverse(J: Array) -> Array:
-    """(n, r) w J⁺ with w the product of the singular values: finite also where one of them is zero."""
-    U, s, Vt = svd(J, full_matrices=False)
-    others = np.where(np.eye(len(s), dtype=np.bool_), 1.0, s).prod(axis=1)
-    weighted: Array = (Vt.T * others) @ U.T
-    return weighted
-
-
-def _structure() -> Array:
-    """(6, 36) C with (a C) as a 6 × 6 matrix times b being [a, b] = (ω_a × v_b + v_a × ω_b, ω_a × ω_b)."""
-    C = np.zeros((6, 6, 6))
-    turns = skew(np.eye(3))
-    C[:3, :3, 3:] = turns
-    C[3:, :3, :3] = C[3:, 3:, 3:] = turns
-    return C.reshape(6, 36)
-
-
-_STRUCTURE = _structure()
-
-
-def adjoints(twists: Array) -> Array:
-    """(k, 6, 6) matrices of [a, ·] for twists a = (v, ω) (k, 6)."""
-    matrices: Array = (twists @ _STRUCTURE).reshape(-1, 6, 6)
-    return matrices
-
-
-def jacobian_derivatives(J: Array) -> Array:
-    """(n, 6, n) ∂J/∂q_k of a serial arm's tip Jacobian J (6, n) in the tip's frame, k first."""
-    # a joint moves the columns of those before it, as seen from the tip
-    n = J.shape[1]
-    before = np.arange(n) < np.arange(n)[:, None]
-    change: Array = (adjoints(J.T) @ -J) * before[:, None, :]
-    return change
-
-
-def jacobian_rates(J: Array, qd: Array) -> tuple[Array, Array]:
-    """(6, n) J̇ and J̈ when q̈ = 0, for J as in :func:`jacobian_derivatives`."""
-    columns = J.T
-    turning = adjoints(_sum_after(columns * qd[:, None]))
-    first = -(turning @ columns[:, :, None])[..., 0]
-    turning_dot = adjoints(_sum_after(first * qd[:, None]))
-    second = -(turning_dot @ columns[:, :, None] + turning @ first[:, :, None])[..., 0]
-    return first.T, second.T
-
-
-def _sum_after(twists: Array) -> Array:
-    """(n, 6) what the joints after each one add to the tip's twist."""
-    after: Array = twists[::-1].cumsum(axis=0)[::-1] - twists
-    return after

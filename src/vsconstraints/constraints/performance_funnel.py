@@ -8,13 +8,12 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..formulas.features import pose_error
-from ..formulas.funnel import funnel
-from ..formulas.tracking import goal_at
+from ..formulas.tracking import funnel, goal_at
 from ..rows import Array, IntArray
 from ..vision.features import CameraPose, Goal
 from ..vision.scene import Scene, State
 from .base import Constraint, RowBlock, Trace, demand_numbers, demand_positive
-from .form import Form
+from .by_formula import Form
 
 POSE = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 """Components of a camera pose's error, in the frame of the goal's camera."""

@@ -12,7 +12,7 @@ from ..robots.kinematics import RobotPoint
 from ..rows import Array
 from ..vision.scene import PointMotion, Scene, State
 from .base import PositionConstraint, RowBlock, Trace, demand_positive, to_first_order
-from .form import Form
+from .by_formula import Form
 from .meshes import Mesh
 
 

@@ -43,10 +43,11 @@ class CompiledLaw:
         Whether it tells what it leaves unmet, and whether it uses more than usual of the rows.
     """
 
-    __slots__ = ("_frozen", "_laws", "address", "arrays", "labels", "measures", "remark", "whole")
+    __slots__ = ("_follow", "_follow_whole", "_frozen", "address", "arrays", "labels", "measures", "remark", "whole")
 
     def __init__(self, arrays: LawArrays, labels: tuple[str, ...], remark: str, measures: bool, whole: bool) -> None:
-        self._laws = load("laws")
+        laws = load("laws")
+        self._follow, self._follow_whole = laws.follow.unchecked, laws.follow_whole.unchecked
         self.arrays, self.labels, self.remark, self.measures, self.whole = arrays, labels, remark, measures, whole
         self._frozen = load("structures").pack_struct(arrays)
         self.address = int(self._frozen.ctypes.data)
@@ -57,10 +58,21 @@ class CompiledLaw:
         if self.whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
             known = rows.sigma, rows.sigma_dot, rows.K, gain, scale, *box
             return (
-                self._laws.follow_whole, self.address, len(rows.labels), phi, rows.Lg, rows.Lf, *known, task.J, task.b,
+                self._follow_whole, self.address, len(rows.labels), phi, rows.Lg, rows.Lf, *known, task.J, task.b,
                 task.error, task.error_rate, task.rest,
             )  # fmt: skip
-        return self._laws.follow, self.address, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
+        return (
+            self._follow,
+            self.address,
+            len(rows.labels),
+            phi,
+            rows.Lg,
+            rows.Lf,
+            gain,
+            scale,
+            task.J,
+            task.b,
+        )
 
     def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
         """Its code, q̈ (n,), the rows that acted (m,), slack (m,) or (0,), and iterations."""
@@ -74,7 +86,7 @@ class CompiledLaw:
         else:
             # as call has it, without a tuple in between, which takes longer
             gain, scale = rows.switching_gain, rows.scale
-            code = self._laws.follow(
+            code = self._follow(
                 self.address, m, rows.phi, rows.Lg, rows.Lf, gain, scale, J, task.b, qdd, acted, slack, count
             )
         return code, qdd, acted, slack, int(count[0]) if self.measures else 0

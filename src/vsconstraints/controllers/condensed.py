@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled import load
-from ..formulas import plans
 from ..qp.decomposition import lapack
 from ..qp.penalised import Cost
 from ..rows import UNKNOWN, Array, IntArray, Rows, Task
@@ -45,8 +44,8 @@ class Lookahead(NamedTuple):
 
 
 def loops() -> Any:
-    """:mod:`vsconstraints.formulas.plans`, compiled where there is a compiler."""
-    return load("plans") or plans
+    """:mod:`vsconstraints.formulas.plans`, compiled."""
+    return load("plans")
 
 
 def look_ahead(rows: Rows, task: Task, seen: Any, at: Instants, plan: Array, K: Array) -> Lookahead:

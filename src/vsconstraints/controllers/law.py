@@ -156,16 +156,16 @@ class Law(Controller):
             row = Row(
                 phi=rows.phi,
                 Lf=rows.Lf,
-                sigma=given(rows.sigma),
-                sigma_dot=given(rows.sigma_dot),
-                K=given(rows.K),
+                sigma=or_nan(rows.sigma),
+                sigma_dot=or_nan(rows.sigma_dot),
+                K=or_nan(rows.K),
                 switching_gain=rows.switching_gain,
                 scale=rows.scale,
                 tracked=tracked,
                 norm=np.linalg.norm(rows.Lg, axis=1),
                 norm_1=np.abs(rows.Lg).sum(axis=1),
                 effort=math.nan if tracking is None else np.linalg.norm(tracking),
-                last_rate=given(self.last_rates),
+                last_rate=or_nan(self.last_rates),
                 period=math.nan if self.period is None else self.period,
                 memory=kept.T,
             )
@@ -268,6 +268,6 @@ class Law(Controller):
         return None if law is None else BoundLaw(self.resolver, law, rows, task, acted, qdd)
 
 
-def given(array: Array) -> Array | float:
+def or_nan(array: Array) -> Array | float:
     """The array, or NaN where nothing is given."""
     return array if len(array) else math.nan

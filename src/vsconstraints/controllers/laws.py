@@ -162,9 +162,9 @@ class HierarchicalQP(Law):
         Rate α of the barrier [1/s].
     solver
         ``"auto"``: the dual active-set method of :mod:`vsconstraints.compiled.least_distance`, compiled together with
-        all of this law, and where there is no compiler ``"daqp"``. Or the name of a QP solver, see
-        :func:`vsconstraints.qp.solver_names`. If its answer fails the check of the optimality conditions, others are
-        asked (:data:`vsconstraints.qp.FALLBACKS`) and the command says so.
+        all of this law. Or the name of a QP solver, see :func:`vsconstraints.qp.solver_names`. If an answer fails the
+        check of the optimality conditions, others are asked (:data:`vsconstraints.qp.FALLBACKS`), and the command says
+        so.
     weights
         Diagonal of W by the beginning of the label, for example ``{"fov": 2.0, "range[joint 6]": 5.0}``; the
         longest matching beginning counts, 1 where none matches. From 1e-10 to 1e10: beside rows of so much more weight

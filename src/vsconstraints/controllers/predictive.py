@@ -21,10 +21,10 @@ from .model import Model
 from .ranges import Declared, Range, positive
 from .resolvers import Hierarchy, row_weights
 
-MOST_BLOCKS = 100
+MAX_BLOCKS = 100
 """Of a horizon: the QP has n times as many unknowns."""
 
-MOST_PERIODS = 10_000
+MAX_PERIODS = 10_000
 """Of a block."""
 
 NO_ROWS: IntArray = np.empty(0, dtype=np.int64)
@@ -149,7 +149,7 @@ class PredictiveControl(Controller):
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in ("horizon", "block"):
-            value = _count(name, value, MOST_BLOCKS if name == "horizon" else MOST_PERIODS)
+            value = _count(name, value, MAX_BLOCKS if name == "horizon" else MAX_PERIODS)
         elif name in ("approach", "damping"):
             value = _positive(name, value)
         elif name in ("weights", "max_acceleration"):

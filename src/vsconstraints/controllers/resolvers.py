@@ -112,7 +112,7 @@ class Resolver(ABC):
     def share(self, rows: Rows, task: Task, c: Array) -> tuple[int, Command | None]:
         """The code and the command of the compiled form, for what rows ask for, c (m,): see ``purpose``."""
         demand = KnownPush() if self.purpose == PUSH else Known()
-        memory = np.ascontiguousarray(c[:, None], dtype=np.float64)
+        memory = np.array(c[:, None], dtype=np.float64, order="C")
         law = compiled_law(demand, self, rows.labels, memory=memory, always=True)
         assert law is not None
         code, qdd, acted, slack, iterations = law(*(in_usual_layout(rows, task) or (rows, task)))
@@ -293,7 +293,7 @@ AUTO, DEFAULT = "auto", "daqp"
 COMPILED = "compiled"
 """What commands call the compiled solver."""
 
-HEAVIEST = 1e10
+MAX_WEIGHT = 1e10
 """Largest weight of a row, and the inverse of the least: those without one have 1."""
 
 ANSWERS = {SOLVED: (False, False), RELAXED_ROWS: (True, False), SHORT: (False, True), RELAXED_SHORT: (True, True)}
@@ -415,12 +415,15 @@ class Hierarchy(Resolver):
         assert solvers is not None
         return self.by_solvers(rows, task, c, solvers)
 
+    def box(self, rows: Rows, n: int) -> Array:
+        """(2, n) least and greatest q̈: what ``max_acceleration`` leaves of what the rows allow, or what is nearest."""
+        box: Array = np.array([[-self.bound], [self.bound]]) * np.ones(n)
+        return np.clip(box, rows.qdd_min, rows.qdd_max) if len(rows.qdd_max) else box
+
     def by_solvers(self, rows: Rows, task: Task, c: Array, solvers: SolverChain) -> Command:
         """The command by QP solvers, for what rows ask for, c (m,)."""
         found = least_norm(task.J, task.b, self.rank_tolerance, task.rest)
-        box: Array = np.array([[-self.bound], [self.bound]]) * np.ones(len(found.qdd))
-        if len(rows.qdd_max):
-            box = np.clip(box, rows.qdd_min, rows.qdd_max)
+        box = self.box(rows, len(found.qdd))
         center, shaped = self.center(rows, found.qdd, c, box)
         cost = Target.of(found, self.damping, self.rank_tolerance, self.aim == STRICT)
         if self.aim in (NEAREST, SCALED):
@@ -612,9 +615,9 @@ def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
 def _weight(prefix: str, value: object) -> float:
     """Return the weight as a float; raise ConfigurationError unless rounding leaves something of it and of 1."""
     weight = positive_number(f"weights[{prefix!r}]", value)
-    if not 1.0 / HEAVIEST <= weight <= HEAVIEST:
+    if not 1.0 / MAX_WEIGHT <= weight <= MAX_WEIGHT:
         raise ConfigurationError(
-            f"weights[{prefix!r}] must be between {1.0 / HEAVIEST:g} and {HEAVIEST:g}, not {shown(value)}: beside "
+            f"weights[{prefix!r}] must be between {1.0 / MAX_WEIGHT:g} and {MAX_WEIGHT:g}, not {shown(value)}: beside "
             "rows of so much more weight, light ones are lost in rounding"
         )
     return weight

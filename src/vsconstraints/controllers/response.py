@@ -54,7 +54,7 @@ def response(model: Model, reference: Array, periods: Array, scale: Array) -> Re
         (m,) of the rows.
     """
     bound, kernels = model.compiled(), load("response")
-    if bound is None or kernels is None:
+    if bound is None:
         return _in_numpy(model, reference, periods, scale)
     step, least, (t, q, qd) = bound.packed.step, np.full(len(scale), np.inf), model.present
     parts = np.array([kernels.EVALUATE, kernels.TRACK, bound.packed.address, 0])

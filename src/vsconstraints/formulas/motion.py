@@ -1,4 +1,4 @@
-"""How things move: a displacement in time, a point carried by a body, a camera relative to a target."""
+"""How things move, a point carried by a body, a camera relative to a target; and how far poses are from each other."""
 
 from __future__ import annotations
 
@@ -81,3 +81,20 @@ def relative_twist(
         ),
         (twist[0] + alpha[0], twist[1] + alpha[1], twist[2] + alpha[2]),
     )
+
+
+@formula
+def angle(squared_difference: Any) -> Any:
+    """Angle between two rotations [rad], from the sum of the squared differences of their matrices."""
+    return 2.0 * np.arcsin(np.minimum(1.0, np.sqrt(squared_difference / 8.0)))
+
+
+@formula
+def reached(distance: Any, turn: Any, away: Any, speed: Any, tolerance: Any, by_pose: bool) -> Any:
+    """Whether a goal is reached: by distance [m] and angle [rad] of the camera, or by markers [px] alone; and at rest.
+
+    At rest is the arm whose fastest joint has no more than ``speed`` [rad/s or m/s]; ``tolerance`` (4,) are those of
+    all four.
+    """
+    there = (distance <= tolerance[0]) & (turn <= tolerance[1]) if by_pose else away <= tolerance[2]
+    return there & (speed <= tolerance[3])

@@ -1,4 +1,4 @@
-"""What a demand is a formula of: the numbers of one row, or the arrays of all rows."""
+"""What a demand is a formula of: the numbers of one row, or the arrays of all rows; and gradients with an error."""
 
 from __future__ import annotations
 
@@ -79,3 +79,9 @@ def share(c: Any, tracked: Any) -> Any:
     """
     room = np.maximum(c, 0.0)
     return np.where(tracked > room, room / tracked, 1.0)
+
+
+@formula
+def gradient_error(gradient: Any, share: Any) -> Any:
+    """∇σ_e − ∇σ = c_e s ∘ |∇σ|, with ``share`` = c_e s; of L_gφ = K ∇σ likewise."""
+    return share * np.abs(gradient)

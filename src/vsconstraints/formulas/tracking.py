@@ -1,4 +1,4 @@
-"""The tracking law, eq. (42)."""
+"""The tracking law, eq. (42), and the funnel in which prescribed performance keeps its error."""
 
 from __future__ import annotations
 
@@ -78,3 +78,14 @@ def goal_at(begins: Any, t: float) -> int:
 def goals_at(begins: Any, t: Any) -> Any:
     """(N,) the same at many times (N,)."""
     return np.maximum(np.searchsorted(begins, np.asarray(t) + ROUNDING, side="right") - 1, 0)
+
+
+@formula
+def funnel(elapsed: Any, final: float, decay: float) -> tuple[Any, Any, Any]:
+    """ρ/ρ₀ = (1 − f) exp(−l t) + f and its first two derivatives, of ``final`` f = ρ∞/ρ₀ and ``decay`` l [1/s].
+
+    Before it begins, up to the rounding of :func:`vsconstraints.formulas.tracking.goal_at`, it stands open.
+    """
+    narrowing = (1.0 - final) * np.exp(-decay * np.maximum(elapsed, 0.0))
+    rate = decay * (elapsed >= -1e-9)
+    return narrowing + final, -rate * narrowing, rate * rate * narrowing

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -15,8 +14,8 @@ from typing import Any
 from ..comparisons.runs.machine import git_commit, machine, package_versions
 from ..comparisons.tables import write_table
 from ..errors import VsconstraintsError
-from ..reports.markdown import bold, bullets, code, plain, table
-from ..reports.page import where, write_pages
+from ..reports.markdown import bold, code, plain, table
+from ..reports.page import render, where, write_pages
 from ..reports.plots import PNG, Formats
 from ..scenarios import Scenario
 from .figures import FIGURES
@@ -90,15 +89,10 @@ def write_report(
     command
         What the user typed.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
     findings = [(claim, result.findings[claim.key]) for claim in all_claims()]
     numbered = {number: list(group) for number, group in groupby(findings, key=lambda pair: pair[0].number)}
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent), undefined=StrictUndefined, autoescape=False
-    )
-    environment.filters |= {"plain": plain, "bullets": bullets}
-    text = environment.get_template("report.md.j2").render(
+    text = render(
+        "reproduction.md",
         topics=TOPICS,
         summary=summary_table(result, numbered),
         claims={number: claims_table(result, group) for number, group in numbered.items()},
@@ -116,7 +110,7 @@ def write_report(
         problems=result.problems,
         machine=machine_table(result, command),
     )
-    write_pages(result.report, re.sub(r"\n{3,}", "\n\n", text.strip()) + "\n")
+    write_pages(result.report, text)
     lines = [
         (claim.key, claim.where, claim.sentence, claim.rule, finding.verdict, finding.text)
         for claim, finding in findings

@@ -72,9 +72,9 @@ def write_pages(report: Path, text: str) -> None:
 def split_details(text: str) -> tuple[str, str]:
     """A report without its details, and its details with their headings; the latter empty where there are none."""
     title = text.partition("\n")[0]
-    details = [f"## {found[1]}\n\n{found[2]}\n" for found in DETAILS.finditer(text)]
-    linked = "\n".join(details).replace("](#", "](report.md#")
-    return DETAILS.sub("", text), f"{title}: details\n\n{linked}" if details else ""
+    details = "\n".join(f"## {found[1]}\n\n{found[2]}\n" for found in DETAILS.finditer(text))
+    short = DETAILS.sub(lambda found: f"[{found[1]}](details.md#{_slug(found[1])})\n\n", text)
+    return short, f"{title}: details\n\n{details.replace('](#', '](report.md#')}" if details else ""
 
 
 def details_of(report: Path) -> Path:
@@ -160,12 +160,17 @@ def _named_headings(tokens: Sequence[Token]) -> list[Heading]:
     for k, token in enumerate(tokens):
         if token.type == "heading_open":
             text = _plain(tokens[k + 1])
-            slug = re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-")
+            slug = _slug(text)
             name = next(one for n in range(len(tokens)) if (one := f"{slug}-{n}" if n else slug) not in taken)
             taken.add(name)
             token.attrSet("id", name)
             headings.append(Heading(k, token.tag, text, name))
     return headings
+
+
+def _slug(heading: str) -> str:
+    """The name by which GitHub knows a heading."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 
 def _label_tables(tokens: Sequence[Token]) -> None:

@@ -11,7 +11,7 @@ from ..comparisons.metrics import METRICS, NEGLIGIBLE, TOLERANCES, TOLERANT, Met
 from ..comparisons.statistics import rate_of, rate_text
 from ..comparisons.suite import BASELINE
 from ..rows.readable import counted
-from ..simulation.separation import UNSOLVABLE
+from ..simulation.start import UNSOLVABLE
 from .best import Better, Cell, judged_by, marked, shown
 from .markdown import bold, code, enumeration, tables
 from .numbers import DASH, FORMATS, count, largest, median, number, of_length

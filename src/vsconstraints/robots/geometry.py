@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from ..errors import InvalidInput, shown
 from ..formulas import rotation
-from ..formulas.poses import angle
+from ..formulas.motion import angle
 from ..qp.decomposition import svd
 from ..rows import Array
 from ..rows.readable import amounts, in_one_line

@@ -1,25 +1,19 @@
 """Where a robot is and how it moves: evaluated on Pinocchio for one configuration at a time.
 
-This and :mod:`vsconstraints.compiled.kinematics`, which does the same for compiled code, are a pair:
-``test_every_robot_and_constraint_in_every_world`` in ``tests/test_control_step.py`` holds it together.
+The oracle of :mod:`vsconstraints.compiled.kinematics`: ``test_every_robot_and_constraint_in_every_world`` in
+``tests/test_control_step.py`` compares the two.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
-from ..errors import unknown_name
 from ..rows import Array
 from .geometry import Pose, skew, vector
-
-if TYPE_CHECKING:
-    from .robot import Robot
 
 
 @dataclass(frozen=True)
@@ -75,17 +69,29 @@ class Kinematics:
 
 
 class KinematicsEvaluator:
-    """Evaluates one robot's kinematics for a fixed set of points; call it with ``q`` and ``qd`` (n,)."""
+    """Evaluates the kinematics of a model for a fixed set of points; call it with ``q`` and ``qd`` (n,).
 
-    def __init__(self, robot: Robot, points: Sequence[RobotPoint]) -> None:
-        self._model, self._data, self._tip = robot.model, robot._data, robot.frame_id("tip")
+    Parameters
+    ----------
+    model, data
+        Pinocchio's; the data is overwritten by every call.
+    tip
+        Number of the tip's frame.
+    points, frames
+        The points, and the numbers of the frames of their links.
+    """
+
+    def __init__(
+        self, model: pin.Model, data: pin.Data, tip: int, points: Sequence[RobotPoint], frames: Sequence[int]
+    ) -> None:
+        self._model, self._data, self._tip = model, data, tip
         by_frame: dict[int, list[int]] = {}
-        for i, point in enumerate(points):
-            by_frame.setdefault(robot.frame_id(point.link), []).append(i)
+        for i, frame in enumerate(frames):
+            by_frame.setdefault(frame, []).append(i)
         offsets = np.array([vector(p.offset, 3, f"offset of {p.label}") for p in points]).reshape(-1, 3)
         self._by_frame = [(frame, np.array(at), offsets[at]) for frame, at in by_frame.items()]
-        self._count, self._n = len(points), robot.n
-        self._no_acceleration = np.zeros(robot.n)
+        self._count, self._n = len(points), model.nv
+        self._no_acceleration = np.zeros(model.nv)
 
     def __call__(self, q: Array, qd: Array) -> Kinematics:
         """Evaluate at ``q`` and ``qd`` (n,)."""
@@ -114,27 +120,3 @@ class KinematicsEvaluator:
             point_drift[at] = np.asarray(acceleration.linear) + arms @ turning.T
         tip = Pose(np.array(placement.rotation), np.array(placement.translation))
         return Kinematics(q.copy(), qd.copy(), tip, J, drift, points, point_J, point_drift)
-
-
-def point_twist(
-    robot: Robot, q: ArrayLike, qd: ArrayLike, link: str, offset: Sequence[float], axes: str
-) -> tuple[Array, Array]:
-    """Jacobian (6, n) and J̇ q̇ (6,) of a point's twist: see :meth:`vsconstraints.robots.robot.Robot.jacobian`."""
-    if axes not in ("base", "tip"):
-        raise unknown_name("axes", axes, ("base", "tip"))
-    q, qd = robot.configuration(q), robot.configuration(qd, "qd")
-    x, y, z = vector(offset, 3, "offset")
-    motion = robot.kinematics(q, qd, [RobotPoint(link, (x, y, z))])
-    model, data, frame, world = robot.model, robot._data, robot.frame_id(link), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    angular_J = np.array(pin.getFrameJacobian(model, data, frame, world)).reshape(6, -1)[3:]
-    angular_drift = np.array(pin.getFrameAcceleration(model, data, frame, world).angular)
-    J = np.concatenate((motion.point_J[0], angular_J))
-    drift = np.concatenate((motion.point_drift[0], angular_drift))
-    if axes == "base":
-        return J, drift
-    # the tip's axes turn with it: d/dt (Rᵀ a) = Rᵀ (ȧ − ω × a)
-    R = motion.tip.R
-    spin = skew(R @ (motion.J[3:] @ qd))
-    turning = drift - np.concatenate((spin @ (J[:3] @ qd), spin @ (J[3:] @ qd)))
-    to_tip = np.kron(np.eye(2), R.T)
-    return to_tip @ J, to_tip @ turning

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -13,11 +13,20 @@ from ..errors import ConfigurationError, InvalidInput, shown
 from ..formulas.limits import JointLimits
 from ..rows import Array
 
-if TYPE_CHECKING:
-    from .robot import Robot
-
 PerJoint = float | Sequence[float] | None
 """One number for all joints, n of them, or no limit."""
+
+
+class Ranged(Protocol):
+    """What limits need to know of a robot: n joints, with ranges and speeds (n,)."""
+
+    q_min: Array
+    q_max: Array
+    qd_max: Array
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +78,7 @@ class ActuatorLimits:
             raise ConfigurationError(f"the limit of {name} must be one number or {n}, not {len(values)}")
         return np.broadcast_to(values, (n,)).copy()
 
-    def arrays(self, robot: Robot, period: float | None) -> JointLimits:
+    def arrays(self, robot: Ranged, period: float | None) -> JointLimits:
         """What formulas take, for a robot sampled with T_s [s].
 
         Raises

@@ -5,19 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..errors import ConfigurationError, unknown_name
+from ..errors import ConfigurationError, InvalidInput, shown, unknown_name
 from ..rows import Array
 from ..rows.readable import amount, counted, in_one_line, span
-from .dh import DhRow, dh_limits, read_dh
-from .geometry import Numbers, Pose, vector
-from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint, point_twist
+from .geometry import Numbers, Pose, skew, vector
+from .kinematics import Kinematics, KinematicsEvaluator, RobotPoint
 from .limits import NO_LIMITS, ActuatorLimits
 from .urdf import UrdfSource, link_geometry, read_urdf
+
+DhRow = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
+"""θ offset [rad], d [m], a [m], α [rad] of a link."""
 
 
 class Robot:
@@ -135,9 +139,9 @@ class Robot:
         InvalidInput
             if the table or a limit has a wrong shape or is not a number.
         """
-        model, frame = read_dh(dh, prismatic, name)
+        model, frame = _read_dh(dh, prismatic, name)
         low, high, speed = (
-            dh_limits(np.full(model.nv, end) if value is None else value, model.nv, what)
+            _joint_limits(np.full(model.nv, end) if value is None else value, model.nv, what)
             for value, end, what in ((q_min, -np.inf, "q_min"), (q_max, np.inf, "q_max"), (qd_max, np.inf, "qd_max"))
         )
         return cls(model, frame, name, low, high, speed, limits=limits)
@@ -246,7 +250,7 @@ class Robot:
         ConfigurationError, InvalidInput
             if the link or the axes are unknown, or a shape is wrong.
         """
-        return point_twist(self, q, np.zeros(self.n), link, offset, axes)[0]
+        return self._twist(q, np.zeros(self.n), link, offset, axes)[0]
 
     def drift(
         self,
@@ -265,7 +269,28 @@ class Robot:
         link, offset, axes
             As for :meth:`jacobian`.
         """
-        return point_twist(self, q, qd, link, offset, axes)[1]
+        return self._twist(q, qd, link, offset, axes)[1]
+
+    def _twist(self, q: ArrayLike, qd: ArrayLike, link: str, offset: Sequence[float], axes: str) -> tuple[Array, Array]:
+        """Jacobian (6, n) and J̇ q̇ (6,) of a point's twist, for :meth:`jacobian` and :meth:`drift`."""
+        if axes not in ("base", "tip"):
+            raise unknown_name("axes", axes, ("base", "tip"))
+        q, qd = self.configuration(q), self.configuration(qd, "qd")
+        x, y, z = vector(offset, 3, "offset")
+        motion = self.kinematics(q, qd, [RobotPoint(link, (x, y, z))])
+        model, data, frame, world = self.model, self._data, self.frame_id(link), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        angular_J = np.array(pin.getFrameJacobian(model, data, frame, world)).reshape(6, -1)[3:]
+        angular_drift = np.array(pin.getFrameAcceleration(model, data, frame, world).angular)
+        J = np.concatenate((motion.point_J[0], angular_J))
+        drift = np.concatenate((motion.point_drift[0], angular_drift))
+        if axes == "base":
+            return J, drift
+        # the tip's axes turn with it: d/dt (Rᵀ a) = Rᵀ (ȧ − ω × a)
+        R = motion.tip.R
+        spin = skew(R @ (motion.J[3:] @ qd))
+        turning = drift - np.concatenate((spin @ (J[:3] @ qd), spin @ (J[3:] @ qd)))
+        to_tip = np.kron(np.eye(2), R.T)
+        return to_tip @ J, to_tip @ turning
 
     def kinematics(self, q: Array, qd: Array, points: Sequence[RobotPoint] = ()) -> Kinematics:
         """Pose, Jacobian and exact J̇ q̇ of the tip and of any points, at ``q`` and ``qd`` (n,)."""
@@ -273,4 +298,48 @@ class Robot:
 
     def evaluator(self, points: Sequence[RobotPoint] = ()) -> KinematicsEvaluator:
         """:meth:`kinematics` for a fixed set of points, with their names looked up once."""
-        return KinematicsEvaluator(self, points)
+        frames = [self.frame_id(point.link) for point in points]
+        return KinematicsEvaluator(self.model, self._data, self.frame_id("tip"), points, frames)
+
+
+def _read_dh(dh: Sequence[DhRow], prismatic: Sequence[int], name: str) -> tuple[pin.Model, int]:
+    """The model of a table, and the number of its tip's frame; see :meth:`Robot.from_dh`.
+
+    Raises
+    ------
+    InvalidInput
+        if the table has a wrong shape or is not of numbers.
+    """
+    try:
+        rows = np.array(dh, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"the DH table must be rows of four numbers (θ offset, d, a, α): {error}") from error
+    if rows.ndim != 2 or rows.shape[1] != 4 or len(rows) == 0:
+        raise InvalidInput(f"the DH table must be (n, 4): θ offset, d, a, α; it has the shape {rows.shape}")
+    if not np.isfinite(rows).all():
+        raise InvalidInput("the DH table must be finite")
+    numbers = list(prismatic) if isinstance(prismatic, Sequence) else [prismatic]
+    unknown = [number for number in numbers if number not in range(1, len(rows) + 1)]
+    if unknown:
+        raise InvalidInput(f"prismatic joints are numbers from 1 to {len(rows)}, not {unknown}")
+    model = pin.Model()
+    model.name = name
+    after = pin.SE3.Identity()
+    for i, (theta, d, a, alpha) in enumerate(rows, start=1):
+        turn = pin.SE3(np.asarray(pin.rpy.rpyToMatrix(0.0, 0.0, theta)), np.zeros(3))
+        joint = pin.JointModelPZ() if i in prismatic else pin.JointModelRZ()
+        joint_id = model.addJoint(i - 1, joint, after * turn, f"joint {i}")
+        after = pin.SE3(np.asarray(pin.rpy.rpyToMatrix(alpha, 0.0, 0.0)), np.array([a, 0.0, d]))
+        frame = model.addFrame(pin.Frame(f"link {i}", joint_id, after, pin.FrameType.BODY))
+    return model, int(frame)
+
+
+def _joint_limits(value: ArrayLike, n: int, what: str) -> Array:
+    """(n,) limits of joints, which may be infinite; raises InvalidInput that names ``what``."""
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != (n,) or np.isnan(array).any():
+        raise InvalidInput(f"{what} must be {n} numbers (infinite where there is no limit), not {shown(value)}")
+    return array

@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 
 
-ROUNDED = 1e-9
+ZERO_BELOW = 1e-9
 """Of several numbers, smaller ones are shown as zero."""
 
 
-def in_one_line(tell: Callable[[Any], str]) -> Callable[[Any], str]:
+def in_one_line(text: Callable[[Any], str]) -> Callable[[Any], str]:
     """A ``__repr__`` in one line, that of every object where this one fails."""
 
-    @wraps(tell)
-    def told(self: Any) -> str:
+    @wraps(text)
+    def representation(self: Any) -> str:
         try:
-            return " ".join(tell(self).split())
-        except Exception:  # what is half made, or holds wrong arrays, is shown in messages about that
+            return " ".join(text(self).split())
+        except Exception:  # incomplete objects, and those with wrong arrays, are shown in messages about that
             return object.__repr__(self)
 
-    return told
+    return representation
 
 
 def amount(value: float | np.floating[Any]) -> str:
@@ -36,7 +36,7 @@ def amount(value: float | np.floating[Any]) -> str:
 
 def amounts(values: Iterable[float], unit: str = "") -> str:
     """A few numbers with their unit: ``(0.1, 0, 0.4) m``."""
-    return f"({', '.join(amount(value if abs(value) > ROUNDED else 0.0) for value in values)}){unit and ' '}{unit}"
+    return f"({', '.join(amount(value if abs(value) > ZERO_BELOW else 0.0) for value in values)}){unit and ' '}{unit}"
 
 
 def span(low: Array, high: Array, unit: str) -> str:

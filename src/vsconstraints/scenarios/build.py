@@ -29,10 +29,9 @@ from ..vision.images.settings import SENSORS, ImageSettings
 from ..vision.motion import Motion, TargetMotion
 from ..vision.scene import Scene
 from ..vision.tracking import TrackingGains, VisualTask
-from .cameras import make_camera
 from .constraint_types import make_constraint
-from .goals import make_goal
 from .reading import Table, checked, chosen, demand_table, made, split
+from .views import make_camera, make_goal
 
 OF_ROBOT = "robot"
 """Where a scenario takes its limits of actuators from the robot."""

@@ -20,8 +20,8 @@ from ..plugins.classes import IN_SESSION, beside, code_named, module_files, untr
 from ..robots.meshes import mesh_files, mesh_folders
 from ..simulation import Setup
 from .build import build
-from .cameras import not_said_again
 from .toml import file_named, override, read_toml
+from .views import without_replaced
 
 SHIPPED = Path(__file__).parent
 """Folder of the scenarios that come with the package."""
@@ -29,7 +29,7 @@ SHIPPED = Path(__file__).parent
 FILE_KEYS = ("urdf", "srdf", "file", "package_dirs", "calibration")
 """Keys whose values are paths, relative to the scenario's folder."""
 
-MOST_EXTENDED = 100
+MAX_EXTENDED = 100
 """Files that may extend one another."""
 
 
@@ -208,15 +208,15 @@ def _tables(path: Path) -> dict[str, Any]:
         parts.append(_read(file))
         if any(file.samefile(other) for other in files[:-1]):
             raise ConfigurationError(f"scenarios extend each other in a circle: {' extends '.join(map(str, files))}")
-        if len(files) > MOST_EXTENDED:
+        if len(files) > MAX_EXTENDED:
             raise ConfigurationError(
-                f"{path} extends a file that extends another, and so on: more than {MOST_EXTENDED} in all"
+                f"{path} extends a file that extends another, and so on: more than {MAX_EXTENDED} in all"
             )
     tables = parts.pop()
     while parts:
         over = parts.pop()
         if isinstance(tables.get("camera"), dict) and isinstance(over.get("camera"), dict):
-            tables["camera"] = not_said_again(tables["camera"], over["camera"])
+            tables["camera"] = without_replaced(tables["camera"], over["camera"])
         tables = _merged(tables, over)
     return tables
 

@@ -19,7 +19,7 @@ OPTIONAL = ("disturbances", "tolerances", "motion", "distortion", "plant", "sens
 BY_TYPE = ("sensor",)
 """Tables for which their ``type`` alone may stand."""
 
-DEEPEST = 30
+MAX_DEPTH = 30
 """Levels of tables and lists in each other that a file may have."""
 
 
@@ -49,10 +49,10 @@ def file_named(what: str, name: str, shipped: Path, names: Sequence[str], base: 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
     """The tables of a TOML text; raises ConfigurationError that names ``where``.
 
-    What TOML leaves to its readers is refused, too: integers of more than 64 bits, and more than :data:`DEEPEST`
+    What TOML leaves to its readers is refused, too: integers of more than 64 bits, and more than :data:`MAX_DEPTH`
     levels.
     """
-    too_deep = f"{where}: tables and lists lie in each other more than {DEEPEST} levels deep"
+    too_deep = f"{where}: tables and lists lie in each other more than {MAX_DEPTH} levels deep"
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -62,7 +62,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
     except ValueError as error:  # digits without end
         raise ConfigurationError(f"{where}: {error}") from error
     level: list[Any] = [tables]
-    for _ in range(DEEPEST + 1):
+    for _ in range(MAX_DEPTH + 1):
         level = [inner for one in level for inner in (one.values() if isinstance(one, dict) else one)]
         for value in level:
             if isinstance(value, int) and not -(2**63) <= value < 2**63:

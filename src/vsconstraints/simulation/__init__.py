@@ -1,11 +1,9 @@
 """Simulation: a setup, the closed loop, and the trajectory it leaves."""
 
-from .loop import score_run, simulate
-from .patience import PATIENCE, until_settled
+from .loop import PATIENCE, score_run, simulate, until_settled
 from .prepared import Prepared
-from .scores import RunScores
 from .setup import Setup, Tolerances
-from .trajectory import Trajectory, intervals
+from .trajectory import RunScores, Trajectory, intervals
 
 __all__ = [
     "PATIENCE",

@@ -12,26 +12,30 @@ import numpy as np
 from ..compiled import load
 from ..compiled.evaluation import CompiledEvaluation
 from ..compiled.model import Model
-from ..compiled.samples import ALONE, LAW, MOVE, STEP, Loop, finish
+from ..compiled.samples import ALONE, LAW, MOVE, STEP, Loop
 from ..compiled.structures import pack_struct
-from ..controllers import Controller
+from ..constraints import ConstraintSet
+from ..controllers import Controller, Tracking
 from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE
 from ..controllers.task_priority import dependent_rows, unit_rows
 from ..errors import SceneError, described
 from ..rows import Rows, Task
-from .arrays import blank_step, make_loop, rest
-from .between import between_clearance
-from .line_of_sight import hidden_markers
-from .outcome import judge
-from .prepared import Prepared
-from .scores import RunScores
-from .seeing import ImageSensor
+from ..vision.scene import Scene
+from .disturbances import Disturbances
+from .image_sensor import ImageSensor
+from .intersample import intersample_clearance
+from .occluders import hidden_markers
+from .outcome import judge, scores_of
+from .prepared import Prepared, blank_step, make_loop
 from .setup import Setup
-from .trajectory import Trajectory
+from .trajectory import RunScores, Trajectory
 
 CHUNK = 512
-"""Samples that compiled code takes at once: in between, signals are heard."""
+"""Samples that compiled code runs at once: in between, signals are handled."""
+
+PATIENCE = 3.0
+"""How many times as long as undisturbed tracking alone a run may take to settle at the last goal."""
 
 
 def simulate(
@@ -64,9 +68,9 @@ def simulate(
         of different laws are those of the same call. Otherwise compiled laws run on the arrays of the compiled step,
         which is faster; their commands are the same.
     remarks
-        What :meth:`Setup.check_start` has said of this setup; it is asked if None.
+        Those of :meth:`Setup.check_start`, which is called if None.
     prepared
-        Of this setup, to be used again; made if None.
+        Of this setup, to be used again; created if None.
 
     Raises
     ------
@@ -78,8 +82,8 @@ def simulate(
     run = _Run(prepared or Prepared(setup), controller, whole=True, by_public_call=by_public_call)
     run.to_the_end()
     trajectory = run.trajectory()
-    said = (*remarks, *hidden_markers(setup.scene, trajectory.t, trajectory.q), *run.remarks())
-    return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *said))))
+    remarks = (*remarks, *hidden_markers(setup.scene, trajectory.t, trajectory.q), *run.remarks())
+    return replace(trajectory, reason="; ".join(filter(None, (trajectory.reason, *remarks))))
 
 
 def score_run(setup: Setup, controller: Controller) -> RunScores:
@@ -99,8 +103,44 @@ def score_run(setup: Setup, controller: Controller) -> RunScores:
     return replace(scores, reason="; ".join(filter(None, (scores.reason, *remarks, *run.remarks()))))
 
 
+def until_settled(setup: Setup) -> Setup:
+    """The same setup, whose runs go on beyond its duration until they are at rest, at the last goal or elsewhere.
+
+    Where a run is cut then does not decide which law arrives. Its time limit is :data:`PATIENCE` times as long as
+    tracking alone takes to settle at the last goal, without constraints and disturbances: the same for every law. There
+    is none, so that a run ends with its duration, where the target moves, since who follows it is judged at the end of
+    the motion that the scenario states; and where even tracking alone is still on its way at the end of the duration.
+    Where tracking alone fails, it is the multiple of the duration.
+
+    Raises
+    ------
+    ConfigurationError
+        if the robot cannot start (see :meth:`Setup.check_start`).
+    """
+    if setup.scene.motion is not None:
+        return setup
+    scene = Scene(setup.scene.robot, setup.scene.camera, setup.scene.markers)
+    ideal = replace(
+        setup,
+        scene=scene,
+        constraints=ConstraintSet([], scene),
+        disturbances=Disturbances(),
+        actuation="acceleration",
+        dynamics=None,
+        images=None,
+        on_hidden_markers="continue",
+        time_limit=None,
+    )
+    tracking = score_run(ideal, Tracking())
+    if tracking.status in ("slow", "unfinished"):
+        return setup
+    begin, needed = setup.task.goals[-1].from_time, tracking.settling_times_s[-1]
+    limit = begin + PATIENCE * (needed if np.isfinite(needed) else setup.duration - begin)
+    return replace(setup, time_limit=limit) if limit > setup.duration else setup
+
+
 class _Run:
-    """A controller and a robot: compiled code goes as far as it can, and asks Python for the rest.
+    """A controller and a robot: compiled code runs as far as it can, and returns to Python for the rest.
 
     Attributes
     ----------
@@ -111,7 +151,7 @@ class _Run:
     fallbacks, unfounded
         How often another QP solver had to answer, and a law claimed a loss of rank that its rows do not show.
     at_once
-        How many samples compiled code may take at once: one where Python moves the robot, or looks at images.
+        How many samples compiled code may run at once: one where Python moves the robot, or renders images.
     """
 
     def __init__(
@@ -123,11 +163,15 @@ class _Run:
         self.control, self.world, self.bound = prepared.control, prepared.world, prepared.bound
         self.gradient_error, self.baseline = prepared.gradient_error, prepared.baseline
         self.plant, self.sensor = setup.plant(), setup.sensor()
-        restart(controller, setup.Ts, self._model)
-        self.samples = self.fallbacks = self.unfounded = 0
+        self.samples = self.fallbacks = self.unfounded = self.law = 0
         self.ended, self.reason, self.compiled = "", "", False
-        self.kernels, self.address, self.law = load("closed_loop"), 0, 0
-        self._begin(self._compiled_loop(by_public_call) or self._numpy_loop())
+        loop = None
+        try:
+            restart(controller, setup.Ts, self._model)
+            loop = self._compiled_loop(by_public_call)
+        except (SystemExit, GeneratorExit) as error:  # a law ends its own run, not the process
+            self._end("failed", described(error))
+        self._begin(loop or self._python_loop())
 
     def _model(self) -> Model:
         """What the control believes of states to come."""
@@ -137,18 +181,18 @@ class _Run:
     def to_the_end(self) -> None:
         """Run all samples, or until something ends it."""
         N, longest = self.setup.samples, self.setup.samples_at_most
-        further = math.ceil(rest(self.setup) / self.setup.Ts)
+        further = math.ceil(self.setup.rest_time / self.setup.Ts)
         try:
             self._run_to(N)
             dwell = self.setup.tolerances.dwell_s
             while longest > N and not self.ended and self._under_way(dwell):
                 N = min(N + further, longest)
                 self._run_to(N)
-                # to have crossed the goal when it is looked at is not to have come to it
+                # crossing the goal at the moment of the check is not settling there
                 dwell = further * self.setup.Ts
         except SceneError as error:
             self._end("failed", str(error))
-        # own constraints and laws may raise anything; what was simulated is kept. KeyboardInterrupt is the user's
+        # own constraints and laws may raise anything; the samples so far are kept. KeyboardInterrupt is the user's
         except (Exception, SystemExit, GeneratorExit) as error:
             self._end("failed", described(error))
 
@@ -164,9 +208,9 @@ class _Run:
         while stage != STEP or (self.samples < last and not self.ended):
             begun = self.samples
             end = begun + 1 if self.ended else min(begun + self.at_once, last)
-            if stage == STEP and self.address and isinstance(self.sensor, ImageSensor):
+            if stage == STEP and isinstance(self.sensor, ImageSensor):
                 self._look(self.sensor, begun)
-            self.samples, stage = self._go_on(end, stage)
+            self.samples, stage = load("closed_loop").run(self.address, begun, end, stage)
             if self.pushes and self.samples > begun:
                 self.plant.follow()
             if self.samples < end:
@@ -176,13 +220,13 @@ class _Run:
         self.ended, self.reason = status, f"t = {self.samples * self.setup.Ts:.4g} s: {reason}"
 
     def _compiled_loop(self, by_public_call: bool) -> Loop | None:
-        """A loop in which compiled code does what it can; None where the step has no compiled form."""
+        """A loop whose step is compiled; None where it has no compiled form."""
         setup, true = self.setup, self.prepared.true
-        if self.bound is None or true is None or self.kernels is None:
+        if self.bound is None or true is None:
             return None
         believed = self.bound.packed
         loop = make_loop(setup, self.plant, believed.step, true.packed.step, self.whole)
-        loop.parts[:3] = self.kernels.EVALUATE, believed.address, true.packed.address
+        loop.parts[:3] = load("closed_loop").EVALUATE, believed.address, true.packed.address
         self.gradient_error.write(believed.step)
         if setup.disturbances.sensing:
             self.sensor.expected.write(believed.step)
@@ -192,7 +236,7 @@ class _Run:
                 loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.ctypes.data
         now, alone = self.bound.now, self.prepared.alone
         law = self.controller.bind(now.rows, now.task, loop.answer.acted, loop.answer.qdd)
-        assert alone is not None  # where there is a compiler
+        assert alone is not None
         self.compiled = law is not None
         self._laws = [pack_struct(part.arrays) for part in (alone, law) if part is not None]
         loop.parts[4] = self._laws[0].ctypes.data
@@ -205,36 +249,24 @@ class _Run:
         return loop
 
     def _begin(self, loop: Loop) -> None:
-        self.loop, mover = loop, self.plant.mover if self.kernels is not None else (0, 0)
-        loop.parts[7:] = mover
+        self.loop, loop.parts[7:] = loop, self.plant.mover
         # whether Python moves the robot
-        self.pushes = self.plant.follows and mover[0] == 0
+        self.pushes = self.plant.follows and self.plant.mover[0] == 0
         self.at_once = 1 if self.pushes or isinstance(self.sensor, ImageSensor) else CHUNK
-        if self.kernels is not None:
-            self._frozen = pack_struct(loop)
-            self.address = int(self._frozen.ctypes.data)
+        self._packed_loop = pack_struct(loop)
+        self.address = int(self._packed_loop.ctypes.data)
 
-    def _numpy_loop(self, features: int = 0) -> Loop:
-        """A loop of which Python does all but the robot; how many features there are, the first sample tells."""
+    def _python_loop(self, features: int = 0) -> Loop:
+        """A loop whose step and law run in Python; the number of features is known after the first sample."""
         blank = blank_step(self.setup, features)._replace(last_command=self.control.last_command)
         return make_loop(self.setup, self.plant, blank, blank, self.whole)
 
-    def _go_on(self, end: int, stage: int) -> tuple[int, int]:
-        """The sample and its stage that Python has to be asked for; ``end`` if there is none before."""
-        if self.address:
-            k, stage = self.kernels.run(self.address, self.samples, end, stage)
-            return k, stage
-        if stage == MOVE:
-            finish(self.loop, self.samples)
-            return self.samples + 1, STEP
-        return self.samples, stage
-
     def _answer(self, k: int, stage: int) -> int:
-        """Do what compiled code asks for; returns the stage with which it goes on."""
+        """Do the stage that compiled code cannot do; returns the next one."""
         if stage == STEP:
             self.plant.check()
             rows, task = self._evaluate(k)
-            # before the law is asked, which may use its rows as it likes
+            # before the law, which may change the task's arrays
             self.loop.alone[:] = self.baseline.command(Rows.none(self.plant.x.shape[1]), task).qdd
         else:
             assert self.bound is not None
@@ -244,14 +276,14 @@ class _Run:
         return ALONE if stage == LAW else MOVE
 
     def _evaluate(self, k: int) -> tuple[Rows, Task]:
-        """Rows and task of a sample, whatever is disturbed; what is true is written to the loop."""
+        """Rows and task that the control believes in; the true ones are written to the loop."""
         setup, t, q, qd = self.setup, k * self.setup.Ts, self.plant.q, self.plant.qd
         started = perf_counter()
         self.sensor.sample = k
         if self.sensor.disturbed:
             state = setup.scene.evaluate(t, q, qd)
             believed = self.sensor.observe(state)
-            # what comes before is the world's part, not the control's
+            # the time before is not the control's
             started = perf_counter()
             step = self.control.define(believed)
         else:
@@ -262,31 +294,29 @@ class _Run:
         if self.sensor.disturbed:
             true, sigma = setup.constraints.rows(state)
         if k == 0 and len(step.error) != len(self.loop.task.error):
-            self._begin(self._numpy_loop(len(step.error)))
+            self._begin(self._python_loop(len(step.error)))
         loop = self.loop
-        loop.true.phi[:], loop.true.Lg[:], loop.true.sigma[:], loop.task.error[:] = true.phi, true.Lg, sigma, step.error
-        loop.true.Lf[:] = true.Lf
+        loop.true.phi[:], loop.true.Lg[:], loop.true.Lf[:], loop.true.sigma[:] = true.phi, true.Lg, true.Lf, sigma
+        seen = step.pixels, step.points, step.camera_R, step.camera_t
         if self.sensor.disturbed:
-            loop.pixels[:], loop.points[:] = state.pixels.position, state.robot.points
-            loop.camera_R[:], loop.camera_t[:] = state.camera.R, state.camera.t
-        else:
-            loop.pixels[:], loop.points[:] = step.pixels, step.points
-            loop.camera_R[:], loop.camera_t[:] = step.camera_R, step.camera_t
+            seen = state.pixels.position, state.robot.points, state.camera.R, state.camera.t
+        loop.pixels[:], loop.points[:], loop.camera_R[:], loop.camera_t[:] = seen
+        loop.task.error[:] = step.error
         loop.kept.rows_time[k % len(loop.kept.rows_time)] = ready - started
         return rows, step.task
 
     def _look(self, sensor: ImageSensor, k: int) -> None:
-        """Tell the compiled step, if there is one, what is measured in a sample."""
+        """Give the compiled step, if there is one, the measurement of a sample."""
         if self.loop.parts[0]:
             assert self.bound is not None
             self.bound.packed.measure(sensor.measured(k, self.plant.q, self.plant.qd))
-            # nobody asks a law that has nothing to go by
+            # without a usable image no law is called, and the arm brakes
             self.loop.parts[3] = 0 if sensor.blind else self.law
 
     def _ask_law(self, k: int, rows: Rows, task: Task) -> None:
         """Take the controller's command, or end the run.
 
-        A loss of rank that the law claims is believed where the rows that it was given show it.
+        A loss of rank that the law claims counts where the rows that it was given show it.
         """
         if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
@@ -305,22 +335,24 @@ class _Run:
 
     def remarks(self) -> list[str]:
         """What a reader of the results should know."""
-        said = []
+        remarks = []
         if self.fallbacks:
-            said.append(f"another QP solver than the one asked for answered in {self.fallbacks} samples")
+            remarks.append(f"another QP solver than the one asked for answered in {self.fallbacks} samples")
         if self.unfounded:
-            said.append(f"the law claimed a loss of rank in {self.unfounded} samples in which its rows have full rank")
+            remarks.append(
+                f"the law claimed a loss of rank in {self.unfounded} samples in which its rows have full rank"
+            )
         return [
-            *said,
+            *remarks,
             *self.plant.remarks(),
             *self.sensor.remarks(),
             self.controller.remark(self.setup.constraints.labels),
         ]
 
     def scores(self) -> RunScores:
-        """What the run comes to."""
+        """Scores of the run."""
         outcome = judge(self.setup, self.loop, self.samples, self.ended, self.reason)
-        return RunScores.of(self.setup, self.loop, self.samples, outcome, self.compiled)
+        return scores_of(self.setup, self.loop, self.samples, outcome, self.compiled)
 
     def trajectory(self) -> Trajectory:
         """What was simulated."""
@@ -350,7 +382,7 @@ class _Run:
             active=kept.active[:N],
             saturated=kept.saturated[:N],
             share_to_hold=self.loop.scores.share_to_hold,
-            between_clearance=between_clearance(setup, self.world, self.plant, states, clearance),
+            between_clearance=intersample_clearance(setup, self.world, self.plant, states, clearance),
             rows_time=kept.rows_time[:N],
             step_time=kept.step_time[:N],
             fallbacks=self.fallbacks,

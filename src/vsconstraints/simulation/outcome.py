@@ -1,4 +1,4 @@
-"""How a simulation ended, judged from what it did and not from what a controller says."""
+"""How a simulation ended, judged by its motion and not by what a controller reports, and its scores."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from ..formulas.tracking import goals_at
 from ..robots.geometry import Pose, distances
 from ..rows import Array, IntArray
 from ..vision.features import CameraPose
-from .arrays import rest
 from .setup import Setup
-from .trajectory import Outcome
+from .trajectory import Outcome, RunScores
 
 
 def judge(
@@ -54,9 +53,9 @@ def judge(
         else f"ends {_amount(kept.feature_error[last])} px from the goal"
     )
     # half a period for the rounding of times
-    begin = int(np.argmax(t >= t[-1] - rest(setup) - 0.5 * setup.Ts))
+    begin = int(np.argmax(t >= t[-1] - setup.rest_time - 0.5 * setup.Ts))
     since = np.arange(begin, samples) % len(kept.camera_t)
-    enough = t[-1] >= rest(setup) - 0.5 * setup.Ts
+    enough = t[-1] >= setup.rest_time - 0.5 * setup.Ts
     if enough and goals[begin] == goals[-1] and _time_to_go(setup, loop, since) < t[-1]:
         return "slow", "; ".join([f"still approaching, {final}", *left])
     camera_R, camera_t = kept.camera_R[since], kept.camera_t[since]
@@ -110,6 +109,40 @@ def settling_times(
     there = np.append(goals, -1)[first] == numbers
     times: Array = np.where(there, np.maximum(first * Ts - begins, 0.0), np.nan)
     return times
+
+
+def scores_of(setup: Setup, loop: Loop, samples: int, outcome: tuple[Outcome, str], compiled: bool) -> RunScores:
+    """The scores of a loop after so many samples."""
+    Ts, kept, scores = setup.Ts, loop.kept, loop.scores
+    status, reason = outcome
+    duration = (samples - 1) * Ts if samples else np.nan
+    last = (samples - 1) % len(kept.camera_error)
+    errors = (*kept.camera_error[last], kept.feature_error[last]) if samples else (np.nan,) * 3
+    steps = min(samples, setup.samples) - 1 if samples > 1 else np.nan
+    return RunScores(
+        status=status,
+        reason=reason,
+        compiled=compiled,
+        labels=setup.constraints.labels,
+        duration_s=duration,
+        settling_times_s=settling_times(scores.unreached, loop.goals.begins, samples, Ts),
+        final_translation_error_m=float(errors[0]),
+        final_rotation_error_rad=float(errors[1]),
+        final_feature_error_px=float(errors[2]),
+        acceleration_variation=float(scores.variation[0] / (steps * Ts)),
+        jerk_rms=float(np.sqrt(scores.squared_variation[0] / steps) / Ts),
+        switching_rate_hz=float(scores.switches[0] / (steps * Ts)),
+        acceleration_max=scores.acceleration_max,
+        phi_max=scores.phi_max,
+        sigma_max=scores.sigma_max,
+        outside_time_s=scores.outside * Ts,
+        active_time_s=scores.acted * Ts,
+        first_active_s=np.where(scores.first_active < 0, np.nan, scores.first_active * Ts),
+        last_active_s=np.where(scores.last_active < 0, np.nan, scores.last_active * Ts),
+        longest_positive_run_s=scores.longest_positive * Ts,
+        saturated_time_s=float(scores.saturated[0] * Ts),
+        share_to_hold=scores.share_to_hold,
+    )
 
 
 def _amount(value: float) -> str:

@@ -147,3 +147,11 @@ def _transition(system: tuple[tuple[float, ...], ...], after: float) -> Array:
     """(s, s) exp(A t)."""
     transition: Array = expm(np.array(system, dtype=np.float64) * after)
     return transition
+
+
+def cubic(begin: tuple[Array, Array], end: tuple[Array, Array], T: float, share: float) -> tuple[Array, Array]:
+    """Q and q̇ a share of a period of T [s] after its beginning: on the cubic with given q and q̇ at both ends."""
+    s, (q0, v0), (q1, v1) = share, begin, end
+    q = q0 + s * s * (3.0 - 2.0 * s) * (q1 - q0) + T * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
+    qd = 6.0 * s * (1.0 - s) * (q1 - q0) / T + (1.0 - s) * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
+    return q, qd

@@ -1,12 +1,18 @@
-"""What runs of a setup compute with, whatever controller comes: made once, for one run after the other."""
+"""What runs of a setup compute with: control steps, and the arrays of the closed loop."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from ..compiled.control_step import ControlStep
+from ..compiled.samples import Goals, Kept, Loop, Running
+from ..compiled.structures import Answer, Size, Step
 from ..controllers import Tracking
 from ..controllers.compiled import BoundLaw
+from ..vision.features import CameraPose
+from .plant import Plant
 from .setup import Setup
 
 
@@ -23,7 +29,7 @@ class Prepared:
     control, world
         The step that the control takes, and the one that says what is true: the same where nothing is disturbed.
     gradient_error
-        What spoils the rows' gradients.
+        Errors of the rows' gradients.
     baseline, alone
         Tracking alone and, where steps are compiled, its law on the arrays of the control's.
     bound, true
@@ -47,3 +53,103 @@ class Prepared:
         """Begin a new run."""
         for step in (self.control, self.world):
             step.reset()
+
+
+def blank_step(setup: Setup, features: int) -> Step:
+    """Arrays for a step whose rows and task Python evaluates."""
+    scene = setup.scene
+    size = Size(scene.robot.n, len(scene.markers), len(scene.points), len(setup.constraints.labels), features)
+    step, _ = size.step()
+    rows, constraints = step.rows, setup.constraints
+    rows.switching_gain[:], rows.scale[:], rows.K[:] = (
+        constraints.switching_gain,
+        constraints.scale,
+        constraints.approach_time,
+    )
+    return step
+
+
+def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: bool) -> Loop:
+    """A loop whose parts all run in Python, until compiled ones replace them.
+
+    Parameters
+    ----------
+    setup, plant
+        What is simulated.
+    believed, true
+        What the control believes, and what is true.
+    whole
+        Whether all samples are kept, or the last poses and errors of the camera alone.
+    """
+    N, (m, n), k = setup.samples_at_most, true.rows.Lg.shape, len(believed.task.error)
+    window = min(N, math.ceil(setup.rest_time / setup.Ts) + 2)
+    samples, poses = (N, N) if whole else (1, window)
+    none, zeros, one = np.empty(0), np.zeros, np.zeros(1, dtype=np.int64)
+    counts = np.zeros((4, m), dtype=np.int64)
+    kept = Kept(
+        states=zeros((samples, *plant.x.shape)),
+        error=zeros((samples, k)),
+        camera_error=zeros((poses, 2)),
+        feature_error=zeros(poses),
+        camera_R=zeros((poses, 3, 3)),
+        camera_t=zeros((poses, 3)),
+        pixels=zeros((samples, *true.pixels.shape)),
+        points=zeros((samples, *true.points.shape)),
+        phi=zeros((samples, m)),
+        sigma=zeros((samples, m)),
+        active=zeros((samples, m), dtype=np.bool_),
+        saturated=zeros(samples, dtype=np.bool_),
+        rows_time=zeros(samples),
+        step_time=zeros(samples),
+    )
+    scores = Running(
+        phi_max=np.full(m, -np.inf),
+        sigma_max=np.full(m, -np.inf),
+        outside=counts[0],
+        acted=counts[1],
+        first_active=np.full(m, -1),
+        last_active=np.full(m, -1),
+        positive=counts[2],
+        longest_positive=counts[3],
+        acceleration_max=zeros(n),
+        common=np.full(1, setup.samples),
+        variation=zeros(1),
+        squared_variation=zeros(1),
+        switches=one.copy(),
+        unreached=np.full(len(setup.task.goals), -1),
+        saturated=one.copy(),
+        share_to_hold=np.full(m, np.nan),
+        active=zeros(m, dtype=np.bool_),
+        qdd=zeros(n),
+    )
+    return Loop(
+        parts=np.zeros(9, dtype=np.int64),
+        Ts=np.array([setup.Ts]),
+        clock=np.zeros(2 if whole else 0, dtype=np.int64),
+        rows=believed.rows,
+        task=believed.task,
+        answer=Answer(plant.x[-2], zeros(m, dtype=np.bool_), none, one.copy(), none),
+        alone=zeros(n),
+        true=true.rows,
+        pixels=true.pixels,
+        points=true.points,
+        camera_R=true.camera_R,
+        camera_t=true.camera_t,
+        goals=_goals(setup),
+        plant=plant.arrays(N, believed.last_command),
+        kept=kept,
+        scores=scores,
+    )
+
+
+def _goals(setup: Setup) -> Goals:
+    goals = setup.task.goals
+    nowhere = np.full((3, 3), np.nan)
+    return Goals(
+        begins=setup.goal_begins,
+        pixels=np.array([goal.pixels for goal in goals], dtype=np.float64),
+        R=np.array([nowhere if goal.camera is None else goal.camera.R for goal in goals]),
+        t=np.array([nowhere[0] if goal.camera is None else goal.camera.t for goal in goals]),
+        tolerance=setup.goal_tolerances,
+        by_pose=np.array([isinstance(setup.task.feature, CameraPose)]),
+    )

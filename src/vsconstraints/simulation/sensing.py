@@ -1,4 +1,4 @@
-"""What a controller believes to see: images that are late, noisy or lost, seen through a camera not quite known."""
+"""What a controller believes: late, noisy or lost images, through a camera not quite known; erroneous gradients."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from ..compiled import load
 from ..compiled.cameras import write_camera
 from ..compiled.images import Images, Lenses, Sensing, usable
 from ..compiled.structures import Scratch, Step
-from ..errors import ConfigurationError, SceneError
+from ..constraints import ConstraintSet, SpeedConstraint
+from ..errors import ConfigurationError, SceneError, unknown_name
+from ..formulas.row import gradient_error
 from ..robots.geometry import Pose
-from ..rows import Array, BoolArray
+from ..rows import Array, BoolArray, Rows
 from ..vision.camera import Camera
 from ..vision.pose_estimate import estimated_pose
 from ..vision.scene import Scene, State
-from .disturbances import Disturbances
+from .disturbances import VISIBILITY, Disturbances
 
 __all__ = ["Expectation", "Sensor", "believed_camera", "estimated_pose", "ideal_pixels", "shown_to"]
 
@@ -128,7 +130,7 @@ class Sensor:
     Ts
         Sampling time [s].
     unknown_motion
-        Whether something that constraints forbid moves without the controller's being told.
+        Whether something that constraints forbid moves unknown to the controller.
 
     Attributes
     ----------
@@ -252,3 +254,47 @@ def _drawn(seed: tuple[int, ...], images: int, markers: int) -> tuple[Array, Arr
         random.standard_normal(out=normal[i])
         uniform[i] = random.random()
     return normal, uniform
+
+
+class GradientError:
+    """∇σ_e = ∇σ + c_e s ∘ |∇σ| where the rows contain ∇σ: in L_gφ and, unless set otherwise, in φ and L_fφ."""
+
+    def __init__(self, constraints: ConstraintSet, disturbances: Disturbances, n: int) -> None:
+        kinds, known = disturbances.gradient_error_rows, set(constraints.kinds)
+        if disturbances.gradient_error:
+            # of the visibility rows, which are the default, some may be absent
+            wrong = [kind for kind in kinds if kind not in known and kind not in VISIBILITY]
+            if wrong:
+                raise unknown_name("kind of rows in gradient_error_rows", str(wrong[0]), sorted(known))
+            if not known & set(kinds):
+                raise ConfigurationError(
+                    f"gradient_error concerns rows of the kinds {', '.join(kinds)}, of which there is none; "
+                    f"gradient_error_rows may name {', '.join(sorted(known)) or 'nothing here'}"
+                )
+            speeds = {c.kind for c in constraints.constraints if isinstance(c, SpeedConstraint)}
+            if speeds & set(kinds):
+                raise ConfigurationError(
+                    f"gradient_error_rows cannot name {', '.join(sorted(speeds & set(kinds)))}: a speed is not σ + K σ̇"
+                )
+        concerned = np.array([kind in kinds for kind in constraints.kinds], dtype=np.bool_)
+        self._share = disturbances.gradient_error * np.outer(
+            concerned, disturbances.per_joint("gradient_error_signs", n)
+        )
+        self._K, self._in_phi = constraints.K, disturbances.gradient_error_in_phi
+        self.any = bool(self._share.any())
+
+    def __call__(self, rows: Rows, qd: Array) -> Rows:
+        """The rows with erroneous gradients, at q̇ (n,)."""
+        if not self.any:
+            return rows
+        error = gradient_error(rows.Lg, self._share)
+        if not self._in_phi:
+            return replace(rows, Lg=rows.Lg + error)
+        change = error @ qd
+        return replace(rows, phi=rows.phi + change, Lg=rows.Lg + error, Lf=rows.Lf + change / self._K)
+
+    def write(self, step: Step) -> None:
+        """Let a compiled step make the same rows."""
+        if self.any:
+            step.gradient_error["address"] = load("gradient_error").APPLY
+            step.gradient_error["in_phi"], step.gradient_share[:] = self._in_phi, self._share

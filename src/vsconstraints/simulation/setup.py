@@ -11,7 +11,7 @@ import numpy as np
 from ..compiled.control_step import ControlStep
 from ..constraints import ConstraintSet, Trace
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
-from ..formulas.poses import reached
+from ..formulas.motion import reached
 from ..formulas.tracking import goals_at
 from ..robots.limits import NO_LIMITS, ActuatorLimits
 from ..rows import Array, BoolArray
@@ -23,16 +23,18 @@ from ..vision.tracking import VisualTask
 from .disturbances import Disturbances
 from .dynamics import ArmDynamics, DynamicPlant
 from .dynamics.plant import Start
-from .gradient_error import GradientError
-from .photographer import Photographer
+from .image_sensor import ImageSensor, SceneRenderer
 from .plant import Actuation, Plant
-from .seeing import ImageSensor
-from .sensing import Sensor
-from .separation import separated_markers
-from .start import remarks_at_start
+from .sensing import GradientError, Sensor
+from .start import forbidden_goals, hidden_at_start, implausible, separated_markers
 
-MOST_MEMORY = 2e9
-"""What a run may take of memory, in which it is kept whole [bytes]."""
+MAX_MEMORY = 2e9
+"""Memory that a run may take, which is kept whole [bytes]."""
+
+REST = 1.0, 10
+"""Seconds, and sampling periods, for which a camera must at least have hardly moved to be at rest, however short
+``Tolerances.rest_s`` is: in less, a motion that is slow, turns back or is sampled rarely looks the same.
+"""
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class Setup:
         Masses, joint controller and friction of the robot, which then does what they make of a command; without them,
         what eq. (6) says.
     images
-        Of the images that the control sees, which are rendered and searched for tags; without them, it is told where
+        Of the images that the control sees, which are rendered and searched for tags; without them, it knows where the
         markers are.
     time_limit
         Until when a run that has not come to rest by then goes on [s], see :func:`.until_settled`; not at all if None.
@@ -128,12 +130,12 @@ class Setup:
         for name in ("q0", "qd0"):
             self.scene.robot.configuration(getattr(self, name), name)
         self.task.rest_of(self.scene.robot.n, 6)
-        samples, most = self.duration / self.Ts, MOST_MEMORY / self.sample_memory
+        samples, most = self.duration / self.Ts, MAX_MEMORY / self.sample_memory
         if samples > most:
             raise ConfigurationError(
                 f"{self.duration} s in steps of {self.Ts} s are {samples:.3g} samples, which take "
                 f"{samples * self.sample_memory / 1e9:.3g} GB of memory; a run may have {most:.3g} samples, "
-                f"{MOST_MEMORY / 1e9:g} GB"
+                f"{MAX_MEMORY / 1e9:g} GB"
             )
         if self.duration < self.Ts:
             raise ConfigurationError(f"the duration {self.duration} s is shorter than one sample, {self.Ts} s")
@@ -184,20 +186,21 @@ class Setup:
             return ImageSensor(self.scene, self.disturbances, self.images, self.photographer(), self.Ts)
         return Sensor(self.scene, self.disturbances, self.Ts, self.constraints.has_unknown_motion(self.scene))
 
-    def photographer(self) -> Photographer:
+    def photographer(self) -> SceneRenderer:
         """What takes the images that the control sees; raises ConfigurationError where it sees none."""
         if self.images is None:
             raise ConfigurationError('there are no images without sensor = "images"')
-        return Photographer(self.scene, self.images, self.constraints.constraints, self.q0, self.disturbances.seed)
+        return SceneRenderer(self.scene, self.images, self.constraints.constraints, self.q0, self.disturbances.seed)
 
     def gradient_error(self) -> GradientError:
-        """What spoils the rows' gradients."""
+        """Errors of the rows' gradients."""
         return GradientError(self.constraints, self.disturbances, self.scene.robot.n)
 
     @cached_property
     def separated(self) -> list[str]:
-        """See :func:`vsconstraints.simulation.separation.separated_markers`."""
-        return separated_markers(self)
+        """See :func:`vsconstraints.simulation.start.separated_markers`."""
+        start = self.scene.evaluate(0.0, self.q0, self.qd0).pixels.position
+        return separated_markers(self.scene, self.constraints, self.task, start)
 
     @property
     def samples(self) -> int:
@@ -207,11 +210,16 @@ class Setup:
     @property
     def samples_at_most(self) -> int:
         """The same of the longest run: to the time limit, as far as memory goes."""
-        longest = min(self.time_limit or 0.0, MOST_MEMORY / self.sample_memory * self.Ts)
+        longest = min(self.time_limit or 0.0, MAX_MEMORY / self.sample_memory * self.Ts)
         return self._samples_of(max(longest, self.duration))
 
     def _samples_of(self, seconds: float) -> int:
         return int(np.floor(seconds / self.Ts + 1e-6)) + 1
+
+    @property
+    def rest_time(self) -> float:
+        """For how long the camera must have hardly moved to be at rest [s]."""
+        return max(self.tolerances.rest_s, REST[0], REST[1] * self.Ts)
 
     @property
     def sample_memory(self) -> int:
@@ -219,9 +227,9 @@ class Setup:
         n, m, markers = self.scene.robot.n, len(self.constraints.labels), len(self.scene.markers)
         # floats that a log keeps: states and command, error, camera, markers, points, φ and σ, times
         kept = 6 * n + max(6, 2 * markers) + 12 + 2 * markers + 3 * len(self.scene.points) + 2 * m + 12
-        # what the end of a run makes of them: states, clearances, errors
-        made = 3 * n + 3 * m + 2 * markers + 8
-        return 8 * (kept + made) + 2 * m
+        # computed from them at the end: states, clearances, errors
+        scored = 3 * n + 3 * m + 2 * markers + 8
+        return 8 * (kept + scored) + 2 * m
 
     @property
     def goal_tolerances(self) -> Array:
@@ -281,10 +289,33 @@ class Setup:
             raise ConfigurationError(f"{robot.name} starts outside its ranges: {'; '.join(outside)}")
         try:
             with np.errstate(over="raise", divide="raise", invalid="raise"):
-                return remarks_at_start(self)
+                return self._remarks_at_start()
         except SceneError as error:
             raise ConfigurationError(f"at the start, {error}") from error
         except VsconstraintsError:
             raise
         except Exception as error:  # own constraints may raise anything, and numbers may leave the range of floats
             raise ConfigurationError(f"the start cannot be evaluated: {described(error)}") from error
+
+    def _remarks_at_start(self) -> list[str]:
+        """See :meth:`check_start`."""
+        camera, state = self.scene.camera, self.scene.evaluate(0.0, self.q0, self.qd0)
+        pixels = enumerate(state.pixels.position, start=1)
+        unseen = [f"marker {i} at ({uv[0]:.0f}, {uv[1]:.0f}) px" for i, uv in pixels if not camera.sees(uv)]
+        if unseen:
+            raise ConfigurationError(
+                f"at the start, outside the image of {camera.size[0]:g} × {camera.size[1]:g} px: {', '.join(unseen)} "
+                "from its centre"
+            )
+        remarks = implausible(self.scene, self.task, self.Ts)
+        remarks += hidden_at_start(self.scene, self.q0, self.on_hidden_markers == "refuse")
+        rows, sigma = self.constraints.rows(state)
+        first = 0
+        for constraint, count, _ in self.constraints.blocks():
+            own = slice(first, first := first + count)
+            refusal = constraint.refusal(sigma[own], rows.labels[own])
+            if refusal:
+                raise ConfigurationError(refusal)
+        violated = np.flatnonzero(sigma > 0.0)
+        remarks += [f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in violated]
+        return remarks + forbidden_goals(self.scene, self.constraints, self.task) + self.separated

@@ -1,62 +1,48 @@
-"""What is to be said of a start before a run begins: what keeps it from beginning, and what a reader should know."""
+"""Checks of a start before a run begins: suspicious numbers, hidden markers, goals that no law can reach."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from scipy import ndimage
 
-from ..constraints import ImageConstraint
+from ..constraints import ConstraintSet, FieldOfView, ImageConstraint
 from ..errors import ConfigurationError
-from .line_of_sight import LinesOfSight
+from ..rows import Array, IntArray
+from ..vision.scene import Scene
+from ..vision.tracking import VisualTask
+from .occluders import LinesOfSight
 
-if TYPE_CHECKING:
-    from .setup import Setup
-
-
-WIDEST = 150.0
+MAX_VIEW = 150.0
 """Field of view beyond which a focal length is suspected of being in another unit [deg]; fisheye lenses reach 130°."""
 
 CENTRED = 0.2
 """Distance of a principal point from the image's centre, relative to half its sides, within which real cameras lie."""
 
-FARTHEST = 3.0
+MAX_LENGTH = 3.0
 """Distance of a camera from the tip that carries it, or between markers, beyond which millimetres are suspected [m]."""
 
+COARSE, FINE = 4.0, 1.0
+"""Sides of the squares by which the image is filled [px]: by small ones only where large ones show no connection.
 
-def remarks_at_start(setup: Setup) -> list[str]:
-    """See :meth:`vsconstraints.simulation.Setup.check_start`, which says more of what is raised."""
-    camera = setup.scene.camera
-    state = setup.scene.evaluate(0.0, setup.q0, setup.qd0)
-    pixels = state.pixels.position
-    unseen = [
-        f"marker {i + 1} at ({u:.0f}, {v:.0f}) px" for i, (u, v) in enumerate(pixels) if not camera.sees(pixels[i])
-    ]
-    if unseen:
-        raise ConfigurationError(
-            f"at the start, outside the image of {camera.size[0]:g} × {camera.size[1]:g} px: {', '.join(unseen)} "
-            "from its centre"
-        )
-    remarks = implausible(setup) + _check_sight(setup)
-    rows, sigma = setup.constraints.rows(state)
-    first = 0
-    for constraint, count, _ in setup.constraints.blocks():
-        own = slice(first, first := first + count)
-        refusal = constraint.refusal(sigma[own], rows.labels[own])
-        if refusal:
-            raise ConfigurationError(refusal)
-    violated = [f"{rows.labels[i]} is violated at the start: σ = {sigma[i]:.3g}" for i in np.flatnonzero(sigma > 0.0)]
-    return remarks + violated + _forbidden_goals(setup) + setup.separated
+Passages narrower than the last are not seen.
+"""
+
+AROUND = 2.0
+"""Factor by which the filled area is larger than the image where no field of view bounds it."""
+
+UNSOLVABLE = "no law can bring it there without violating one"
+"""How the sentence about a marker that is closed off from a goal ends."""
 
 
-def implausible(setup: Setup) -> list[str]:
-    """Numbers of a setup that suggest another unit than the one documented, or swapped sides; one sentence each."""
-    camera, scene, gains = setup.scene.camera, setup.scene, setup.task.gains
-    found = []
+def implausible(scene: Scene, task: VisualTask, Ts: float) -> list[str]:
+    """Numbers that suggest another unit than the one documented, or swapped sides; one sentence each."""
+    camera, gains, doubts = scene.camera, task.gains, []
     view = 2.0 * np.degrees(np.arctan(0.5 * np.asarray(camera.size) / np.asarray(camera.focal)))
-    if view.max() > WIDEST:
+    if view.max() > MAX_VIEW:
         focal = " and ".join(dict.fromkeys(f"{F:.4g}" for F in camera.focal))
-        found.append(f"the camera's field of view is {view.max():.0f}°: is the focal length {focal} in mm, not px?")
+        doubts.append(f"the camera's field of view is {view.max():.0f}°: is the focal length {focal} in mm, not px?")
     width, height = camera.size
     if camera.principal_point is not None and width != height:
         u, v = camera.principal_point
@@ -64,32 +50,33 @@ def implausible(setup: Setup) -> list[str]:
             np.hypot(2.0 * u / w - 1.0, 2.0 * v / h - 1.0) for w, h in ((width, height), (height, width))
         )
         if swapped < CENTRED < as_given:
-            found.append(
+            doubts.append(
                 f"the principal point ({u:.0f}, {v:.0f}) px is the centre of {height:g} × {width:g} px, not of "
                 f"{width:g} × {height:g} px: are width and height swapped?"
             )
-    damping = gains.damping * np.sqrt(gains.Kp0) * setup.Ts
+    damping = gains.damping * np.sqrt(gains.Kp0) * Ts
     if damping > 2.0:
-        found.append(
-            f"K_v T_s is {damping:.3g}, and beyond 2 sampled tracking is unstable: is the sampling time {setup.Ts:g} "
-            "in ms, not s?"
+        doubts.append(
+            f"K_v T_s is {damping:.3g}, and beyond 2 sampled tracking is unstable: is the sampling time {Ts:g} in ms, "
+            "not s?"
         )
     offset = 0.0 if camera.fixed is not None else float(np.linalg.norm(camera.mount.t))
     extent = float(np.ptp(scene.markers, axis=0).max())
-    for what, length in (("the camera is mounted", offset), ("the target's markers are", extent)):
-        if length > FARTHEST:
-            where = "from the arm's tip" if length is offset else "apart"
-            found.append(f"{what} {length:.3g} m {where}: are its coordinates in mm, not m?")
-    return found
+    if offset > MAX_LENGTH:
+        doubts.append(f"the camera is mounted {offset:.3g} m from the arm's tip: are its coordinates in mm, not m?")
+    if extent > MAX_LENGTH:
+        doubts.append(f"the target's markers are {extent:.3g} m apart: are its coordinates in mm, not m?")
+    return doubts
 
 
-def _check_sight(setup: Setup) -> list[str]:
+def hidden_at_start(scene: Scene, q0: Array, refused: bool) -> list[str]:
+    """Which markers the robot's own links hide at q0 (n,); raises ConfigurationError if that is ``refused``."""
     try:
-        lines = LinesOfSight(setup.scene)
+        lines = LinesOfSight(scene)
     except ConfigurationError as error:
         return [f"lines of sight are not checked: {error}"]
-    hidden = [f"marker {number} by {link}" for number, link in lines.hidden(setup.q0, 0.0)]
-    if hidden and setup.on_hidden_markers == "refuse":
+    hidden = [f"marker {number} by {link}" for number, link in lines.hidden(q0, 0.0)]
+    if hidden and refused:
         raise ConfigurationError(
             f"at the start the robot itself hides markers from the camera: {', '.join(hidden)}; "
             'on_hidden_markers = "continue" runs it all the same'
@@ -97,13 +84,65 @@ def _check_sight(setup: Setup) -> list[str]:
     return [f"at the start the robot itself hides markers: {', '.join(hidden)}"] if hidden else []
 
 
-def _forbidden_goals(setup: Setup) -> list[str]:
+def _in_the_image(constraints: ConstraintSet) -> list[ImageConstraint]:
+    """Those that do not move."""
+    return [one for one in constraints.constraints if isinstance(one, ImageConstraint) and one.motion is None]
+
+
+def forbidden_goals(scene: Scene, constraints: ConstraintSet, task: VisualTask) -> list[str]:
+    """Which goals put markers where a constraint that does not move forbids them."""
     remarks = []
-    for number, goal in enumerate(setup.task.goals, start=1):
-        for constraint in setup.constraints.constraints:
-            # what moves may be elsewhere by then
-            if isinstance(constraint, ImageConstraint) and constraint.motion is None:
-                forbidden = constraint.sigma(constraint.of_markers(goal.pixels)) > 0.0
-                labels = constraint.labels(setup.scene)
-                remarks += [f"goal {number} is forbidden by {labels[i]}" for i in np.flatnonzero(forbidden)]
+    for number, goal in enumerate(task.goals, start=1):
+        for constraint in _in_the_image(constraints):
+            forbidden = constraint.sigma(constraint.of_markers(goal.pixels)) > 0.0
+            labels = constraint.labels(scene)
+            remarks += [f"goal {number} is forbidden by {labels[i]}" for i in np.flatnonzero(forbidden)]
     return remarks
+
+
+def separated_markers(scene: Scene, constraints: ConstraintSet, task: VisualTask, start: Array) -> list[str]:
+    """One sentence for each marker whose pixels at the start and at a goal are in different parts of the allowed area.
+
+    A marker's path in the image is continuous, whatever moves, so that no law can solve such a scene without violating
+    a constraint. Constraints that move are left out, and so are starts and goals that are themselves forbidden. That
+    nothing is separated proves nothing: markers do not move independently.
+
+    Parameters
+    ----------
+    scene, constraints, task
+        Of the simulation.
+    start
+        (M, 2) pixels of the markers at the start.
+    """
+    remarks, image = [], np.asarray(scene.camera.size)
+    for i in range(len(start)):
+        own = [one for one in _in_the_image(constraints) if one.markers is None or i + 1 in one.markers]
+        # a field of view alone is convex
+        if all(isinstance(one, FieldOfView) for one in own):
+            continue
+        places = np.array([start[i], *(goal.pixels[i] for goal in task.goals)])
+        part, size = _parts(own, places, image, COARSE)
+        if not part.all() or (part != part[0]).any():
+            part, size = _parts(own, places, image, FINE)
+        closed = [number for number in range(1, len(part)) if part[0] and part[number] not in (0, part[0])]
+        remarks += [
+            f"marker {i + 1} starts in a part of the image of {size:.0f} px² that its constraints close off from "
+            f"goal {number}: {UNSOLVABLE}"
+            for number in closed
+        ]
+    return remarks
+
+
+def _parts(constraints: Sequence[ImageConstraint], places: Array, image: Array, cell: float) -> tuple[IntArray, float]:
+    """The connected part in which each place (p, 2) lies, 0 where it is forbidden, and the area of the first [px²]."""
+    bounded = any(isinstance(one, FieldOfView) for one in constraints)
+    half = 0.5 * (1.0 if bounded else AROUND) * image + 2.0 * cell
+    u, v = (np.arange(-side, side + cell, cell) for side in half)
+    grid = np.stack(np.meshgrid(u, v), axis=-1)
+    allowed, around = np.all([one.sigma(grid) <= 0.0 for one in constraints], axis=0), np.ones((3, 3))
+    # large squares may lie on both sides of a thin obstacle: only those count that are allowed all around
+    parts, _ = ndimage.label(ndimage.binary_erosion(allowed, around) if cell > FINE else allowed, around)
+    column, row = np.rint((places + half) / cell).astype(int).T
+    inside = (column >= 0) & (column < len(u)) & (row >= 0) & (row < len(v))
+    part = np.where(inside, parts[row.clip(0, len(v) - 1), column.clip(0, len(u) - 1)], 0)
+    return part, cell**2 * np.count_nonzero(parts == part[0])

@@ -1,4 +1,4 @@
-"""What a simulation leaves behind."""
+"""Results of a simulation: all samples, or scores alone."""
 
 from __future__ import annotations
 
@@ -100,6 +100,79 @@ class Trajectory:
     def active_intervals(self, label: str, gap: float = 0.6) -> list[tuple[float, float]]:
         """When φ of a row was at or above zero [s]: first and last sample, intervals closer than ``gap`` merged."""
         return intervals(self.t, self.phi[:, self.labels.index(label)] >= 0.0, gap)
+
+
+@dataclass(frozen=True)
+class RunScores:
+    """Scores of a run with m rows and n joints, in samples alone; NaN for what there is not.
+
+    Attributes
+    ----------
+    status, reason
+        As of a :class:`Trajectory`.
+    compiled
+        Whether rows, task and law all ran compiled.
+    labels
+        m row labels.
+    duration_s
+        Time of the last sample.
+    settling_times_s
+        (g,) from the beginning of each goal until it is reached for good, before the next one begins or the run ends;
+        NaN where it is not.
+    final_translation_error_m, final_rotation_error_rad, final_feature_error_px
+        Of the camera's pose, and of the marker farthest from where the goal wants it, at the end.
+    acceleration_variation, jerk_rms
+        Σ‖Δq̈_c‖ per second, and the root mean square of ‖Δq̈_c‖ / T_s, both over the setup's duration.
+    switching_rate_hz
+        How often per second the set of acting rows changes, likewise.
+    acceleration_max
+        (n,) greatest |q̈_c| of each joint.
+    phi_max, sigma_max
+        (m,) greatest φ and σ of each row; above zero, how deep it was outside, in units of φ.
+    outside_time_s
+        (m,) sampling periods that begin with σ > 0.
+    active_time_s, first_active_s, last_active_s
+        (m,) how long each row held the arm back, and when first and last.
+    longest_positive_run_s
+        (m,) longest time with φ ≥ 0.
+    saturated_time_s
+        How long the command was at a limit of the actuators.
+    share_to_hold
+        (m,) see :class:`Trajectory`.
+    """
+
+    status: Outcome
+    reason: str
+    compiled: bool
+    labels: tuple[str, ...]
+    duration_s: float
+    settling_times_s: Array
+    final_translation_error_m: float
+    final_rotation_error_rad: float
+    final_feature_error_px: float
+    acceleration_variation: float
+    jerk_rms: float
+    switching_rate_hz: float
+    acceleration_max: Array
+    phi_max: Array
+    sigma_max: Array
+    outside_time_s: Array
+    active_time_s: Array
+    first_active_s: Array
+    last_active_s: Array
+    longest_positive_run_s: Array
+    saturated_time_s: float
+    share_to_hold: Array
+
+    @property
+    def settling_time_s(self) -> float:
+        """Their sum; of converged runs."""
+        return float(np.nansum(self.settling_times_s)) if self.status == "converged" else np.nan
+
+    @in_one_line
+    def __repr__(self) -> str:
+        outside = counted(int((self.outside_time_s > 0.0).sum()), "row")
+        return f"<RunScores {self.status}: {amount(self.duration_s)} s, {outside} of {len(self.labels)} outside>"
 
 
 def intervals(t: Array, flags: BoolArray, gap: float) -> list[tuple[float, float]]:

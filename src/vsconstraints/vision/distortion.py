@@ -13,13 +13,13 @@ from ..errors import InvalidInput, shown, unknown_name
 from ..formulas import lenses
 from ..rows import Array, BoolArray
 
-MOST_STRETCH = 100.0
+MAX_STRETCH = 100.0
 """By how much undistorting may stretch the image, or shrink it: beyond, a lens does not count as one to be inverted."""
 
-FARTHEST = 100.0
+MAX_RADIUS = 100.0
 """Radius in normalised coordinates up to which that is looked for: 89.4° from the axis."""
 
-ITERATIONS, ENOUGH, ACCURACY = 50, 1e-14, 1e-12
+ITERATIONS, TOLERANCE, ACCURACY = 50, 1e-14, 1e-12
 """Of Newton's method at most; the error in normalised coordinates at which it ends, and the one that is accepted."""
 
 INSIDE = 0.999
@@ -124,7 +124,7 @@ def _removed(lens: lenses.Lens, image: Array, reach: float, coefficients: Sequen
     x, y = image * np.minimum(1.0, INSIDE * reach / np.maximum(np.hypot(*image), INSIDE * reach))
     dx, dy, off = lenses.newton(lens, (x, y), image, reach, coefficients)
     for _ in range(ITERATIONS):
-        if not (off > ENOUGH).any():
+        if not (off > TOLERANCE).any():
             break
         ahead = x + dx, y + dy
         then_dx, then_dy, then_off = lenses.newton(lens, ahead, image, reach, coefficients)
@@ -147,12 +147,12 @@ def _reach(distortion: Distortion) -> float:
 
     On a disc, which is convex, a function with a positive one takes every value once.
     """
-    radii = np.concatenate((np.linspace(0.0, 3.0, 1001), np.geomspace(3.0, FARTHEST, 200)[1:]))
+    radii = np.concatenate((np.linspace(0.0, 3.0, 1001), np.geomspace(3.0, MAX_RADIUS, 200)[1:]))
     angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     x, y = radii[:, None] * np.cos(angles), radii[:, None] * np.sin(angles)
     with np.errstate(all="ignore"):
         *_, a, b, c, d = MODELS[distortion.model].lens(x, y, *_filled(distortion))
         mean, spread = 0.5 * (a + d), np.hypot(0.5 * (a - d), 0.5 * (b + c))
-        usable = (mean - spread > 1.0 / MOST_STRETCH) & (mean + spread < MOST_STRETCH)
+        usable = (mean - spread > 1.0 / MAX_STRETCH) & (mean + spread < MAX_STRETCH)
         folds = ~usable.all(axis=1)
-    return float(radii[max(int(np.argmax(folds)) - 1, 1)] if folds.any() else FARTHEST)
+    return float(radii[max(int(np.argmax(folds)) - 1, 1)] if folds.any() else MAX_RADIUS)

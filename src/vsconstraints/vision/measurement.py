@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import ConfigurationError, InvalidInput, shown
 from ..formulas.innovation import MEMORY, image_innovation
-from ..formulas.poses import angle
+from ..formulas.motion import angle
 from ..robots.geometry import Pose
 from ..rows import Array
 from .camera import Camera

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import InvalidInput, SceneError
-from ..formulas.features import image_row
-from ..formulas.image import image_motion
+from ..formulas.features import image_motion, image_row
 from ..formulas.motion import carried, relative_twist
 from ..formulas.vectors import cross, minus
 from ..robots.geometry import Pose

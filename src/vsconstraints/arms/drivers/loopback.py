@@ -1,51 +1,263 @@
-"""``loopback://``: a stand-in for an arm behind a socket of this machine, to try streaming, stopping and timeouts."""
+"""``loopback://``: a fake arm behind a socket of this machine, to try streaming, stopping and timeouts.
+
+Messages are lines of JSON: ``[kind, q, qd]``, answered by ``[stopped, t, q, qd]``.
+"""
 
 from __future__ import annotations
 
+import json
+import multiprocessing
+import signal
 import socket
+import threading
+import time
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
-from typing import cast
+from multiprocessing.connection import Connection
+from typing import Literal, cast
 
 import numpy as np
 
 from ...errors import ConfigurationError
+from ...plugins.processes import end_with
 from ...rows import Array
 from ...simulation import Setup
+from ...simulation.plant import cubic
 from ..driver import Address, ArmError, Driver, Joints
 from ..envelope import Envelope
-from ..server import (
-    FAULTS,
-    HALT,
-    MOVE,
-    READ,
-    STOPPED,
-    Behaviour,
-    Fault,
-    in_process,
-    in_thread,
-    message,
-    read_message,
-    receive,
-)
-from ..server import length as length_of
-from ..stand_in import PATIENCE, StandIn, StandInLimits
+
+Fault = Literal["none", "stall", "drop", "jump", "refuse"]
+"""What goes wrong: it never answers again, closes the connection, reports a wrong position, or stops by itself."""
+
+FAULTS: tuple[Fault, ...] = ("none", "stall", "drop", "jump", "refuse")
+READ, MOVE, HALT = "read", "move", "halt"
+
+JUMP = 0.5
+"""Error of the position that the fault ``jump`` reports [rad or m]."""
+
+PATIENCE = 0.1
+"""How long the arm coasts after a period before its watchdog brakes it [s]; ten periods if that is longer."""
+
+LATE = 0.01
+"""Delay of a setpoint up to which it is compared with the setpoint before, and not with the arm's position [s]."""
+
+SLACK = 1.05
+"""Factor on limits beyond which a setpoint is refused: setpoints come through a network."""
+
+MAX_LINE = 1 << 16
+"""Longest message [bytes]."""
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """How the server behaves.
+
+    Attributes
+    ----------
+    fault, at
+        What goes wrong, and when by the arm's clock [s], which starts with the first setpoint.
+    simulated_time
+        Whether a setpoint lets its period pass; otherwise time is the system's.
+    """
+
+    fault: Fault = "none"
+    at: float = 0.0
+    simulated_time: bool = False
+
+
+class FakeArm:
+    """Position is a cubic from one setpoint to the next, then coasts for a while, then the arm brakes.
+
+    That is its watchdog: an arm that it has braked accepts no more setpoints.
+
+    Parameters
+    ----------
+    q
+        (n,) where it stands.
+    envelope
+        Limits of the setpoints that it accepts, its own deceleration, and the period in which a setpoint is reached.
+    patience
+        Of its watchdog: see :data:`PATIENCE`.
+
+    Attributes
+    ----------
+    t
+        Its clock [s]; :meth:`advance` moves it.
+    stopped
+        Why it stopped by itself; empty if it has not.
+    """
+
+    def __init__(self, q: Array, envelope: Envelope, patience: float = PATIENCE) -> None:
+        self.limits, self.period, self.t, self.stopped = envelope, envelope.period, 0.0, ""
+        self._begun, self._patience = -np.inf, max(patience, 10.0 * envelope.period)
+        self._coasting = self._patience
+        here: tuple[Array, Array] = np.array(q), np.zeros(len(q))
+        self._from = self._to = here
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass."""
+        self.t += max(seconds, 0.0)
+        silent = self.t - self._begun - self.period
+        if np.isfinite(self._begun) and silent > self._patience and not self.stopped:
+            self.stopped = f"its watchdog received nothing for {1e3 * self._patience:g} ms"
+
+    def state(self) -> tuple[Array, Array]:
+        """(n,) q and q̇ now."""
+        T, (q, qd), after = self.period, self._to, self.t - self._begun
+        if after < T:
+            return cubic(self._from, self._to, T, after / T)
+        coasting = min(after - T, self._coasting)
+        # (n,) for how long each joint brakes
+        braking = np.minimum(after - T - coasting, np.abs(qd) / self.limits.acceleration)
+        slower = np.sign(qd) * self.limits.acceleration * braking
+        return q + coasting * qd + braking * (qd - 0.5 * slower), qd - slower
+
+    def take(self, q: Array, qd: Array) -> None:
+        """Accept a setpoint for the end of the period that begins; one beyond the limits stops the arm."""
+        if self.stopped:
+            return
+        before = self._to if self.t - self._begun < self.period + LATE else self.state()
+        limits, T = self.limits, self.period
+        violations = (
+            ("is not finite", ~(np.isfinite(q) & np.isfinite(qd))),
+            ("leaves its range", (q < limits.q_min - 1e-6) | (q > limits.q_max + 1e-6)),
+            ("is too fast", np.maximum(np.abs(qd), np.abs(q - before[0]) / T) > SLACK * limits.qd_max + 1e-3),
+            ("accelerates too much", np.abs(qd - before[1]) / T > SLACK * limits.acceleration + 1e-3),
+        )
+        for what, joints in violations:
+            if joints.any():
+                self.stop(f"protective stop: joint {int(np.argmax(joints)) + 1} {what}")
+                return
+        self._from, self._to = self.state(), (np.array(q), np.array(qd))
+        self._begun, self._coasting = self.t, self._patience
+
+    def stop(self, why: str) -> None:
+        """Brake now, and accept nothing more."""
+        self._from = self._to = self.state()
+        self._begun, self._coasting, self.stopped = self.t - self.period, 0.0, why
+
+
+class Server:
+    """Answers every connection in a thread of its own, until it is closed; ``port`` is on this machine alone."""
+
+    def __init__(self, arm: FakeArm, behaviour: Behaviour) -> None:
+        self.arm, self.behaviour = arm, behaviour
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self.port = int(self._listening.getsockname()[1])
+        self._moving, self._last, self._closed = False, time.perf_counter(), threading.Event()
+        # a stop must get through while another connection is not answered
+        self._lock = threading.Lock()
+
+    def serve(self) -> None:
+        """Accept connections."""
+        while not self._closed.is_set():
+            try:
+                connection, _ = self._listening.accept()
+            except OSError:  # closed
+                return
+            threading.Thread(target=self._answer_all, args=(connection,), daemon=True).start()
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._closed.set()
+        with suppress(OSError):
+            self._listening.shutdown(socket.SHUT_RDWR)
+        self._listening.close()
+
+    def _answer_all(self, connection: socket.socket) -> None:
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        # what is no message closes the connection
+        with connection, connection.makefile("rb") as lines, suppress(OSError, ValueError, TypeError, RecursionError):
+            while line := lines.readline(MAX_LINE):
+                kind, *numbers = json.loads(line)
+                q, qd = (np.array(each, dtype=np.float64) for each in numbers)
+                if q.shape != qd.shape or q.shape != self.arm.limits.q_max.shape:
+                    return
+                answer = self._answer(kind, q, qd)
+                if answer is None:
+                    return
+                connection.sendall(answer)
+
+    def _answer(self, kind: str, q: Array, qd: Array) -> bytes | None:
+        """The answer to a message; None where the connection is to be closed."""
+        with self._lock:
+            now = time.perf_counter()
+            if self._moving and not self.behaviour.simulated_time:
+                self.arm.advance(now - self._last)
+            self._last = now
+            fault = self.behaviour.fault if self._moving and self.arm.t >= self.behaviour.at else "none"
+        if kind == HALT:
+            self.arm.stop("halted")
+        elif fault == "drop":
+            return None
+        elif fault == "stall":
+            self._closed.wait()
+            return None
+        with self._lock:
+            if kind == MOVE:
+                if not self._moving:
+                    self._moving, self.arm.t = True, 0.0
+                self.arm.take(q, qd)
+                if self.behaviour.simulated_time:
+                    self.arm.advance(self.arm.period)
+            if fault == "refuse":
+                self.arm.stop("protective stop: simulated")
+            q, qd = self.arm.state()
+            q = q + JUMP if fault == "jump" else q
+            return json.dumps([self.arm.stopped, self.arm.t, q.tolist(), qd.tolist()]).encode() + b"\n"
+
+
+def in_thread(arm: FakeArm, behaviour: Behaviour) -> tuple[int, Callable[[], None]]:
+    """Start a server in a thread; returns its port, and what ends it."""
+    server = Server(arm, behaviour)
+    threading.Thread(target=server.serve, daemon=True).start()
+    return server.port, server.close
+
+
+def in_process(arm: FakeArm, behaviour: Behaviour) -> tuple[int, Callable[[], None]]:
+    """Start a server in its own process, so that it takes no time from the loop; returns its port, and what ends it."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_serve, args=(theirs, arm, behaviour, multiprocessing.current_process().pid))
+    process.start()
+    theirs.close()
+
+    def end() -> None:
+        process.kill()
+        process.join()
+
+    try:
+        port: int = ours.recv()
+    except EOFError:
+        end()
+        raise
+    return port, end
+
+
+def _serve(connection: Connection, arm: FakeArm, behaviour: Behaviour, parent: int) -> None:
+    end_with(parent)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes of a terminal: the arm goes on
+    server = Server(arm, behaviour)
+    connection.send(server.port)
+    server.serve()
 
 
 class LoopbackArm(Driver):
-    """A stand-in for an arm, behind a socket of this machine; options: time, fault, at, patience, off.
+    """A fake arm behind a socket of this machine; options: time, fault, at, patience, off.
 
     ``time``
         ``real``: the server is a process of its own, and time is the system's. ``simulated``: a setpoint lets its
-        period pass, so that nothing depends on how fast the machine is.
+        period pass, so that nothing depends on the speed of the machine.
     ``fault``, ``at``
-        What goes wrong, see :data:`vsconstraints.arms.server.Fault`, and after how many seconds.
+        What goes wrong, see :data:`Fault`, and after how many seconds.
     ``patience``
         How long an answer may take [s].
     ``off``
-        How far from the scenario's start the arm stands [rad or m].
+        How far from the scenario's start it stands [rad or m].
 
-    With a port, a server that runs already is used, and the other options are its own.
+    With a port in the address, the server that listens there is used, and none is started.
     """
 
     real = False
@@ -60,36 +272,34 @@ class LoopbackArm(Driver):
             raise ConfigurationError("option patience of loopback must be positive: an answer takes some time")
         fault = cast(Fault, address.choice("fault", FAULTS))
         behaviour = Behaviour(fault, address.number("at", 0.5), self.simulated_time)
-        own = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
-        limits = StandInLimits(own.q_min, own.q_max, own.qd_max, own.acceleration)
-        self._made = StandIn(setup.q0 + address.number("off", 0.0), limits, setup.Ts), behaviour
-        self._end: Callable[[], None] = _nothing
-        self._connection: socket.socket | None = None
-        self._nothing = np.zeros(self.n)
+        envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
+        self._arm = FakeArm(setup.q0 + address.number("off", 0.0), envelope), behaviour
+        self._end: Callable[[], None] | None = None
+        self._connection: Connected | None = None
 
     def connect(self) -> None:
-        """Start the server, unless there is one, and reach it."""
+        """Start the server, unless there is one, and connect to it."""
         port = self.address.port
         if port is None:
-            port, self._end = (in_thread if self.simulated_time else in_process)(*self._made)
+            port, self._end = (in_thread if self.simulated_time else in_process)(*self._arm)
         self._where = (self.address.host or "127.0.0.1", port)
-        self._connection = connected(self._where, self._patience)
+        self._connection = Connected(self._where, self._patience)
 
     def read(self) -> Joints:
-        """Ask where the joints are."""
-        return self._ask(READ, self._nothing, self._nothing)
+        """Ask for the joints' state."""
+        return self._ask(READ, np.zeros(self.n), np.zeros(self.n))
 
     def send(self, q: Array, qd: Array) -> None:
         """Send a setpoint."""
         self._ask(MOVE, q, qd)
 
-    def _ask(self, kind: int, q: Array, qd: Array) -> Joints:
+    def _ask(self, kind: str, q: Array, qd: Array) -> Joints:
         if self._connection is None:
             raise ArmError("the connection to the arm is closed")
-        return answered(self._connection, self._patience, kind, q, qd)
+        return self._connection.ask(kind, q, qd)
 
     def halt(self, deceleration: float) -> None:
-        """Tell the arm through a connection of its own, since another one may not be answered."""
+        """Stop the arm through a separate connection, since the first one may not be answered."""
         self.stopper()()
 
     def stopper(self) -> Callable[[], None]:
@@ -100,46 +310,50 @@ class LoopbackArm(Driver):
         """Close the connection, and end the server that was started."""
         if self._connection is not None:
             self._connection.close()
-        self._connection = None
-        self._end()
-        self._end = _nothing
+        if self._end is not None:
+            self._end()
+        self._connection = self._end = None
 
 
-def connected(where: tuple[str, int], patience: float) -> socket.socket:
-    """A connection whose answers may take so long [s]; raises ArmError."""
-    try:
-        connection = socket.create_connection(where, max(patience, 1.0))
-    except OSError as error:
-        raise ArmError(f"no arm answers at {where[0]}, port {where[1]}: {error}") from error
-    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    connection.settimeout(patience)
-    return connection
+class Connected:
+    """A connection to a server, whose answers may take ``patience`` [s]; raises ArmError where it fails."""
 
+    def __init__(self, where: tuple[str, int], patience: float) -> None:
+        self.patience = patience
+        try:
+            self._socket = socket.create_connection(where, max(patience, 1.0))
+        except OSError as error:
+            raise ArmError(f"no arm answers at {where[0]}, port {where[1]}: {error}") from error
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.settimeout(patience)
+        self._lines = self._socket.makefile("rb")
 
-def answered(connection: socket.socket, patience: float, kind: int, q: Array, qd: Array) -> Joints:
-    """What the arm answers to a message; raises ArmError."""
-    n = len(q)
-    count = length_of(n, True)
-    try:
-        connection.sendall(message(kind, 0.0, q, qd))
-        data = receive(connection, count)
-    except TimeoutError as error:
-        raise ArmError(f"the arm has not answered within {1e3 * patience:g} ms") from error
-    except OSError as error:
-        raise ArmError(f"the connection to the arm broke: {error}") from error
-    if len(data) < count:
-        raise ArmError("the arm closed the connection")
-    said, t, q, qd, text = read_message(data, n)
-    if said == STOPPED and kind != HALT:
-        raise ArmError(f"the arm stopped by itself: {text}")
-    return Joints(t, q, qd)
+    def ask(self, kind: str, q: Array, qd: Array) -> Joints:
+        """Send a message and return the state that is answered."""
+        try:
+            self._socket.sendall(json.dumps([kind, q.tolist(), qd.tolist()]).encode() + b"\n")
+            line = self._lines.readline(MAX_LINE)
+        except TimeoutError as error:
+            raise ArmError(f"the arm has not answered within {1e3 * self.patience:g} ms") from error
+        except OSError as error:
+            raise ArmError(f"the connection to the arm broke: {error}") from error
+        if not line.endswith(b"\n"):
+            raise ArmError("the arm closed the connection")
+        stopped, t, q_now, qd_now = json.loads(line)
+        if stopped and kind != HALT:
+            raise ArmError(f"the arm stopped by itself: {stopped}")
+        return Joints(t, np.array(q_now), np.array(qd_now))
+
+    def close(self) -> None:
+        """Close it."""
+        self._lines.close()
+        self._socket.close()
 
 
 def halt(where: tuple[str, int], patience: float, n: int) -> None:
     """Stop the arm of n joints there; raises ArmError."""
-    with connected(where, patience) as connection:
-        answered(connection, patience, HALT, np.zeros(n), np.zeros(n))
-
-
-def _nothing() -> None:
-    """No server to end."""
+    connection = Connected(where, patience)
+    try:
+        connection.ask(HALT, np.zeros(n), np.zeros(n))
+    finally:
+        connection.close()

@@ -166,7 +166,7 @@ class UrRtde(Driver):
         """Leave servo or speed mode, and disconnect."""
         control, receive, dashboard = self._control, self._receive, self._dashboard
         self._control = self._receive = self._dashboard = None
-        # whatever is said here, the other parts are to be closed, too
+        # whatever fails here, the other parts are closed, too
         if control is not None:
             # of the tool [m/s²], as the package has it, or of the joints
             by_position = self.takes == "position"

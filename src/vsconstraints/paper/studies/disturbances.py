@@ -33,11 +33,6 @@ class GradientErrors(Sweep):
     """
 
     name = "gradient-error"
-    measures: Mapping[str, str] = {
-        "deviation_px": "deviation of a\nmarker [px]",
-        "violation": "depth of violation\n[% of L]",
-        "settling_time_s": "settling time [s]",
-    }
 
     Case = study.case_type("scenario", "controller", "gradient_error")
     """A scenario, a law's name, and c_e."""
@@ -57,7 +52,9 @@ class GradientErrors(Sweep):
         ]
         numbers: Numbers = {}
         for point in points:
-            found = {column: point[column] for column in self.measures} | {"converged": point["status"] == "converged"}
+            found = {column: point[column] for column in self.table["measures"]} | {
+                "converged": point["status"] == "converged"
+            }
             numbers |= study.keyed(found, point["scenario"], point["controller"], point["gradient_error"])
         sentences = []
         for scenario, own in study.grouped(points, "scenario").items():
@@ -77,27 +74,22 @@ class GradientErrors(Sweep):
     def figure(self, result: StudyResult) -> Sheet:
         """One column per scenario, one row per measure."""
         laws = list(study.grouped(result.points, "controller"))
-        sheet = Sheet(left=0.9)
-        sheet.legend(draw.law_entries(laws))
-        scenarios, names = list(study.grouped(result.points, "scenario")), list(self.measures)
-        labels = list(self.measures.values())
-        panels = draw.scenario_panels(sheet, scenarios, labels, "gradient error cₑ", height=1.4, gap=0.6)
-        for (i, scenario), ax in panels.items():
-            if names[i] != "settling_time_s":
-                logarithmic(ax.yaxis, linear_below=1.0 if names[i] == "deviation_px" else 0.01)
+        sheet, panels = draw.scenario_grid(self.table, result.points, draw.law_entries(laws))
+        for (column, scenario), ax in panels.items():
+            if column != "settling_time_s":
+                logarithmic(ax.yaxis, linear_below=1.0 if column == "deviation_px" else 0.01)
             for k, name in enumerate(laws):
                 own, look = study.where(result.points, scenario=scenario, controller=name), draw.LOOKS[name]
                 thin: dict[str, Any] = {"markersize": 4.5, "alpha": 0.9, "linewidth": 1.8 - 0.2 * k}
-                draw.joined(ax, study.completed(own), "gradient_error", names[i], look.colour, look.marker, **thin)
-                if i == 0:
+                draw.joined(ax, study.completed(own), "gradient_error", column, look.colour, look.marker, **thin)
+                if column == "deviation_px":
                     lost = [point["gradient_error"] + 0.035 * (k - 2) for point in filter(study.ended_early, own)]
                     draw.failed_marks(ax, lost, look.colour, 0.92)
             ax.set_xlim(-0.06, 1.14)
             low, high = ax.get_ylim()
             room = 0.1 * (high - low) + 0.1
-            ax.set_ylim(  # the first with room for the crosses
-                *((0.0, max(10.0 * high, 10.0)), (-0.002, max(high, 1.0)), (low - room, high + room))[i]
-            )
+            limits = {"deviation_px": (0.0, max(10.0 * high, 10.0)), "violation": (-0.002, max(high, 1.0))}
+            ax.set_ylim(*limits.get(column, (low - room, high + room)))  # the first with room for the crosses
         return sheet
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from ...comparisons.runs.spec import SLIDING_MODE, ControllerSpec
 from ...reports.plots import INK, Look, Sheet, darker, line, looks
-from .study import where
+from .study import grouped, where
 
 
 def potential_field(blend: str, region: float = 0.2, strength: float = 1.0) -> ControllerSpec:
@@ -53,27 +53,41 @@ def sentence_start(scenario: str) -> str:
     return title[:1].upper() + title[1:]
 
 
-def scenario_panels(
-    sheet: Sheet, scenarios: Sequence[str], measures: Sequence[str], below: str, *, height: float, gap: float
-) -> dict[tuple[int, str], Any]:
-    """A row of panels for each measure, labelled at the left, and a column for each scenario, with its title.
+def scenario_grid(
+    table: Mapping[str, Any], points: Iterable[dict[str, Any]], entries: Sequence[dict[str, Any]]
+) -> tuple[Sheet, dict[tuple[str, str], Any]]:
+    """A sheet with a legend and, below it, a row of panels for each measure and a column for each scenario.
 
-    ``below`` labels the common horizontal axis; the height of panels and the gap between columns are in inches.
+    Parameters
+    ----------
+    table
+        Of the study: ``measures``, labels by column of the data; and ``layout``, which names the horizontal axis
+        (``below``) and gives the left margin, the height of panels and the gap between columns in inches.
+    points
+        The data, which tell the scenarios.
+    entries
+        Of the legend.
 
     Returns
     -------
-    dict
-        Panels by the measure's index and the scenario.
+    tuple
+        The sheet, and its panels by measure and scenario.
     """
+    layout, scenarios = table["layout"], list(grouped(points, "scenario"))
+    sheet = Sheet(left=layout["left"])
+    sheet.legend(entries)
     sheet.at += 0.15
-    places = list(product(range(len(measures)), scenarios))
-    panels = sheet.panels(len(places), len(scenarios), height=height, gap=gap, labels=(below, ""))
-    for ax, (i, scenario) in zip(panels, places, strict=True):
-        if i == 0:
-            ax.set_title(scenario_title(scenario))
+    places = list(product(table["measures"], scenarios))
+    size = {"height": layout["height"], "gap": layout["gap"]}
+    panels = dict(
+        zip(places, sheet.panels(len(places), len(scenarios), **size, labels=(layout["below"], "")), strict=True)
+    )
+    for (measure, scenario), ax in panels.items():
         if scenario == scenarios[0]:
-            ax.set_ylabel(measures[i])
-    return dict(zip(places, panels, strict=True))
+            ax.set_ylabel(table["measures"][measure])
+        if measure == next(iter(table["measures"])):
+            ax.set_title(scenario_title(scenario))
+    return sheet, panels
 
 
 def entry(label: str, colour: str, marker: str = "", **look: Any) -> dict[str, Any]:

@@ -22,23 +22,8 @@ OUTCOMES = ("failed", "violated", "beyond band", "band, not sliding", "sliding")
 ENOUGH = {"allowed": "beyond band", "in_band": "band, not sliding", "sliding": "sliding"}
 """What can be required of a switching gain, and the outcome that is enough for it."""
 
-LOOK = {
-    "violated": ("#B2182B", "X", "σ > 0: violated"),
-    "beyond band": ("#EF8A62", "s", "σ ≤ 0, but φ > Tₛ u⁺"),
-    "band, not sliding": ("#9BC4E2", "o", "φ ≤ Tₛ u⁺, several samples in a row with φ ≥ 0"),
-    "sliding": ("#0072B2", "o", "φ ≤ Tₛ u⁺, one sample in a row with φ ≥ 0"),
-    "failed": ("#000000", "x", "failed"),
-}
-
-BAND_SCENARIOS = {"example-2d-fov": ("#222222", "o"), "example-2d-fast-high-gain": ("#8A8A8A", "s")}
+BAND_SCENARIOS = ("example-2d-fov", "example-2d-fast-high-gain")
 ROW_SCENARIO = "case-study-6r"
-ROW_LOOKS = tuple(
-    zip(
-        ("#0072B2", "#56B4E9", "#009E73", "#D55E00", "#CC79A7", "#E69F00", "#000000", "#9C8A00"),
-        ("o", "s", "^", "D", "v", "P", "X", "<"),
-        strict=True,
-    )
-)
 
 
 class SwitchingGain(Sweep):
@@ -96,9 +81,9 @@ class SwitchingGain(Sweep):
             "bound_sampled": draw.entry("what is needed to be back after one sample", INK, linestyle=(0, (4, 2))),
         }
         sheet = Sheet(left=0.8)
-        sheet.legend([*draw.outcome_entries(result.points, LOOK), *bounds.values()], 2)
+        sheet.legend([*draw.outcome_entries(result.points, self.table["outcomes"]), *bounds.values()], 2)
         (ax,) = sheet.panels(1, height=3.5)
-        draw.by_outcome(ax, result.points, "Kp0", "switching_gain", LOOK)
+        draw.by_outcome(ax, result.points, "Kp0", "switching_gain", self.table["outcomes"])
         speeds = sorted(study.grouped(result.points, "Kp0"))
         for column, look in bounds.items():
             values = [_bound(study.where(result.points, Kp0=Kp0), column) for Kp0 in speeds]
@@ -188,15 +173,14 @@ class SamplingTime(Sweep):
 
     def figure(self, result: StudyResult) -> Sheet:
         """Band, overshoot by row, samples in a row."""
-        rows = dict(zip(filter(None, study.grouped(result.points, "row")), ROW_LOOKS, strict=False))
+        looks = self.table["looks"]
+        rows = dict(zip(filter(None, study.grouped(result.points, "row")), looks["rows"], strict=False))
         runs = {scenario: study.where(result.points, scenario=scenario, row="") for scenario in BAND_SCENARIOS}
         runs = {scenario: own for scenario, own in runs.items() if own}
         entries = []
         for scenario, own in runs.items():
             gain = own[0]["bound_43"] / own[0]["Ts_ms"] * 1e3
-            entries.append(
-                draw.entry(f"{draw.scenario_title(scenario)}, u⁺ = {gain:.3g} /s", *BAND_SCENARIOS[scenario])
-            )
+            entries.append(draw.entry(f"{draw.scenario_title(scenario)}, u⁺ = {gain:.3g} /s", *looks[scenario]))
         entries += [draw.entry(row, *look) for row, look in rows.items()]
         entries += [line("Tₛ u⁺ (43)", **REFERENCE), draw.entry("Tₛ (u⁺ + push of tracking)", INK, linestyle=":")]
         sheet = Sheet(left=0.65)
@@ -204,7 +188,7 @@ class SamplingTime(Sweep):
         sheet.at += 0.15
         band, over, samples = sheet.panels(3, 3, height=2.3, gap=0.62, labels=("sampling time Tₛ [ms]", ""))
         for scenario, own in runs.items():
-            colour, marker = BAND_SCENARIOS[scenario]
+            colour, marker = looks[scenario]
             draw.joined(band, own, "Ts_ms", "band", colour, marker)
             draw.joined(band, own, "Ts_ms", "bound_43", colour, **REFERENCE | {"color": colour})
             draw.joined(band, own, "Ts_ms", "band_expected", colour, linestyle=":")

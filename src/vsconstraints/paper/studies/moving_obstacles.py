@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -20,12 +20,6 @@ from .summary import RunSummary
 KEPT = 0.005
 """Depth, as a fraction of the obstacle's radius, up to which its boundary counts as kept: about what it moves by in a
 sampling period."""
-
-LOOK = {
-    "kept": ("#0072B2", "o", "boundary kept"),
-    "violated": ("#B2182B", "X", "boundary violated"),
-    "failed": ("#000000", "x", "failed"),
-}
 
 
 class NonStatic(Sweep):
@@ -110,25 +104,26 @@ class NonStatic(Sweep):
 
     def figure(self, result: StudyResult) -> Sheet:
         """One column per obstacle; gains above, depths below."""
+        outcomes = self.table["outcomes"]
         scenarios = list(study.grouped(result.points, "scenario"))
         known, unknown = draw.entry("velocity known", "#0072B2", "o"), draw.entry("velocity unknown", "#D55E00", "s")
-        marks = draw.outcome_entries([*result.points, {"outcome": "kept"}, {"outcome": "violated"}], LOOK)
-        sheet = Sheet(left=0.8)
-        sheet.legend([*marks, draw.entry("bound (12)", INK), known, unknown, line("K times the speed", **REFERENCE)])
-        below = "speed of the obstacle, relative to the scenario's"
-        panels = draw.scenario_panels(sheet, scenarios, ("", ""), below, height=2.0, gap=0.9)
+        marks = draw.outcome_entries([*result.points, {"outcome": "kept"}, {"outcome": "violated"}], outcomes)
+        entries = [*marks, draw.entry("bound (12)", INK), known, unknown, line("K times the speed", **REFERENCE)]
+        sheet, panels = draw.scenario_grid(self.table, result.points, entries)
         for scenario in scenarios:
             own, obstacle = study.where(result.points, scenario=scenario), self._obstacle(scenario)
             speeds = sorted(study.grouped(own, "speed"))
             gap = 0.08 * (speeds[-1] - speeds[0]) or 0.1
-            upper, lower = panels[0, scenario], panels[1, scenario]
+            upper, lower = panels["switching_gain", scenario], panels["depth", scenario]
             for ax in (upper, lower):
                 ax.set_xlim(speeds[0] - gap, speeds[-1] + gap)
             upper.set_title(obstacle["title"])
             upper.set_ylabel(f"u⁺ [{'m/s' if obstacle['unit'] == 'mm' else '1/s'}]")
             lower.set_ylabel(f"depth of violation [{obstacle['unit']}]")
             bounds = [result.numbers.get((scenario, speed, "bound_12"), math.nan) for speed in speeds]
-            _gains(upper, own, speeds, bounds)
+            draw.by_outcome(upper, study.where(own, known=True), "speed", "switching_gain", outcomes)
+            upper.plot(speeds, bounds, color=INK, linewidth=1.8, zorder=4)
+            logarithmic(upper.yaxis, sorted(study.grouped(own, "switching_gain")))
             _depths(lower, own)
         return sheet
 
@@ -146,12 +141,6 @@ def _at_speed(points: Points) -> dict[str, float]:
         "depth_unknown": unknown["depth"],
         "depth_expected": largest["depth_expected"],
     }
-
-
-def _gains(ax: Any, points: Points, speeds: Sequence[float], bounds: Sequence[float]) -> None:
-    draw.by_outcome(ax, study.where(points, known=True), "speed", "switching_gain", LOOK)
-    ax.plot(speeds, bounds, color=INK, linewidth=1.8, zorder=4)
-    logarithmic(ax.yaxis, sorted(study.grouped(points, "switching_gain")))
 
 
 def _depths(ax: Any, points: Points) -> None:

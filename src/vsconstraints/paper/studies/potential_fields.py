@@ -35,11 +35,6 @@ class ShrinkingRegion(Sweep):
     """
 
     name = "shrinking-region"
-    measures: Mapping[str, str] = {
-        "joint_distance": "distance to sliding mode\nin joint space, RMS [rad]",
-        "unused": "allowed space\nleft unused [%]",
-        "switching_rate": "switching rate of the\nacting rows [Hz]",
-    }
 
     Case = study.case_type("scenario", "law", "region")
     """A scenario with ``sliding-mode``, with half of the sampling time (``halved``), or a blend and its region."""
@@ -91,25 +86,22 @@ class ShrinkingRegion(Sweep):
 
     def figure(self, result: StudyResult) -> Sheet:
         """One column per scenario, one row per measure."""
-        sheet = Sheet(left=0.95)
         looks = {blend: draw.LOOKS[draw.potential_field(blend).name] for blend in BLENDS}
         entries = draw.law_entries(draw.potential_field(blend).name for blend in BLENDS)
-        sheet.legend([*entries, line("sliding-mode", **REFERENCE)])
-        below = "region δ, relative to the allowed range (smaller →)"
-        scenarios, names = list(study.grouped(result.points, "scenario")), list(self.measures)
-        panels = draw.scenario_panels(sheet, scenarios, list(self.measures.values()), below, height=1.45, gap=0.75)
-        for (i, scenario), ax in panels.items():
-            points, column = study.where(result.points, scenario=scenario), names[i]
+        entries.append(line("sliding-mode", **REFERENCE))
+        sheet, panels = draw.scenario_grid(self.table, result.points, entries)
+        for (column, scenario), ax in panels.items():
+            points, first = study.where(result.points, scenario=scenario), column == "joint_distance"
             by_law = {point["law"]: point for point in points}
             if math.isfinite(step := by_law.get("sliding-mode", {}).get("step", math.nan)):
                 ax.axvspan(step, 1e-9, color="#F6F0DC", linewidth=0.0, zorder=0.5)
-            reference = by_law.get("halved" if i == 0 else "sliding-mode", {}).get(column, math.nan)
+            reference = by_law.get("halved" if first else "sliding-mode", {}).get(column, math.nan)
             if math.isfinite(reference):
                 ax.axhline(reference, **REFERENCE, zorder=2)
             for blend, look in looks.items():
                 own = study.where(points, law=blend)
                 draw.joined(ax, study.completed(own), "region", column, look.colour, look.marker)
-                if i == 0:
+                if first:
                     draw.failed_marks(ax, [p["region"] for p in filter(study.ended_early, own)], look.colour, 0.93)
             logarithmic(ax.xaxis, (1e-4, 1e-3, 1e-2, 1e-1))
             logarithmic(ax.yaxis, linear_below=1.0 if column == "switching_rate" else None)
@@ -209,14 +201,11 @@ class Pareto(Sweep):
         )
         points = study.completed(result.points)
         deepest = max((p["violation"] for p in points if math.isfinite(p["violation"])), default=0.0)
-        sheet = Sheet(left=0.8)
-        sheet.legend([*draw.law_entries(laws), draw.entry("front", INK, linewidth=1.0)])
-        measures = ("acceleration variation\n[rad/s³]", "depth of violation\n[% of L]")
-        below = "allowed space left unused [%] (less →)"
-        panels = draw.scenario_panels(sheet, scenarios, measures, below, height=2.1, gap=0.75)
+        entries = [*draw.law_entries(laws), draw.entry("front", INK, linewidth=1.0)]
+        sheet, panels = draw.scenario_grid(self.table, result.points, entries)
         for scenario in scenarios:
             own = study.where(points, scenario=scenario)
-            upper, lower = panels[0, scenario], panels[1, scenario]
+            upper, lower = panels["acceleration_variation", scenario], panels["violation", scenario]
             best = sorted(study.where(own, front=True), key=lambda point: point["unused"])
             steps: dict[str, Any] = {"where": "post", "color": INK, "linewidth": 1.0, "zorder": 2}
             upper.step([_x(p) for p in best], [p["acceleration_variation"] for p in best], **steps)

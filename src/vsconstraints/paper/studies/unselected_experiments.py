@@ -41,12 +41,6 @@ CASES: dict[str, dict[str, Any]] = {
 }
 """``[disturbances]``: none, (49) as printed, with its signs reversed, and with ∇σ_e in L_gφ alone."""
 
-LOOKS = {
-    "plus": ("#0072B2", "-", "signs of (49)"),
-    "minus": ("#D55E00", "-", "signs reversed"),
-    "plus-action": ("#0072B2", ":", "signs of (49), in L_gφ alone"),
-}
-
 VERY_SIMILAR = 0.05
 """Greatest distance between the two tracks of a marker, at the same time, as a share of the image's width."""
 
@@ -58,18 +52,6 @@ APPLIED = 0.01
 
 WIDTH, HEIGHT = 640.0, 480.0
 """Of the experiments' image [px]."""
-
-PANELS = (
-    ("track_px", "greatest difference\nof tracks [px]", (0.1, 1.0, 10.0, 100.0, 1000.0), WIDTH * VERY_SIMILAR),
-    (
-        "speed_share",
-        "greatest difference of joint\nspeeds [% of the greatest]",
-        (1.0, 10.0, 100.0, 1e3),
-        100.0 * LITTLE,
-    ),
-    ("clearance_share", "least clearance\n[% of L]", (-100.0, -10.0, -1.0, 0.0, 1.0, 10.0), 0.0),
-)
-"""Column, label, ticks, and the threshold of the claims."""
 
 
 class Experiment(NamedTuple):
@@ -146,29 +128,31 @@ class UnselectedExperiments(Sweep):
             sentences.append(self.sentence("rejected", title=title, draws=draws, reasons=reasons, runs=by_run))
             for case, found in counts.items():
                 numbers |= study.keyed(found, name, case)
-            for case in (case for case in LOOKS if case in counts):
-                sentences.append(self.sentence("case", title=title, shown=LOOKS[case][2], **counts[case]))
+            for case, (_, _, shown) in self.table["looks"].items():
+                if case in counts:
+                    sentences.append(self.sentence("case", title=title, shown=shown, **counts[case]))
         return points, numbers, sentences
 
     def figure(self, result: StudyResult) -> Sheet:
         """One row per experiment; one panel per measure, a line per case."""
-        present = {case: look for case, look in LOOKS.items() if study.where(result.points, case=case)}
+        present = {case: look for case, look in self.table["looks"].items() if study.where(result.points, case=case)}
         sheet = Sheet(left=0.95)
         sheet.legend([draw.entry(label, colour, linestyle=dash) for colour, dash, label in present.values()])
-        panels = sheet.panels(len(EXPERIMENTS) * len(PANELS), len(PANELS), height=1.7, gap=0.4, same_y=True)
+        kinds = list(product(EXPERIMENTS, self.table["panels"].items()))
+        columns = len(kinds) // len(EXPERIMENTS)
+        panels = sheet.panels(len(kinds), columns, height=1.7, gap=0.4, same_y=True)
         sheet.at += 0.15
-        kinds = product(EXPERIMENTS, PANELS)
-        for i, (ax, (experiment, (column, label, ticks, wanted))) in enumerate(zip(panels, kinds, strict=True)):
+        for i, (ax, (experiment, (column, (label, ticks, wanted)))) in enumerate(zip(panels, kinds, strict=True)):
             own = study.where(result.points, scenario=experiment.scenario, rejected="")
-            for case in present:
-                _distribution(ax, study.where(own, case=case), column, case)
+            for case, (colour, dash, _) in present.items():
+                _distribution(ax, study.where(own, case=case), column, colour, dash)
             ax.axvline(wanted, **REFERENCE, zorder=2)
             logarithmic(ax.xaxis, ticks, 1.0 if column == "clearance_share" else None)
             ax.set_xlim(ticks[0], ticks[-1])
             ax.set_ylim(-3.0, 103.0)
-            if i % len(PANELS) == 0:
+            if i % columns == 0:
                 ax.set_ylabel(f"{draw.scenario_title(experiment.scenario)}\nscenes with less [%]")
-            if i >= len(panels) - len(PANELS):
+            if i >= len(panels) - columns:
                 ax.set_xlabel(label)
         return sheet
 
@@ -229,8 +213,8 @@ def counted(points: Points) -> dict[str, dict[str, float]]:
     return found
 
 
-def _distribution(ax: Any, points: Points, column: str, case: str) -> None:
-    colour, line, _ = LOOKS[case]
+def _distribution(ax: Any, points: Points, column: str, colour: str, line: str) -> None:
+    """The share of the unselected scenes with less than a value, and a triangle for the shipped scene."""
     drawn = [p[column] for p in points if p["scene"] != SHIPPED]
     values = np.sort([value if math.isfinite(value) else math.inf for value in drawn])
     if len(values):

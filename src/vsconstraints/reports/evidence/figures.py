@@ -1,4 +1,4 @@
-"""Figures of the report of evidence: success, profiles, mean ranks, fronts of tuning, and the worst runs."""
+"""Figures of the report of evidence: profiles, mean ranks, fronts of tuning, and the worst runs."""
 
 from __future__ import annotations
 
@@ -11,64 +11,14 @@ import numpy as np
 from ...comparisons import RunRecord
 from ...comparisons.statistics import Profile, Ranks
 from ...simulation import Setup
-from ..figures.tracks import OUTSIDE, outside_rows
+from ..figures import View
+from ..figures.tracks import LAST, OUTSIDE, START, draw_run
 from ..plots import FAINT, INK, WIDTH, Figure, Sheet, darker, line, logarithmic, looks, shortened, symbol, widths
-from ..plots.image import Plane, tracks
+from ..plots.image import Plane
 from ..plots.style import LOOKS
-from .standing import Standing
-from .words import of_scenes, where
 
 GREY, COLUMNS = "#666666", 3
 TRACKING = LOOKS["tracking"].colour
-
-# --- success ---
-
-LAW_LINE = 0.25
-"""Height of a law's line [in]."""
-
-LETTER = 0.068
-"""Width of a letter of the smallest type, at most [in]."""
-
-
-def draw_success(standings: Sequence[Standing], laws: Sequence[str]) -> Sheet | None:
-    """One panel per condition, one line per law, those that succeed most often in the first condition on top."""
-    if not standings:
-        return None
-    first = standings[0].laws
-    order = [*first, *(law for law in laws if law not in first and any(law in one.laws for one in standings))]
-    look = looks(laws)
-    names = [shortened(law) for law in order]
-    sheet = Sheet(left=LETTER * max(len(name) for name in names) + 0.2, right=0.25)
-    columns = min(len(standings), 3)
-    options: dict[str, Any] = {"gap": 0.22, "above": 0.42, "same_y": True, "labels": ("success [%]", "")}
-    panels = sheet.panels(len(standings), columns, height=LAW_LINE * len(order) + 0.1, **options)
-    for ax, one in zip(panels, standings, strict=True):
-        for i, law in enumerate(order):
-            if law in one.laws:
-                share, colour = one.shares[law], look[law].colour
-                low, high = 100.0 * share.low, 100.0 * share.high
-                ax.plot([low, high], [i, i], color=colour, linewidth=1.6, solid_capstyle="butt", zorder=3)
-                face = colour if law in one.front else "white"
-                mark = symbol(look[law].marker, face, darker(colour), 5.5)
-                ax.plot([100.0 * share.value], [i], **mark, clip_on=False, zorder=4)
-        ax.set_yticks(range(len(order)), names)
-        ax.set_ylim(len(order) - 0.5, -0.5)
-        ax.set_xlim(0.0, 100.0)
-        ax.set_title(f"{where(one.condition)}\n{of_scenes(one.scenes, one.families)}", loc="left", fontsize=8.5, pad=4)
-    filled = symbol("o", GREY, GREY, 5.5, label="not distinguishable from the best")
-    hollow = symbol("o", "white", GREY, 5.5, label="distinguishable from it")
-    sheet.legend([filled, hollow, line("95 % interval", GREY) | {"linewidth": 1.6}], 3, (0.6, sheet.at))
-    sheet.at += 0.22
-    return sheet
-
-
-SUCCESS = Figure(
-    "success",
-    "how often each law succeeds",
-    "How often each law keeps all rows and reaches the goal, with exact 95 % intervals.",
-    draw_success,
-)
-
 
 # --- performance profiles ---
 
@@ -215,11 +165,12 @@ CRITICAL_DIFFERENCE = Figure(
 
 # --- tuning ---
 
+ROUND_NUMBERS = [factor * 10.0**k for k in range(-6, 7) for factor in (1.0, 2.0, 5.0)]
 FRONT_COLUMNS = {"law", "feasible", "on_front", "chosen", "number", "unused", "log_variation"}
 
 
 def draw_fronts(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
-    """All feasible settings small, those on the fronts large and joined, default and chosen ones marked.
+    """All feasible settings small, those on the fronts large, default and chosen ones marked.
 
     Fronts are of three objectives: seen in two of them, a setting on a front may seem worse than another one.
     """
@@ -236,18 +187,21 @@ def draw_fronts(evaluations: Any, laws: Sequence[str]) -> Sheet | None:
         own, (colour, shape) = evaluations[evaluations["law"] == law], (look[law].colour, look[law].marker)
         feasible, front, chosen = (own[own[name].astype(bool)] for name in ("feasible", "on_front", "chosen"))
         plot(feasible, symbol("o", colour, "none", 3.0, alpha=0.35), 2)
-        plot(front.sort_values("unused"), {"color": colour, "linewidth": 0.8, "alpha": 0.6}, 2.5)
-        plot(front, symbol(shape, colour, "white", 6.0), 3)
+        plot(front, symbol(shape, colour, darker(colour), 6.0), 3)
         plot(own[own["number"] == 0].head(1), symbol(shape, "white", colour, 9.0), 4)
         plot(chosen, symbol("*", colour, INK, 10.0), 5)
-    logarithmic(ax.xaxis)
-    logarithmic(ax.yaxis)
+    for axis in (ax.xaxis, ax.yaxis):
+        logarithmic(axis)
+        low, high = axis.get_view_interval()
+        logarithmic(axis, [tick for tick in ROUND_NUMBERS if low <= tick <= high])
     ax.set_xlabel("← less is better, unused share of the allowed space [%]")
     ax.set_ylabel("← less is better, acceleration variation [rad/s³]")
-    entries = [symbol(look[law].marker, look[law].colour, "white", 7.0, label=shortened(law)) for law in laws]
+    entries = [
+        symbol(look[law].marker, look[law].colour, darker(look[law].colour), 7.0, label=shortened(law)) for law in laws
+    ]
     entries += [
         symbol("o", GREY, "none", 3.0, label="feasible setting"),
-        symbol("o", GREY, "white", 6.0, label="on a law's front"),
+        symbol("o", GREY, GREY, 6.0, label="on a law's front"),
         symbol("o", "white", GREY, 9.0, label="default setting"),
         symbol("*", GREY, INK, 10.0, label="chosen setting"),
     ]
@@ -268,7 +222,6 @@ FRONTS = Figure(
 # --- worst runs ---
 
 LEFT, GAP, TITLE = 0.45, 0.5, 0.42
-START, GOAL = symbol("o", "white", size=6.0), symbol("*", INK, "white", 6.3)
 
 
 @dataclass(frozen=True)
@@ -299,7 +252,6 @@ def draw_worst(shown: Sequence[Shown], laws: Sequence[str]) -> Sheet | None:
     shown = [one for one in shown if one.run.trajectory.features_px.size]
     if not shown:
         return None
-    look = looks(laws)
     width = (WIDTH - LEFT - 0.1 - GAP * (COLUMNS - 1)) / COLUMNS
     planes = [Plane.of(one.setup) for one in shown]
     sheet = Sheet(left=LEFT)
@@ -309,12 +261,12 @@ def draw_worst(shown: Sequence[Shown], laws: Sequence[str]) -> Sheet | None:
         height = width * max(plane.size[1] / plane.size[0] for plane in planes[some])
         for one, plane in zip(shown[some], planes[some], strict=True):
             ax = sheet.axes(left, top, width, height)
-            _panel(ax, one, plane, look[one.controller].colour)
+            _panel(ax, one, plane)
             left += width + GAP
         sheet.at = top + height + 0.2
     entries = [
-        START | {"label": "start"},
-        GOAL | {"label": "goal"},
+        START | {"label": "start of marker 1, 2, …"},
+        LAST | {"label": "goal"},
         line("tracking alone", TRACKING) | {"linewidth": 0.9},
         line("row in the image violated", **OUTSIDE),
         *Plane(planes[0].size, tuple(c for plane in planes for c in plane.constraints)).entries(),
@@ -324,17 +276,11 @@ def draw_worst(shown: Sequence[Shown], laws: Sequence[str]) -> Sheet | None:
     return sheet
 
 
-def _panel(ax: Any, one: Shown, plane: Plane, colour: str) -> None:
+def _panel(ax: Any, one: Shown, plane: Plane) -> None:
     plane.draw(ax, labels=False)
     ax.set_aspect("equal", adjustable="box", anchor="N")
-    pixels = one.run.trajectory.features_px
-    if one.baseline.trajectory.features_px.size:
-        tracks(ax, one.baseline.trajectory.features_px, color=TRACKING, linewidth=0.9, zorder=2.2)
-    tracks(ax, pixels, color=colour, linewidth=1.7, zorder=4)
-    for marker, outside in outside_rows(one.run):
-        ax.plot(*np.where(outside[:, None], pixels[:, marker], np.nan).T, **OUTSIDE, zorder=5)
-    ax.plot(*one.setup.task.goals[-1].pixels.T, **GOAL, zorder=6)
-    ax.plot(*pixels[0].T, **START, zorder=6.4)
+    view = View(one.setup, {"tracking": one.baseline, one.controller: one.run}, ("tracking", one.controller))
+    draw_run(ax, view, one.controller)
     ax.set_title(f"{shortened(one.controller)}\n", loc="left", fontsize=9.0, pad=2)
     ax.text(0.0, 1.02, one.where, transform=ax.transAxes, fontsize=8, color=FAINT, va="bottom")
     ax.set_title(f"{one.run.trajectory.status}\n", loc="right", fontsize=8, color=FAINT, pad=2)

@@ -1,48 +1,81 @@
-"""The report of evidence: report.md, the same as a page, its figures, and its claims as data."""
+"""The report of evidence: tables, figures and findings put together by a template, and the findings as data."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ...comparisons.evidence import Evidence
+from ...comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANT
 from ...comparisons.runs.files import replaced
+from ...comparisons.statistics import costs, profile, ranks
 from ...errors import ConfigurationError, StorageError
-from ..page import write_pages
-from ..plots import PNG, Formats
-from .closing import closing
-from .decisions import decisions
-from .failing import failing
-from .holding import conclusions, holding, powers
-from .knowledge import knowledge
-from .material import Material
-from .opening import opening
-from .profiles import profiles
-from .rates import rates
-from .scenes import scenes
-from .singles import singles
-from .tuned import tuned, tuning_folder
-
-SECTIONS: tuple[Callable[[Material], str], ...] = (
-    decisions,
-    holding,
-    rates,
-    profiles,
-    knowledge,
-    failing,
-    singles,
-    tuned,
-    scenes,
-    closing,
-)
-"""The parts below the first screen, in their order; one that has nothing to say is empty."""
+from ...rows.readable import counted
+from ..drawing import picture
+from ..markdown import plain
+from ..numbers import DASH, number, of_length
+from ..page import render, write_pages
+from ..plots import PNG, Figure, Formats
+from ..report import command_facts, facts_table, machine_facts
+from . import tables
+from .dataset import Dataset
+from .failures import TRACKS, example_table, failure_table, replay_example, scene_figures, worst_figure
+from .figures import CRITICAL_DIFFERENCE, FRONTS, PROFILES, Diagram, Panel
+from .findings import Finding, always_failing, findings, reversals, tuning_gain
+from .formatting import condition_text, scenes_text
+from .ranking import ranking
+from .robustness import conclusion_tables, conclusions, power_table, powers, robustness_findings
 
 CLAIMS = "claims.json"
 
+DEFINED = (
+    "status",
+    "violated",
+    "within_band",
+    "settling_time_s",
+    "utilization",
+    "acceleration_variation",
+    "share_to_hold",
+)
+"""Metrics whose definitions the report repeats."""
+
+PROFILED: tuple[tuple[str, str], ...] = (
+    ("acceleration_variation", "variation"),
+    ("settling_time_s", "settling time"),
+)
+"""Metrics of the profiles, all positive, and their names; ranks are by the first."""
 
 OnWritten = Callable[[int, int], None]
-"""Told how many parts of a report are there, and how many there will be."""
+"""Called with how many parts of a report are there, and how many there will be."""
+
+
+@dataclass(frozen=True)
+class Claims:
+    """What the first screen claims.
+
+    Attributes
+    ----------
+    findings
+        In their order.
+    table
+        The numbers of the headline table's lines, unrounded.
+    """
+
+    findings: tuple[Finding, ...] = ()
+    table: tuple[dict[str, Any], ...] = ()
+
+    def as_data(self, dataset: Dataset) -> dict[str, Any]:
+        """For files: what is no number is None."""
+        lines = [{name: None if value != value else value for name, value in line.items()} for line in self.table]
+        return {
+            "sentences": [one.as_data() for one in self.findings],
+            "table": lines,
+            "conclusions": [one.as_data() for one in conclusions(dataset)],
+            "power": [one.as_data() for one in powers(dataset)],
+        }
 
 
 def write_evidence_report(
@@ -55,7 +88,7 @@ def write_evidence_report(
     on_written: OnWritten = lambda done, total: None,
     on_remark: Callable[[str], None] = lambda remark: None,
 ) -> Path:
-    """Write report.md, the same as report.html, its figures and claims.json from the evidence in a folder.
+    """Write report.md, details.md, both as report.html, figures and claims.json from the evidence in a folder.
 
     Parameters
     ----------
@@ -71,9 +104,9 @@ def write_evidence_report(
         Whether laws and constraints that the campaign names as ``module:Class`` are imported, to make single runs again
         that figures show; else nothing that the folder names is run, and the report says which runs these are.
     on_written
-        Told how many parts are there, and how many there will be.
+        Called with how many parts are there, and how many there will be.
     on_remark
-        Told what a reader should know of what is stored: see :class:`Evidence`.
+        Called with warnings on what is stored: see :class:`Evidence`.
 
     Returns
     -------
@@ -91,35 +124,161 @@ def write_evidence_report(
     evidence = Evidence.load(folder, trust)
     for remark in evidence.remarks:
         on_remark(remark)
-    if not len(evidence.runs) and (made := evidence.manifest.get("runs")):
+    if not len(evidence.runs) and (count := evidence.manifest.get("runs")):
         raise ConfigurationError(
-            f"{folder} has none of the {made} runs that its report was made from: runs, rows and scenes are missing. "
-            "What stands there is left as it is"
+            f"{folder} has none of the {count} runs that its report was made from: runs, rows and scenes are missing. "
+            "The report is left as it is"
         )
-    material = Material(evidence, tuning_folder(folder, tuning), figures, formats)
-    return write_report_of(material, on_written)
+    own = folder / "tuning"
+    tuning = tuning if tuning is not None else own if own.is_dir() else None
+    return write_report_of(Dataset(evidence, tuning, figures, formats), on_written)
 
 
-def write_report_of(material: Material, on_written: OnWritten = lambda done, total: None) -> Path:
+def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total: None) -> Path:
     """Write the report of evidence that has been read."""
-    first = opening(material)
-    sections = SECTIONS if first.sentences else (scenes, closing)
-    parts = [first.text]
-    for section in sections:
-        on_written(len(parts), 1 + len(sections))
-        parts.append(section(material))
+    claims = claims_of(dataset)
+    parts: dict[str, Callable[[Dataset], Any]] = {"headline": lambda _: _headline(dataset, claims), "scenes": _scenes}
+    if claims.findings:
+        parts |= {"robustness": _robustness, "quality": _quality, "failures": _failures, "tuning": _tuning}
+    context: dict[str, Any] = dict.fromkeys(("robustness", "quality", "failures", "tuning"))
+    for done, (name, part) in enumerate(parts.items()):
+        on_written(done, len(parts))
+        context[name] = part(dataset)
     on_written(len(parts), len(parts))
-    report = material.folder / "report.md"
-    every = {
-        **first.as_data(),
-        "conclusions": [one.as_data() for one in conclusions(material)],
-        "power": [one.as_data() for one in powers(material)],
-    }
-    claims = json.dumps(every, indent=1, ensure_ascii=False)
+    report = dataset.folder / "report.md"
+    text = render("evidence.md", dataset=dataset, machine_table=facts_table(_machine(dataset)), **context)
     try:
-        write_pages(report, "\n\n".join(part for part in parts if part) + "\n")
-        with replaced(material.folder / CLAIMS) as part:
-            part.write_text(claims + "\n", encoding="utf-8")
+        write_pages(report, text)
+        with replaced(dataset.folder / CLAIMS) as file:
+            file.write_text(json.dumps(claims.as_data(dataset), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
-        raise StorageError(f"the report cannot be written to {material.folder}: {error}") from error
+        raise StorageError(f"the report cannot be written to {dataset.folder}: {error}") from error
     return report
+
+
+def claims_of(dataset: Dataset) -> Claims:
+    """The findings and the headline table's numbers; nothing if only tracking alone was run."""
+    by_condition = findings(dataset)
+    if not by_condition:
+        return Claims()
+    gain = tuning_gain(dataset)
+    every = [finding for own in by_condition.values() for finding in own]
+    every += [*reversals(dataset), *robustness_findings(dataset), *([gain] if gain else []), *always_failing(dataset)]
+    rankings = [ranking(dataset, condition) for condition in by_condition]
+    laws = [*rankings[0].laws, *(law for law in dataset.laws if law not in rankings[0].laws)]
+    return Claims(tuple(every), tuple(tables.headline_numbers(dataset, rankings, law) for law in laws))
+
+
+def _headline(dataset: Dataset, claims: Claims) -> dict[str, Any]:
+    """Title, question, findings, headline table and what to choose."""
+    configuration = dataset.configuration
+    count = int(dataset.evidence.scenes["found"].sum())
+    conditions = [one for one in dataset.conditions if ranking(dataset, one).scenes]
+    rankings = [ranking(dataset, condition) for condition in conditions]
+    by_condition = [
+        " ".join(one.text for one in claims.findings if one.condition == condition and one.about not in HIDDEN)
+        for condition in conditions
+    ]
+    return {
+        "title": plain(str(configuration.get("title") or "Evidence")),
+        "question": plain(str(configuration.get("question") or "")),
+        "scenes": scenes_text(count, len(dataset.families)),
+        "what": f"{counted(len(dataset.laws), 'controller')}, {counted(len(dataset.conditions), 'condition')}",
+        "findings": [*by_condition, *(one.text for one in claims.findings if one.about in ACROSS)],
+        "table": tables.headline_table(dataset, rankings, claims.table) if claims.table else "",
+        "selection": tables.selection_table(dataset),
+        "information": tables.information_table(dataset),
+        "conditions": [
+            {
+                "title": condition_text(one.condition),
+                "scenes": scenes_text(one.scenes, one.families),
+                "success": tables.success_table(dataset, one.condition),
+                "tolerance": tables.tolerance_table(dataset, one.condition),
+                "families": tables.family_tables(dataset, one.condition),
+            }
+            for one in rankings
+        ],
+        "strict": of_length(NEGLIGIBLE),
+        "tolerant": of_length(TOLERANT),
+        "definitions": {name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS},
+    }
+
+
+ACROSS = ("turned", "tuned", "nowhere")
+"""Kinds of findings on several conditions, each a line of its own."""
+
+HIDDEN = (*ACROSS, "holds", "tolerant", "violations")
+"""Kinds of findings not in the line of a condition: those across conditions, and those that a table shows."""
+
+
+def _robustness(dataset: Dataset) -> dict[str, Any]:
+    return {"power": power_table(dataset), "conclusions": conclusion_tables(dataset)}
+
+
+def _quality(dataset: Dataset) -> dict[str, Any]:
+    """Figures of all conditions, and one table for each."""
+    if len(dataset.laws) < 2:
+        return {"figures": [], "tables": []}
+    panels, diagrams = [], []
+    for metric, words in PROFILED:
+        several = []
+        for condition in dataset.conditions:
+            cost = costs(dataset.among(condition), metric).table
+            cost = cost[[law for law in dataset.laws if law in cost.columns]]
+            if not len(cost):
+                continue
+            values = cost.to_numpy(float)
+            several.append(Panel(f"{words}, {condition}", tuple(cost.columns), profile(values)))
+            if metric == PROFILED[0][0]:
+                diagrams.append(Diagram(condition_text(condition), tuple(cost.columns), ranks(values)))
+        panels.append(several)
+    return {
+        "figures": [_picture(dataset, PROFILES, panels, dataset.laws),
+                    _picture(dataset, CRITICAL_DIFFERENCE, diagrams, dataset.laws)],
+        "tables": [text for condition in dataset.conditions if (text := tables.quality_table(dataset, condition))],
+    }  # fmt: skip
+
+
+def _failures(dataset: Dataset) -> dict[str, Any]:
+    return {
+        "table": failure_table(dataset),
+        "examples": example_table(dataset),
+        "code": replay_example(dataset),
+        "figure": worst_figure(dataset),
+        "scenes": scene_figures(dataset),
+        "reading": TRACKS.reading,
+    }
+
+
+def _tuning(dataset: Dataset) -> dict[str, Any]:
+    evaluations = tables.evaluations_of(dataset)
+    found: dict[str, Any] = {"table": tables.tuning_table(dataset), "fronts": "", "figure": ""}
+    if evaluations is not None:
+        laws = list(dict.fromkeys(evaluations["law"].astype(str)))
+        found["fronts"] = tables.fronts_table(dataset, evaluations)
+        found["figure"] = _picture(dataset, FRONTS, evaluations, laws)
+    return found
+
+
+def _scenes(dataset: Dataset) -> dict[str, Any]:
+    return {"table": tables.scenes_table(dataset), "facts": tables.scene_facts(dataset)}
+
+
+def _picture(dataset: Dataset, figure: Figure, shown: Any, laws: Sequence[str]) -> str:
+    """A figure, where figures are wanted."""
+    return picture(figure, dataset.folder / "figures", dataset.formats, shown, laws) if dataset.figures else ""
+
+
+def _machine(dataset: Dataset) -> dict[str, object]:
+    manifest, configuration = dataset.manifest, dataset.configuration
+    wall, runs = manifest.get("wall_time_s"), len(dataset.evidence.runs)
+    per_second = manifest.get("runs_per_s") or (runs / wall if wall else None)
+    return {
+        **machine_facts(manifest),
+        "packages": ", ".join(f"{name} {version}" for name, version in manifest.get("packages", {}).items()),
+        **command_facts(manifest),
+        "half, seed": f"{configuration.get('half', DASH)}, {configuration.get('seed', DASH)}",
+        "wall time [s]": None if wall is None else number(float(wall)),
+        "runs": str(runs),
+        "runs per second": None if per_second is None else number(float(per_second)),
+    }

@@ -59,8 +59,7 @@ def draw_tracks(view: View) -> Sheet | None:
     whole = plane.whole
     for ax, name in zip(panels, names, strict=True):
         plane.draw(ax, labels=False, part=whole)
-        _tracks(ax, view, name, 1.7)
-        _ends(ax, view, name)
+        draw_run(ax, view, name)
         view.title(ax, name)
         ax.set_title(view.runs[name].trajectory.status, loc="right", color=FAINT, fontsize=8, pad=4)
     if detail is not None:
@@ -71,8 +70,7 @@ def draw_tracks(view: View) -> Sheet | None:
             enlarged.draw(beside)
             if not enters(view.runs[name], detail):
                 beside.text(0.5, 0.5, NO_MARKER, transform=beside.transAxes, ha="center", va="center", **REMARK)
-            _tracks(beside, view, name, 1.5)
-            _ends(beside, view, name)
+            draw_run(beside, view, name, 1.5)
     # a legend stands in a free place of the grid, or below it
     taken, needed, tall = (len(names) - 1) % columns + 1, 0.21 * len(entries), TITLE + height
     if taken < columns and tall > needed:
@@ -84,17 +82,18 @@ def draw_tracks(view: View) -> Sheet | None:
     return sheet
 
 
-def _tracks(ax: Any, view: View, name: str, width: float) -> None:
-    """Tracks of all markers, on those of tracking alone, and where a row in the image is violated."""
+def draw_run(ax: Any, view: View, name: str, width: float = 1.7) -> None:
+    """Tracks of all markers with starts and goals, on those of tracking alone, and where a constraint is violated."""
     run, look = view.runs[name], view.looks[name]
     if view.baseline is not None and name != BASELINE:
         tracks(ax, view.baseline.trajectory.features_px, color=view.looks[BASELINE].colour, linewidth=0.9, zorder=2.2)
     tracks(ax, run.trajectory.features_px, color=look.colour, linestyle=look.line, linewidth=width, zorder=4)
-    for marker, outside in outside_rows(run):
+    for marker, outside in _outside(run):
         ax.plot(*np.where(outside[:, None], run.trajectory.features_px[:, marker], np.nan).T, **OUTSIDE, zorder=5)
+    _ends(ax, view, name)
 
 
-def outside_rows(run: RunRecord) -> list[tuple[int, BoolArray]]:
+def _outside(run: RunRecord) -> list[tuple[int, BoolArray]]:
     """Markers that are outside a row in the image, and in which samples (N,)."""
     clearance = run.trajectory.clearance
     every = [(marker, clearance[:, i] < -NEGLIGIBLE * run.length[i]) for i, marker in rows_in_image(run)]
@@ -141,7 +140,7 @@ def _entries(view: View, plane: Plane, detail: CloseUp | None) -> list[dict[str,
         entries.append(symbol("o", "#777777", "white", 5.5, label="end, where not at the goal"))
     if view.baseline is not None and view.competitors:
         entries.append(line("tracking alone", view.looks[BASELINE].colour) | {"linewidth": 0.9})
-    if any(outside_rows(view.runs[name]) for name in view.competitors or view.shown):
+    if any(_outside(view.runs[name]) for name in view.competitors or view.shown):
         entries.append(line("row in the image violated", **OUTSIDE))
     entries += plane.entries(forbidden="forbidden to markers")
     if detail is not None:

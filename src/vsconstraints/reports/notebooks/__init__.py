@@ -3,9 +3,8 @@
 ``from vsconstraints import compare, run`` gives the two functions.
 """
 
-from .comparing import compare
-from .comparison import Comparison
+from .comparison import Comparison, compare
+from .display import Plots
 from .notebook_run import NotebookRun, run
-from .plots import Plots
 
 __all__ = ["Comparison", "NotebookRun", "Plots", "compare", "run"]

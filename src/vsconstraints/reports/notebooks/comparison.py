@@ -1,14 +1,20 @@
-"""What a comparison came to, as tables, figures and runs."""
+"""Compare laws from a session, and its result as tables, figures and runs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import shutil
+import tempfile
+import warnings
+import weakref
+from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...comparisons import RunRecord, StoredComparison
+from ...comparisons import RunRecord, StoredComparison, Suite
+from ...comparisons import compare as compare_suite
 from ...comparisons.metrics import METRICS
 from ...comparisons.runs.spec import BASELINE
 from ...errors import ConfigurationError, unknown_name
@@ -19,13 +25,86 @@ from ..numbers import FORMATS, over_trials
 from ..results import Results
 from ..selection import lane_rows, phi_rows
 from ..summary import FIRST, outcome
-from .frames import table_of
-from .html import paragraph, table
+from .display import Plots, paragraph, table, table_of
+from .display import progress as progress_shown
+from .inputs import AnyScenario, Laws, scenarios_of, specs_of
 from .notebook_run import NotebookRun, ReplayPage
-from .plots import Plots
 
 if TYPE_CHECKING:
     import pandas as pd
+
+NAME = "session"
+"""What results call the suite of a session."""
+
+
+def compare(
+    laws: Laws,
+    scenarios: AnyScenario | Iterable[AnyScenario],
+    *,
+    trials: int = 1,
+    seed: int = 0,
+    workers: int | None = None,
+    limit: float | None = None,
+    out: str | Path | None = None,
+    progress: bool = True,
+) -> Comparison:
+    """Run every law on every scenario, tracking alone beside them, and score all as ``vsconstraints compare`` does.
+
+    Classes may be defined anywhere, in a cell of a notebook too. Every run is made by a copy of the instance in a
+    process of its own kind; what cannot be copied there runs in this process, and a warning says so.
+
+    Parameters
+    ----------
+    laws
+        Instances, classes, registered names, or ``module:Class``; a mapping gives them names of one's own, as two of
+        one class need.
+    scenarios
+        Names of shipped ones, paths, scenarios, or setups made in Python.
+    trials, seed
+        How often each is run from starts or with noise that differ, and what those are drawn from.
+    workers
+        Number of processes at most; as many as make sense if None. 0 runs all in this process: a debugger then reaches
+        a law, and a law that hangs or ends its process does so with the session.
+    limit
+        How long a run may take in another process [s]; by its number of samples if None.
+    out
+        A folder to keep results in: the same call goes on where it stopped. What is not kept goes with the comparison.
+    progress
+        Whether to show how many runs are done, in a terminal and in a notebook; nothing is shown elsewhere.
+
+    Raises
+    ------
+    ConfigurationError
+        if a law or a scenario cannot be used, two have the same name, or trials would all be the same run. A law that
+        fails costs its own runs, whose status is then ``failed``.
+    KeyboardInterrupt
+        if it is interrupted.
+    """
+    specs, notes = specs_of(laws)
+    suite = Suite(NAME, "Comparison from a session", scenarios_of(scenarios), specs, trials, seed).checked()
+    own = {scenario.name: scenario for scenario in suite.scenarios if scenario.in_session}
+    notes += tuple(f"{name} runs in this process: {one.why_here}" for name, one in own.items())
+    for note in notes:
+        warnings.warn(note, stacklevel=2)
+    folder = Path(tempfile.mkdtemp(prefix="vsconstraints-")) if out is None else Path(out)
+    try:
+        with progress_shown(len(suite.with_baseline().runs())) if progress else nullcontext(lambda: None) as advance:
+            finished = compare_suite(
+                suite, folder, workers=workers, limit=limit, on_finished=lambda run, score, stored: advance()
+            )
+        if finished.interrupted:
+            raise KeyboardInterrupt
+        stored = StoredComparison.load(folder, trust=True)
+        # a setup cannot be read back
+        stored.scenarios.update(own)
+        comparison = Comparison(stored, (*notes, *suite.remarks()))
+    except BaseException:
+        if out is None:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+    if out is None:
+        weakref.finalize(comparison, shutil.rmtree, folder, ignore_errors=True)
+    return comparison
 
 
 @dataclass(frozen=True, repr=False)

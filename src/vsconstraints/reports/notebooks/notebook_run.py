@@ -16,18 +16,14 @@ from ...comparisons.metrics import METRICS, Score
 from ...comparisons.run import Run, perform
 from ...comparisons.runs.spec import BASELINE
 from ...controllers import Controller, Tracking
-from ...errors import described
 from ...plugins.classes import beside
 from ...rows.readable import amount, counted, in_one_line
 from ...simulation import simulate
 from ..best import shown
 from ..figures import View
 from ..numbers import DASH, FORMATS
-from .frames import frame_of, table_of
-from .html import page_within, paragraph, picture, table
-from .laws import AnyLaw, instance_of, own_spec, spec_of
-from .plots import Plots, rows_of
-from .scenes import AnyScenario, scenario_of
+from .display import Plots, frame_of, page_within, paragraph, picture, rows_shown, table, table_of
+from .inputs import AnyLaw, AnyScenario, instance_of, own_spec, scenario_of, spec_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,7 +81,7 @@ class NotebookRun(Run):
         return table_of(self.score.constraints).set_index("constraint")
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Its samples, one line each, by their time; see :func:`vsconstraints.reports.notebooks.frames.frame_of`."""
+        """Its samples, one line each, by their time; see :func:`vsconstraints.reports.notebooks.display.frame_of`."""
         return frame_of(self.trajectory)
 
     @property
@@ -93,7 +89,7 @@ class NotebookRun(Run):
         """Its figures: ``run.plot.tracks()``, ``.rows()``, ``.errors()`` and ``.command()``."""
         known = {BASELINE: self.baseline, self.law: self.record}
         runs = {name: record for name, record in known.items() if len(record.trajectory.t) > 1}
-        return Plots(View(self.setup, runs, tuple(known), **rows_of(self.score)))
+        return Plots(View(self.setup, runs, tuple(known), **rows_shown(self.score)))
 
     def replay(self, *others: NotebookRun, path: str | Path | None = None) -> ReplayPage | Path:
         """The run in motion: shown in a notebook or, with a path, written to a file for any browser.
@@ -190,8 +186,5 @@ def run(scenario: AnyScenario, law: AnyLaw, *, trial: int = 0, seed: int = 0) ->
     if isinstance(law, Controller):
         spec = own_spec(law, spec.name)
     loaded = scenario_of(scenario)
-    try:
-        made = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True, to_the_goal=True)
-    except SystemExit as error:  # of a law that is reset or bound: it ends its run, not the session
-        made = Run(loaded.setup(trial, seed), RunRecord.failed(described(error), ""))
-    return NotebookRun(made.setup, made.record, spec.name, loaded.name, loaded.title, loaded.folder)
+    finished = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True, to_the_goal=True)
+    return NotebookRun(finished.setup, finished.record, spec.name, loaded.name, loaded.title, loaded.folder)

@@ -100,6 +100,8 @@ class Plane:
 
         ``part`` is :attr:`whole`, where it is known already: it is the same in all panels.
         """
+        from matplotlib.ticker import MaxNLocator
+
         u, v = self.half
         (part or self.whole).draw(ax)
         for t, lines in self.moving:
@@ -114,9 +116,8 @@ class Plane:
         else:
             ax.plot(*self.outline.T, **FRAME, zorder=2.5)
         ax.set_ylim(*((-v, v) if upwards else (v, -v)))
-        ticks = _ticks(0.5 * max(self.size))
-        ax.set_xticks([x for x in ticks if abs(x) <= 0.5 * self.size[0]])
-        ax.set_yticks([y for y in ticks if abs(y) <= 0.5 * self.size[1]])
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(MaxNLocator(7, steps=[1, 2, 5, 10], symmetric=True))
         if labels:
             ax.set_xlabel("u [px]", labelpad=1)
             ax.set_ylabel(f"v [px], {'upwards' if upwards else 'downwards'}", labelpad=1)
@@ -194,14 +195,6 @@ def tracks(ax: Any, pixels: Array, **look: Any) -> None:
     """Paths (N, M, 2) of markers in the image."""
     for i in range(pixels.shape[1]):
         ax.plot(*pixels[:, i].T, **look)
-
-
-def _ticks(half: float) -> list[float]:
-    """Up to three round numbers on either side of zero."""
-    decade = 10.0 ** np.floor(np.log10(half))
-    step = next(decade * k for k in (0.2, 0.5, 1.0, 2.0, 5.0, 10.0) if half / (decade * k) <= 3.0)
-    k = int(half / step)
-    return [i * step for i in range(-k, k + 1)]
 
 
 def _outline(camera: Camera) -> Array | None:

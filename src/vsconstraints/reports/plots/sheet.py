@@ -6,6 +6,8 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +51,7 @@ def formats_of(names: Sequence[str]) -> Formats:
 WIDTH = 8.0
 """Width of every figure [in]: at this width the smallest text is 8 pt."""
 
-DPI = 150
+DPI, SCREEN_DPI = 150, 100
 EDGE = 0.03
 """Between what is drawn and the left edge, at least [in]."""
 
@@ -317,7 +319,12 @@ class Figure:
         """Draw it, and return the figure of matplotlib; None if there was nothing to show. As :meth:`write` else."""
         with self._style():
             sheet = self.draw(*needed)
-            return None if sheet is None else sheet.placed()
+            if sheet is None:
+                return None
+            figure = sheet.placed()
+            # notebooks show it, whatever they know of matplotlib
+            figure._repr_png_ = partial(notebook_png, figure)
+            return figure
 
     @contextmanager
     def _style(self) -> Iterator[None]:
@@ -326,3 +333,11 @@ class Figure:
         with rc_context({**STYLE, **(FORMULAS if self.formulas else {})}), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
+
+
+def notebook_png(figure: Any) -> tuple[bytes, dict[str, int]]:
+    """A figure of matplotlib as PNG, and its size in pixels of the screen: it has more, so that it is sharp."""
+    file = BytesIO()
+    figure.savefig(file, format="png")
+    width, height = (float(side) for side in figure.get_size_inches())
+    return file.getvalue(), {"width": round(SCREEN_DPI * width), "height": round(SCREEN_DPI * height)}

@@ -67,6 +67,9 @@ GREY, BLUE, ORANGE, VERMILLION, GREEN, PURPLE, SKY, BLACK, OLIVE, BROWN, TEAL, W
 )
 """Okabe and Ito's palette, safe for colour-blind readers, and four more."""
 
+FREE_COLOURS = (BROWN, TEAL, WINE, PURPLE, VERMILLION)
+"""Preferred by laws of other names: none of the default comparison has them."""
+
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "*")
 
@@ -140,9 +143,10 @@ def _free(name: str, taken: Sequence[Look]) -> Look:
     """The preferred look of a name, as far as no other law has it."""
     number = crc32(name.encode())
     colours, pairs = {look.colour for look in taken}, {(look.colour, look.line) for look in taken}
-    every = [(colour, style) for style, colour in product(LINES, COLOURS[1:] + COLOURS[:1])]
-    solid = every[: len(COLOURS) - 1]
-    preferred = solid[number % len(solid) :] + solid[: number % len(solid)] + every[len(solid) :]
+    k = number % len(FREE_COLOURS)
+    own = FREE_COLOURS[k:] + FREE_COLOURS[:k]
+    every = (*own, *(colour for colour in COLOURS[1:] if colour not in own))
+    preferred = [(colour, style) for style, colour in product(LINES, every)]
     unused = [pair for pair in preferred if pair not in pairs]
     colour, style = next((pair for pair in unused if pair[0] not in colours), (unused or preferred)[0])
     return Look(colour, _first(MARKERS, number, {look.marker for look in taken}), style)

@@ -15,7 +15,7 @@ from ...robots.geometry import Pose, distance
 from ...rows import Array, BoolArray
 from ...scenarios.families.placements import inverse_kinematics, tip_of
 from ...simulation import Setup
-from ...simulation.line_of_sight import LinesOfSight
+from ...simulation.occluders import LinesOfSight
 from ...vision.features import Goal
 from ...vision.pose_estimate import estimated_pose
 from ...vision.scene import MINIMUM_DEPTH, Scene

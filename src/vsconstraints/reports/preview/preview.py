@@ -49,7 +49,7 @@ class Preview:
     def of(cls, name: str, setup: Setup) -> Self:
         """The preview of a setup; nothing is simulated."""
         moments = (moment_at(setup, "start", 0.0, setup.q0, setup.qd0), *_at_goals(setup))
-        doubts, refusal = implausible(setup), ""
+        doubts, refusal = implausible(setup.scene, setup.task, setup.Ts), ""
         try:
             setup.check_start()
             doubts += setup.separated
@@ -75,7 +75,7 @@ class Preview:
                 raise
             start, *goals = moments_without(without, scenario)
             rows = sorted(rows_of(without, (start, *goals)), key=lambda row: -row.greatest)
-            moments, doubts = (start, *goals), tuple(implausible(without))
+            moments, doubts = (start, *goals), tuple(implausible(without.scene, without.task, without.Ts))
             return cls(scenario.name, without, moments, tuple(rows), str(error), doubts)
         return cls.of(scenario.name, setup)
 

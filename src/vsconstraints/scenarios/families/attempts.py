@@ -16,8 +16,8 @@ from ...errors import ConfigurationError, SceneError, VsconstraintsError
 from ...robots.geometry import Pose
 from ...rows import Array
 from ...simulation import RunScores, Setup, score_run
-from ...simulation.line_of_sight import LinesOfSight
-from ...simulation.seeing import ImageSensor
+from ...simulation.image_sensor import ImageSensor
+from ...simulation.occluders import LinesOfSight
 from ...vision.scene import Scene
 from ..build import build_scene
 from ..reading import Table, made

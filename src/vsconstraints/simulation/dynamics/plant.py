@@ -6,21 +6,146 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from ...compiled import load
-from ...compiled.arm import POSITION, SPEED, TORQUE, Arm, Drive, Engine, blank
-from ...compiled.arm_motion import BOUND, begin, drive_period
+from ...compiled.arm import POSITION, SPEED, TORQUE, Arm, BodyArrays, Drive, blank
 from ...compiled.structures import pack_struct
-from ...errors import SceneError
+from ...errors import ConfigurationError, SceneError
 from ...formulas.limits import JointLimits
 from ...robots.robot import Robot
 from ...rows import Array, IntArray
-from ..plant import Plant, without_limits
-from .bodies import Masses, body_arrays, demand_holding, demand_inertia, felt_inertia
-from .engine import PinocchioEngine
-from .settings import OUTER, ArmDynamics, MujocoDynamics, per_joint
+from ..plant import Plant, cubic, without_limits
+from .mujoco import MujocoArm
+from .settings import OUTER, ArmDynamics, MujocoDynamics, Payload, Rods, per_joint
 
 KINDS = {"computed-torque": TORQUE, "position": POSITION, "speed": SPEED}
+
+SINGULAR = 1e-9
+"""Least eigenvalue of an arm's inertia, scaled to ones on its diagonal, that counts as regular."""
+
+
+@dataclass(frozen=True)
+class Masses:
+    """The masses of an arm.
+
+    Attributes
+    ----------
+    rods, payload
+        See :class:`vsconstraints.simulation.dynamics.ArmDynamics`.
+    rotor
+        (n,) inertia of the motors [kg m²].
+    gravity
+        (3,) in the base frame [m/s²].
+    factor, payload_factor
+        What the links' and the payload's masses and inertias are multiplied by.
+    """
+
+    rods: Rods | None
+    payload: Payload | None
+    rotor: Array
+    gravity: Array
+    factor: float = 1.0
+    payload_factor: float = 1.0
+
+    def model(self, robot: Robot) -> pin.Model:
+        """The robot's model with these masses.
+
+        Raises
+        ------
+        ConfigurationError
+            if the robot has no inertias and rods are not given, or has them and rods are.
+        """
+        model = pin.Model(robot.model)
+        tip = model.frames[robot.frame_id("tip")]
+        own = any(body.mass > 0.0 for body in list(model.inertias)[1:])
+        if self.rods is None and not own:
+            raise ConfigurationError(
+                f"plant: the links of {robot.name} have no masses, which an arm with dynamics needs: give its URDF "
+                "<inertial> elements, or plant.rods, which takes links for rods"
+            )
+        if self.rods is not None and own:
+            raise ConfigurationError(f"plant: rods stand for missing inertias, and {robot.name} has its own")
+        for i in range(1, model.njoints):
+            body = model.inertias[i]
+            if self.rods is not None:
+                following = model.jointPlacements[i + 1] if i + 1 < model.njoints else tip.placement
+                body = self.rods.inertia(np.array(following.translation))
+            model.inertias[i] = pin.Inertia(
+                self.factor * body.mass, np.array(body.lever), self.factor * np.array(body.inertia)
+            )
+        if self.payload is not None:
+            ball = self.payload.inertia()
+            ball = pin.Inertia(
+                self.payload_factor * ball.mass, np.array(ball.lever), self.payload_factor * np.array(ball.inertia)
+            )
+            model.inertias[tip.parentJoint] = model.inertias[tip.parentJoint] + tip.placement.act(ball)
+        model.armature[:] = self.rotor
+        model.gravity.linear = self.gravity
+        return model
+
+
+def demand_inertia(robot: Robot, model: pin.Model, q: Array) -> None:
+    """Raise ConfigurationError that names a joint, and the links without mass, unless M(q) can be divided by."""
+    M = _inertia(model, q)
+    scale = np.sqrt(np.maximum(np.diag(M), np.finfo(np.float64).tiny))
+    values, vectors = np.linalg.eigh(M / np.outer(scale, scale))
+    if values[0] > SINGULAR and (np.diag(M) > 0.0).all():
+        return
+    worst = int(np.argmax(np.abs(vectors[:, 0])))
+    bare = [name for name, body in zip(robot.joint_names, list(model.inertias)[1:], strict=True) if not body.mass > 0.0]
+    without = f"; no mass moves with {', '.join(bare)}" if bare else ""
+    raise ConfigurationError(
+        f"plant: joint {worst + 1} ({robot.joint_names[worst]}) of {robot.name} moves nothing with inertia at the "
+        f"start, so that no acceleration follows from a torque{without}: complete the URDF's <inertial> elements, or "
+        "give rotor_inertia"
+    )
+
+
+def demand_holding(robot: Robot, model: pin.Model, q: Array, effort: Array) -> None:
+    """Raise ConfigurationError that names the joints unless their torques (n,) hold the arm at q (n,)."""
+    weight = np.array(pin.computeGeneralizedGravity(model, model.createData(), q))
+    short = [
+        f"joint {j + 1} ({robot.joint_names[j]}) needs {abs(weight[j]):.4g}, and has {effort[j]:.4g}"
+        for j in np.flatnonzero(np.abs(weight) > effort)
+    ]
+    if short:
+        raise ConfigurationError(
+            f"plant: the torques [Nm or N] cannot hold {robot.name} at its start: {'; '.join(short)}: effort, payload "
+            "or the start must change"
+        )
+
+
+def felt_inertia(model: pin.Model, q: Array) -> Array:
+    """(n,) inertia that each joint feels where the others are free, at q (n,): 1 / (M⁻¹)ⱼⱼ.
+
+    Torques of these by accelerations never make more than n times the accelerations, whichever way the arm moves.
+    """
+    felt: Array = 1.0 / np.diag(np.linalg.inv(_inertia(model, q)))
+    return felt
+
+
+def _inertia(model: pin.Model, q: Array) -> Array:
+    upper = np.triu(np.array(pin.crba(model, model.createData(), q)))
+    M: Array = upper + np.triu(upper, 1).T
+    return M
+
+
+def body_arrays(robot: Robot, model: pin.Model) -> BodyArrays:
+    """A model's bodies as compiled code takes them."""
+    placements, axes = load("packing").joints(robot)
+    bodies = list(model.inertias)[1:]
+    return BodyArrays(
+        np.array([pose.R for pose in placements]),
+        np.array([pose.t for pose in placements]),
+        np.array(axes),
+        np.array(robot.prismatic, dtype=np.bool_),
+        np.array([body.mass for body in bodies]),
+        np.array([np.array(body.lever) for body in bodies]),
+        np.array([np.array(body.inertia) for body in bodies]),
+        np.array(model.armature, dtype=np.float64),
+        np.array(model.gravity.linear, dtype=np.float64),
+    )
 
 
 @dataclass(frozen=True)
@@ -40,9 +165,9 @@ class DynamicPlant(Plant):
     x
         (4, n) q, q̇, q̈_c, and zeros: what disturbs the command follows from the motion here.
     arm
-        All that the motion within a period is made of.
+        Bodies, controller, gears and scratch, as compiled code takes them.
     frozen_arm, mover
-        Where compiled code finds it, and the number and address by which loops are told.
+        The arm where compiled code finds it; addresses of the function that moves it, and of the arm.
     model, believed
         Pinocchio's model of the arm as it is, and as its controller believes it to be.
 
@@ -91,33 +216,31 @@ class DynamicPlant(Plant):
         )
         bodies = body_arrays(robot, self.model), body_arrays(robot, self.believed)
         self.arm: Arm = blank(bodies, drive, dynamics.slots(h), dynamics.substeps, h)
-        engine: Engine = PinocchioEngine(self)
-        self._kernels = None
+        self.frozen_arm = pack_struct(self.arm)
+        self._mujoco, self._compiled = None, load("drives")
         if isinstance(dynamics, MujocoDynamics):
-            from .mujoco import MujocoEngine
-
-            engine = MujocoEngine(self)
+            self._mujoco = MujocoArm(robot, bodies[0], h)
         else:
-            self._kernels = load("dynamics")
-        self.engine = engine
-        if self._kernels is not None:
-            self.frozen_arm = pack_struct(self.arm)
-            self.mover = self._kernels.MOVE, int(self.frozen_arm.ctypes.data)
-        begin(engine, self.arm, self.x[0], self.x[1])
+            self.mover = self._compiled.MOVE, int(self.frozen_arm.ctypes.data)
+        self._compiled.begin(int(self.frozen_arm.ctypes.data), self.x)
 
     def follow(self) -> None:
         """Go to the end of the period that has begun."""
-        if self._kernels is not None and self.mover[0]:
-            self._kernels.drive_period(self.mover[1], self.x)
-        else:
-            drive_period(self.engine, self.arm, self.x)
+        compiled, arm, address = self._compiled, self.arm, int(self.frozen_arm.ctypes.data)
+        if self._mujoco is None:
+            compiled.drive_period(address, self.x)
+            return
+        for i in range(arm.substeps):
+            compiled.drive_substep(address, self.x, i == 0)
+            self._mujoco.step(self.x, arm.memory.torque - arm.friction)
+            compiled.end_substep(address, self.x)
 
     step = follow
 
     def check(self) -> None:
         """Raise SceneError if the arm's motion has gone out of bounds."""
         qd = self.x[1]
-        if not (np.abs(qd) < BOUND).all():
+        if not (np.abs(qd) < self._compiled.BOUND).all():
             worst = int(np.argmax(np.where(np.isfinite(qd), np.abs(qd), np.inf)))
             raise SceneError(
                 f"the arm's motion has no bounds: joint {worst + 1} moves at {qd[worst]:.3g} rad/s or m/s; fewer "
@@ -126,17 +249,14 @@ class DynamicPlant(Plant):
 
     def within(self, states: Array, periods: IntArray, share: float) -> tuple[Array, Array]:
         """Q and q̇ (N, n) a share of a period after its beginning: of the cubic with q and q̇ at both ends."""
-        T, s = self.Ts, share
-        (q0, v0), (q1, v1) = states[periods, :2].swapaxes(0, 1), states[periods + 1, :2].swapaxes(0, 1)
-        q = q0 + s * s * (3.0 - 2.0 * s) * (q1 - q0) + T * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
-        qd = 6.0 * s * (1.0 - s) * (q1 - q0) / T + (1.0 - s) * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
-        return q, qd
+        begin, end = (tuple(states[at, :2].swapaxes(0, 1)) for at in (periods, periods + 1))
+        return cubic(begin, end, self.Ts, share)
 
     def remarks(self) -> list[str]:
         """What a reader of the results should know of the torques."""
         counts = self.arm.memory.at_limit
         return [
-            f"joint {j + 1} was asked for more torque than its {self.arm.drive.effort[j]:.4g} Nm or N for "
+            f"joint {j + 1} was commanded more torque than its {self.arm.drive.effort[j]:.4g} Nm or N for "
             f"{counts[j] * self.arm.h:.3g} s"
             for j in np.flatnonzero(counts)
         ]

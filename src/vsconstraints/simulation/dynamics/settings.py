@@ -1,4 +1,4 @@
-"""What a scenario's ``plant`` says: how an arm with mass is driven, and what its controller believes of it."""
+"""The table ``plant`` of a scenario: masses of an arm, its joint controller, and what that believes."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 import numpy as np
+import pinocchio as pin
 
 from ...errors import ConfigurationError, InvalidInput, shown, unknown_name
-from ...robots.geometry import Vector3
+from ...robots.geometry import Vector3, vector
 from ...rows import Array
-from .bodies import Payload, Rods
 
 Number = float | Sequence[float]
 """One number for all joints, or n of them."""
@@ -23,10 +23,71 @@ JointController = Literal["computed-torque", "position", "speed"]
 Integrator = Literal["verlet", "runge-kutta"]
 """How the motion within a substep is integrated."""
 
-MOST_SUBSTEPS = 1000
+MAX_SUBSTEPS = 1000
 
 OUTER = 0.25
 """Rate κ of the position loop by that of the speed loop in it."""
+
+
+@dataclass(frozen=True)
+class Payload:
+    """A solid ball at the tip; a point if its radius is zero.
+
+    Attributes
+    ----------
+    mass
+        [kg].
+    centre
+        In the tip's frame [m].
+    radius
+        [m].
+    """
+
+    mass: float
+    centre: Vector3 = (0.0, 0.0, 0.0)
+    radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "radius"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise InvalidInput(f"plant.payload: {name} must be zero or more, not {shown(getattr(self, name))}")
+        vector(self.centre, 3, "plant.payload: centre")
+
+    def inertia(self) -> pin.Inertia:
+        """In the tip's frame."""
+        about = 0.4 * self.mass * self.radius**2
+        return pin.Inertia(self.mass, np.array(self.centre, dtype=np.float64), about * np.eye(3))
+
+
+@dataclass(frozen=True)
+class Rods:
+    """Links as solid cylinders, from each joint to the next and from the last to the tip.
+
+    Attributes
+    ----------
+    mass_per_length
+        [kg/m].
+    radius
+        [m].
+    """
+
+    mass_per_length: float
+    radius: float
+
+    def __post_init__(self) -> None:
+        for name in ("mass_per_length", "radius"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise InvalidInput(f"plant.rods: {name} must be positive, not {shown(getattr(self, name))}")
+
+    def inertia(self, end: Array) -> pin.Inertia:
+        """Of the rod from the origin to ``end`` (3,) [m]."""
+        length = float(np.linalg.norm(end))
+        if length == 0.0:
+            return pin.Inertia.Zero()
+        mass, along = self.mass_per_length * length, np.outer(end, end) / length**2
+        across = mass * (3.0 * self.radius**2 + length**2) / 12.0
+        about = across * (np.eye(3) - along) + 0.5 * mass * self.radius**2 * along
+        return pin.Inertia(mass, 0.5 * end, about)
 
 
 @dataclass(frozen=True)
@@ -96,7 +157,7 @@ class ArmDynamics:
         Greatest torque of each joint [Nm or N], and greatest speed that the controller lets its reference have; the
         robot's own if not given.
     dead_time, lag
-        How long what is asked for takes to begin to act, a multiple of the substep, and the time constant with which
+        How long a commanded torque takes to begin to act, a multiple of the substep, and the time constant with which
         the torque follows then [s].
     rotor_inertia
         Of the motors, as the joints feel it behind their gears [kg m²].
@@ -129,9 +190,9 @@ class ArmDynamics:
         for name, known in (("controller", JointController), ("integrator", Integrator)):
             if getattr(self, name) not in get_args(known):
                 raise unknown_name(f"plant: {name}", getattr(self, name), get_args(known))
-        if int(self.substeps) != self.substeps or not 1 <= self.substeps <= MOST_SUBSTEPS:
+        if int(self.substeps) != self.substeps or not 1 <= self.substeps <= MAX_SUBSTEPS:
             raise InvalidInput(
-                f"plant: substeps must be a whole number from 1 to {MOST_SUBSTEPS}, not {shown(self.substeps)}"
+                f"plant: substeps must be a whole number from 1 to {MAX_SUBSTEPS}, not {shown(self.substeps)}"
             )
         for name in ("bandwidth", "mass_factor", "effort", "speed"):
             _demand(name, getattr(self, name), above=0.0)

@@ -1,4 +1,4 @@
-"""Images of a board of tags through a camera, with what spoils them: deterministic, in grey levels."""
+"""Images of a board of tags through a camera, with blur, noise and motion: deterministic, in grey levels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a scenario's ``sensor`` says where a controller sees images: how they are taken, and what is made of them."""
+"""The table ``sensor`` of a scenario whose controller sees images: how they are taken and evaluated."""
 
 from __future__ import annotations
 
@@ -119,4 +119,4 @@ class ImageSettings:
 
 
 SENSORS: dict[str, type[ImageSettings]] = {"images": ImageSettings}
-"""Types of sensors that scenario files know; without any, the control is told what ``disturbances`` leave of it."""
+"""Types of sensors that scenario files know; without one, markers are measured as ``disturbances`` say."""

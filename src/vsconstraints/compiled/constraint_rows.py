@@ -1,0 +1,224 @@
+"""The rows of the kinds of constraints, each made by a template for the formulas of one constraint.
+
+A template returns a function (address, i): it writes the rows of part ``i`` of the :class:`.Step` at an address.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ..formulas.features import image_row, interaction, pose_error, pose_rates
+from ..formulas.frames import differences_in_image, differences_in_space, turned_back_in_image, turned_in_image
+from ..formulas.motion import displacement
+from ..formulas.rotation import rotation_vector_rate
+from ..formulas.tracking import funnel, goal_at
+from ..formulas.vectors import Vector, dot, matrix, minus, turned, turned_back, vector
+from ..rows import Array
+from .compiler import in_place
+from .kinematics import point_jacobian
+from .parts import load_step, to_fixed_tuple
+
+WriteRows = Callable[[int, int], None]
+
+
+@in_place
+def displaced(motion: Any, t: float) -> tuple[Vector, Vector, Vector]:
+    """Displacement, velocity and acceleration of a MOTION."""
+    x = displacement(t, motion.velocity[0], motion.amplitude[0], motion.rate, motion.phase)
+    y = displacement(t, motion.velocity[1], motion.amplitude[1], motion.rate, motion.phase)
+    z = displacement(t, motion.velocity[2], motion.amplitude[2], motion.rate, motion.phase)
+    return (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
+
+
+@in_place
+def obstacle_motion(part: Any, t: float) -> tuple[Vector, Vector, Vector]:
+    """How far what a constraint forbids has moved, and how it moves, as far as that is known."""
+    moved, velocity, acceleration = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if part.moves:
+        moved, velocity, acceleration = displaced(part.motion, t)
+        if not part.known:
+            velocity, acceleration = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    return moved, velocity, acceleration
+
+
+@in_place
+def write_row(address: int, row: int, K: float, sigma: float, sigma_dot: float, drift: float) -> None:
+    """Write all of a row but L_gφ: φ = σ + K σ̇ and L_fφ = σ̇ + K σ̈, with σ̈ as it is when q̈ = 0."""
+    rows = load_step(address).rows
+    rows.sigma[row], rows.sigma_dot[row] = sigma, sigma_dot
+    rows.phi[row], rows.Lf[row] = sigma + K * sigma_dot, sigma_dot + K * drift
+
+
+@in_place
+def funnel_now(numbers: Array, t: float, size: int) -> tuple[int, float, float, float]:
+    """Where the goal that holds at time t [s] begins among the parameters of a funnel; its width and two derivatives.
+
+    ``numbers`` are final, decay, the number of goals, when each begins, and ``size`` numbers of each.
+    """
+    goals = int(numbers[2])
+    begins = numbers[3 : 3 + goals]
+    goal = goal_at(begins, t)
+    width, rate, bend = funnel(t - begins[goal], numbers[0], numbers[1])
+    return 3 + goals + goal * size, width, rate, bend
+
+
+def joint_rows() -> WriteRows:
+    """Rows that are linear in the joint coordinates."""
+
+    def rows(address: int, i: int) -> None:
+        step = load_step(address)
+        part = step.parts[i]
+        for row in range(part.first, part.first + part.count):
+            value, rate, g = step.offsets[row], 0.0, step.gradients[row]
+            for j in range(len(g)):
+                value += g[j] * step.q[j]
+                rate += g[j] * step.qd[j]
+                step.rows.Lg[row, j] = part.K * g[j]
+            write_row(address, row, part.K, value, rate, 0.0)
+
+    return rows
+
+
+def speed_rows() -> WriteRows:
+    """Rows that are linear in the joint speeds: φ itself, which no q̈ = 0 changes."""
+
+    def rows(address: int, i: int) -> None:
+        step = load_step(address)
+        part = step.parts[i]
+        for row in range(part.first, part.first + part.count):
+            value, g = step.offsets[row], step.gradients[row]
+            for j in range(len(g)):
+                value += g[j] * step.qd[j]
+                step.rows.Lg[row, j] = g[j]
+            write_row(address, row, 0.0, value, 0.0, 0.0)
+
+    return rows
+
+
+def point_rows(formula: Callable[..., Any], curvature: Callable[..., Any] | None, count: int) -> WriteRows:
+    """Rows on where robot points are in space, from a formula: see :func:`image_rows`."""
+
+    def rows(address: int, i: int) -> None:
+        step = load_step(address)
+        part, J = step.parts[i], step.J_point
+        parameters, K, R = to_fixed_tuple(step.parameters[i], count), part.K, matrix(part.R)
+        moved, velocity, acceleration = obstacle_motion(part, step.time[0])
+        for row in range(part.first, part.first + part.count):
+            which = step.which[row]
+            place = step.places[which]
+            p_dot, p_ddot = minus(vector(place.velocity), velocity), minus(vector(place.drift), acceleration)
+            # in the frame of the formula
+            y = turned_back(R, minus(minus(vector(place.position), moved), vector(part.t)))
+            y_dot = turned_back(R, p_dot)
+            value, along_x, along_y, along_z = formula(*(y + parameters))
+            if curvature is None:
+                bent = differences_in_space(formula, parameters, y, y_dot)
+            else:
+                bent = curvature(*(y + parameters + y_dot))
+            g = turned(R, (along_x, along_y, along_z))
+            drift = bent + g[0] * p_ddot[0] + g[1] * p_ddot[1] + g[2] * p_ddot[2]
+            write_row(address, row, K, value + part.margin, dot(g, p_dot), drift)
+            point_jacobian(address, step.robot_points[which].body, vector(place.position), J)
+            for j in range(len(step.qd)):
+                step.rows.Lg[row, j] = K * g[0] * J[0, j] + K * g[1] * J[1, j] + K * g[2] * J[2, j]
+
+    return rows
+
+
+def image_rows(formula: Callable[..., Any], curvature: Callable[..., Any] | None, count: int) -> WriteRows:
+    """Rows on where markers are in the image, from a formula.
+
+    Parameters
+    ----------
+    formula, curvature
+        See :class:`vsconstraints.constraints.by_formula.ByFormula`.
+    count
+        Number of parameters.
+    """
+
+    def rows(address: int, i: int) -> None:
+        step = load_step(address)
+        part, focal, offset = step.parts[i], step.camera[0].focal, step.camera[0].offset
+        parameters, K, R, Jc = to_fixed_tuple(step.parameters[i], count), part.K, part.R, step.camera_J
+        moved, velocity, acceleration = obstacle_motion(part, step.time[0])
+        for row in range(part.first, part.first + part.count):
+            marker = step.seen[step.which[row]]
+            u = focal[0] * marker.xy[0] - moved[0] + offset[0]
+            v = focal[1] * marker.xy[1] - moved[1] + offset[1]
+            u_dot, v_dot = focal[0] * marker.velocity[0] - velocity[0], focal[1] * marker.velocity[1] - velocity[1]
+            u_ddot, v_ddot = focal[0] * marker.drift[0] - acceleration[0], focal[1] * marker.drift[1] - acceleration[1]
+            # in the frame of the formula
+            y, y_dot = turned_back_in_image(R, (u - part.t[0], v - part.t[1])), turned_back_in_image(R, (u_dot, v_dot))
+            value, along_u, along_v = formula(*(y + parameters))
+            if curvature is None:
+                bent = differences_in_image(formula, parameters, y, y_dot)
+            else:
+                bent = curvature(*(y + parameters + y_dot))
+            g = turned_in_image(R, (along_u, along_v))
+            drift = bent + g[0] * u_ddot + g[1] * v_ddot
+            write_row(address, row, K, value + part.margin, g[0] * u_dot + g[1] * v_dot, drift)
+            a, b = interaction(K * g[0] * focal[0], K * g[1] * focal[1], marker.xy[0], marker.xy[1], marker.depth)
+            for j in range(len(step.qd)):
+                first, second = a[0] * Jc[0, j] + b[0] * Jc[3, j], a[1] * Jc[1, j] + b[1] * Jc[4, j]
+                step.rows.Lg[row, j] = first + second + (a[2] * Jc[2, j] + b[2] * Jc[5, j])
+
+    return rows
+
+
+def image_funnel_rows() -> WriteRows:
+    """Rows of a funnel of markers: see :class:`vsconstraints.constraints.PerformanceFunnel`."""
+
+    def rows(address: int, i: int) -> None:
+        step = load_step(address)
+        part, J, wanted = step.parts[i], step.camera_J, step.parameters[i]
+        at, width, rate, bend = funnel_now(wanted, step.time[0], 2 * len(step.seen))
+        for row in range(part.first, part.first + part.count):
+            entry, side = step.which[row], step.offsets[row]
+            marker, c = step.seen[entry // 2], entry % 2
+            slope = side * step.camera[0].focal[c]
+            write_row(
+                address,
+                row,
+                part.K,
+                side * (step.pixels[entry // 2, c] - wanted[at + entry]) - width,
+                slope * marker.velocity[c] - rate,
+                slope * marker.drift[c] - bend,
+            )
+            now = image_row(c, marker.xy[0], marker.xy[1], marker.depth)
+            for j in range(J.shape[1]):
+                along = 0.0
+                for k in range(3):
+                    along += now[k] * J[k, j] + now[3 + k] * J[3 + k, j]
+                step.rows.Lg[row, j] = part.K * slope * along
+
+    return rows
+
+
+def pose_funnel_rows() -> WriteRows:
+    """Rows of a funnel of the camera's pose: see :class:`vsconstraints.constraints.PerformanceFunnel`."""
+
+    def rows(address: int, i: int) -> None:
+        step = load_step(address)
+        part, eye, J, wanted = step.parts[i], step.eye[0], step.camera_J, step.parameters[i]
+        at, width, rate, bend = funnel_now(wanted, step.time[0], 12)
+        v, omega = vector(eye.velocity), vector(eye.angular_velocity)
+        v_dot, omega_dot = vector(eye.acceleration), vector(eye.angular_acceleration)
+        wanted_R = vector(wanted[at:]), vector(wanted[at + 3 :]), vector(wanted[at + 6 :])
+        place = matrix(step.camera_R), vector(step.camera_t)
+        E, t, w = pose_error(wanted_R, vector(wanted[at + 9 :]), place[0], place[1], (0.0, 0.0, 0.0), False)
+        w_dot, L, L_dot = rotation_vector_rate(w, omega)
+        t_dot, t_ddot, w_ddot = pose_rates(E, L, L_dot, v, omega, v_dot, omega_dot)
+        for row in range(part.first, part.first + part.count):
+            entry, side = step.which[row], step.offsets[row]
+            c, turns = entry % 3, entry >= 3
+            error, velocity, drift, along = t, t_dot, t_ddot, E
+            if turns:
+                error, velocity, drift, along = w, w_dot, w_ddot, L
+            sigma, sigma_dot = side * error[c] - width, side * velocity[c] - rate
+            write_row(address, row, part.K, sigma, sigma_dot, side * drift[c] - bend)
+            for j in range(J.shape[1]):
+                column = vector(J[3:, j]) if turns else vector(J[:3, j])
+                step.rows.Lg[row, j] = part.K * side * dot(along[c], column)
+
+    return rows

@@ -1,0 +1,200 @@
+"""Joints stay in their range, and within their speeds: sections 4.3.4 and 4.3.5."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import ConfigurationError, shown
+from ..robots.geometry import Numbers
+from ..robots.robot import Robot
+from ..rows import Array
+from ..vision.scene import Scene
+from .base import demand_numbers
+from .joint_constraint import JointConstraint, SpeedConstraint
+
+
+class OfJoints:
+    """What rows on single joints share: one row for each joint's upper side, then one for each lower side.
+
+    Attributes
+    ----------
+    joints
+        Numbers of the joints concerned, counted from 1.
+    prismatic_unit
+        Instead of ``unit`` for prismatic joints.
+    """
+
+    kind: ClassVar[str]
+    unit: ClassVar[str]
+    prismatic_unit: ClassVar[str]
+
+    def _select(self, joints: tuple[int, ...], margin: float, upper: Array, lower: Array, n: int) -> None:
+        """Keep the joints, the margin, and the gradient: ``upper`` in the upper rows and −``lower`` in the others."""
+        if not 0.0 <= margin < 1.0:
+            raise ConfigurationError(f"margin of {self.kind} must be in [0, 1), not {margin}")
+        self.joints, self.margin, self._at = joints, float(margin), np.array(joints) - 1
+        chosen = np.eye(n, dtype=np.bool_)[self._at]
+        self._gradient: Array = np.concatenate([np.where(chosen, a[:, None], 0.0) for a in (upper, -lower)])
+
+    def labels(self, scene: Scene) -> tuple[str, ...]:
+        """All upper rows, then all lower ones."""
+        return tuple(f"{self.kind}[joint {i}].{side}" for side in ("upper", "lower") for i in self.joints)
+
+    def units(self, scene: Scene) -> tuple[str, ...]:
+        """Those of revolute or of prismatic joints."""
+        return tuple(self.prismatic_unit if scene.robot.prismatic[i] else self.unit for i in self._at) * 2
+
+    def gradient(self, y: Array) -> Array:
+        """The same everywhere."""
+        return self._gradient
+
+
+class JointRange(OfJoints, JointConstraint):
+    """Joints stay in their ranges, the robot's or given ones.
+
+    ±q̃_i − 1 + margin ≤ 0 with q̃_i = (q_i − mid) / half the range (eqs. 25 to 27), one row for each side.
+
+    The paper writes one row with |q̃_i|, which has a kink at the middle; two linear rows have none, and are the same
+    where it matters. Their gradient is the true derivative of σ, ±2/Δq_max.
+
+    Parameters
+    ----------
+    robot
+        Whose ranges are used where none are given.
+    K, switching_gain
+        Approach time constant [s] and u⁺ [1/s].
+    joints
+        Numbers of the joints concerned, counted from 1; if None all that have a range.
+    lower, upper
+        Ranges of those joints [rad or m], instead of the robot's.
+    margin
+        Safety margin as a fraction of half the range.
+    """
+
+    kind = "range"
+    linear = True
+    prismatic_unit = "m"
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        K: float,
+        switching_gain: float,
+        joints: Sequence[int] | None = None,
+        lower: Numbers | None = None,
+        upper: Numbers | None = None,
+        margin: float = 0.0,
+    ) -> None:
+        super().__init__(K=K, switching_gain=switching_gain)
+        numbers, low, high = select_limits(robot, joints, (lower, robot.q_min), (upper, robot.q_max), self.kind)
+        self.mid, self.half = 0.5 * (low + high), 0.5 * (high - low)
+        self._select(numbers, margin, 1.0 / self.half, 1.0 / self.half, robot.n)
+
+    def sigma(self, q: Array) -> Array:
+        """Eq. (25), one row for each side."""
+        x = (q[..., self._at] - self.mid) / self.half
+        return np.concatenate((x, -x), axis=-1) - (1.0 - self.margin)
+
+    def characteristic_length(self, scene: Scene) -> Array:
+        """Half the allowed range [rad or m]."""
+        return np.tile(self.half * (1.0 - self.margin), 2)
+
+
+def select_limits(
+    robot: Robot,
+    joints: Sequence[int] | None,
+    lower: tuple[ArrayLike | None, Array],
+    upper: tuple[ArrayLike | None, Array],
+    kind: str,
+) -> tuple[tuple[int, ...], Array, Array]:
+    """Numbers of the joints concerned and their finite limits, given ones (first) or the robot's (second)."""
+    if joints is None:
+        given = lower[0] is not None or upper[0] is not None
+        limited = np.isfinite(lower[1]) & np.isfinite(upper[1])
+        numbers = tuple(range(1, robot.n + 1)) if given else tuple(int(i) + 1 for i in np.flatnonzero(limited))
+    else:
+        numbers = demand_numbers(joints, f"joints of {kind}")
+        if max(numbers) > robot.n:
+            raise ConfigurationError(f"joints of {kind} are numbers from 1 to {robot.n}, not {list(numbers)}")
+    if not numbers:
+        raise ConfigurationError(f"{robot.name} has no limits for {kind}: give lower and upper")
+    at = np.array(numbers) - 1
+    limits = []
+    for side, (own, robots) in (("lower", lower), ("upper", upper)):
+        limit = robots[at] if own is None else limit_array(own, f"{side} of {kind}")
+        if limit.shape != (len(numbers),) or not np.isfinite(limit).all():
+            raise ConfigurationError(
+                f"{side} of {kind} must be a finite number for each of the joints {list(numbers)}, not {limit}"
+            )
+        limits.append(limit)
+    if (limits[0] >= limits[1]).any():
+        raise ConfigurationError(f"lower of {kind} must be below upper: {limits[0]} and {limits[1]}")
+    return numbers, limits[0], limits[1]
+
+
+def limit_array(value: ArrayLike, what: str) -> Array:
+    """``value`` as a float array; raises ConfigurationError that names ``what`` if it is none."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ConfigurationError(f"{what} must be numbers, not {shown(value)}") from None
+
+
+class JointSpeed(OfJoints, SpeedConstraint):
+    """Joints stay below their speeds, the robot's or given ones.
+
+    q̇_i/q̇_max,i − 1 + margin ≤ 0 and q̇_i/q̇_min,i − 1 + margin ≤ 0 (eqs. 28 and 29, split as footnote 4 says).
+
+    Parameters
+    ----------
+    robot
+        Whose speed limits are used where none are given.
+    switching_gain
+        u⁺ [1/s].
+    joints
+        Numbers of the joints concerned, counted from 1; if None all that have a limit.
+    lower, upper
+        Speed limits of those joints [rad/s or m/s], lower < 0 < upper, instead of the robot's.
+    margin
+        Safety margin as a fraction of the limit.
+    """
+
+    kind = "speed"
+    linear = True
+    prismatic_unit = "m/s"
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        switching_gain: float,
+        joints: Sequence[int] | None = None,
+        lower: Numbers | None = None,
+        upper: Numbers | None = None,
+        margin: float = 0.0,
+    ) -> None:
+        super().__init__(switching_gain=switching_gain)
+        if lower is None and upper is not None:
+            lower = -limit_array(upper, "upper of speed")
+        numbers, self.lower, self.upper = select_limits(
+            robot, joints, (lower, robot.qd_min), (upper, robot.qd_max), self.kind
+        )
+        if (self.lower >= 0.0).any() or (self.upper <= 0.0).any():
+            raise ConfigurationError(
+                f"speed limits must be lower < 0 < upper, so that the arm can rest: {self.lower} and {self.upper}"
+            )
+        self._select(numbers, margin, 1.0 / self.upper, -1.0 / self.lower, robot.n)
+
+    def phi(self, qd: Array) -> Array:
+        """Eq. (28), one row for each side."""
+        x = qd[..., self._at]
+        return np.concatenate((x / self.upper, x / self.lower), axis=-1) - (1.0 - self.margin)
+
+    def characteristic_length(self, scene: Scene) -> Array:
+        """The allowed speed [rad/s or m/s]."""
+        return np.concatenate((self.upper, -self.lower)) * (1.0 - self.margin)

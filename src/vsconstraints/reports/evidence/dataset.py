@@ -1,0 +1,197 @@
+"""The data of the report of evidence: runs with their outcome, paired by scene, and single runs made again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from ...comparisons import RunRecord
+from ...comparisons.evidence import Evidence
+from ...comparisons.runs.spec import BASELINE
+from ...comparisons.statistics.judged import OUTCOMES
+from ...controllers import Controller, make_controller
+from ...errors import unknown_name
+from ...plugins.classes import untrusted
+from ...simulation import Setup, simulate, until_settled
+from ..groups import required_information
+from ..plots import PNG, Formats
+from ..plots.style import TUNED
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Value = TypeVar("Value")
+
+SCENE = ["family", "scene"]
+"""Columns that identify a scene: controllers are compared on the same ones."""
+
+
+@dataclass(eq=False)
+class Dataset:
+    """Evidence as the parts of the report need it.
+
+    Attributes
+    ----------
+    evidence
+        What a campaign left.
+    tuning
+        The folder of the tuning, if there is one to show.
+    figures
+        Whether figures are drawn.
+    formats
+        In which they are written.
+    """
+
+    evidence: Evidence
+    tuning: Path | None = None
+    figures: bool = True
+    formats: Formats = PNG
+    _cache: dict[Any, Any] = field(default_factory=dict, repr=False)
+
+    def once(self, key: Hashable, compute: Callable[[], Value]) -> Value:
+        """What several parts need, computed for the first of them and kept by its key."""
+        if key not in self._cache:
+            self._cache[key] = compute()
+        value: Value = self._cache[key]
+        return value
+
+    @property
+    def folder(self) -> Path:
+        """Where the evidence is, and where the report goes."""
+        return self.evidence.folder
+
+    @property
+    def manifest(self) -> Mapping[str, Any]:
+        """What was run, when, where and by which command."""
+        return self.evidence.manifest
+
+    @property
+    def configuration(self) -> Mapping[str, Any]:
+        """The campaign, resolved."""
+        return dict(self.manifest["configuration"])
+
+    @cached_property
+    def runs(self) -> pd.DataFrame:
+        """Runs of the controllers that are compared, with their outcomes.
+
+        ``kept`` is whether no row was violated, ``success`` whether the goal was reached besides; both by the strict
+        standard, and as ``tolerant kept`` and ``tolerant success`` by the tolerant one. ``tolerance`` is the least
+        one at which a run is a success; infinite if at none.
+        """
+        every = self.evidence.runs
+        runs = every[every["controller"] != BASELINE].copy()
+        for standard in ("", "tolerant "):
+            runs[f"{standard}kept"] = ~OUTCOMES[f"{standard}violation"].flag(runs)
+            runs[f"{standard}success"] = OUTCOMES[f"{standard}success"].flag(runs)
+        runs["tolerance"] = runs["violation_fraction"].astype(float).where(runs["status"] == "converged", math.inf)
+        plain: pd.DataFrame = runs.astype(dict.fromkeys(("family", "condition", "controller", "status"), str))
+        return plain
+
+    @cached_property
+    def laws(self) -> tuple[str, ...]:
+        """Controllers that have runs, without tracking alone, in the campaign's order."""
+        return _ordered(self.evidence.controllers, self.runs["controller"])
+
+    @cached_property
+    def conditions(self) -> tuple[str, ...]:
+        """Conditions that have runs, in the campaign's order, the one without disturbances first."""
+        return _ordered(("nominal", *self.evidence.conditions), self.runs["condition"])
+
+    @cached_property
+    def families(self) -> tuple[str, ...]:
+        """Families that have runs, in the campaign's order."""
+        return _ordered(tuple(self.configuration["families"]), self.runs["family"])
+
+    @cached_property
+    def required(self) -> dict[str, tuple[str, ...] | None]:
+        """What each controller requires beside rows and task; None for an own one, whose code says it."""
+        entries = self.configuration["controllers"]
+        return {name: required_information(name, entries.get(name, {})) for name in self.laws}
+
+    def among(self, condition: str, families: Sequence[str] | None = None) -> pd.DataFrame:
+        """Runs in a condition, of some families or of all."""
+        runs = self.runs[self.runs["condition"] == condition]
+        return runs if families is None else runs[runs["family"].isin(list(families))]
+
+    def paired(self, condition: str, column: str, families: Sequence[str] | None = None) -> pd.DataFrame:
+        """A column's values with one line per scene and one column per controller, of scenes that all of them ran."""
+        runs = self.among(condition, families)
+        wide = runs.pivot_table(index=SCENE, columns="controller", values=column, aggfunc="first", dropna=False)
+        ran = runs.pivot_table(index=SCENE, columns="controller", values="success", aggfunc="count", fill_value=0)
+        wide = wide.reindex(index=ran.index)[(ran > 0).all(axis=1)]
+        return wide[[name for name in self.laws if name in wide.columns]]
+
+    def working(self, condition: str) -> tuple[str, ...]:
+        """Controllers not all of whose runs failed in a condition: standing still violates nothing. All, if none."""
+        runs = self.among(condition)
+        working = set(runs[~runs["status"].isin(["failed", "aborted"])]["controller"])
+        return tuple(law for law in self.laws if law in working) or self.laws
+
+    def families_of(self, condition: str) -> tuple[str, ...]:
+        """Families that have runs in a condition."""
+        there = set(self.among(condition)["family"])
+        return tuple(name for name in self.families if name in there)
+
+    @property
+    def tuned(self) -> dict[str, str]:
+        """Names of tuned controllers, by those of the untuned ones, where both have runs."""
+        return {name: name + TUNED for name in self.laws if name + TUNED in self.laws}
+
+
+def _ordered(planned: Sequence[str], present: pd.Series) -> tuple[str, ...]:
+    """Names that are present: those that were planned in that order, then the others."""
+    there = list(dict.fromkeys(present))
+    names = dict.fromkeys([*(name for name in planned if name in there), *sorted(there)])
+    return tuple(names)
+
+
+def replay(
+    folder: Path | str, family: str, scene: int, condition: str, controller: str, *, trust: bool = False
+) -> RunRecord:
+    """Draw a scene of a campaign again and run a controller on it: the same run, with its whole trajectory.
+
+    Parameters
+    ----------
+    folder
+        The campaign's.
+    family, scene, condition, controller
+        Which run, as tables of the campaign name it.
+    trust
+        Whether code that the campaign names as ``module:Class`` may run.
+
+    Raises
+    ------
+    ConfigurationError
+        if there is no evidence in the folder, it has no such family, scene, condition or controller, or the run needs
+        code that is not trusted.
+    """
+    evidence = Evidence.load(Path(folder), trust)
+    setup = setup_of(evidence, family, scene, condition)
+    return rerun(evidence, setup, controller)
+
+
+def rerun(evidence: Evidence, setup: Setup, controller: str) -> RunRecord:
+    """A controller run on a setup."""
+    return RunRecord.of(setup, simulate(setup, controller_of(evidence, controller)), "")
+
+
+def setup_of(evidence: Evidence, family: str, scene: int, condition: str) -> Setup:
+    """The setup of a scene, with its own noise."""
+    if family not in evidence.families:
+        raise unknown_name("family", family, evidence.families)
+    return until_settled(evidence.drawn(family, scene).setup(condition))
+
+
+def controller_of(evidence: Evidence, name: str) -> Controller:
+    """A controller with the options of the campaign."""
+    entries = evidence.manifest["configuration"]["controllers"]
+    if name not in entries:
+        raise unknown_name("controller", name, entries)
+    law, options = str(entries[name].get("type", name)), {k: v for k, v in entries[name].items() if k != "type"}
+    if ":" in law and not evidence.trusted:
+        raise untrusted(f"controller {name}", [law])
+    return make_controller(law, options)

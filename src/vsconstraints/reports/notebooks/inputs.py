@@ -1,0 +1,244 @@
+"""Laws and scenarios as a session has them, described so that any process can make them where that is possible."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+import pickle
+import re
+import sys
+import uuid
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from ...comparisons.runs.spec import ControllerSpec
+from ...controllers import CONTROLLERS, Controller, Demand, Resolver, make_controller
+from ...errors import ConfigurationError, VsconstraintsError, described, shown
+from ...plugins.classes import IN_SESSION
+from ...plugins.provenance import noted_import
+from ...scenarios import Scenario
+from ...simulation import Setup
+
+AnyLaw = Controller | type[Controller] | str
+"""An instance, a class that needs no options, the name of a registered one, or ``module:Class``."""
+
+Laws = AnyLaw | Iterable[AnyLaw] | Mapping[str, AnyLaw]
+"""One, several, or several by names of one's own."""
+
+
+@dataclass(frozen=True)
+class InstanceSpec(ControllerSpec):
+    """A law that is given as an instance.
+
+    Attributes
+    ----------
+    packed
+        What any process makes it of; empty if none can.
+    instance
+        The law itself, where it is used as it is.
+    sources
+        The file that its class is defined in, if there is one.
+    """
+
+    packed: bytes = b""
+    instance: Controller | None = None
+    sources: tuple[Path, ...] = ()
+
+    @property
+    def here(self) -> bool:
+        """See :class:`.ControllerSpec`."""
+        return not self.packed
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """See :class:`.ControllerSpec`."""
+        return self.sources
+
+    def make(self) -> Controller:
+        """A copy of the instance; the instance itself where it cannot be copied."""
+        if self.instance is not None:
+            return self.instance
+        with noted_import(self.law.partition(":")[0]):
+            law: Controller = pickle.loads(self.packed)
+        return law
+
+
+def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
+    """Laws as a comparison takes them, and sentences about those that only this process can run.
+
+    Raises
+    ------
+    ConfigurationError
+        if one is no law, has no name, or two have the same.
+    """
+    if isinstance(laws, Controller | str | type):
+        laws = [laws]
+    if not isinstance(laws, Iterable):
+        raise _no_law(laws)
+    named = list(laws.items()) if isinstance(laws, Mapping) else [(_name(law), law) for law in laws]
+    names = [name for name, _ in named]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(
+                f"two laws have the name {name!r}; give each its own, as in "
+                f'{{"{name} 1": …, "{name} 2": …}} instead of a list'
+            )
+    specs = [spec_of(law, name) for name, law in named]
+    return tuple(spec for spec, _ in specs), tuple(note for _, note in specs if note)
+
+
+def spec_of(law: AnyLaw, name: str = "") -> tuple[ControllerSpec, str]:
+    """One law, and why only this process can run it if that is so.
+
+    Laws of this package are described by their names and options, as in a file; all others by what they hold.
+    """
+    if isinstance(law, str):
+        return ControllerSpec.called(law, name, Path()), ""
+    law, name = instance_of(law), name or _name(law)
+    if not isinstance(law, Controller):
+        raise _no_law(law)
+    options = _options(law)
+    if options is not None:
+        return ControllerSpec(name, type(law).name, options), ""
+    packed, why = _packed(law)
+    note = f"{name} runs in this process, which it can stop or keep waiting: {why}" if why else ""
+    return own_spec(law, name, packed), note
+
+
+def instance_of(law: Controller | type[Controller]) -> Controller:
+    """An instance as it is, or one of a class, made without options."""
+    if isinstance(law, type) and issubclass(law, Controller):
+        try:
+            return law()
+        except (Exception, SystemExit) as error:  # an own law may fail in any way
+            raise ConfigurationError(f"{law.__name__}() cannot be made: {described(error)}") from error
+    return law
+
+
+def own_spec(law: Controller, name: str, packed: bytes = b"") -> InstanceSpec:
+    """An instance, from what any process makes it of, or as it is."""
+    kind = type(law)
+    file = getattr(sys.modules.get(kind.__module__), "__file__", None)
+    # what is used as it is may be another one each time
+    which = hashlib.sha256(packed).hexdigest()[:16] if packed else uuid.uuid4().hex
+    return InstanceSpec(
+        name,
+        f"{kind.__module__}:{kind.__qualname__}",
+        {"instance": which},
+        packed=packed,
+        instance=None if packed else law,
+        sources=(Path(file),) if file else (),
+    )
+
+
+def _name(law: object) -> str:
+    if isinstance(law, str):
+        return ControllerSpec.called(law, folder=Path()).name
+    kind = law if isinstance(law, type) else type(law)
+    if not issubclass(kind, Controller):
+        raise _no_law(law)
+    name = getattr(law, "name", None)
+    if not isinstance(name, str):
+        raise ConfigurationError(f'{kind.__name__} has no name: write name = "…" in the class')
+    return name
+
+
+def _no_law(value: object) -> ConfigurationError:
+    return ConfigurationError(
+        f"a law is a name, module:Class, or a class or an instance of a Controller, not {shown(value)}"
+    )
+
+
+def _options(law: Controller) -> dict[str, Any] | None:
+    """The options with which a file would name this law; None if it cannot."""
+    kind = type(law)
+    if CONTROLLERS.get(getattr(kind, "name", "")) is not kind or {"solve", "command", "define"} & vars(law).keys():
+        return None
+    options: dict[str, Any] = {}
+    for parameter in inspect.signature(kind).parameters.values():
+        if parameter.kind is parameter.VAR_KEYWORD or not hasattr(law, parameter.name):
+            continue
+        value = getattr(law, parameter.name)
+        if isinstance(value, Demand | Resolver):
+            own = {field.name: (getattr(value, field.name), field.default) for field in fields(value)}
+            options |= {key: chosen for key, (chosen, default) in own.items() if chosen != default}
+            value = value.name
+        if value != parameter.default:
+            options[parameter.name] = value
+    try:
+        json.dumps(options)
+        same = repr(make_controller(kind.name, options)) == repr(law)
+    except (TypeError, ValueError, VsconstraintsError):
+        return None
+    return options if same else None
+
+
+def _packed(law: Controller) -> tuple[bytes, str]:
+    """What any process makes the law of; empty, and why, if none can."""
+    by_value = find_spec("cloudpickle") is not None
+    try:
+        if by_value:
+            import cloudpickle
+
+            packed = bytes(cloudpickle.dumps(law))
+        else:
+            packed = pickle.dumps(law)
+        pickle.loads(packed)
+    except (Exception, SystemExit) as error:  # an own law may hold anything
+        return b"", f"it cannot be sent to another one ({type(error).__name__}: {error})"
+    if not by_value and IN_SESSION.encode() in packed:
+        return b"", "it is defined in this session; pip install 'vsconstraints[notebooks]' to send it to others"
+    return packed, ""
+
+
+# --- scenarios ---
+
+AnyScenario = Scenario | Setup | str | Path
+"""A scenario, a setup made in Python, the name of a shipped scenario, or the path of a file."""
+
+
+@dataclass(frozen=True)
+class SetupScenario(Scenario):
+    """A setup made in Python, where a scenario is asked for; it has no trials, and no other process can make it."""
+
+    made: Setup | None = None
+
+    @classmethod
+    def of(cls, setup: Setup) -> SetupScenario:
+        """A setup under the name of its robot."""
+        name = re.sub(r"[^\w]+", "-", setup.scene.robot.name).strip("-") or "setup"
+        # a number of its own keeps the stored runs of two setups apart
+        times = {"sampling_time": setup.Ts, "duration": setup.duration}
+        return cls(name, {"title": setup.scene.robot.name, **times, "setup": uuid.uuid4().hex}, made=setup)
+
+    why_here = "it is a Setup, which is made in this session"
+    in_session = True
+
+    def setup(self, trial: int = 0, seed: int = 0) -> Setup:
+        """The setup; raises ConfigurationError for other trials than the first."""
+        assert self.made is not None
+        if trial:
+            raise ConfigurationError(f"{self.name} is a Setup, which has one trial: a Scenario can have several")
+        return self.made
+
+
+def scenario_of(scenario: AnyScenario) -> Scenario:
+    """The scenario; raises ConfigurationError, with candidates, if there is none."""
+    if isinstance(scenario, Scenario):
+        return scenario
+    if isinstance(scenario, Setup):
+        return SetupScenario.of(scenario)
+    if not isinstance(scenario, str | Path):
+        raise ConfigurationError(f"a scenario is a name, a path, a Scenario or a Setup, not {shown(scenario)}")
+    return Scenario.load(scenario)
+
+
+def scenarios_of(scenario: AnyScenario | Iterable[AnyScenario]) -> tuple[Scenario, ...]:
+    """One or several."""
+    if isinstance(scenario, Scenario | Setup | str | Path) or not isinstance(scenario, Iterable):
+        return (scenario_of(scenario),)
+    return tuple(scenario_of(one) for one in scenario)

@@ -1,0 +1,182 @@
+"""What a scenario's file says of views: the camera, from its keys or a calibration file, and the goals of the task."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+
+from ..errors import ConfigurationError, InvalidInput, SceneError, shown
+from ..robots.geometry import Pose, Vector2, Vector3
+from ..rows import Array
+from ..simulation.sensing import shown_to
+from ..vision.camera import Camera
+from ..vision.features import Goal
+from ..vision.references import MinimumJerk
+from ..vision.scene import MINIMUM_DEPTH, Scene
+from .reading import Table, demand_known, demand_table, made, parameters
+
+Vector4 = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
+Matrix4 = Annotated[Sequence[Vector4], msgspec.Meta(min_length=4, max_length=4)]
+"""Four numbers, and four rows of them."""
+
+CALIBRATED = ("focal_px", "principal_point_px", "distortion")
+"""Keys that a calibration file stands for; it says the size, too, which may be given to be checked."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Keys of a camera's table of which one says where it is: see :meth:`.mounted`."""
+
+    camera_in_tip: Table | None = None
+    tip_in_camera: Table | None = None
+    camera_in_base: Table | None = None
+    base_in_camera: Table | None = None
+    mount: Table | None = None
+    fixed: Table | None = None
+
+
+SHORT = {"mount": "tip_in_camera", "fixed": "camera_in_base"}
+"""Shorter words for two of them."""
+
+
+def pose_from(
+    xyz: Vector3 = (0.0, 0.0, 0.0),
+    rpy: Vector3 | None = None,
+    quaternion_wxyz: Vector4 | None = None,
+    quaternion_xyzw: Vector4 | None = None,
+    matrix: Matrix4 | None = None,
+) -> Pose:
+    """A pose; it says nothing where it changes nothing."""
+    turns = [turn for turn in (rpy, quaternion_wxyz, quaternion_xyzw, matrix) if turn is not None]
+    if len(turns) > 1:
+        raise InvalidInput("a pose takes one of rpy, quaternion_wxyz, quaternion_xyzw and matrix")
+    if matrix is not None:
+        if any(xyz):
+            raise InvalidInput("a pose takes xyz or matrix, which says the translation, too")
+        return Pose.from_matrix(matrix)
+    if quaternion_wxyz is not None or quaternion_xyzw is not None:
+        return Pose.from_quaternion(xyz, wxyz=quaternion_wxyz, xyzw=quaternion_xyzw)
+    if rpy is not None and max(map(abs, rpy)) > 2.0 * math.pi:
+        raise InvalidInput(
+            f"rpy are angles in radians, up to a turn (6.283), not {shown(list(rpy))}: are these degrees?"
+        )
+    return Pose.from_xyz_rpy(xyz, rpy or (0.0, 0.0, 0.0))
+
+
+def without_replaced(under: Table, over: Table) -> Table:
+    """A camera's table less what another one, which is laid over it, says in other words."""
+    words: set[str] = set()
+    if over.keys() & parameters(Places).keys():
+        words |= parameters(Places).keys()
+    if "calibration" in over:
+        words |= {*CALIBRATED, "size_px"}
+    if over.keys() & set(CALIBRATED):
+        words |= {"calibration", "distortion_model"}
+    return {key: value for key, value in under.items() if key not in words or key in over}
+
+
+def make_camera(table: Table, where: str, folder: Path) -> Camera:
+    """The camera that a table describes; paths in it are relative to ``folder``.
+
+    Raises
+    ------
+    ConfigurationError, InvalidInput
+        for unknown keys and unusable values; the message names them.
+    """
+    values = demand_table(table, where)
+    places = parameters(Places)
+    demand_known(values, {**parameters(Camera), **parameters(Camera.from_calibration), **places}, where)
+    given: dict[str, Any] = {key: values.pop(key) for key in places if key in values}
+    if given.keys() == {"mount", "fixed"}:
+        raise ConfigurationError(
+            f"{where}: a camera is mounted on the robot or fixed in space: give mount or fixed, not both"
+        )
+    if len(given) > 1:
+        raise ConfigurationError(f"{where}: one key says where a camera is, not {' and '.join(given)}")
+    if "calibration" in values:
+        twice = [key for key in CALIBRATED if key in values]
+        if twice:
+            raise ConfigurationError(f"{where}: the calibration says {' and '.join(twice)}: give one of the two")
+        camera: Camera = made(Camera.from_calibration, values, where, {"folder": folder})
+    else:
+        camera = made(Camera, values, where)
+    for key, pose in given.items():
+        try:
+            place = made(pose_from, pose, f"{where}.{key}")
+        except InvalidInput as error:
+            raise ConfigurationError(f"{where}.{key}: {error}") from error
+        camera = camera.mounted(**{SHORT.get(key, key): place})
+    return camera
+
+
+@dataclass(frozen=True)
+class GoalTable:
+    """Keys of a goal; one of the three ways to say where it is."""
+
+    from_time: float = 0.0
+    reach_in: float | None = None
+    camera_at_q: Sequence[float] | None = None
+    camera_pose: Table | None = None
+    markers_px: Sequence[Vector2] | None = None
+    depth_m: Sequence[float] | None = None
+    tolerance_factor: float = 1.0
+
+
+def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal:
+    """A goal as the control knows it: shown to the real camera, turned into coordinates by the believed one."""
+    goal: GoalTable = made(GoalTable, table, where)
+    factor = goal.tolerance_factor
+    if not (np.isfinite(factor) and factor > 0.0):
+        raise ConfigurationError(f"{where}: tolerance_factor must be positive, not {factor}")
+    kinds = [key for key in ("camera_at_q", "camera_pose", "markers_px") if getattr(goal, key) is not None]
+    if len(kinds) != 1:
+        raise ConfigurationError(
+            f"{where} needs one of camera_at_q, camera_pose and markers_px; it has {kinds or 'none'}"
+        )
+    reference = None if goal.reach_in is None else MinimumJerk(goal.reach_in)
+    if goal.markers_px is not None:
+        return _image_goal(goal, goal.markers_px, where, scene, believed, reference)
+    if goal.depth_m is not None:
+        raise ConfigurationError(f"{where}: depth_m goes with markers_px, not with {kinds[0]}")
+    q: Array | None = None
+    if goal.camera_pose is not None:
+        camera = made(Pose.from_xyz_rpy, goal.camera_pose, f"{where}.camera_pose")
+    else:
+        q = scene.robot.configuration(goal.camera_at_q, f"{where}: camera_at_q")
+        camera = scene.camera_pose(q)
+    try:
+        pixels, depth = scene.project(camera), scene.depth(camera)
+    except SceneError as error:
+        raise ConfigurationError(f"{where}: at the goal, {error}") from error
+    return Goal(goal.from_time, pixels, shown_to(scene.camera, believed, pixels), camera, depth, reference, q, factor)
+
+
+def _image_goal(
+    goal: GoalTable,
+    markers_px: Sequence[Vector2],
+    where: str,
+    scene: Scene,
+    believed: Camera,
+    reference: MinimumJerk | None,
+) -> Goal:
+    """A goal that is given by where the markers are in the image."""
+    m, depth = len(scene.markers), None if goal.depth_m is None else np.array(goal.depth_m)
+    if len(markers_px) != m:
+        raise ConfigurationError(f"{where}: markers_px must be {m} × 2 numbers, not {shown(markers_px)}")
+    if depth is not None and len(depth) != m:
+        raise ConfigurationError(f"{where}: depth_m must be {m} numbers, not {shown(goal.depth_m)}")
+    if depth is not None and (depth < MINIMUM_DEPTH).any():
+        raise ConfigurationError(f"{where}: depth_m must be at least {MINIMUM_DEPTH} m, not {depth}")
+    try:
+        pixels = scene.camera.undistort(np.array(markers_px))
+    except InvalidInput as error:
+        raise ConfigurationError(f"{where}: markers_px: {error}") from error
+    normalised = shown_to(scene.camera, believed, pixels)
+    factor = goal.tolerance_factor
+    return Goal(goal.from_time, pixels, normalised, depth=depth, reference=reference, tolerance_factor=factor)

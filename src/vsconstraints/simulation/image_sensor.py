@@ -1,0 +1,315 @@
+"""Images in the loop: rendered as the camera sees the scene, searched for tags, and moved on by the known motion."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..constraints import Constraint, Occlusion
+from ..errors import ConfigurationError, SceneError
+from ..robots.geometry import Pose
+from ..rows import Array, BoolArray
+from ..vision.images.board import Board
+from ..vision.images.detectors import DETECTORS, Detector, Pixels
+from ..vision.images.rendering import Renderer
+from ..vision.images.settings import ImageSettings
+from ..vision.images.silhouettes import covered
+from ..vision.images.tag_pose import TagPose, locate_board
+from ..vision.measurement import Measurement
+from ..vision.scene import Scene, State
+from .disturbances import Disturbances
+from .occluders import Occluders
+from .sensing import Sensor
+
+POSTULATED = ("pixel_noise", "image_period", "delay", "lost_frames")
+"""Disturbances of images that are not rendered."""
+
+STOPPING = 0.1
+"""Time constant with which an arm without images is braked [s]."""
+
+
+class SceneRenderer:
+    """Renders images of a scene's markers, which are corners of tags.
+
+    Parameters
+    ----------
+    scene
+        As it is.
+    settings
+        Of camera and print.
+    constraints
+        Curves of those that occlude are in front of the target, and bodies and regions as the settings have it.
+    q0
+        (n,) where the robot starts, from where the print is seen.
+    seed
+        Of the noise: image number i has the same whatever the controller does.
+
+    Raises
+    ------
+    ConfigurationError
+        if the markers can be no board of tags, or packages are missing.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        settings: ImageSettings,
+        constraints: Sequence[Constraint],
+        q0: Array,
+        seed: tuple[int, ...],
+    ) -> None:
+        self.scene, self.settings, self._constraints, self._seed = scene, settings, constraints, seed
+        self.obstacles = [one for one in constraints if isinstance(one, Occlusion)]
+        self.seen_from = scene.camera_pose(q0).t
+        ids = settings.tags if settings.printed is None else settings.printed
+        board = Board.of_markers(scene.markers, self.seen_from, settings.tag_side_m, ids)
+        self.renderer = Renderer(board, scene.camera, settings)
+        self._still: dict[int, BoolArray] = {}
+
+    def image(self, number: int, state: State) -> Pixels:
+        """The image (H, W) of that number, of a state in the middle of its exposure."""
+        velocity, turning = state.camera_twist[:3], state.camera_twist[3:]
+
+        def where(after: float) -> Pose:
+            if after == 0.0:
+                return state.camera
+            return state.camera @ Pose(np.asarray(pin.exp3(after * turning)), after * velocity)
+
+        return self.renderer.render(where, np.random.default_rng((*self._seed, 3, number)), self._hidden(state))
+
+    @cached_property
+    def occluders(self) -> Occluders:
+        """What else stands before the tags; created with the first image, since it may read meshes."""
+        return Occluders(self.scene, self._constraints, self.settings.opaque)
+
+    def _hidden(self, state: State) -> BoolArray | None:
+        """(H, W) before which pixels an obstacle stands; None where there is none."""
+        t, masks = state.t, []
+        solids = self._solids(state)
+        if solids:
+            masks.append(covered(solids, self._plane(state.camera), self.scene.camera))
+        for i, obstacle in enumerate(self.obstacles):
+            if obstacle.motion is not None:
+                masks.append(self._before(obstacle, t))
+            else:
+                if i not in self._still:
+                    self._still[i] = self._before(obstacle, t)
+                masks.append(self._still[i])
+        return np.logical_or.reduce(masks) if masks else None
+
+    def _solids(self, state: State) -> list[Array]:
+        """Solids in the camera's frame: (V, 3) points of each."""
+        q, camera = state.robot.q, self.scene.camera
+        here = camera.fixed or self.scene.robot.pose(q) @ camera.mount.inverse
+        return [(points - here.t) @ here.R for points in self.occluders.solids(q, state.t)]
+
+    def _plane(self, camera: Pose) -> Array:
+        """(4,) the board's plane in the frame of a camera at this pose in the target's frame."""
+        seen = self.renderer.board.camera_in_board(camera)
+        return np.append(seen.R[2], -seen.t[2])
+
+    def _before(self, obstacle: Occlusion, t: float) -> BoolArray:
+        ideal = obstacle.displaced(self._ideal[None], np.array([t]))[0]
+        inside: BoolArray = (obstacle.sigma(ideal) > obstacle.margin).reshape(self._shape)
+        return inside
+
+    @cached_property
+    def _shape(self) -> tuple[int, int]:
+        W, H = self.scene.camera.size
+        return int(H), int(W)
+
+    @cached_property
+    def _ideal(self) -> Array:
+        """(H · W, 2) ideal pixels of all pixels of an image, NaN beyond the lens."""
+        camera, (H, W) = self.scene.camera, self._shape
+        v, u = np.mgrid[:H, :W]
+        centred = camera.from_corner(np.stack((u, v), axis=-1).reshape(-1, 2), "centres")
+        if camera.distortion is None:
+            return centred
+        ideal, certain = camera.distortion.remove(camera.normalised(centred))
+        ideal[~certain] = np.nan
+        return camera.pixels(ideal)
+
+
+class Exposure(NamedTuple):
+    """One image: when it was taken [s], what it says, and the markers' true ideal pixels.
+
+    ``camera`` is the camera's true pose in the target's frame.
+    """
+
+    taken: float
+    tags: TagPose
+    pixels: Array
+    camera: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class _Memory:
+    """What was last seen: the camera's pose then, as measured and as the model had it, and measured pixels."""
+
+    taken: float
+    camera: Pose
+    model: Pose
+    pixels: Array
+
+
+class ImageSensor(Sensor):
+    """A sensor that renders images, detects tags in them, and believes what they say.
+
+    From an image that can be used until the next one, the camera's pose moves on as the control's kinematics, and the
+    target's motion as far as it is known, say that it moved since the image was taken; markers move along with that
+    pose, by as much beside it as they were seen then.
+
+    Parameters
+    ----------
+    scene
+        What is seen.
+    disturbances
+        What goes wrong otherwise.
+    settings
+        Of the images.
+    renderer
+        What renders them.
+    Ts
+        Sampling time [s].
+
+    Attributes
+    ----------
+    exposures
+        Every image so far.
+    blind
+        Whether the last image that could be used is too old to go on with.
+
+    Raises
+    ------
+    ConfigurationError
+        if disturbances postulate what images have by themselves, or a package is missing.
+    """
+
+    def __init__(
+        self, scene: Scene, disturbances: Disturbances, settings: ImageSettings, renderer: SceneRenderer, Ts: float
+    ) -> None:
+        for name in POSTULATED:
+            if getattr(disturbances, name):
+                raise ConfigurationError(
+                    f'disturbances.{name} is of markers that are seen without images: with sensor = "images", rate_hz, '
+                    "latency_s, noise and blur_px of the sensor say what an image is like"
+                )
+        super().__init__(scene, disturbances, Ts)
+        self.settings, self._renderer, self._Ts = settings, renderer, Ts
+        self.disturbed = True
+        self._board = Board.of_markers(self.believed.markers, renderer.seen_from, settings.tag_side_m, settings.tags)
+        known = scene.motion if scene.motion is not None and scene.motion.known else None
+        self._model = Scene(scene.robot, self.camera, self.believed.markers, (), known)
+
+    def reset(self) -> None:
+        """Begin a new run with the same noise."""
+        super().reset()
+        self.exposures: list[Exposure] = []
+        self._waiting: deque[tuple[float, _Memory | None]] = deque()
+        self._last: _Memory | None = None
+        self._taken, self._braked, self.blind = -1, 0, False
+        self._newest: tuple[int, Measurement] | None = None
+
+    @property
+    def estimates(self) -> bool:
+        """No: not by compiled code."""
+        return False
+
+    @cached_property
+    def _detector(self) -> Detector:
+        return DETECTORS[self.settings.detector]()
+
+    def measured(self, k: int, q: Array, qd: Array) -> Measurement:
+        """What is measured in sample k, at ``q`` and ``qd`` (n,).
+
+        Raises
+        ------
+        SceneError
+            if no tag is seen in the first image, or markers are not in front of the camera where they are believed.
+        """
+        if self._newest is None or self._newest[0] != k:
+            self._newest = k, self._measured(k * self._Ts, q, qd)
+        return self._newest[1]
+
+    def _measured(self, t: float, q: Array, qd: Array) -> Measurement:
+        number = self.settings.number(t)
+        if number > self._taken:
+            self._taken = number
+            self._take(number, t, q, qd)
+        while self._waiting and self._waiting[0][0] <= t + 1e-9:
+            self._last = self._waiting.popleft()[1] or self._last
+        last = self._last
+        if last is None:
+            besides = _besides(self.exposures[0].tags)
+            raise SceneError(f"no tag that is looked for is seen in the first image{besides}")
+        self.blind = t - last.taken > self.settings.latency_s + 1.0 / self.settings.rate_hz + self.settings.patience_s
+        self._braked += self.blind
+        now = self._model.camera_pose(q, t)
+        camera, pixels = last.camera, last.pixels
+        if self.settings.prediction:
+            camera = last.camera @ (last.model.inverse @ now)
+            pixels = self._model.project(camera) + last.pixels - self._model.project(last.camera)
+        depth = self.settings.depth
+        if isinstance(depth, str):
+            Z = self._model.depth(camera if depth == "pose" else now)
+        else:
+            Z = np.full(len(pixels), float(depth))
+        return Measurement(pixels, Z, t, camera)
+
+    def _take(self, number: int, t: float, q: Array, qd: Array) -> None:
+        """Take an image, and find out at once what it will say."""
+        state, model, last = self.scene.evaluate(t, q, qd), self._model.camera_pose(q, t), self._last
+        near = None if last is None else last.camera @ (last.model.inverse @ model)
+        image = self._renderer.image(number, state)
+        seen = locate_board(image, self._detector, self._board, self.camera, near)
+        self.exposures.append(Exposure(t, seen, state.pixels.position, state.camera))
+        memory = None if seen.camera is None else _Memory(t, seen.camera, model, seen.pixels)
+        # the first one is waited for
+        self._waiting.append((t + self.settings.latency_s if number else t, memory))
+
+    def observe(self, state: State) -> State:
+        """What is believed of the next sample's state; raises as :meth:`measured` does."""
+        seen, wrong = self.measured(self.sample, state.robot.q, state.robot.qd), self.disturbances
+        self.sample += 1
+        if wrong.mount:
+            state = self.believed.remounted(state)
+        assert seen.pixels is not None
+        assert seen.depth is not None
+        return self.believed.believed(state, seen.camera, (seen.pixels, wrong.depth_factor * seen.depth))
+
+    def braking(self, qd: Array) -> Array:
+        """(n,) q̈ that stops the arm without an image to go by; what actuators can do of it, they will."""
+        slower: Array = -qd / STOPPING
+        return slower
+
+    def remarks(self) -> list[str]:
+        """What a reader of the results should know of the images."""
+        exposures, remarks = self.exposures, []
+        unusable = [image.taken for image in exposures if image.tags.camera is None]
+        if unusable:
+            remarks.append(
+                f"{len(unusable)} of {len(exposures)} images could not be used, the first at {unusable[0]:.3g} s"
+            )
+        unfit = sum(image.tags.unfit for image in exposures)
+        if unfit:
+            remarks.append(f"in {unfit} images the tags were not where those of the board can be")
+        foreign = sorted({number for image in exposures for number in image.tags.foreign})
+        if foreign:
+            remarks.append(f"tags were seen that are not the board's: {', '.join(map(str, foreign))}")
+        if self._braked:
+            remarks.append(f"without an image to go by, the arm was braked for {self._braked * self._Ts:.3g} s")
+        return remarks
+
+
+def _besides(seen: TagPose) -> str:
+    """What a first image shows instead."""
+    if seen.unfit:
+        return ": those that are seen are not where those of the board can be"
+    return f", but tags {', '.join(map(str, seen.foreign))}" if seen.foreign else ""
