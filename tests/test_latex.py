@@ -74,3 +74,10 @@ def test_each_table_has_a_file_and_old_ones_go(tmp_path: Path) -> None:
     report.write_text(f"# R\n\n{one}\n", encoding="utf-8")
     write_tables(report)
     assert [path.name for path in folder.iterdir()] == ["r-1.tex"]
+
+
+def test_tables_of_a_reports_details_are_written_too(tmp_path: Path) -> None:
+    table = "## {}\n\n| a | b |\n|---|---|\n| 1 | 2 |\n"
+    (tmp_path / "report.md").write_text(table.format("Short"), encoding="utf-8")
+    (tmp_path / "details.md").write_text(table.format("Long"), encoding="utf-8")
+    assert {path.name for path in write_tables(tmp_path / "report.md").iterdir()} == {"short-1.tex", "long-1.tex"}

@@ -1137,7 +1137,7 @@ def test_a_run_is_stored_as_any_other(tmp_path: Path) -> None:
     kept = stored.run("ur5-fov", "sliding-mode")
     assert kept is not None
     assert len(kept.trajectory.t) == 30
-    assert "on loopback" in (out / "report.md").read_text(encoding="utf-8")
+    assert "on loopback" in (out / "details.md").read_text(encoding="utf-8")
     with np.load(out / "arm" / "log.npz") as log:
         assert log["sent_q"].shape == (30, 6)
     assert (out / "arm" / "lateness.png").is_file()

@@ -10,6 +10,7 @@ from pathlib import Path
 from ..comparisons.runs.files import replaced
 from ..errors import StorageError
 from .markdown import cells_of
+from .page import details_of
 
 FOLDER = "tables"
 """Beside the report."""
@@ -88,7 +89,7 @@ ENTITIES = {"lt": "<", "gt": ">", "amp": "&"}
 
 
 def write_tables(report: Path) -> Path:
-    r"""Write each table of a report to a file of its own, in the folder ``tables`` beside it, and return that folder.
+    r"""Write each table of a report and of its details to a file of its own; return their folder, ``tables``.
 
     Files are named by the heading above their table and its number there. Each is a ``tabular`` for
     ``\usepackage{booktabs}``, to be put into a ``table`` with a caption. Those of an earlier report are removed.
@@ -103,7 +104,8 @@ def write_tables(report: Path) -> Path:
         folder.mkdir(exist_ok=True)
         for old in folder.glob("*.tex"):
             old.unlink()
-        for name, text in latex_tables(report.read_text(encoding="utf-8")):
+        parts = [part.read_text(encoding="utf-8") for part in (report, details_of(report)) if part.is_file()]
+        for name, text in latex_tables("\n".join(parts)):
             with replaced(folder / f"{name}.tex") as part:
                 part.write_text(text, encoding="utf-8")
     except OSError as error:

@@ -237,7 +237,7 @@ class _Run:
         now, alone = self.bound.now, self.prepared.alone
         law = self.controller.bind(now.rows, now.task, loop.answer.acted, loop.answer.qdd)
         assert alone is not None
-        self.compiled = law is not None
+        self.compiled = law is not None and load("compiler").compiles()
         self._laws = [pack_struct(part.arrays) for part in (alone, law) if part is not None]
         loop.parts[4] = self._laws[0].ctypes.data
         if law is not None and not by_public_call:
