@@ -506,7 +506,6 @@ SLIPS = [
         "forbidden-cylinder": ("gradient",),
         "forbidden-capsule": ("gradient", "curvature"),
         "forbidden-half-space": ("gradient",),
-        "manipulability": ("gradient", "curvature"),
         "self-collision": ("curvature",),
     }.items()
     for number in range(len(constraint_tables(type_name, robot("viper-s650"))))

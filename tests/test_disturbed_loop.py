@@ -237,7 +237,7 @@ def test_what_is_not_disturbed_loads_nothing_for_it(monkeypatch: pytest.MonkeyPa
         asked.append(name)
         return load(name)
 
-    for module in ("loop", "gradient_error"):
+    for module in ("loop", "sensing"):
         monkeypatch.setattr(f"vsconstraints.simulation.{module}.load", noted)
     simulate(disturbed("case-study-6r", {}), SlidingMode())
     assert not {"sensing", "gradient_error"} & set(asked)

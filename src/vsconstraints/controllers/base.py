@@ -99,7 +99,7 @@ class Controller(ABC):
     def reset(self, period: float | None = None) -> None:
         """Forget everything kept between calls (warm starts); a law without memory has nothing to do.
 
-        A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a :class:`.Model`, which gives
+        A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a :class:`~vsconstraints.compiled.model.Model`, which gives
         rows and task of states to come. Control steps and simulations give it one; no other law has one made.
 
         Parameters
