@@ -100,14 +100,19 @@ class ControlStep:
         self._controller: Controller | None = None
         self._options: dict[str, Any] | None = None
         packing, self._kernels = load("packing"), load("step")
-        try:
-            self._packed = packing.Packed(scene, constraints, task, known, self._limits)
-            step = self._packed.step
-            self._now, self.last_command = (step.time, step.q, step.qd), step.last_command
-            self.innovation, self._bounds, self._slip = step.innovation, step.bounds, step.slip
-            self._correction = step.correction
-        except packing.NotCompiled as reason:
-            self.not_compiled = str(reason)
+        if packing is None or self._kernels is None:
+            self.not_compiled = "there is no compiler"
+        else:
+            # of a step of its own, whose address need not be looked at
+            self._evaluate_step = self._kernels.evaluate_step.unchecked
+            try:
+                self._packed = packing.Packed(scene, constraints, task, known, self._limits)
+                step = self._packed.step
+                self._now, self.last_command = (step.time, step.q, step.qd), step.last_command
+                self.innovation, self._bounds, self._slip = step.innovation, step.bounds, step.slip
+                self._correction = step.correction
+            except packing.NotCompiled as reason:
+                self.not_compiled = str(reason)
         self.plausible = plausible or Plausible()
 
     @property
@@ -226,10 +231,10 @@ class ControlStep:
         if measured is not None:
             packed.measure(measured)
         try:
-            refused = self._kernels.evaluate_step(packed.address, t, q, qd)
+            refused = self._evaluate_step(packed.address, t, q, qd)
         except TypeError:
             t, q, qd = self._checked(t, q, qd)
-            refused = self._kernels.evaluate_step(packed.address, t, q, qd)
+            refused = self._evaluate_step(packed.address, t, q, qd)
         if refused:
             # what cannot be evaluated is told by the definition
             return self._defined(t, q, qd, measured)
@@ -323,6 +328,8 @@ class ControlStep:
         if self._packed is None:
             return self.scene.glances(t, q)
         size, t, q = self._packed.size, np.ascontiguousarray(t), np.ascontiguousarray(q)
+        if q.shape != (len(t), size.n):
+            raise InvalidInput(f"coordinates at {len(t)} times must be of the shape {(len(t), size.n)}, not {q.shape}")
         out = np.zeros((len(t), size.M, 2)), np.zeros((len(t), size.P, 3)), np.ones(len(t), dtype=np.bool_)
         self._kernels.views(self._packed.address, t, q, *out)
         return out

@@ -119,7 +119,7 @@ class Model:
         self._kernels = load("predictions")
         wrong: list[object] = [part for part in (estimate, gradient_error) if part is not None]
         write = [part.write for part in wrong if isinstance(part, Compiled)]
-        self.step = self._own.bound() if len(write) == len(wrong) else None
+        self.step = self._own.bound() if self._kernels is not None and len(write) == len(wrong) else None
         if self.step is not None:
             for each in write:
                 each(self.step.packed.step)

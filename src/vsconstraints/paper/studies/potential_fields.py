@@ -201,13 +201,13 @@ class Pareto(Sweep):
         )
         points = study.completed(result.points)
         deepest = max((p["violation"] for p in points if math.isfinite(p["violation"])), default=0.0)
-        entries = [*draw.law_entries(laws), draw.entry("front", INK, linewidth=1.0)]
+        entries = [*draw.law_entries(laws), draw.entry("front", INK, linewidth=2.0)]
         sheet, panels = draw.scenario_grid(self.table, result.points, entries)
         for scenario in scenarios:
             own = study.where(points, scenario=scenario)
             upper, lower = panels["acceleration_variation", scenario], panels["violation", scenario]
             best = sorted(study.where(own, front=True), key=lambda point: point["unused"])
-            steps: dict[str, Any] = {"where": "post", "color": INK, "linewidth": 1.0, "zorder": 2}
+            steps: dict[str, Any] = {"where": "post", "color": INK, "linewidth": 2.0, "zorder": 3}
             upper.step([_x(p) for p in best], [p["acceleration_variation"] for p in best], **steps)
             for name in laws:
                 _draw_law(upper, study.where(own, controller=name), "acceleration_variation", name)
@@ -271,16 +271,11 @@ def _x(point: Mapping[str, Any]) -> float:
 
 
 def _draw_law(ax: Any, points: Points, column: str, name: str) -> None:
-    """A line for each strength of a field, and markers that are hollow where a boundary is not kept."""
+    """Large markers of the runs that keep their boundaries; the others stand behind them, small and pale."""
     look = draw.LOOKS[name]
     own = [p for p in points if math.isfinite(p["unused"]) and math.isfinite(p[column])]
-    # laws without a strength have NaN, which is not equal to itself
-    for strength in dict.fromkeys(None if math.isnan(p["strength"]) else p["strength"] for p in own):
-        some = own if strength is None else study.where(own, strength=strength)
-        ax.plot(
-            [_x(p) for p in some], [p[column] for p in some], color=look.colour, linewidth=1.0, alpha=0.7, zorder=2.5
-        )
-    for face, hollow in ((look.colour, False), ("white", True)):
-        some = [p for p in own if bool(p["not_kept"]) == hollow]
-        mark = symbol(look.marker, face, look.colour, 5.0) | {"markeredgewidth": 1.2}
-        ax.plot([_x(p) for p in some], [p[column] for p in some], **mark, clip_on=False, zorder=3)
+    kept = symbol(look.marker, look.colour, "white", 7.0, zorder=3.5)
+    others = symbol(look.marker, "none", look.colour, 3.5, alpha=0.45, zorder=2.5)
+    for which, mark in ((True, kept), (False, others)):
+        some = [p for p in own if bool(p["not_kept"]) != which]
+        ax.plot([_x(p) for p in some], [p[column] for p in some], **mark, clip_on=False)
