@@ -37,7 +37,6 @@ NOT_RUN: dict[tuple[str, str], str] = {
         "trust.md",
         "t = 0.85 s: accelerations of 1.2e+02 are beyond what rows can be checked at: rounding exceeds the gain of",
     ): "what a message says",
-    ("cameras.md", "python -m checks.images"): "takes minutes",
     ("structure.md", "python -m checks.bands                           # half a minute"): "takes that long",
     (
         "structure.md",
