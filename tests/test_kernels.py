@@ -30,17 +30,17 @@ N_JOINTS = (1, 2, 3, 6, 7, 30)
 
 def expected(law, rows, task):
     """q̈ by singular values, and whether the rows with φ ≥ 0 have full rank."""
-    free, gain = oracle.track(task), rows.switching_gain
+    free, gain = oracle.track(task, law.rank_tolerance), rows.switching_gain
     if isinstance(law, Tracking):
         return free, True
     if isinstance(law, SlidingMode):
-        return oracle.prioritise(rows, task, np.where(rows.phi >= 0.0, -gain, np.inf))
+        return oracle.prioritise(rows, task, np.where(rows.phi >= 0.0, -gain, np.inf), law.rank_tolerance)
     psi = np.maximum(1.0 + rows.phi / rows.scale / law.region, 0.0) ** law.exponent
     if law.blend == "additive":
         return free + oracle.pushes(rows, np.where(psi > 0.0, -psi * law.strength * gain, np.inf)), True
     share = np.minimum(psi, 1.0)
     c = (1.0 - share) * (rows.Lg @ free) - share * law.strength * gain
-    return oracle.prioritise(rows, task, np.where(psi > 0.0, c, np.inf))
+    return oracle.prioritise(rows, task, np.where(psi > 0.0, c, np.inf), law.rank_tolerance)
 
 
 def agree(law, rows, task, *, relative=1e-9):

@@ -125,7 +125,6 @@ def test_no_other_address_is_taken_from_python(address):
         lambda: step.measure(at, np.zeros((1, 2)), np.ones(1), 0.0, 0.0),
         lambda: load("closed_loop").run(at, 0, 1, 0),
         lambda: load("laws").follow(at),
-        lambda: load("dynamics").drive_period(at, np.zeros((4, 1))),
     ):
         with pytest.raises(InvalidInput, match="at the address"):
             call()

@@ -159,7 +159,8 @@ def gather_walls(
     slack, acted, n = resolved.slack, resolved.acted, box.shape[1]
     w = free
     for j in range(n):
-        w += (box[GREATEST, j] < math.inf) + (box[LEAST, j] > -math.inf)
+        w += box[GREATEST, j] < math.inf
+        w += box[LEAST, j] > -math.inf
     normals, sides, W, which = blank(scratch, w, n), vector(scratch, w), vector(scratch, free), np.empty(free, np.int64)
     violation, rows = vector(scratch, free), matrix(scratch, KINDS, w)
     at = START

@@ -119,6 +119,6 @@ class Polylines:
         nearest, found = np.empty(len(flat), dtype=np.int64), np.full(len(flat), np.inf)
         if self._prepared is not None:
             stride = points.shape[-2] if points.ndim > 2 else 1
-            search = load("polylines").search
+            search = (load("polylines") or polylines).search
             search(flat, self._prepared, stride, nearest, found)
         return found.reshape(points.shape[:-1])

@@ -18,6 +18,7 @@ from ..compiled import load
 from ..compiled.structures import (
     INCOMPATIBLE,
     NEAREST,
+    NEEDS_PYTHON,
     RANK_LOSS,
     RELAXED_ROWS,
     RELAXED_SHORT,
@@ -31,6 +32,7 @@ from ..errors import ConfigurationError, InvalidInput, SolverError, shown, unkno
 from ..formulas.row import BOUND, EQUAL, PUSH, share
 from ..qp import SolverChain
 from ..rows import Array, BoolArray, Command, IntArray, Rows, Task
+from ..rows.checks import beyond_rounding
 from ..rows.tolerances import ZERO_GRADIENT
 from .cascade import Target, descend
 from .compiled import compiled_law, in_usual_layout
@@ -115,10 +117,16 @@ class Resolver(ABC):
         memory = np.array(c[:, None], dtype=np.float64, order="C")
         law = compiled_law(demand, self, rows.labels, memory=memory, always=True)
         assert law is not None
-        code, qdd, acted, slack, iterations = law(*(in_usual_layout(rows, task) or (rows, task)))
-        if code == RANK_LOSS:
+        m, n = len(rows.labels), task.J.shape[1]
+        qdd, acted, slack = np.full(n, np.nan), np.zeros(m, dtype=np.bool_), np.zeros(m if self.measures else 0)
+        iterations = np.zeros(1, dtype=np.int64)
+        function, *arguments = law.call(*(in_usual_layout(rows, task) or (rows, task)))
+        code = function(*arguments, qdd, acted, slack, iterations)
+        # what was computed, but cannot be checked, is refused with the rows that say so
+        unchecked = code == NEEDS_PYTHON and bool(np.isfinite(qdd).all()) and bool(beyond_rounding(rows, qdd))
+        if code == RANK_LOSS or unchecked:
             return code, Command(qdd, "ok", acted, rows.labels)
-        return code, self.command(code, qdd, acted, rows.labels, slack, iterations)
+        return code, self.command(code, qdd, acted, rows.labels, slack, int(iterations[0]))
 
     @abstractmethod
     def tracks(self, demand: Demand) -> bool:
