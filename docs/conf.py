@@ -68,12 +68,16 @@ other_packages = (
     "typing",
     "types",
 )
+autodoc_default_options = {"exclude-members": "Case"}
 nitpick_ignore_regex = [
     ("py:.*", rf"({'|'.join(other_packages)})(\..*)?"),
     # compiled when imported, and defined by what they stand for
     ("py:.*", r"vsconstraints\.compiled\.(?!control_step|state_to_command|evaluation|model).*"),
 ]
 nitpick_ignore = [
+    ("py:class", "vsconstraints.paper.studies.study.Case"),  # one for every study
+    ("py:class", "Case"),
+    ("py:attr", "Case"),
     ("py:class", "Path"),
     ("py:class", "Packed"),  # of vsconstraints.compiled, named for type checkers only
     ("py:class", "dict[str"),  # aliases of types with a comma in them
@@ -83,6 +87,7 @@ nitpick_ignore = [
     ("py:class", "vsconstraints.comparisons.runs.pool.Key"),
     ("py:class", "vsconstraints.formulas.F"),
     ("py:class", "vsconstraints.controllers.laws.Part"),
+    ("py:class", "vsconstraints.comparisons.stored.Part"),
     ("py:class", "vsconstraints.scenarios.reading.Made"),
     ("py:class", "vsconstraints.reports.evidence.dataset.Value"),
     ("py:class", "ArrayLike"),  # of NumPy, where other names are there for type checkers only

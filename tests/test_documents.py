@@ -30,20 +30,9 @@ from vsconstraints.simulation import Trajectory, simulate
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 NOT_RUN: dict[tuple[str, str], str] = {
     (
-        "structure.md",
-        "python -m checks.mutation                        # every mutant: some hours on two cores",
-    ): "takes an hour; `.ci/run` runs a sample",
-    (
         "trust.md",
         "t = 0.85 s: accelerations of 1.2e+02 are beyond what rows can be checked at: rounding exceeds the gain of",
     ): "what a message says",
-    ("cameras.md", "python -m checks.images"): "takes minutes",
-    ("structure.md", "python -m checks.bands                           # half a minute"): "takes that long",
-    (
-        "structure.md",
-        "python -m checks.drawing vsconstraints-results         # what `vsconstraints report` draws",
-    ): "needs a comparison with its trajectories",
-    ("structure.md", "python -m checks.statistics                      # half an hour"): "takes that long",
 }
 """Blocks of the language ``text``, which cannot be run, by page and first line, and why they cannot."""
 

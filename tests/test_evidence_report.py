@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import runpy
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from documents import DOCS, blocks
+from documents import ROOT
 from made_evidence import drawn_runs, frame, made, run
 from vsconstraints.comparisons.evidence import Batch, Campaign, scored
 from vsconstraints.comparisons.metrics import score
@@ -226,7 +228,7 @@ def test_training_scenes_are_never_passed_off_as_held_out(tmp_path: Path) -> Non
     assert "**These are training scenes:**" in written(drawn_runs(RATES, ["ur5"], 10), tmp_path, half="training")
 
 
-def test_the_script_of_the_documentation_finds_every_number_again(tmp_path: Path) -> None:
+def test_the_example_script_recomputes_every_claim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On made-up runs that bring about sentences of nearly every kind."""
     runs = drawn_runs(RATES, ["planar-arm", "ur5"], 60, alike=0.8)
     broken = runs[runs["controller"] == "sliding-mode"].assign(controller="broken", **FAILING)
@@ -239,9 +241,8 @@ def test_the_script_of_the_documentation_finds_every_number_again(tmp_path: Path
     written(every, tmp_path)
     (tmp_path / "runs").mkdir()
     every.to_parquet(tmp_path / "runs" / "part-1.parquet")
-    script = [block for block in blocks(DOCS / "evidence.md") if "def told_apart" in block.code]
-    names: dict[str, Any] = {"folder": tmp_path}
-    exec(script[0].code, names)
+    monkeypatch.setattr(sys, "argv", ["recompute_claims.py", str(tmp_path)])
+    names = runpy.run_path(str(ROOT / "examples" / "recompute_claims.py"))
     kinds = {claim["about"] for claim in names["claims"]["sentences"]}
     assert kinds >= {"best", "without L_fφ", "calmest", "violations", "turned", "tuned", "nowhere", "attainable"}
 

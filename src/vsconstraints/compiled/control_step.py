@@ -189,7 +189,7 @@ class ControlStep:
         return np.full(self.scene.robot.n, np.inf) if limits is None else np.array(limits.acceleration)
 
     def model(self, estimate: StateEstimator | None = None, gradient_error: GradientErrorModel | None = None) -> Model:
-        """Rows and task at states to come, for laws that use a model: see :class:`~vsconstraints.compiled.model.Model`."""
+        """Rows and task at predicted states: see :class:`~vsconstraints.compiled.model.Model`."""
         return Model(self, estimate, gradient_error)
 
     def evaluate(

@@ -99,8 +99,9 @@ class Controller(ABC):
     def reset(self, period: float | None = None) -> None:
         """Forget everything kept between calls (warm starts); a law without memory has nothing to do.
 
-        A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a :class:`~vsconstraints.compiled.model.Model`, which gives
-        rows and task of states to come. Control steps and simulations give it one; no other law has one made.
+        A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a
+        :class:`~vsconstraints.compiled.model.Model`, which gives rows and task at predicted states. Control steps and
+        simulations pass it; no other law has one made.
 
         Parameters
         ----------

@@ -69,7 +69,7 @@ class GoalGovernor(Controller):
         How long a response is predicted before it comes to rest [s], from the next reset on; None for four time
         constants of the tracking law.
     demand, resolver, options
-        Of the law underneath, as of :class:`vsconstraints.controllers.named.Pair`; tracking if not given.
+        Of the law underneath, as of :class:`vsconstraints.controllers.laws.Pair`; tracking if not given.
 
     Attributes
     ----------

@@ -58,7 +58,7 @@ class SlidingMode(Law):
     ----------
     rank_tolerance
         Singular values below this fraction of the largest one count as zero, of the active rows once each is divided
-        by its length (see :func:`vsconstraints.controllers.task_priority.resolve`).
+        by its length (eq. 15).
     """
 
     name = "sliding-mode"

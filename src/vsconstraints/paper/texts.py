@@ -34,5 +34,5 @@ class _Filled(Formatter):
 
 
 def filled(template: str, **values: Any) -> str:
-    """A text with values filled in as :meth:`str.format` does, with :data:`CONVERSIONS`."""
+    """A text with values filled in as ``str.format`` does, with :data:`CONVERSIONS`."""
     return _Filled().vformat(template, (), values)

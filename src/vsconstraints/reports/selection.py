@@ -12,7 +12,7 @@ from .figures import FIGURES
 from .results import Line, Results, clean
 
 MAX_FIGURES = 48
-"""A suite with more figures than this shows only those of :data:`MAX_SCENARIOS` scenarios."""
+"""A suite with more figures than this shows only those of ``MAX_SCENARIOS`` scenarios."""
 
 MAX_SCENARIOS = 3
 

@@ -303,7 +303,7 @@ def _portable(folder: Path) -> str:
 
 
 def tuned_entries(path: Path, folder: Path) -> Entries:
-    """The controllers of a file of settings that :mod:`vsconstraints.comparisons.tuning` found; own modules are in ``folder``."""
+    """The controllers of a file of tuned settings; own modules are in ``folder``."""
     tables = read_toml(path)
     demand_known(tables, ["controllers"], path.name)
     where = f"{path.name}.controllers"

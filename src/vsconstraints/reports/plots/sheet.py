@@ -176,7 +176,7 @@ class Sheet:
         Parameters
         ----------
         entries
-            As :func:`.line` and :func:`.patch` make them.
+            As :func:`vsconstraints.reports.plots.marks.line` and :func:`.patch` make them.
         columns
             In how many columns.
         at
