@@ -292,6 +292,6 @@ def test_only_who_has_a_key_takes_part(keys: Path, monkeypatch: pytest.MonkeyPat
             pass
         with refused, dask.config.set(tls(keys / "foreign")), cluster(address, told):
             pass
-    without = pytest.raises(ConfigurationError, match=r"no Dask scheduler answers at tls://.*: TLS .*docs/clusters")
+    without = pytest.raises(ConfigurationError, match=r"no Dask scheduler answers at tls://.*: TLS .*docs/suites")
     with without, cluster(address, told):
         pass
