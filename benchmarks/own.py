@@ -158,7 +158,7 @@ def repeated_rows() -> Callable[[Packed], Subject] | None:
     parts, compiler = load("parts"), load("compiler")
     if parts is None or compiler is None:
         return None
-    call = parts.call
+    call = parts.call_void_pointer
 
     @compiler.numba.njit(["void(int64, int64, int64)"], **compiler.IN_PLACE)  # type: ignore[untyped-decorator]
     def repeat(rows: int, step: int, times: int) -> None:

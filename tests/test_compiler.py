@@ -51,7 +51,7 @@ def test_compilation_can_be_turned_off(tmp_path):
     ("numba", "reason"),
     [
         ("raise ImportError('Numba needs NumPy 1.0 or less')", "ImportError: Numba needs NumPy 1.0 or less"),
-        ("", "AttributeError: module 'numba' has no attribute"),
+        ("", "'numba' is not a package"),
     ],
 )
 def test_a_broken_compiler_is_told_once_and_the_definition_runs(tmp_path, numba, reason):
@@ -141,21 +141,28 @@ def test_a_filled_cache_that_cannot_be_written_is_used(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
+PYTHON = {"packing", "cameras", "compiler", "constraint_parts", "numba_internals"}
+PYTHON |= {"model", "control_step", "evaluation", "state_to_command"}
+"""Modules in which nothing is compiled."""
+
+
 def test_what_is_compiled_is_kept_by_the_state_of_all_code_it_calls():
     """Also of the files that kernels take constants from, which are compiled in and leave no trace."""
     compiler = kernels.load("compiler")
     package = Path(kernels.__file__).parents[1]
     files = {file.relative_to(package).with_suffix("").as_posix() for file in compiler.sources()}
-    types = {"rows"}
+    types = {"rows", "errors"}  # neither holds constants
     for kernel in (package / "compiled").glob("*.py"):
         assert f"compiled/{kernel.stem}" in files
-        if kernel.stem in ("packing", "cameras", "compiler", "constraint_parts", "numba_internals"):
+        if kernel.stem in PYTHON:
             continue
         for node in ast.walk(ast.parse(kernel.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.level == 2:
                 module = (node.module or "").replace(".", "/")
+                if module in types:
+                    continue
                 names = [f"{module}/{name.name}" for name in node.names] if (package / module).is_dir() else [module]
-                assert set(names) <= files | types, f"{kernel.name} imports from {names}"
+                assert set(names) <= files, f"{kernel.name} imports from {names}"
     assert all(file.is_file() for file in compiler.sources())
     folder = compiler.cache_folder(kernels.load("task_priority").priority)
     assert any(folder.rglob("*priority*.nbi"))

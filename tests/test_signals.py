@@ -131,7 +131,7 @@ def test_studies_and_the_reproduction_end_at_once_and_keep_what_was_finished(com
     kept = tmp_path / "unfinished"
     code, said = ended([command, "--out", str(tmp_path)], lambda: any(kept.glob("*.npz")), signal.SIGINT, group=True)
     assert code == 130
-    assert f"Interrupted: finished runs are kept in {tmp_path}; the same command goes on." in said
+    assert f"Interrupted: finished runs are kept in {tmp_path}; the same command continues." in said
     assert list(kept.glob("*.npz"))
 
 
