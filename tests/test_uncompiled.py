@@ -40,6 +40,7 @@ def numbers() -> dict[str, list[list[float]]]:
             found[f"{name}, {kind.name}: commands"] = np.array(commands).tolist()
             short = Scenario.load(name).with_override("duration", SAMPLES * setup.Ts).setup()
             run: Any = simulate(short, Law(Barrier(1.0), kind()))
+            assert run.compiled == available(), "results say which form ran"
             found[f"{name}, {kind.name}: run"] = run.qdd_command[:SAMPLES].tolist()
     return found
 
