@@ -1,12 +1,13 @@
 """Demands: what rows ask of the acceleration, L_gφ q̈ ≤ c, each by an elementwise formula.
 
-One half of a law; :mod:`vsconstraints.controllers.resolvers` are the other.
+One half of a law; :mod:`vsconstraints.controllers.resolvers` are the other. A new demand is a formula, a class with its
+options, and a line in :data:`DEMANDS`.
 """
 
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
@@ -15,9 +16,7 @@ import numpy as np
 from ..errors import ConfigurationError, InvalidInput, shown
 from ..formulas import formula
 from ..formulas.row import Row
-from .ranges import Declared, positive
-
-Ranges = Mapping[str, Declared]
+from .ranges import Part, option, positive
 
 USES: dict[str, str] = {
     "Lf": "L_fφ",
@@ -35,11 +34,10 @@ USES: dict[str, str] = {
 
 
 @dataclass(frozen=True)
-class Demand(ABC):
+class Demand(Part, ABC):
     """What the rows ask of the acceleration, L_gφ q̈ ≤ c, with c = ∞ for a row that asks for nothing.
 
-    A new demand is a frozen dataclass: its fields are the parameters of :attr:`formula`, all positive numbers unless
-    ``__post_init__`` checks otherwise.
+    A frozen dataclass: its fields are the parameters of :attr:`formula`, positive numbers.
 
     Attributes
     ----------
@@ -51,14 +49,14 @@ class Demand(ABC):
     uses
         Which of :data:`USES` the formula uses.
     remembers
-        What it remembers of each row at first, one float each; ``row.memory`` holds what it gave back last.
+        Initial memory of each row, one float each; ``row.memory`` has what the formula returned last.
     relative
         Whether the formula gives by how much c is above L_gφ q̈ of tracking, which it then need not use.
     everywhere
-        Whether resolvers with equalities hold L_gφ q̈ = c wherever a row demands something; if not, only where the
+        Whether resolvers with equalities impose L_gφ q̈ = c wherever a row demands something; if not, only where the
         tracking command exceeds c.
-    ranges
-        From where to where a parameter is worth searching.
+    owner
+        What messages call it; its name if empty.
     """
 
     name: ClassVar[str]
@@ -67,33 +65,40 @@ class Demand(ABC):
     remembers: ClassVar[tuple[float, ...]] = ()
     relative: ClassVar[bool] = False
     everywhere: ClassVar[bool] = False
-    ranges: ClassVar[Ranges] = {}
+    owner: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            number = positive(getattr(self, field.name))
+        for each in fields(self):
+            number = positive(getattr(self, each.name))
             if number is None:
-                raise self.refusal(field.name)
-            object.__setattr__(self, field.name, number)
+                raise self.refusal(each.name)
+            if number < (least := each.metadata.get("at_least", 0.0)):
+                raise self.refusal(each.name, f"at least {least:g}")
+            if number >= (limit := each.metadata.get("below", np.inf)):
+                raise self.refusal(each.name, f"less than {limit:g}")
+            object.__setattr__(self, each.name, number)
 
     def refusal(self, name: str, wanted: str = "positive") -> Exception:
         """What is raised for a parameter that is not as wanted."""
-        return InvalidInput(f"{name} of {self.name} must be {wanted}, not {shown(getattr(self, name))}")
+        return InvalidInput(f"{name} of {self.owner or self.name} must be {wanted}, not {shown(getattr(self, name))}")
 
     @property
     def parameters(self) -> tuple[float, ...]:
         """The parameters, in the order in which the formula takes them."""
-        return tuple(getattr(self, field.name) for field in fields(self))
+        return tuple(getattr(self, each.name) for each in fields(self))
 
     @property
     def sees_tracking(self) -> bool:
-        """Whether the formula uses what tracking alone does."""
+        """Whether the formula uses the tracking command."""
         return "tracked" in self.uses or "effort" in self.uses
 
     @property
     def tracks(self) -> bool:
-        """Whether c depends on what tracking alone does."""
+        """Whether c depends on the tracking command."""
         return self.relative or self.sees_tracking
+
+
+# --- barriers ---
 
 
 @formula
@@ -107,17 +112,14 @@ class Barrier(Demand):
     """Every row demands −αφ − L_fφ, so that φ decays exponentially to its bound and never crosses it.
 
     Ames, Xu, Grizzle and Tabuada (2017). With φ = σ + K σ̇ this is the high-order control barrier function of h = −σ
-    with the rates 1/K and α. Good at: all of the space, without chattering. Bad at: it needs L_fφ, second derivatives
-    that are right, and knows nothing of limits of q̈.
+    with the rates 1/K and α. Uses all of the space without chattering; needs L_fφ, and knows no limits of q̈.
     """
 
-    alpha: float = 20.0
-    """Rate α [1/s]."""
+    alpha: float = option(20.0, "rate α [1/s]", (1.0, 200.0))
 
     name = "barrier"
     formula: ClassVar[Callable[..., Any]] = staticmethod(barrier)
     uses: ClassVar[tuple[str, ...]] = ("Lf",)
-    ranges: ClassVar[Ranges] = {"alpha": (1.0, 200.0)}
 
     def refusal(self, name: str, wanted: str = "a positive, finite number") -> Exception:
         """See :class:`.Demand`."""
@@ -130,16 +132,61 @@ def robust_barrier(row: Row, alpha: float, disturbance: float) -> Any:
     return barrier(row, alpha) - disturbance * row.norm_1
 
 
+@dataclass(frozen=True)
+class RobustBarrier(Barrier):
+    """Every row demands −αφ − L_fφ − D ‖L_gφ‖₁: safe for any disturbance of q̈ of up to D in each joint.
+
+    Jankovic (2018). Without a disturbance, φ stays D ‖L_gφ‖₁/α away from its bound.
+    """
+
+    disturbance: float = option(0.1, "D, the same for every joint [rad/s² or m/s²]", (0.001, 10.0))
+
+    name = "robust-barrier"
+    formula = staticmethod(robust_barrier)
+    uses = ("Lf", "norm_1")
+
+
 @formula
 def input_to_state_safe_barrier(row: Row, alpha: float, epsilon: float) -> Any:
     """−αφ − L_fφ − ‖L_gφ‖²/(ε × scale)."""
     return barrier(row, alpha) - row.norm * (row.norm / row.scale) / epsilon
 
 
+@dataclass(frozen=True)
+class InputToStateSafeBarrier(Barrier):
+    """Every row demands −αφ − L_fφ − ‖L_gφ‖²/(ε s), so that φ leaves its bound by no more than disturbances are worth.
+
+    Kolathaya and Ames (2019), with φ/s as the barrier function; s is the row's scale. With a disturbance ‖d_c‖ ≤ d,
+    φ̇ ≤ −αφ + ε s d²/4, so that φ stays below ε s d²/(4α). It leaves ‖L_gφ‖²/(α ε s) of the space unused.
+    """
+
+    epsilon: float = option(1.0, "ε [s³/rad²]: the smaller, the safer", (0.01, 100.0))
+
+    name = "input-to-state-safe-barrier"
+    formula = staticmethod(input_to_state_safe_barrier)
+    uses = ("Lf", "norm")
+
+
 @formula
 def gradient_robust_barrier(row: Row, alpha: float, gradient_error: float) -> Any:
     """−αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖."""
     return barrier(row, alpha) - gradient_error * row.norm * row.effort
+
+
+@dataclass(frozen=True)
+class GradientRobustBarrier(Barrier):
+    """Every row demands −αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖: a margin for gradients that are wrong by the fraction c_e.
+
+    The measurement-robust barrier (Dean, Taylor, Cosner, Recht and Ames 2020) for eq. (49): an L_gφ that is wrong by
+    c_e in each entry misjudges L_gφ q̈ by c_e ‖L_gφ‖ ‖q̈‖ at most. ‖q̈_track‖ stands for ‖q̈‖, which is not known yet:
+    too little where the law commands more. The error of L_fφ is not in it.
+    """
+
+    gradient_error: float = option(0.1, "c_e, a fraction", (0.001, 1.0))
+
+    name = "gradient-robust-barrier"
+    formula = staticmethod(gradient_robust_barrier)
+    uses = ("Lf", "norm", "effort")
 
 
 @formula
@@ -150,78 +197,22 @@ def sampled_barrier(row: Row, alpha: float, curvature: float) -> Any:
 
 
 @dataclass(frozen=True)
-class RobustBarrier(Barrier):
-    """Every row demands −αφ − L_fφ − D ‖L_gφ‖₁: safe for any disturbance of q̈ of up to D in each joint.
-
-    Jankovic (2018). Good at: φ̇ ≤ −αφ whatever d_c does within |d_c| ≤ D. Bad at: when nothing disturbs, φ stays
-    D ‖L_gφ‖₁/α away from its bound.
-    """
-
-    disturbance: float = 0.1
-    """D, the same for every joint [rad/s² or m/s²]."""
-
-    name = "robust-barrier"
-    formula = staticmethod(robust_barrier)
-    uses = ("Lf", "norm_1")
-    ranges: ClassVar[Ranges] = {"alpha": (1.0, 200.0), "disturbance": (0.001, 10.0)}
-
-
-@dataclass(frozen=True)
-class InputToStateSafeBarrier(Barrier):
-    """Every row demands −αφ − L_fφ − ‖L_gφ‖²/(ε s), so that φ leaves its bound by no more than disturbances are worth.
-
-    Kolathaya and Ames (2019), with φ/s as the barrier function, so that units of φ do not matter; s is the row's scale.
-    With a disturbance ‖d_c‖ ≤ d, φ̇ ≤ −αφ + ε s d²/4, so that φ stays below ε s d²/(4α). Good at: disturbances of
-    unknown size. Bad at: the space, of which it leaves ‖L_gφ‖²/(α ε s).
-    """
-
-    epsilon: float = 1.0
-    """ε [s³/rad²]: the smaller, the safer."""
-
-    name = "input-to-state-safe-barrier"
-    formula = staticmethod(input_to_state_safe_barrier)
-    uses = ("Lf", "norm")
-    ranges: ClassVar[Ranges] = {"alpha": (1.0, 200.0), "epsilon": (0.01, 100.0)}
-
-
-@dataclass(frozen=True)
-class GradientRobustBarrier(Barrier):
-    """Every row demands −αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖: a margin for gradients that are wrong by the fraction c_e.
-
-    The measurement-robust barrier (Dean, Taylor, Cosner, Recht and Ames 2020) for eq. (49): an L_gφ that is wrong by
-    c_e in each entry misjudges L_gφ q̈ by c_e ‖L_gφ‖ ‖q̈‖ at most. For ‖q̈‖ there stands that of tracking, which is known
-    before q̈ is, and keeps this a bound of one row: conservative where the law commands less, and too little where it
-    commands more. The error of L_fφ is not in it. Bad at: large motions, at which every row demands much.
-    """
-
-    gradient_error: float = 0.1
-    """c_e, a fraction."""
-
-    name = "gradient-robust-barrier"
-    formula = staticmethod(gradient_robust_barrier)
-    uses = ("Lf", "norm", "effort")
-    ranges: ClassVar[Ranges] = {"alpha": (1.0, 200.0), "gradient_error": (0.001, 1.0)}
-
-
-@dataclass(frozen=True)
 class SampledBarrier(Barrier):
     """Every row demands −min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s max|φ̈|: the barrier between samples.
 
-    Breeden, Garg and Panagou (2022): a command that is held for T_s keeps φ(t) ≤ 0 over the period if its bound is
-    lower by ν, and if α T_s ≤ 1; a faster α would demand that φ passes its bound. That is a promise only if φ̈ is no
-    more than ``curvature`` × scale in every period that begins near the boundary. No formula here bounds φ̈, which
-    depends on scene and arm: measured within 0.1 of the scale, it is up to 15 times the scale in the paper's scenes
-    with convex rows, 18 in ``ur5-fov`` and 88 in ``panda-fov``, and thousands around what is not convex. Bad at: that;
-    and long periods, at which φ rests ν/α inside.
+    Breeden, Garg and Panagou (2022): a command that is constant for T_s keeps φ(t) ≤ 0 over the period if its bound is
+    lower by ν, and if α T_s ≤ 1. It holds only if |φ̈| ≤ ``curvature`` × scale in every period near the boundary.
+    Measured within 0.1 of the scale: up to 15 times the scale in the paper's scenes with convex rows, 18 in
+    ``ur5-fov``, 88 in ``panda-fov``, and thousands around what is not convex. φ rests ν/α inside.
     """
 
-    curvature: float = 20.0
-    """Largest φ̈ of any row near its boundary, as a multiple of its scale [1/s²]: to be set for scene and arm."""
+    curvature: float = option(
+        20.0, "largest φ̈ of any row near its boundary, as a multiple of its scale [1/s²]", (0.1, 1000.0)
+    )
 
     name = "sampled-barrier"
     formula = staticmethod(sampled_barrier)
     uses = ("Lf", "period")
-    ranges: ClassVar[Ranges] = {"alpha": (1.0, 200.0), "curvature": (0.1, 1000.0)}
 
 
 @formula
@@ -231,6 +222,18 @@ def reciprocal_barrier(row: Row, alpha: float) -> Any:
     return -alpha * row.phi * np.where(depth < 0.0, depth * depth, 1.0) - row.Lf
 
 
+@dataclass(frozen=True)
+class ReciprocalBarrier(Barrier):
+    """Every row demands −α φ³/s² − L_fφ where φ < 0, with s its scale: the reciprocal barrier function −1/φ.
+
+    d/dt(−1/φ) ≤ −α φ/s² (Ames, Xu, Grizzle and Tabuada 2017) is this bound. Beyond the boundary rows return with the
+    linear −αφ − L_fφ. Ignores rows far inside; φ approaches its bound like 1/√t only.
+    """
+
+    name = "reciprocal-barrier"
+    formula = staticmethod(reciprocal_barrier)
+
+
 @formula
 def finite_time_barrier(row: Row, alpha: float) -> Any:
     """−α sign(φ) √(s |φ|) − L_fφ."""
@@ -238,33 +241,17 @@ def finite_time_barrier(row: Row, alpha: float) -> Any:
 
 
 @dataclass(frozen=True)
-class ReciprocalBarrier(Barrier):
-    """Every row demands −α φ³/s² − L_fφ where φ < 0, with s its scale: the reciprocal barrier function −1/φ.
-
-    d/dt(−1/φ) ≤ −α φ/s² (Ames, Xu, Grizzle and Tabuada 2017) is this bound. The function ends at the boundary; beyond,
-    rows restart with the linear −αφ − L_fφ. Good at: rows far inside, which it leaves alone. Bad at: using the space,
-    since φ approaches its bound like 1/√t only.
-    """
-
-    name = "reciprocal-barrier"
-    formula = staticmethod(reciprocal_barrier)
-
-
-@dataclass(frozen=True)
 class FiniteTimeBarrier(Barrier):
     """Every row demands −α sign(φ) √(s |φ|) − L_fφ, with s its scale, which takes φ to its bound in finite time.
 
-    The class K function of Li, Wang, Pierpaoli and Egerstedt (2018) with the exponent ½. Good at: a fast return from
-    outside. Bad at: sampling, since its slope is infinite at the boundary: within |φ| < (α T_s)² s it overshoots in
-    every period, and chatters.
+    The class K function of Li, Wang, Pierpaoli and Egerstedt (2018) with the exponent ½. Within |φ| < (α T_s)² s it
+    overshoots in every period, and chatters.
     """
 
-    alpha: float = 2.0
-    """Rate α [1/s]."""
+    alpha: float = option(2.0, "rate α [1/s]", (0.1, 20.0))
 
     name = "finite-time-barrier"
     formula = staticmethod(finite_time_barrier)
-    ranges: ClassVar[Ranges] = {"alpha": (0.1, 20.0)}
 
 
 @formula
@@ -289,22 +276,20 @@ class HighOrderBarrier(Demand):
     """Rows demand σ̈ ≤ −α₁'(−σ) σ̇ + α ψ₁ with ψ₁ = −σ̇ + α₁(−σ): a high-order barrier function of h = −σ.
 
     Xiao and Belta (2019). :class:`Barrier` has α₁(h) = h/K. Here α₁(h) = √((aK)² + 2ah) − aK, odd in h, with the slope
-    1/K on the boundary: far from it σ may come as fast as σ̈ = −a can still stop it, and α₁ α₁' ≤ a, so that no approach
-    has to be braked harder. As a → ∞ it is :class:`Barrier`. As a bound on L_gφ q̈ it is
-    σ̇ + K (−α₁'(−σ) σ̇ + α ψ₁) − L_fφ. Rows that are φ itself, such as speeds, have K = 0 and σ = φ: they need no second
-    order, and demand −αφ − L_fφ. Good at: accelerations that are limited. Bad at: it needs L_fφ, σ and σ̇, and where
-    other rows or tracking hold q̈ as well a is no promise.
+    1/K on the boundary: far from it σ may approach as fast as σ̈ = −a can still stop it, and α₁ α₁' ≤ a. As a → ∞ it is
+    :class:`Barrier`. Rows that are φ itself (K = 0, σ = φ) demand −αφ − L_fφ. Suits limited accelerations, though a is
+    no promise where other rows or tracking act as well.
     """
 
-    alpha: float = 20.0
-    """Rate α of ψ₁ [1/s]."""
-    braking: float = 5.0
-    """a as a multiple of each row's scale [1/s²]."""
+    alpha: float = option(20.0, "rate α of ψ₁ [1/s]", (1.0, 200.0))
+    braking: float = option(5.0, "a as a multiple of each row's scale [1/s²]", (0.1, 100.0))
 
     name = "high-order-barrier"
     formula = staticmethod(high_order_barrier)
     uses = ("sigma", "sigma_dot", "K", "Lf")
-    ranges: ClassVar[Ranges] = {"alpha": (1.0, 200.0), "braking": (0.1, 100.0)}
+
+
+# --- sliding modes ---
 
 
 @formula
@@ -317,8 +302,8 @@ def switch(row: Row) -> Any:
 class Switch(Demand):
     """Rows with φ ≥ 0 demand −u⁺, the others nothing (eqs. 10 and 11).
 
-    Muñoz-Benavent et al. (2018). Good at: all of the space, knowing nothing but φ and L_gφ. Bad at: it chatters, with a
-    band of T_s u⁺, and u⁺ has to exceed what drift and tracking can do.
+    Muñoz-Benavent et al. (2018). Uses all of the space from φ and L_gφ only; chatters in a band of T_s u⁺, and u⁺ has
+    to exceed drift and tracking.
     """
 
     name = "switch"
@@ -337,23 +322,15 @@ class ImplicitSwitch(Demand):
     """Rows demand that φ is no more than zero p periods from now, and never more than −u⁺: max(−u⁺, −φ/(p T_s)).
 
     The paper's switch by the implicit Euler method (Acary and Brogliato 2010): with p = 1 it is the v in [−u⁺, v_track]
-    that is complementary to φ + T_s v ≤ 0. Good at: the switch's promise, without second derivatives, and without its
-    chattering. Bad at: φ comes to rest at p T_s L_fφ, beyond zero where the unknown drift L_fφ leads there. p > 1
-    averages noise, and suits commands that are followed late.
+    that is complementary to φ + T_s v ≤ 0. It does not chatter, but φ comes to rest at p T_s L_fφ. p > 1 averages
+    noise, and suits commands that are followed late; p < 1 would overshoot.
     """
 
-    periods: float = 1.0
-    """p, in sampling periods; at least 1: below, φ is thrown beyond its goal and comes back."""
+    periods: float = option(1.0, "p, in sampling periods", (1.0, 50.0), at_least=1.0)
 
     name = "implicit-switch"
     formula = staticmethod(implicit_switch)
     uses: ClassVar[tuple[str, ...]] = ("period",)
-    ranges: ClassVar[Ranges] = {"periods": (1.0, 50.0)}
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.periods < 1.0:
-            raise self.refusal("periods", "at least 1")
 
 
 @formula
@@ -368,10 +345,9 @@ def implicit_switch_with_drift(row: Row, periods: float) -> Any:
 class ImplicitSwitchWithDrift(ImplicitSwitch):
     """Rows demand what :class:`ImplicitSwitch` does, less the drift d̂ = (φ − φ₋)/T_s − v₋ of the period before.
 
-    v₋ is the L_gφ q̈ that this law commanded then; d̂ is kept within ±u⁺, and 0 at first. A drift that is seen and
-    compensated a sample later, as Su, Drakunov and Özgüner (2000) do, leaves φ = O(T_s²) at rest where the implicit
-    switch leaves O(T_s). Good at: unknown drifts, at a fraction of the switch's effort. Bad at: commands that are not
-    followed at once, by lag, delay or saturation, which it takes for drift, and noise of φ, which it divides by T_s.
+    v₋ is the L_gφ q̈ that this law commanded then; d̂ is kept within ±u⁺, and 0 at first. A drift that is observed and
+    compensated a sample later (Su, Drakunov and Özgüner 2000) leaves φ = O(T_s²) at rest where the implicit switch
+    leaves O(T_s). Misidentifies lag, delay or saturation as drift, and divides noise of φ by T_s.
     """
 
     name = "implicit-switch-with-drift"
@@ -388,7 +364,7 @@ def gains(row: Row, rate: float) -> Any:
 
 
 @formula
-def held(row: Row, c: Any, integral: Any) -> Any:
+def saturated(row: Row, c: Any, integral: Any) -> Any:
     """The bound c, at least −u⁺, and the integral within ±u⁺ where tracking exceeds c, else 0."""
     bound = np.maximum(-row.switching_gain, c)
     kept = np.minimum(np.maximum(integral, -row.switching_gain), row.switching_gain)
@@ -401,7 +377,24 @@ def super_twisting(row: Row, rate: float) -> Any:
     k1, k2 = gains(row, rate)
     w = row.memory[0]
     side = np.sign(row.phi)
-    return held(row, w - k1 * np.sqrt(np.abs(row.phi)) * side, w - row.period * k2 * side)
+    return saturated(row, w - k1 * np.sqrt(np.abs(row.phi)) * side, w - row.period * k2 * side)
+
+
+@dataclass(frozen=True)
+class SuperTwisting(Demand):
+    """Rows demand φ̇ = −k₁ √|φ| sign φ + w with ẇ = −k₂ sign φ, and never more than −u⁺.
+
+    The super-twisting algorithm (Levant 1993), a sliding mode of second order: w, which is integrated where tracking
+    would exceed c and else 0, learns the drift. Drifts that change by less than L a second stay in a band of O(T_s²)
+    without L_fφ. Large L chatter in this explicit form, small ones overshoot, and at each contact w is learnt anew.
+    """
+
+    rate: float = option(20.0, "L as a multiple of u⁺ [1/s]; k₁ = 1.5 √L, k₂ = 1.1 L", (1.0, 100.0))
+
+    name = "super-twisting"
+    formula = staticmethod(super_twisting)
+    uses = ("tracked", "period")
+    remembers = (0.0,)
 
 
 @formula
@@ -417,27 +410,7 @@ def implicit_super_twisting(row: Row, rate: float) -> Any:
     # y without the difference of two numbers that are nearly equal
     y = over / (half + np.sqrt(half * half + over))
     after = row.memory[0] - np.minimum(np.maximum(row.phi, -step), step) / row.period
-    return held(row, after + (np.sign(row.phi) * y * y - row.phi) / row.period, after)
-
-
-@dataclass(frozen=True)
-class SuperTwisting(Demand):
-    """Rows demand φ̇ = −k₁ √|φ| sign φ + w with ẇ = −k₂ sign φ, and never more than −u⁺.
-
-    The super-twisting algorithm (Levant 1993), a sliding mode of second order: w, which is integrated where tracking
-    would exceed c and else 0, learns the drift. Good at: drifts that change by less than L a second, which it holds in
-    a band of O(T_s²) without L_fφ. Bad at: large L, which chatter in this explicit form, small ones, which overshoot,
-    and contacts, at which w has to be learnt anew.
-    """
-
-    rate: float = 20.0
-    """L as a multiple of u⁺ [1/s]; k₁ = 1.5 √L, k₂ = 1.1 L."""
-
-    name = "super-twisting"
-    formula = staticmethod(super_twisting)
-    uses = ("tracked", "period")
-    remembers = (0.0,)
-    ranges: ClassVar[Ranges] = {"rate": (1.0, 100.0)}
+    return saturated(row, after + (np.sign(row.phi) * y * y - row.phi) / row.period, after)
 
 
 @dataclass(frozen=True)
@@ -446,17 +419,17 @@ class ImplicitSuperTwisting(SuperTwisting):
 
     Seeber and Andritsch (2025): x = φ − T_s k₁ √|x| sign x − T_s² k₂ sign x is where φ would be after the period if w
     were what the drift takes, w₊ = w − T_s k₂ sign x, and v = w₊ + (x − φ)/T_s = −k₁ √|x| sign x + 2w₊ − w. A drift
-    that changes by no more than L < k₂ a second is held within |φ| ≤ L T_s², the least that any law can promise that
-    does not know the drift of the period to come; a constant one is rejected exactly, without chattering, however
-    large the rate is. Implicit forms before it (Brogliato, Polyakov and Efimov 2020) take φ + T_s v to zero, without
-    the drift, and leave φ = T_s L_fφ. Once φ rests this is :class:`ImplicitSwitchWithDrift` with p = 1. Good at:
-    unknown drifts, with far less switching than the explicit form. Bad at: contacts, as that one; commands that are
-    not followed at once, and noise of φ, which it divides by T_s; and rows far inside, which resolvers with
-    inequalities keep to v ≤ k₁ √|φ| as well, though a steep φ could come faster.
+    that changes by no more than L < k₂ a second leaves |φ| ≤ L T_s², the least that any law can promise that does not
+    know the drift to come; a constant one is rejected exactly, without chattering. Once φ rests this is
+    :class:`ImplicitSwitchWithDrift` with p = 1. Learns anew at contacts, needs commands that are followed at once,
+    divides noise of φ by T_s, and resolvers with inequalities keep rows far inside to v ≤ k₁ √|φ|.
     """
 
     name = "implicit-super-twisting"
     formula = staticmethod(implicit_super_twisting)
+
+
+# --- potential fields and layers ---
 
 
 @formula
@@ -473,30 +446,15 @@ def ramp_repulsion(row: Row, region: float, exponent: float, strength: float) ->
     return np.where(psi > 0.0, -(psi * strength * row.switching_gain), np.inf)
 
 
-@formula
-def firas(row: Row, region: float, strength: float, contact: float) -> Any:
-    """−s u⁺ (r − 1) r² below what tracking does, where r = δ/ρ > 1, with ρ = −σ, but contact × δ at least."""
-    ratio = 1.0 / np.maximum(-row.sigma / row.scale / region, contact)
-    return np.where(ratio > 1.0, -(strength * row.switching_gain * (ratio - 1.0) * ratio * ratio), np.inf)
-
-
 @dataclass(frozen=True)
 class Field(Demand):
     """What the demands of potential fields have in common: see :class:`RampRepulsion`."""
 
-    region: float = 0.2
-    exponent: float = 1.0
-    strength: float = 1.0
+    region: float = option(0.2, "δ as a fraction of each row's scale", (0.01, 1.0))
+    exponent: float = option(1.0, "how ψ grows; 1 is linear", (0.5, 4.0))
+    strength: float = option(1.0, "factor s on every u⁺", (0.1, 10.0))
 
-    ranges: ClassVar[Ranges] = {
-        "region": (0.01, 1.0),
-        "exponent": (0.5, 4.0),
-        "strength": (0.1, 10.0),
-    }
-
-    def refusal(self, name: str, wanted: str = "positive") -> Exception:
-        """See :class:`.Demand`."""
-        return InvalidInput(f"{name} of a potential field must be {wanted}, not {shown(getattr(self, name))}")
+    owner = "a potential field"
 
 
 @dataclass(frozen=True)
@@ -504,9 +462,8 @@ class RampRepulsion(Field):
     """Rows inside the region demand ψ s u⁺ less than what tracking does, with ψ = (1 + φ/δ)^exponent.
 
     A repulsion that is finite everywhere: s u⁺ on the boundary, and growing beyond it; :class:`Firas` is the classical
-    one. Since φ = σ + K σ̇, it is a spring in σ together with a damper in σ̇. Good at: smooth commands, from little
-    knowledge. Bad at: rows and task may each win, so that rows are violated, and the arm comes to rest where the two
-    are equal, beside goals near a boundary.
+    one. Since φ = σ + K σ̇, it is a spring in σ together with a damper in σ̇. Smooth commands; but rows and task may
+    each win, so that rows are violated, and the arm stops where the two are equal, beside goals near a boundary.
     """
 
     name = "ramp-repulsion"
@@ -515,41 +472,32 @@ class RampRepulsion(Field):
     everywhere = True
 
 
+@formula
+def firas(row: Row, region: float, strength: float, contact: float) -> Any:
+    """−s u⁺ (r − 1) r² below what tracking does, where r = δ/ρ > 1, with ρ = −σ, but contact × δ at least."""
+    ratio = 1.0 / np.maximum(-row.sigma / row.scale / region, contact)
+    return np.where(ratio > 1.0, -(strength * row.switching_gain * (ratio - 1.0) * ratio * ratio), np.inf)
+
+
 @dataclass(frozen=True)
 class Firas(Demand):
     """Rows nearer than ρ₀ demand η (1/ρ − 1/ρ₀)/ρ² less than what tracking does: the force of Khatib's FIRAS function.
 
     Khatib (1986): U = ½ η (1/ρ − 1/ρ₀)² where the distance ρ is less than ρ₀, else 0, pushes by −dU/dρ. Here ρ = −σ as
-    a fraction of the row's scale, ρ₀ = ``region``, and η = ``strength`` × u⁺ ρ₀³, so that the push is s u⁺ (r − 1) r²
-    with r = ρ₀/ρ. It knows positions alone; what damps is tracking. Rows that are φ itself, such as speeds, have
-    σ = φ. On the boundary the push is infinite, and beyond, where a sampled motion may end, U is not defined: there
-    and before, ρ counts as no less than ``contact`` × ρ₀, so that the push is at most s u⁺ (1 − contact)/contact³.
-    Good at: little knowledge; far rows are left alone. Bad at: sampling, which it answers with blows near the boundary;
-    rows that act late; and, as all sums of task and repulsion, the arm comes to rest where the two are equal.
+    a fraction of the row's scale, and η = ``strength`` × u⁺ ρ₀³, so that the push is s u⁺ (r − 1) r² with r = ρ₀/ρ, s
+    u⁺ at ρ = ρ₀/1.47. Rows that are φ itself have σ = φ. Beyond the boundary U is not defined: ρ counts as no less than
+    ``contact`` × ρ₀, so that the push is at most s u⁺ (1 − contact)/contact³. Sampling near the boundary makes blows.
     """
 
-    region: float = 0.2
-    """ρ₀ as a fraction of each row's scale."""
-    strength: float = 0.1
-    """Factor s on every u⁺: the push where ρ is ρ₀/1.47."""
-    contact: float = 0.1
-    """Least distance that is distinguished, as a fraction of ρ₀; less than 1."""
+    region: float = option(0.2, "ρ₀ as a fraction of each row's scale", (0.01, 1.0))
+    strength: float = option(0.1, "factor s on every u⁺", (0.01, 1.0))
+    contact: float = option(0.1, "least distance that is distinguished, a fraction of ρ₀", (0.02, 0.5), below=1.0)
 
     name = "firas"
     formula = staticmethod(firas)
     uses = ("sigma",)
     relative = True
     everywhere = True
-    ranges: ClassVar[Ranges] = {
-        "region": (0.01, 1.0),
-        "strength": (0.01, 1.0),
-        "contact": (0.02, 0.5),
-    }
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.contact >= 1.0:
-            raise self.refusal("contact", "less than 1")
 
 
 @formula
@@ -564,9 +512,8 @@ class BoundaryLayer(Field):
     """Rows inside the region demand (1 − ψ) L_gφ q̈_track − ψ s u⁺, with ψ = min(1, (1 + φ/δ)^exponent).
 
     With exponent 1 and :class:`~vsconstraints.controllers.resolvers.Priority` this is the boundary layer of sliding
-    mode control (Slotine and Sastry 1983), laid inside the boundary. As δ shrinks it becomes :class:`Switch`. Good at:
-    no chattering, and no violation while drift is less than u⁺. Bad at: φ comes to rest inside the layer, whose space
-    is given away.
+    mode control (Slotine and Sastry 1983), inside the boundary; as δ shrinks it becomes :class:`Switch`. No chattering,
+    and no violation while drift is less than u⁺; φ rests inside the layer, whose space is not used.
     """
 
     name = "boundary-layer"
@@ -587,19 +534,19 @@ class OuterLayer(Demand):
     """Rows with φ ≥ 0 demand (1 − s) L_gφ q̈_track − s u⁺, with s = min(1, φ/δ).
 
     The boundary layer of sliding mode control as published (Slotine and Sastry 1983; Slotine and Li 1991, section 7.2),
-    on the side of the boundary where the paper's switch acts. Good at: no chattering, and none of the allowed space is
-    given away. Bad at: what it promises, since φ comes to rest inside the layer, where s balances drift and tracking:
-    it violates. :class:`BoundaryLayer` is the one laid inside.
+    outside the boundary, where the paper's switch acts; :class:`BoundaryLayer` is inside. It violates: φ comes to rest
+    where s balances drift and tracking.
     """
 
-    layer: float = 0.05
-    """δ as a fraction of each row's scale."""
+    layer: float = option(0.05, "δ as a fraction of each row's scale", (0.001, 0.5))
 
     name = "outer-layer"
     formula = staticmethod(outer_layer)
     uses = ("tracked",)
     everywhere = True
-    ranges: ClassVar[Ranges] = {"layer": (0.001, 0.5)}
+
+
+# --- without parameters ---
 
 
 @formula
@@ -618,8 +565,8 @@ class Nothing(Demand):
 
 
 @formula
-def known(row: Row) -> Any:
-    """What stands in the row's memory, and the same again."""
+def remembered(row: Row) -> Any:
+    """The row's memory, twice."""
     return row.memory[0], row.memory[0]
 
 
@@ -627,35 +574,20 @@ class Known(Demand):
     """Bounds that were computed beforehand and stand in the law's memory, for formulas that do not compile."""
 
     name = "known"
-    formula = staticmethod(known)
+    formula = staticmethod(remembered)
     remembers = (np.inf,)
     everywhere = True
 
 
 class KnownPush(Known):
-    """Likewise, of what is below L_gφ q̈ of tracking."""
+    """Likewise, relative to L_gφ q̈ of tracking."""
 
     relative = True
 
 
 DEMANDS: tuple[type[Demand], ...] = (
-    Switch,
-    ImplicitSwitch,
-    ImplicitSwitchWithDrift,
-    BoundaryLayer,
-    OuterLayer,
-    SuperTwisting,
-    ImplicitSuperTwisting,
-    Firas,
-    RampRepulsion,
-    Barrier,
-    ReciprocalBarrier,
-    FiniteTimeBarrier,
-    HighOrderBarrier,
-    RobustBarrier,
-    InputToStateSafeBarrier,
-    GradientRobustBarrier,
-    SampledBarrier,
-    Nothing,
-)
+    Switch, ImplicitSwitch, ImplicitSwitchWithDrift, BoundaryLayer, OuterLayer, SuperTwisting, ImplicitSuperTwisting,
+    Firas, RampRepulsion, Barrier, ReciprocalBarrier, FiniteTimeBarrier, HighOrderBarrier, RobustBarrier,
+    InputToStateSafeBarrier, GradientRobustBarrier, SampledBarrier, Nothing,
+)  # fmt: skip
 """Demands that files can name, by their ``name``."""

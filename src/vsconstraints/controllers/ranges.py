@@ -1,13 +1,13 @@
-"""Options of laws: checked whenever they are set, and from where to where they are worth searching."""
+"""Options of laws: default, meaning, range of search and limits, stated once; how they are checked."""
 
 from __future__ import annotations
 
 import inspect
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import Field, dataclass, field
 from numbers import Integral, Real
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 
@@ -56,7 +56,7 @@ class Fixed(dict[str, float]):
 
 @dataclass(frozen=True)
 class Range:
-    """Numbers from ``least`` to ``greatest``, both included.
+    """Numbers from ``least`` to ``greatest``, both included; ConfigurationError if that is no range.
 
     Attributes
     ----------
@@ -65,12 +65,7 @@ class Range:
     logarithmic
         Whether factors count, not differences; then ``least`` is positive.
     integer
-        Whether it holds integers alone.
-
-    Raises
-    ------
-    ConfigurationError
-        if that is no range.
+        Whether it holds integers only.
     """
 
     least: float
@@ -79,7 +74,7 @@ class Range:
     integer: bool = False
 
     def __post_init__(self) -> None:
-        if not (_number(self.least) and _number(self.greatest) and self.least < self.greatest):
+        if not (all(map(_finite, self)) and self.least < self.greatest):
             raise ConfigurationError(f"a range goes from a number to a greater one, not {shown((*self,))}")
         if self.logarithmic and self.least <= 0.0:
             raise ConfigurationError(f"a logarithmic range is above zero, not {shown((*self,))}")
@@ -91,8 +86,7 @@ class Range:
         yield from (self.least, self.greatest)
 
     def __contains__(self, value: object) -> bool:
-        kind = Integral if self.integer else Real
-        number = not isinstance(value, bool) and isinstance(value, kind)
+        number = not isinstance(value, bool) and isinstance(value, Integral if self.integer else Real)
         return number and self.least <= float(value) <= self.greatest  # type: ignore[arg-type]
 
     def __str__(self) -> str:
@@ -124,6 +118,31 @@ Declared = Range | Choices | tuple[float, float]
 """What classes declare; a pair of numbers is a logarithmic :class:`Range`."""
 
 
+def option(
+    default: Any, meaning: str, search: Declared | None = None, at_least: float = 0.0, below: float = math.inf
+) -> Any:
+    """An option of a demand or resolver: a dataclass field with its meaning, range of search and hard limits."""
+    return field(default=default, metadata={"meaning": meaning, "range": search, "at_least": at_least, "below": below})
+
+
+class Part:
+    """A demand or resolver: a frozen dataclass whose fields are options.
+
+    Attributes
+    ----------
+    ranges
+        Ranges of search by option: those of the fields, unless the class declares others.
+    """
+
+    ranges: ClassVar[Mapping[str, Declared]] = {}
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "ranges" not in vars(cls):
+            own = {key: each.metadata.get("range") for key, each in vars(cls).items() if isinstance(each, Field)}
+            cls.ranges = {**cls.ranges, **{key: search for key, search in own.items() if search is not None}}
+
+
 def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Range | Choices]:
     """The ranges that a law's class declares, and those of its demand and resolver as far as its constructor has them.
 
@@ -134,48 +153,47 @@ def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Ran
     name
         What messages call it.
     fixed
-        Options that are not searched, since they were given.
+        Options that are not searched, since the user has set them.
 
     Raises
     ------
     ConfigurationError
-        if what is declared is no range, of no option, or does not hold the option's default.
+        if what is declared is no range, of no option, or does not contain the option's default.
     """
-    parts = [getattr(law, part, None) for part in ("demand", "resolver")]
     parameters = inspect.signature(type(law)).parameters
     anything = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
     declared: dict[str, Declared] = {}
-    for part in parts:
-        # a constructor of one's own need not have the options of its parts
-        declared |= {key: each for key, each in getattr(part, "ranges", {}).items() if anything or key in parameters}
+    for part in ("demand", "resolver"):
+        # the constructor of a user's law need not have the options of its parts
+        searched = getattr(getattr(law, part, None), "ranges", {})
+        declared |= {key: each for key, each in searched.items() if anything or key in parameters}
     declared |= getattr(type(law), "ranges", {})
-    checked = {}
-    for option, given in declared.items():
-        if option in fixed:
+    ranges = {}
+    for key, each in declared.items():
+        if key in fixed:
             continue
-        where = f"{name} declares a range of {option!r}"
-        if not anything and option not in parameters:
+        where = f"{name} declares a range of {key!r}"
+        if not anything and key not in parameters:
             raise ConfigurationError(f"{where}, which is none of its options")
         try:
-            pair = isinstance(given, tuple) and len(given) == 2
-            one = Range(*given) if pair else given
+            search = Range(*each) if isinstance(each, tuple) and len(each) == 2 else each
         except ConfigurationError as error:
             raise ConfigurationError(f"{where}: {error}") from error
-        if not isinstance(one, Range | Choices):
-            raise ConfigurationError(f"{where}: it must be a Range, Choices, or a pair of numbers, not {shown(one)}")
-        default = default_of(law, option)
-        if default not in one:
-            raise ConfigurationError(f"{where} that does not hold its default {shown(default)}: {one}")
-        checked[option] = one
-    return checked
+        if not isinstance(search, Range | Choices):
+            raise ConfigurationError(f"{where}: it must be a Range, Choices, or a pair of numbers, not {shown(search)}")
+        default = default_of(law, key)
+        if default not in search:
+            raise ConfigurationError(f"{where} that does not hold its default {shown(default)}: {search}")
+        ranges[key] = search
+    return ranges
 
 
 def default_of(law: object, option: str) -> Any:
-    """The value of an option of a law as it was made; None where neither the law nor its constructor tells."""
+    """The value of an option of a law as constructed; None where neither the law nor its constructor has one."""
     parameter = inspect.signature(type(law)).parameters.get(option)
     default = None if parameter is None or parameter.default is parameter.empty else parameter.default
     return getattr(law, option, default)
 
 
-def _number(value: object) -> bool:
+def _finite(value: object) -> bool:
     return not isinstance(value, bool) and isinstance(value, Real) and math.isfinite(value)

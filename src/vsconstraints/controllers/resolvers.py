@@ -1,15 +1,16 @@
 """Resolvers: ways to share q̈ among demands and task.
 
 One half of a law; :mod:`vsconstraints.controllers.demands` are the other. What they compute is compiled, in
-:mod:`vsconstraints.compiled`; here are their options, and what their answers mean.
+:mod:`vsconstraints.compiled`; here are their options, and what their answers mean. A new resolver is a compiled
+function, a class with its options, and an entry in :data:`RESOLVERS`.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -27,7 +28,7 @@ from ..compiled.structures import (
     SOLVED,
     STRICT,
     WEIGHED,
-)
+)  # fmt: skip
 from ..errors import ConfigurationError, InvalidInput, SolverError, shown, unknown_name
 from ..formulas.row import BOUND, EQUAL, PUSH, share
 from ..qp import SolverChain
@@ -38,10 +39,10 @@ from .cascade import Target, descend
 from .compiled import compiled_law, in_usual_layout
 from .demands import Demand, Known, KnownPush
 from .least_norm import RANK_TOLERANCE, least_norm, rank_loss, track
-from .ranges import Choices, Declared, Fixed, Range, positive_number, rank_tolerance
+from .ranges import Choices, Fixed, Part, Range, option, positive_number, rank_tolerance
 
 Asked = Callable[[int, Array | None], Array]
-"""What the rows ask for: of a purpose (:mod:`vsconstraints.formulas.row`) and q̈ of tracking (n,), (m,)."""
+"""What the rows ask for, (m,), of a purpose (:mod:`vsconstraints.formulas.row`) and the tracking q̈ (n,)."""
 
 NO_WEIGHTS = np.empty(0)
 
@@ -50,41 +51,38 @@ USES: dict[str, str] = {"error": "e", "error_rate": "ė"}
 
 
 @dataclass(frozen=True)
-class Resolver(ABC):
+class Resolver(Part, ABC):
     """A way to share q̈ among the demands of rows and a task.
 
-    A frozen dataclass: its fields are options. What it warm-starts is the law's, see :meth:`solvers`.
+    A frozen dataclass: its fields are options, the rank tolerance first. Its warm starts belong to the law, see
+    :meth:`solvers`.
 
     Attributes
     ----------
     name
         In reports.
     kernel
-        Module and name of its compiled form, see :class:`vsconstraints.compiled.structures.LawArrays`; None for a
-        resolver with a ``solve`` of its own in NumPy.
+        Module and name of its compiled form, see :class:`vsconstraints.compiled.structures.LawArrays`.
     otherwise
         Module and name of the compiled form that answers where this one does not, on the same options; None if there
         is none.
     purpose
         What it asks of demands: see :mod:`vsconstraints.formulas.row`.
     uses
-        Which of :data:`USES` it uses; it says so itself where that is not given.
+        Which of :data:`USES` it uses.
     measures
-        Whether its commands tell what they leave unmet.
+        Whether its commands report what they leave unmet.
     answers
         Codes with which the compiled form has an answer.
-    ranges
-        From where to where an option is worth searching; tolerances, limits and solvers are not.
     """
 
     name: ClassVar[str]
-    kernel: ClassVar[tuple[str, str] | None] = None
+    kernel: ClassVar[tuple[str, str]]
     otherwise: ClassVar[tuple[str, str] | None] = None
     purpose: ClassVar[int] = BOUND
     uses: ClassVar[tuple[str, ...]] = ()
     measures: ClassVar[bool] = False
     answers: ClassVar[Collection[int]] = (SOLVED,)
-    ranges: ClassVar[Mapping[str, Declared]] = {}
 
     def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
         """The command, where the law is not compiled as a whole: its demand is a formula in NumPy, or it was refused.
@@ -96,7 +94,7 @@ class Resolver(ABC):
         asked
             What the rows ask for.
         tracks
-            Whether that depends on what tracking alone does.
+            Whether that depends on the tracking command.
         solvers
             What :meth:`solvers` has made.
 
@@ -128,14 +126,16 @@ class Resolver(ABC):
             return code, Command(qdd, "ok", acted, rows.labels)
         return code, self.command(code, qdd, acted, rows.labels, slack, int(iterations[0]))
 
-    @abstractmethod
     def tracks(self, demand: Demand) -> bool:
-        """Whether what is asked of this demand depends on what tracking alone does."""
+        """Whether what is asked of this demand depends on the tracking command."""
+        if self.purpose == PUSH:
+            return not demand.relative or demand.sees_tracking
+        return demand.tracks or (self.purpose == EQUAL and not demand.everywhere)
 
     @property
-    @abstractmethod
     def options(self) -> Array:
         """What the compiled form takes; the rank tolerance first."""
+        return np.array([getattr(self, each.name) for each in fields(self)])
 
     @property
     def compiles(self) -> bool:
@@ -147,9 +147,9 @@ class Resolver(ABC):
 
         Options without a compiled form of the whole law have none, unless what is compiled is ``always`` asked for.
         """
-        if not (self.compiles or always):
-            return None, None
-        return _form(self.kernel), _form(self.otherwise) if self.compiles else None
+        forms = (self.kernel if self.compiles or always else None, self.otherwise if self.compiles else None)
+        function, otherwise = (getattr(load(form[0]), form[1]) if form else None for form in forms)
+        return function, otherwise
 
     def solvers(self) -> SolverChain | None:
         """A chain of QP solvers for a law of its own; None if it needs none."""
@@ -177,10 +177,6 @@ def in_range(command: Command | None) -> Command:
     return command
 
 
-def _form(kernel: tuple[str, str] | None) -> Any:
-    return None if kernel is None else getattr(load(kernel[0]), kernel[1])
-
-
 # --- closed forms ---
 
 
@@ -192,9 +188,11 @@ class Priority(Resolver):
     least-squares sense.
     """
 
-    rank_tolerance: float = RANK_TOLERANCE
-    """Singular values below this fraction of the largest one count as zero, of the active rows once each is divided by
-    its length."""
+    rank_tolerance: float = option(
+        RANK_TOLERANCE,
+        "singular values below this fraction of the largest one count as zero, of the active rows once each is divided "
+        "by its length",
+    )
 
     name = "priority"
     kernel = ("task_priority", "priority")
@@ -212,15 +210,6 @@ class Priority(Resolver):
         code, command = self.share(rows, task, c)
         return rank_loss(rows, in_range(command), self.rank_tolerance) if code == RANK_LOSS else in_range(command)
 
-    def tracks(self, demand: Demand) -> bool:
-        """See :class:`.Resolver`."""
-        return demand.tracks or not demand.everywhere
-
-    @property
-    def options(self) -> Array:
-        """See :class:`.Resolver`."""
-        return np.array([self.rank_tolerance])
-
 
 class Additive(Priority):
     """q̈ = q̈_track + Σ min(0, cᵢ − L_gφᵢ q̈_track) L_gφᵢ†: rows and task may each win.
@@ -236,10 +225,6 @@ class Additive(Priority):
         """See :class:`.Resolver`."""
         return Resolver.solve(self, rows, task, asked, True, solvers)
 
-    def tracks(self, demand: Demand) -> bool:
-        """See :class:`.Resolver`."""
-        return not demand.relative or demand.sees_tracking
-
 
 @dataclass(frozen=True)
 class Projection(Additive):
@@ -248,8 +233,7 @@ class Projection(Additive):
     P = λ P_e + (1 − λ)(I − J†J) with P_e = I − Jᵀe eᵀJ / ‖Jᵀe‖², and λ growing with ‖e‖ from 0 to 1: see
     :func:`vsconstraints.formulas.projection.opening`. Since eᵀJ P = 0, nothing changes in d²/dt² ½‖e‖² whatever z is,
     even for an arm that is not redundant: P_e has rank n − 1. Where the error is small, only the null space of the task
-    is left, and λ = 0 alone is the gradient projection: for an arm that the task needs all of, it does nothing. So rows
-    are not kept for certain. Where Jᵀe = 0, P_e is I.
+    is left, so rows are not kept for certain. Where Jᵀe = 0, P_e is I.
 
     Reference: Marey, Chaumette, "New strategies for avoiding robot joint limits: application to visual servoing using a
     large projection operator", IROS 2010; joint limits in ViSP, which choose a gain on z so that P z stops the joint.
@@ -260,13 +244,12 @@ class Projection(Additive):
         ‖e‖ below which λ is 0 and above which it is 1, in units of the task's error.
     """
 
-    closed: float = 0.1
-    opened: float = 0.7
+    closed: float = option(0.1, "‖e‖ below which λ is 0", Range(0.01, 0.3))
+    opened: float = option(0.7, "‖e‖ above which λ is 1", Range(0.4, 4.0))
 
     name = "projection"
     kernel = ("projection", "projection")
     uses = ("error",)
-    ranges: ClassVar[Mapping[str, Declared]] = {"closed": Range(0.01, 0.3), "opened": Range(0.4, 4.0)}
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -276,21 +259,10 @@ class Projection(Additive):
             raise ConfigurationError(f"closed must be below opened, which is {self.opened:g}, not {self.closed:g}")
 
     def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
-        """See :class:`.Resolver`.
-
-        Raises
-        ------
-        InvalidInput
-            if the task does not give its error.
-        """
+        """See :class:`.Resolver`; raises InvalidInput if the task has no error."""
         if task.error.shape != task.b.shape:
             raise InvalidInput(f"the resolver {self.name!r} uses task.error, which this task does not give")
         return super().solve(rows, task, asked, tracks, solvers)
-
-    @property
-    def options(self) -> Array:
-        """See :class:`.Resolver`."""
-        return np.array([self.rank_tolerance, self.closed, self.opened])
 
 
 # --- quadratic programs ---
@@ -314,7 +286,7 @@ UNPROVED = "rounding does not allow to prove that the task and the accelerations
 class Hierarchy(Resolver):
     """Strict priorities: (1) rows, (2) task, (3) least ‖q̈ − q̈₀‖, as a lexicographic quadratic program.
 
-    What the levels are: see :class:`vsconstraints.controllers.HierarchicalQP`.
+    What the levels are, and the options: see :class:`vsconstraints.controllers.HierarchicalQP`.
 
     How it is computed: levels 2 and 3 are one strictly convex QP, min ½Σⱼ(gⱼ² + damping)vⱼ² in the
     coordinates v = Vᵀ(q̈ − q̈_track) of the singular vectors of J with relative gains g, with hard rows. Only if the hard
@@ -323,18 +295,13 @@ class Hierarchy(Resolver):
     of this were measured to be wrong.
 
     How strict level 2 is: where J leaves directions free and the damping has cost the task more than a residual of 1e-6
-    ‖J‖‖q̈ − q̈_track‖, level 2 is found by itself, and level 3 within it. It then uses every direction within the rows
-    whose gain is above ``rank_tolerance`` relative to J, however large the accelerations; ``max_acceleration`` is there
-    to bound them. Two exceptions tame tasks that are nearly singular. Where J has a relative gain below 1e-3, level 2
+    ‖J‖‖q̈ − q̈_track‖, level 2 is solved separately, and level 3 within it. It then uses every direction within the rows
+    whose gain is above ``rank_tolerance`` relative to J, however large the accelerations; ``max_acceleration`` bounds
+    them. Two exceptions tame tasks that are nearly singular. Where J has a relative gain below 1e-3, level 2
     uses directions within the rows only above √damping. And where J leaves no direction free, the QP's minimiser is the
     answer: level 3 wins in directions whose relative gain is below √damping, and takes a fraction of damping/gⱼ² from
     others. If rounding does not allow to prove that levels 2 and 3 are met, the status is ``suboptimal``: the rows are
     met, and no known point that meets them has a smaller residual.
-
-    Parameters
-    ----------
-    solver, weights, max_acceleration, damping, rank_tolerance
-        See :class:`vsconstraints.controllers.HierarchicalQP`.
     """
 
     solver: str = AUTO
@@ -352,8 +319,8 @@ class Hierarchy(Resolver):
         checked: dict[str, object] = {"damping": positive_number("damping", self.damping)}
         if self.max_acceleration is not None:
             checked["max_acceleration"] = positive_number("max_acceleration", self.max_acceleration)
-        weights = self.weights
-        if weights is not None:
+        if self.weights is not None:
+            weights: object = self.weights
             if not (isinstance(weights, Mapping) and all(isinstance(prefix, str) for prefix in weights)):
                 raise ConfigurationError(f"weights must map beginnings of labels to numbers, not {shown(weights)}")
             checked["weights"] = Fixed({prefix: _weight(prefix, weight) for prefix, weight in weights.items()})
@@ -384,10 +351,6 @@ class Hierarchy(Resolver):
     def solvers(self) -> SolverChain:
         """See :class:`.Resolver`."""
         return SolverChain(DEFAULT if self.solver == AUTO else self.solver)
-
-    def tracks(self, demand: Demand) -> bool:
-        """See :class:`.Resolver`."""
-        return demand.tracks
 
     def row_weights(self, labels: tuple[str, ...]) -> Array:
         """See :class:`.Resolver`."""
@@ -430,10 +393,10 @@ class Hierarchy(Resolver):
 
     def by_solvers(self, rows: Rows, task: Task, c: Array, solvers: SolverChain) -> Command:
         """The command by QP solvers, for what rows ask for, c (m,)."""
-        found = least_norm(task.J, task.b, self.rank_tolerance, task.rest)
-        box = self.box(rows, len(found.qdd))
-        center, shaped = self.center(rows, found.qdd, c, box)
-        cost = Target.of(found, self.damping, self.rank_tolerance, self.aim == STRICT)
+        tracking = least_norm(task.J, task.b, self.rank_tolerance, task.rest)
+        box = self.box(rows, len(tracking.qdd))
+        center, shaped = self.center(rows, tracking.qdd, c, box)
+        cost = Target.of(tracking, self.damping, self.rank_tolerance, self.aim == STRICT)
         if self.aim in (NEAREST, SCALED):
             cost = Target(center, np.eye(len(center)), np.ones(len(center)), self.damping, self.rank_tolerance, False)
         which = np.flatnonzero(c < np.inf)
@@ -476,19 +439,18 @@ class Filter(Hierarchy):
     Tabuada 2017). What is nearest depends on the metric:
 
     - ``joint``: min ‖q̈ − q̈_track‖². It spreads over all joints what a row takes from one, and so gives up some of
-      every part of the task, of those too that the rows would allow: it reaches its goal later.
+      every part of the task, also of those that the rows would allow: it reaches its goal later.
     - ``task``: min ‖J(q̈ − q̈_track)‖² + damping ‖J‖² ‖q̈ − q̈_track‖², the metric of task-consistent filters (Morton and
-      Pavone 2025). Where the damping is small beside the gains of J, and the task needs all joints, this is
-      :class:`Hierarchy`; as it grows, it becomes the joint metric.
+      Pavone 2025), with the Frobenius norm. Where the damping is small beside the gains of J, and the task needs all
+      joints, this is :class:`Hierarchy`; as it grows, it becomes the joint metric, which does not use it.
 
-    The damping is the weight of the joints in the metric ``task``, relative to ‖J‖² in the Frobenius norm; the metric
-    ``joint`` has no use for it. Other options: see :class:`vsconstraints.controllers.HierarchicalQP`.
+    Other options: see :class:`vsconstraints.controllers.HierarchicalQP`.
     """
 
-    metric: Literal["joint", "task"] = "joint"
+    damping: float = option(1e-8, "weight of the joints in the metric task, relative to ‖J‖²", Range(1e-8, 1.0))
+    metric: Literal["joint", "task"] = option("joint", "what distance is measured in", Choices(tuple(METRICS)))
 
     name = "filter"
-    ranges: ClassVar[Mapping[str, Declared]] = {"metric": Choices(tuple(METRICS)), "damping": Range(1e-8, 1.0)}
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -505,12 +467,10 @@ class Filter(Hierarchy):
 class Scaling(Hierarchy):
     """q̈ = κ q̈_track with the largest κ in [0, 1] at which every row keeps its demand, κ L_gφ q̈_track ≤ c.
 
-    Whichever row is the first to resist slows everything down, other parts of the task too: what any law should do
-    better than. The direction of q̈ is that of tracking. This is the scaling of :class:`Saturation` without its null
-    space. It scales the command of the present sample and predicts nothing: a reference governor, which moves the goal,
-    is :class:`~vsconstraints.controllers.GoalGovernor`.
+    Whichever row is the first to resist slows everything down: a baseline. It is the scaling of :class:`Saturation`
+    without its null space, of the present sample only; :class:`~vsconstraints.controllers.GoalGovernor` moves the goal.
 
-    Where c < 0 of a row that tracking leads outwards, even κ = 0 is too much, and no κ is right; nor where c < 0 of a
+    Where c < 0 of a row that tracking leads outwards, even κ = 0 is too much; nor is any κ right where c < 0 of a
     row that tracking leads inwards, but not fast enough. Then κ is the largest that no row would by itself have
     smaller: 0 in the first case, what the other rows allow in the second. And the least ‖q̈ − κ q̈_track‖ that meets all
     demands, or violates them least, is added: that of :class:`Filter`. So a row that has to brake brakes, by the
@@ -540,7 +500,7 @@ class Scaling(Hierarchy):
 class Saturation(Hierarchy):
     """Saturation in the null space (SNS), at the level of accelerations, with rows beside joints.
 
-    Whatever would exceed its bound is saturated: held at it, L_gφ q̈ = c, or q̈ⱼ at the side of the box. The task has the
+    Whatever would exceed its bound is saturated: L_gφ q̈ = c, or q̈ⱼ at the side of the box. The task has the
     null space that is left. With the saturated rows A
 
         q̈(s) = A†c + (J(I − A†A))† (s b − J A†c).
@@ -550,11 +510,10 @@ class Saturation(Hierarchy):
     on the way, the one that allows the largest s in [0, 1] is taken. Where demands ask for braking, it can be that none
     allows any s: then the command is that of :class:`Hierarchy`, with its statuses.
 
-    So the task keeps its direction, J q̈ = s b, wherever q̈ = 0 meets all demands: scaling is part of the algorithm. An
-    arm without redundancy, n = k, has no null space and is slowed down as a whole: where no demand asks for braking,
-    this is then :class:`Scaling`.
+    So the task keeps its direction, J q̈ = s b, wherever q̈ = 0 meets all demands. An arm without redundancy, n = k, has
+    no null space and is slowed down as a whole: where no demand asks for braking, this is then :class:`Scaling`.
 
-    With ``scales=False``, which is not SNS but a variant of it, a task that the null space is too small for is met in
+    With ``scales=False``, a variant of SNS, a task that the null space is too small for is met in
     the least-squares sense instead, and loses its direction. It is then never scaled as long as q̈ = 0 meets all
     demands: each row is saturated at the s up to which it allowed the task, and what is within all bounds there still
     is.
@@ -566,8 +525,7 @@ class Saturation(Hierarchy):
     null space", IEEE Transactions on Robotics 31(3), 2015; at the level of accelerations also ICRA 2012.
     """
 
-    scales: bool = True
-    """Whether a task that cannot be met whole any more is scaled, as published."""
+    scales: bool = option(True, "whether a task that cannot be met whole any more is scaled, as published")
 
     name = "saturation"
     kernel = ("saturation", "saturation")
