@@ -23,9 +23,9 @@ from vsconstraints.paper.studies import (
     figure_file,
     run_studies,
 )
-from vsconstraints.paper.studies.disturbances import GradientErrors, Robustness
 from vsconstraints.paper.studies.drawing import LAWS
 from vsconstraints.paper.studies.gains import SamplingTime, SwitchingGain
+from vsconstraints.paper.studies.gradient_errors import GradientErrors
 from vsconstraints.paper.studies.potential_fields import ShrinkingRegion, front, not_kept, scaled_gains, unused
 from vsconstraints.paper.studies.summary import clearance_distance, gains, joint_distance, pixel_distance
 from vsconstraints.paper.studies.unselected_experiments import (
@@ -273,19 +273,6 @@ class TestEvaluation:
         best = [point(0.1, 9.0), point(1.0, 3.0), point(5.0, 1.0)]
         beaten = [point(1.0, 4.0), point(6.0, 1.0), point(0.01, 0.01, 2.0), point(0.0, 0.0, 0.0, "unfinished")]
         assert front([*beaten, *best]) == best
-
-    def test_robustness_counts(self):
-        runs = {
-            Robustness.Case("none", "", "sliding-mode"): summary(),
-            Robustness.Case("lag", "0.1", "sliding-mode"): summary(result={"violation_depth": 0.03}),
-            Robustness.Case("lag", "0.2", "sliding-mode"): summary("aborted"),
-            Robustness.Case("delay", "1", "sliding-mode"): summary("unfinished"),
-        }
-        numbers = STUDIES["robustness"].evaluate(runs).numbers
-        assert numbers["sliding-mode", "runs"] == 3.0
-        assert numbers["sliding-mode", "without_violation"] == 1.0
-        assert numbers["sliding-mode", "converged"] == 1.0
-        assert numbers["sliding-mode", "deepest_violation"] == pytest.approx(3.0)
 
 
 class TinyStudy(Study):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,8 @@ from ...comparisons.tables import write_table
 from ...compiled import prepare
 from ...errors import ConfigurationError, unknown_name
 from ...reports.plots import PNG, Formats
-from .disturbances import GradientErrors, Robustness
 from .gains import SamplingTime, SwitchingGain
+from .gradient_errors import GradientErrors
 from .moving_obstacles import NonStatic
 from .potential_fields import Pareto, ShrinkingRegion
 from .study import Study, StudyResult
@@ -28,24 +29,12 @@ from .unselected_experiments import UnselectedExperiments
 Progress = Callable[[int, int], None]
 """Called with the number of runs done and their total."""
 
-STUDIES: dict[str, Study] = {
-    study.name: study
-    for study in (
-        ShrinkingRegion(),
-        SwitchingGain(),
-        SamplingTime(),
-        GradientErrors(),
-        Pareto(),
-        NonStatic(),
-        Robustness(),
-        UnselectedExperiments(),
-    )
-}
+_SHIPPED = (ShrinkingRegion, SwitchingGain, SamplingTime, GradientErrors, Pareto, NonStatic, UnselectedExperiments)
+STUDIES: dict[str, Study] = {study.name: study() for study in _SHIPPED}
 """Studies by the name files and the command line use."""
 
 CAMPAIGNS = ("real-world",)
-"""Studies that are campaigns of drawn scenes, with a folder and a report of their own: they take long, and run only
-where they are named."""
+"""Campaigns of drawn scenes, with a folder and a report of their own: they take long, and run only where named."""
 
 
 def figure_file(folder: Path, name: str, formats: Formats = PNG) -> Path:
@@ -76,17 +65,13 @@ def run_studies(
     Parameters
     ----------
     names
-        Which; all if None or empty.
+        Which of ``studies``; all if None or empty.
     folder
         ``figures/study-NAME`` and ``studies/NAME.csv`` are written below it; nothing is if None.
     workers
         Maximum number of processes; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
-    on_progress
-        See :data:`Progress`.
     small
         A few short runs of each study instead of all.
-    studies
-        Available studies.
     formats
         File formats of the figures.
     kept
@@ -110,66 +95,60 @@ def run_studies(
     runs = {name: studies[name].runs(small=small) for name in chosen}
     drift_noted = {run: False for own in runs.values() for run in own.values()}
     drift_noted |= {run: True for name, own in runs.items() if studies[name].drift_noted for run in own.values()}
+    # tracking on the scenario as it is shipped shows which rows are challenged
+    baselines = {
+        name: RunSpec(name, ControllerSpec(BASELINE)) for name in dict.fromkeys(run.name for run in drift_noted)
+    }
+    limits = longest_first(drift_noted)
+    prepare()
     with nullcontext(kept) if kept else unfinished(folder) as store:
-        summaries = _run_all(drift_noted, store, workers, on_progress)
+        answers = carry_out(
+            summarised,
+            {run: (run, store, run, False) for run in baselines.values()},
+            {run: (run, store, baselines[run.name], drift_noted[run]) for run in limits},
+            workers=workers,
+            limits={**longest_first(baselines.values()), **limits},
+            on_progress=on_progress,
+        )
+        summaries = {
+            run: RunSummary("failed", answer.reason) if isinstance(answer, Failure) else answer
+            for run, answer in answers.items()
+        }
         return {
             name: _finish(studies[name], {case: summaries[run] for case, run in own.items()}, folder, formats)
             for name, own in runs.items()
         }
 
 
-def _run_all(
-    runs: Mapping[RunSpec, bool], kept: Path, workers: int | None, on_progress: Progress
-) -> dict[RunSpec, RunSummary]:
-    """Summaries of runs, with drift where that is True; a run without an answer has the status ``failed``."""
-    # tracking on the scenario as it is shipped shows which rows are challenged
-    baselines = {name: RunSpec(name, ControllerSpec(BASELINE)) for name in dict.fromkeys(run.name for run in runs)}
-    limits = longest_first(runs)
-    prepare()
-    answers = carry_out(
-        summarised,
-        {run: (run, kept, run, False) for run in baselines.values()},
-        {run: (run, kept, baselines[run.name], runs[run]) for run in limits},
-        workers=workers,
-        limits={**longest_first(baselines.values()), **limits},
-        on_progress=on_progress,
-    )
-    return {run: RunSummary("failed", one.reason) if isinstance(one, Failure) else one for run, one in answers.items()}
-
-
 def summarised(run: RunSpec, kept: Path, baseline: RunSpec, drift_noted: bool) -> RunSummary:
-    """Make a run, or load its summary from an interrupted call; raises whatever goes wrong."""
+    """Simulate a run, or load its summary from an interrupted call; raises whatever goes wrong."""
     file = kept_file(kept, run, "drift" if drift_noted else "summary")
-    stored = RunSummary.load(file)
-    if stored is not None:
+    if (stored := RunSummary.load(file)) is not None:
         return stored
     # some studies are about runs that diverge
     with np.errstate(over="ignore", invalid="ignore"):
-        made = perform(run)
+        performed = perform(run)
         with suppress(OSError):  # then it can only not be taken up again
             if run == baseline:
-                made.record.save(kept_file(kept, run))
-        summary = summarise(made, RunRecord.load(kept_file(kept, baseline)), drift_noted=drift_noted)
+                performed.record.save(kept_file(kept, run))
+        summary = summarise(performed, RunRecord.load(kept_file(kept, baseline)), drift_noted=drift_noted)
     with suppress(OSError):
         summary.save(file)
     return summary
 
 
 def _finish(study: Study, summaries: Mapping[Any, RunSummary], folder: Path | None, formats: Formats) -> StudyResult:
-    """Evaluate and draw one study; its own mistakes become failures of its result."""
+    """Evaluate and draw one study; its own mistakes cost neither its numbers nor other studies."""
+    result, doing = StudyResult(study.name), "evaluation"
     try:
-        result = study.evaluate(summaries)
-    except Exception as error:  # one study's mistake must not cost the others
-        return StudyResult(study.name, failures=(f"evaluation: {type(error).__name__}: {error}",))
-    if folder is None:
-        return result
-    try:
-        columns = list(dict.fromkeys(column for point in result.points for column in point))
-        lines = [{column: point.get(column, "") for column in columns} for point in result.points]
-        write_table(data_file(folder, study.name), columns, lines)
-        for suffix in formats:
-            study.draw(result, figure_file(folder, study.name, (suffix,)))
-    except Exception as error:  # a figure must not cost the numbers
-        failure = f"figure: {type(error).__name__}: {error}"
-        return StudyResult(study.name, result.numbers, result.sentences, result.points, (*result.failures, failure))
+        result, doing = study.evaluate(summaries), "figure"
+        if folder is not None:
+            columns = list(dict.fromkeys(column for point in result.points for column in point))
+            lines = [{column: point.get(column, "") for column in columns} for point in result.points]
+            write_table(data_file(folder, study.name), columns, lines)
+            for suffix in formats:
+                study.draw(result, figure_file(folder, study.name, (suffix,)))
+    except Exception as error:
+        failure = f"{doing}: {type(error).__name__}: {error}"
+        return replace(result, failures=(*result.failures, failure))
     return result

@@ -28,26 +28,12 @@ Points = list[dict[str, Any]]
 """Lines of a study's data, by column."""
 
 Numbers = dict[tuple[str | float, ...], float]
-"""Keyed by what they are about (a scenario, a law, a gain …) and, last, by their name."""
+"""Keyed by what they are about (a scenario, a law, a gain …) and, last, by their name; NaN if not measured."""
 
 
 @dataclass(frozen=True)
 class StudyResult:
-    """The result of a study.
-
-    Attributes
-    ----------
-    study
-        Its name.
-    numbers
-        What verdicts are based on; NaN where it could not be measured.
-    sentences
-        The findings, with their numbers.
-    points
-        The data of the figure, one line of the study's CSV file each, failed runs included.
-    failures
-        Case and reason of every run that failed or was aborted, and of an evaluation or drawing that failed.
-    """
+    """Numbers that verdicts are based on, sentences, the figure's data (failed runs included), and failures."""
 
     study: str
     numbers: Numbers = field(default_factory=dict)
@@ -57,10 +43,7 @@ class StudyResult:
 
 
 class Study(ABC):
-    """A question, the runs that answer it, and one figure.
-
-    A new study defines the attributes below, :meth:`runs`, :meth:`measure` and :meth:`figure`, and is listed in
-    :data:`vsconstraints.paper.studies.STUDIES`.
+    """A question, the runs that answer it, and one figure; listed in :data:`vsconstraints.paper.studies.STUDIES`.
 
     Attributes
     ----------
@@ -87,7 +70,7 @@ class Study(ABC):
 
     @abstractmethod
     def measure(self, results: Mapping[Any, RunSummary]) -> tuple[Points, Numbers, list[str]]:
-        """The points, numbers and sentences of :class:`StudyResult`; failed runs are in ``results``, too."""
+        """Points, numbers and sentences of :class:`StudyResult`; ``results`` may lack runs, and has failed ones."""
 
     def figure(self, result: StudyResult) -> Sheet:
         """The figure, drawn from the result's points."""
@@ -98,11 +81,9 @@ class Study(ABC):
         Figure(self.name, self.title, self.figure_caption, self.figure).write(path, result)
 
     def evaluate(self, results: Mapping[Any, RunSummary]) -> StudyResult:
-        """The result, from summaries by case. Some may be missing; those that ended early are listed as failures."""
+        """The result, with the runs that ended early as failures."""
         points, numbers, sentences = self.measure(results)
-        failures = [
-            f"{case_text(case)}: {run.status}, {run.reason}" for case, run in results.items() if run.ended_early
-        ]
+        failures = [f"{_text(case)}: {run.status}, {run.reason}" for case, run in results.items() if run.ended_early]
         return StudyResult(self.name, numbers, tuple(sentences), tuple(points), tuple(failures))
 
 
@@ -129,9 +110,8 @@ class Sweep(Study):
         """See :class:`Study`."""
         runs = {}
         for table in self.table["small" if small else "runs"]:
-            overrides = table.get("overrides", {})
             values = {name: value if isinstance(value, list) else [value] for name, value in table.items()}
-            values.pop("overrides", None)
+            (overrides,) = values.pop("overrides", [{}])
             for chosen in product(*values.values()):
                 case = self.Case(**dict(zip(values, chosen, strict=True)))
                 spec = self.spec(case)
@@ -148,8 +128,7 @@ def case_type(*names: str) -> Any:
     return namedtuple("Case", names, defaults=[None] * len(names))
 
 
-def case_text(case: Case) -> str:
-    """A case in a message."""
+def _text(case: Case) -> str:
     parts = case if isinstance(case, tuple) else (case,)
     return " ".join(f"{part:g}" if isinstance(part, float) else str(part) for part in parts if part is not None)
 

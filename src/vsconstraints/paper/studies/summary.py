@@ -40,14 +40,9 @@ class RunSummary:
         By row label, its line of constraints.csv, its u⁺ as ``switching_gain``, and its scale.
     Ts
         Sampling time [s].
-    t
-        (T,) times of what follows [s].
-    q
-        (T, n) joint positions.
-    clearance
-        (T, m) clearance of each row as a fraction of its characteristic length.
-    pixels
-        (T, M, 2) markers from the image's centre [px].
+    t, q, clearance, pixels, qd
+        (T,) times [s]; joint positions (T, n); clearance of each row (T, m) as a fraction of its characteristic length;
+        markers from the image's centre (T, M, 2) [px]; joint speeds (T, n).
     needed_gain
         Greatest Σ max(L_fφᵢ, 0) over the active rows in any sample: the bound (12) on u⁺.
     entry_push
@@ -56,8 +51,6 @@ class RunSummary:
         Greatest φ of any row.
     longest_run
         Most samples in a row with φ ≥ 0, of any row; 0 if none was active.
-    qd
-        (T, n) joint speeds.
     """
 
     status: str
@@ -100,67 +93,46 @@ NOT_RUN = RunSummary("failed", "not run")
 """In place of a run that is missing."""
 
 
-def summarise(made: Run, baseline: RunRecord | None, *, drift_noted: bool = False) -> RunSummary:
-    """The summary of a run.
-
-    Parameters
-    ----------
-    made
-        The run.
-    baseline
-        Tracking alone on the same scenario, which shows the challenged rows; None if it failed.
-    drift_noted
-        Whether to compute ``needed_gain`` and ``entry_push``.
-    """
-    record, run = made.record, made.trajectory
+def summarise(run: Run, baseline: RunRecord | None, *, drift_noted: bool = False) -> RunSummary:
+    """The summary of a run; tracking alone on the same scenario, or None, shows the challenged rows."""
+    record, moved = run.record, run.trajectory
     scored = score(record, baseline)
-    if not len(run.t):
-        return RunSummary(run.status, run.reason, scored.result)
-    t = np.arange(0.0, run.t[-1] + 1e-9, max(GRID, run.t[-1] / MAX_SAMPLES))
-    coarse: dict[str, Any] = {
-        "q": run.q,
-        "clearance": run.clearance / record.length,
-        "pixels": run.features_px,
-        "qd": run.qd,
+    if not len(moved.t):
+        return RunSummary(moved.status, moved.reason, scored.result)
+    t = np.arange(0.0, moved.t[-1] + 1e-9, max(GRID, moved.t[-1] / MAX_SAMPLES))
+    fine = {"q": moved.q, "clearance": moved.clearance / record.length, "pixels": moved.features_px, "qd": moved.qd}
+    coarse: dict[str, Any] = {name: _at(t, moved.t, values).astype(np.float32) for name, values in fine.items()}
+    gain_and_scale = zip(record.switching_gain.tolist(), run.setup.constraints.scale.tolist(), strict=True)
+    rows = {
+        str(row["constraint"]): {**row, "switching_gain": gain, "scale": scale}
+        for row, (gain, scale) in zip(scored.constraints, gain_and_scale, strict=True)
     }
-    coarse = {name: _at(t, run.t, values).astype(np.float32) for name, values in coarse.items()}
-    coarse |= gains(made) if drift_noted else {}
-    rows = zip(scored.constraints, record.switching_gain, made.setup.constraints.scale, strict=True)
-    return RunSummary(
-        run.status,
-        run.reason,
-        scored.result,
-        {
-            str(row["constraint"]): {**row, "switching_gain": float(gain), "scale": float(scale)}
-            for row, gain, scale in rows
-        },
-        record.Ts,
-        t,
-        phi_max=float(run.phi.max(initial=-np.inf)),
-        longest_run=max((round(row["longest_positive_run_s"] / record.Ts) for row in scored.constraints), default=0),
-        **coarse,
-    )
+    longest = max((round(row["longest_positive_run_s"] / record.Ts) for row in scored.constraints), default=0)
+    noted = gains(run) if drift_noted else {}
+    phi_max = float(moved.phi.max(initial=-np.inf))
+    numbers: dict[str, Any] = {"Ts": record.Ts, "phi_max": phi_max, "longest_run": longest, **noted}
+    return RunSummary(moved.status, moved.reason, scored.result, rows, t=t, **numbers, **coarse)
 
 
-def joint_distance(one: RunSummary, other: RunSummary) -> float:
+def joint_distance(a: RunSummary, b: RunSummary) -> float:
     """Root mean square over time of ‖q − q'‖ between two runs [rad or m], over the time both have."""
-    return _rms(_difference(one, other, "q"))
+    return _rms(_difference(a, b, "q"))
 
 
-def clearance_distance(one: RunSummary, other: RunSummary) -> float:
+def clearance_distance(a: RunSummary, b: RunSummary) -> float:
     """Root mean square over time and rows of the difference of clearances, as a fraction of each row's length."""
-    return _rms(_difference(one, other, "clearance")) / math.sqrt(max(one.clearance.shape[1], 1))
+    return _rms(_difference(a, b, "clearance")) / math.sqrt(max(a.clearance.shape[1], 1))
 
 
-def pixel_distance(one: RunSummary, other: RunSummary) -> float:
+def pixel_distance(a: RunSummary, b: RunSummary) -> float:
     """Greatest distance of a marker between two runs at the same time [px]."""
-    apart = _difference(one, other, "pixels")
+    apart = _difference(a, b, "pixels")
     return float(np.linalg.norm(apart, axis=2).max()) if apart.size else math.nan
 
 
-def speed_difference(one: RunSummary, other: RunSummary) -> tuple[float, float]:
+def speed_difference(a: RunSummary, b: RunSummary) -> tuple[float, float]:
     """How joint speeds differ: the greatest difference of one, as a share of the other run's greatest; and both RMS."""
-    apart, reference = _difference(one, other, "qd"), other.qd
+    apart, reference = _difference(a, b, "qd"), b.qd
     if not len(apart) or not reference.any():
         return math.nan, math.nan
     rms = math.sqrt(float((apart**2).mean()) / float((reference**2).mean()))
@@ -171,12 +143,12 @@ def _rms(differences: Array) -> float:
     return float(np.sqrt((differences**2).sum(axis=1).mean())) if len(differences) else math.nan
 
 
-def _difference(one: RunSummary, other: RunSummary, name: str) -> Array:
-    """Differences of an array at the times of ``one`` that ``other`` has reached, too; empty if there are none."""
-    t = one.t[one.t <= other.t[-1]] if len(one.t) and len(other.t) else np.empty(0)
+def _difference(a: RunSummary, b: RunSummary, name: str) -> Array:
+    """Differences of an array at the times of ``a`` that ``b`` has reached, too; empty if there are none."""
+    t = a.t[a.t <= b.t[-1]] if len(a.t) and len(b.t) else np.empty(0)
     if not len(t):
         return np.empty((0, 0, 2))
-    return _at(t, one.t, getattr(one, name)) - _at(t, other.t, getattr(other, name))
+    return _at(t, a.t, getattr(a, name)) - _at(t, b.t, getattr(b, name))
 
 
 def _at(t: Array, times: Array, values: Array) -> Array:
@@ -185,22 +157,22 @@ def _at(t: Array, times: Array, values: Array) -> Array:
     return np.array([np.interp(t, times, column) for column in flat.T]).T.reshape(len(t), *values.shape[1:])
 
 
-def gains(made: Run) -> dict[str, float]:
+def gains(run: Run) -> dict[str, float]:
     """``needed_gain`` and ``entry_push`` of :class:`RunSummary`, along a motion and with what its controller knew.
 
     Gradient errors and disturbances of what is sensed are left out; without an active row there are none.
     """
-    active = made.trajectory.phi >= 0.0
+    active = run.trajectory.phi >= 0.0
     if not active.any():
         return {}
     entered = np.zeros_like(active)
     entered[:-1] = active[1:] & ~active[:-1]
-    step = ControlStep(made.setup.scene, made.setup.constraints, made.setup.task)
+    step = ControlStep(run.setup.scene, run.setup.constraints, run.setup.task)
     step.reset()
     needed, push = 0.0, []
     with suppress(SceneError):  # the sample at which a run failed
-        for k, t in enumerate(made.t):
-            now = step.evaluate(float(t), made.trajectory.q[k], made.trajectory.qd[k])
+        for k, t in enumerate(run.t):
+            now = step.evaluate(float(t), run.trajectory.q[k], run.trajectory.qd[k])
             needed = max(needed, float(np.maximum(now.rows.Lf[active[k]], 0.0).sum()))
             if entered[k].any():
                 moved = now.rows.Lf + now.rows.Lg @ track(now.task, RANK_TOLERANCE)
