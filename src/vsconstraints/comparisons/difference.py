@@ -151,7 +151,7 @@ class Pairs:
         runs_a, runs_b = (side.runs.set_index(list(side.key)) for side in (a, b))
         common = runs_a.index.intersection(runs_b.index, sort=False)
         only_a, only_b = (runs.index.difference(common, sort=False).to_frame(False) for runs in (runs_a, runs_b))
-        otherwise = []
+        otherwise: Any = []
         if a.drawn is not None:
             drawn = a.drawn.index.intersection(b.drawn.index)
             otherwise = drawn[(a.drawn.loc[drawn] != b.drawn.loc[drawn]).to_numpy()]
