@@ -12,7 +12,7 @@ import numpy as np
 class Objective(NamedTuple):
     """A quantity to be minimized, by its name in files and in reports.
 
-    ``worst`` bounds it from above and is the value of a run that does not converge: the reference point of hypervolumes.
+    ``worst`` bounds it from above and is that of a run that does not converge: the reference point of hypervolumes.
     ``unit`` weighs as much as one unit of another objective where one setting is chosen.
     """
 
