@@ -280,12 +280,12 @@ def _verify_campaign(folder: Path) -> tuple[str, list[str]]:
 
 def _changed_files(folder: Path, paths: list[Path]) -> list[str]:
     """Files that differ from their checksums, trajectories included, which readers can do without."""
-    from ..comparisons.runs.files import Difference, recorded
+    from ..comparisons.runs.files import compared, problems, recorded
 
     sums = recorded(folder)
     if sums is None:
         return ["it carries no checksums, so changed files cannot be detected"]
-    return Difference.of(folder, sums, paths).problems()
+    return problems(compared(folder, paths, sums))
 
 
 def comparison_report(folder: Path, wanted: ReportOptions) -> Path:
