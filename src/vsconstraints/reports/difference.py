@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..comparisons.difference.difference import SIGNIFICANT, Change, Difference, Outcome, Shift, significant
-from ..comparisons.difference.pairs import MIN_PAIRS
+from ..comparisons.difference import SIGNIFICANT, Change, Difference, Outcome, Shift, significant
 from ..comparisons.statistics import median, with_interval
+from ..comparisons.statistics.judged import MIN_SCENES
 from .markdown import Table, bold, bullets, enumeration, plain
 from .numbers import DASH, number
 from .page import render
@@ -55,7 +55,7 @@ def page(found: Difference) -> str:
         more_shifts=len(shifts) - MAX_LINES,
         times=Table(["law", *group, "time", "A", "B", "median of B / A"], _times(found), 2 + len(group)),
         significant=SIGNIFICANT,
-        min_pairs=MIN_PAIRS,
+        min_pairs=MIN_SCENES,
     )
 
 

@@ -8,7 +8,7 @@ from statistics import median
 
 from ..comparisons.runs.files import storing
 from ..comparisons.tuning.objectives import OBJECTIVES, REFERENCE
-from ..comparisons.tuning.result import Evaluation, Tuned, Tuning
+from ..comparisons.tuning.tune import Evaluation, Tuned, Tuning
 from .markdown import Table
 from .page import render, write_pages
 
@@ -33,12 +33,12 @@ def write_report(tuning: Tuning, folder: Path) -> None:
 def _lines(law: Tuned) -> Iterator[tuple[str, ...]]:
     volumes = law.hypervolumes
     several = f" ({min(volumes):.3f}–{max(volumes):.3f})" if len(volumes) > 1 else ""
-    yield law.law.law.name, "default", *_cells(law.default), f"{median(volumes):.3f}{several}"
+    yield law.law.name, "default", *_cells(law.default), f"{median(volumes):.3f}{several}"
     if law.chosen is None:
         yield "", "nothing is searched", *("" for _ in OBJECTIVES), "", ""
         return
-    options = ", ".join(f"{key} = {_short(value)}" for key, value in law.chosen.asked.options.items())
-    chosen = "default is best" if law.chosen.asked.number == 0 else options
+    options = ", ".join(f"{key} = {_short(value)}" for key, value in law.chosen.options.items())
+    chosen = "default is best" if law.chosen.number == 0 else options
     infeasible = "" if law.chosen.feasible else f"none of {len(law.evaluations)} is feasible, least: "
     yield "", infeasible + chosen, *_cells(law.chosen), ""
 
