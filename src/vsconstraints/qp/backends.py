@@ -151,8 +151,7 @@ class QpsolversSolver(QPSolver):
         x, multipliers = np.asarray(solution.x, dtype=np.float64), np.asarray(solution.z, dtype=np.float64)
         count = solution.extras.get("iterations", getattr(solution.extras.get("info"), "iter", 0))
         count = int(np.ravel(count if count is not None else 0)[0])
-        x, multipliers = scaled.original(x, multipliers) if scaled else (x, multipliers)
-        return Answer(x, multipliers, count)
+        return Answer(*scaled.original(x, multipliers), count) if scaled else Answer(x, multipliers, count)
 
 
 NATIVE: dict[str, type[QPSolver]] = {"daqp": DaqpSolver, "proxqp": ProxqpSolver}
