@@ -13,10 +13,7 @@ from .vectors import Matrix, Vector, cross, minus, plus, transposed_product, tur
 def pose_error(
     goal_R: Matrix, goal_t: Any, R: Matrix, t: Any, near: Any, continues: bool
 ) -> tuple[Matrix, Vector, Vector]:
-    """c*R_C, c*t_C and θu of eq. (44), of the poses goal and camera in the target's frame.
-
-    If the motion ``continues``, θu is the vector closest to ``near``.
-    """
+    """c*R_C, c*t_C and θu of eq. (44) of two poses in the target's frame; see :func:`.rotation_vector` for ``near``."""
     E = transposed_product(goal_R, R)
     return E, turned_back(goal_R, minus(t, goal_t)), rotation_vector(E, near, continues)
 
@@ -25,12 +22,8 @@ def pose_error(
 def pose_rates(
     E: Matrix, L: Matrix, L_dot: Matrix, v: Any, omega: Any, v_dot: Any, omega_dot: Any
 ) -> tuple[Vector, Vector, Vector]:
-    """The rate of c*t_C; and its second derivative and that of θu, of a camera that moves so relative to the target.
-
-    v, ω, v̇ and ω̇ are in the camera's axes; ω̇ and v̇ those with q̈ = 0.
-    """
-    linear = cross(omega, v)
-    return turned(E, v), turned(E, plus(v_dot, linear)), pair(L, omega_dot, L_dot, omega)
+    """First and second derivative of c*t_C and second of θu with q̈ = 0, from the camera's motion in its own axes."""
+    return turned(E, v), turned(E, plus(v_dot, cross(omega, v))), pair(L, omega_dot, L_dot, omega)
 
 
 @formula

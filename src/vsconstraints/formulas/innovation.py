@@ -10,26 +10,16 @@ import numpy as np
 from . import formula
 
 MEMORY = 0.2
-"""Time constant with which speeds and changes of positions are compared [s]: samples that come late, and speeds that an
-arm filters, leave less than what is wrong."""
+"""Time constant of the comparison of speeds with positions [s]: late samples and filtered speeds leave little."""
 
 
 @formula
 def image_innovation(pixels: Any, correction: Any, Fu: float, Fv: float) -> tuple[float, float]:
     """Greatest distance of a marker from where the model has it [px], and by how much the pattern's shape differs.
 
-    The latter is ‖(s − s̄) − (p − p̄)‖ / ‖p − p̄‖ for markers seen at s and predicted at p. A target, or a camera, that
-    is a little elsewhere moves the pattern and hardly bends it; a mirrored image, or another order of markers, bends
-    it by 1 and more. It is 0 where all markers are predicted at one point. Loops over markers, in both forms.
-
-    Parameters
-    ----------
-    pixels
-        (M, 2) s.
-    correction
-        (M, 2) (s − p) / F.
-    Fu, Fv
-        F [px].
+    The latter is ‖(s − s̄) − (p − p̄)‖ / ‖p − p̄‖ for markers seen at s (``pixels``) and predicted at p, with
+    ``correction`` (s − p) / F, each (M, 2). A target or camera that is a little elsewhere hardly bends the pattern; a
+    mirrored image, or another order of markers, bends it by 1 and more. 0 where all are predicted at one point.
     """
     M = len(pixels)
     greatest = off = size = off_u = off_v = size_u = size_v = 0.0
@@ -47,17 +37,8 @@ def image_innovation(pixels: Any, correction: Any, Fu: float, Fv: float) -> tupl
 def slip(before: Any, moved: Any, mean_speed: Any, dt: Any) -> Any:
     """By how much positions have changed otherwise than speeds say [rad or m], forgotten within :data:`MEMORY`.
 
-    Divided by :data:`MEMORY` it is the error of a speed that is measured wrongly for longer. 0 at the first sample, and
-    where time does not go on.
-
-    Parameters
-    ----------
-    before
-        The same a sample ago; NaN if there was none.
-    moved, mean_speed
-        q − q_last, and (q̇ + q̇_last)/2.
-    dt
-        [s].
+    Divided by :data:`MEMORY` it is the error of a speed. ``before`` is the same a sample ago, NaN if there was none;
+    ``moved`` q − q_last. 0 at the first sample, and where time does not go on.
     """
     fresh = np.isnan(before) | (dt <= 0.0)
     return np.where(fresh, 0.0, (before + moved - dt * mean_speed) / (1.0 + np.abs(dt) / MEMORY))

@@ -6,27 +6,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..rows import at_end as at_end
 from . import formula
 
-AT_END = 1e-9
-"""Distance from an end of a box, as a fraction of the acceleration, that is rounding."""
+formula(at_end)
 
 
 class JointLimits(NamedTuple):
     """Limits of a joint (compiled), or arrays (n,) of those of all joints (NumPy); infinite where there is none.
 
-    Attributes
-    ----------
-    acceleration
-        a of |q̈| ≤ a [rad/s² or m/s²].
-    change
-        Of |q̈ − q̈_last| ≤ j T_s, from one sample to the next.
-    q_min, q_max, qd_max
-        Range and greatest speed [rad, rad/s or m, m/s], which count where ``ranges`` is not 0.
-    ranges
-        Whether they do, for all joints; accelerations must be bounded then.
-    period
-        T_s [s].
+    |q̈| ≤ ``acceleration`` [rad/s² or m/s²], |q̈ − q̈_last| ≤ ``change`` from one sample to the next, and unless
+    ``ranges`` is 0 range and speed [rad, rad/s or m, m/s], which takes bounded accelerations; ``period`` is T_s [s].
     """
 
     acceleration: Any
@@ -53,18 +43,11 @@ def actuator_box(last: Any, limits: JointLimits) -> tuple[Any, Any]:
 
 @formula
 def stopping(left: Any, speed: Any, acceleration: Any, period: float) -> Any:
-    """Greatest q̈ for a period after which a joint can still stop before the end of its range.
+    """Greatest q̈ for a period T after which a joint can still stop before the end of its range, d = ``left`` away.
 
-    At the end of the period the speed is w = q̇ + T q̈ and what is left is d − T (q̇ + w)/2. Where w ≥ 0, stopping takes
-    w²/(2a) (Del Prete 2018, eq. 24): w² + a T w ≤ 2 a (d − T q̇/2). Where that leaves no w ≥ 0, the joint turns back
-    within the period, by q̈ = −q̇²/(2d). A joint that is outside is stopped; who brings it back is not decided here.
-
-    Parameters
-    ----------
-    left, speed
-        d and q̇, both towards that end.
-    acceleration, period
-        a and T.
+    After it the speed is w = q̇ + T q̈ and what is left is d − T (q̇ + w)/2. Where w ≥ 0, stopping takes w²/(2a) (Del
+    Prete 2018, eq. 24): w² + a T w ≤ 2 a (d − T q̇/2). Where that leaves no w ≥ 0, the joint turns back within the
+    period, by q̈ = −q̇²/(2d). A joint that is outside is stopped.
     """
     d = np.where(left < np.inf, left, 0.0)
     ahead = d - 0.5 * period * speed
@@ -86,9 +69,3 @@ def joint_box(q: Any, qd: Any, last: Any, limits: JointLimits) -> tuple[Any, Any
     down = np.minimum(stopping(q - limits.q_min, -qd, a, T), (limits.qd_max + qd) / T)
     up = between(up, least, greatest)
     return np.minimum(between(-down, least, greatest), up), up
-
-
-@formula
-def at_end(qdd: Any, least: Any, greatest: Any) -> Any:
-    """Whether an acceleration is at an end of its box."""
-    return (qdd - least <= AT_END * abs(qdd)) | (greatest - qdd <= AT_END * abs(qdd))

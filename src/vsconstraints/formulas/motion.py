@@ -8,7 +8,7 @@ import numpy as np
 
 from . import formula
 from .rotation import length, turn_about
-from .vectors import Matrix, Vector, cross, minus, turned
+from .vectors import Matrix, Vector, cross, minus, plus, turned
 
 
 @formula
@@ -26,13 +26,7 @@ def target_pose(t: float, angular_velocity: Any, centre: Any, moved: Any) -> tup
     turning = rate if rate > 0.0 else 1.0
     axis = (angular_velocity[0] / turning, angular_velocity[1] / turning, angular_velocity[2] / turning)
     R = turn_about(axis, np.sin(rate * t), np.cos(rate * t))
-    back = turned(R, centre)
-    position = (
-        centre[0] - back[0] + moved[0],
-        centre[1] - back[1] + moved[1],
-        centre[2] - back[2] + moved[2],
-    )
-    return R, position
+    return R, plus(minus(centre, turned(R, centre)), moved)
 
 
 @formula
@@ -41,7 +35,7 @@ def carried(r: Any, velocity: Any, omega: Any, acceleration: Any, alpha: Any) ->
     s = cross(omega, r)
     inwards = cross(omega, s)
     return (
-        (velocity[0] + s[0], velocity[1] + s[1], velocity[2] + s[2]),
+        plus(velocity, s),
         (
             acceleration[0] + alpha[1] * r[2] - alpha[2] * r[1] + inwards[0],
             acceleration[1] + alpha[2] * r[0] - alpha[0] * r[2] + inwards[1],
@@ -56,31 +50,12 @@ def relative_twist(
 ) -> tuple[Vector, Vector, Vector, Vector]:
     """v, ω, v̇ and ω̇ of a camera relative to a target, as seen by who turns with the camera, in the base frame.
 
-    Parameters
-    ----------
-    velocity, acceleration
-        Of the camera's origin, less those of the target's displacement.
-    omega, alpha
-        ω and ω̇ of the camera.
-    target_omega
-        ω of the target, which is constant.
-    away
-        The camera's origin from the target's centre.
+    Of the camera ω, ω̇ and the motion of its origin, less that of the target's displacement; of the target its constant
+    ω, and the camera's origin ``away`` from its centre.
     """
-    with_target, turning = cross(target_omega, away), cross(target_omega, velocity)
-    v = minus(velocity, with_target)
-    own = cross(omega, v)
-    twist = cross(omega, target_omega)
-    return (
-        v,
-        minus(omega, target_omega),
-        (
-            acceleration[0] - turning[0] - own[0],
-            acceleration[1] - turning[1] - own[1],
-            acceleration[2] - turning[2] - own[2],
-        ),
-        (twist[0] + alpha[0], twist[1] + alpha[1], twist[2] + alpha[2]),
-    )
+    v, turning = minus(velocity, cross(target_omega, away)), cross(target_omega, velocity)
+    linear = minus(minus(acceleration, turning), cross(omega, v))
+    return v, minus(omega, target_omega), linear, plus(cross(omega, target_omega), alpha)
 
 
 @formula
@@ -93,8 +68,7 @@ def angle(squared_difference: Any) -> Any:
 def reached(distance: Any, turn: Any, away: Any, speed: Any, tolerance: Any, by_pose: bool) -> Any:
     """Whether a goal is reached: by distance [m] and angle [rad] of the camera, or by markers [px] alone; and at rest.
 
-    At rest is the arm whose fastest joint has no more than ``speed`` [rad/s or m/s]; ``tolerance`` (4,) are those of
-    all four.
+    ``speed`` is that of the fastest joint [rad/s or m/s]; ``tolerance`` (4,) are those of all four.
     """
     there = (distance <= tolerance[0]) & (turn <= tolerance[1]) if by_pose else away <= tolerance[2]
     return there & (speed <= tolerance[3])

@@ -11,16 +11,9 @@ from typing import Any
 
 
 def linearise(phi: Any, sigma: Any, Lg: Any, K: Any, now: Any, value: Any, gradient: Any) -> None:
-    """Value (N, m) and gradient (N, m, n) of rows: φ by q̇ where K is 0, elsewhere σ by q.
+    """Value (N, m) and gradient (N, m, n) of rows: φ by q̇ where K is 0, elsewhere σ by q, from predicted rows.
 
-    Parameters
-    ----------
-    phi, sigma, Lg
-        (N, m) and (N, m, n), predicted.
-    K
-        (m,).
-    now
-        (m,) the values of now, from which those predicted differ by what is taken to stay so.
+    Predicted values differ from those of ``now`` (m,) by what is taken to stay so.
     """
     N, m, n = Lg.shape
     for i in range(m):
@@ -33,16 +26,9 @@ def linearise(phi: Any, sigma: Any, Lg: Any, K: Any, now: Any, value: Any, gradi
 
 
 def exceed(value: Any, gradient: Any, K: Any, q: Any, qd: Any, falls: Any, left: Any, over: Any) -> None:
-    """By how much rows exceed what falls with them: σ(τ + Δτ) − fall σ(τ) − left, (N − 1, m).
+    """By how much rows of :func:`linearise` exceed what falls with them: σ(τ + Δτ) − fall σ(τ) − left, (N − 1, m).
 
-    Parameters
-    ----------
-    value, gradient, K
-        Of :func:`linearise`.
-    q, qd
-        (N, n) how far q and q̇ are from those that the values are of.
-    falls, left
-        (N − 1,) and (N − 1, m).
+    ``q`` and ``qd`` (N, n) are how far q and q̇ are from those that the values are of; ``falls`` is (N − 1,).
     """
     N, m, n = gradient.shape
     for i in range(m):
@@ -76,18 +62,8 @@ def differentiate(which: Any, gradient: Any, K: Any, Q: Any, V: Any, falls: Any,
 def normal_equations(C: Any, J: Any, b: Any, own: Any, square: Any, P: Any, q: Any) -> None:
     """P (Hn, Hn), its upper triangle in blocks, and q (Hn,) of ½uᵀPu − qᵀu = ½Σ‖J (C u − own) − b‖², but a constant.
 
-    Parameters
-    ----------
-    C
-        (B, H) what the plan does to each of B accelerations, those that it makes by itself among it.
-    J, b
-        (B, k, n) and (B, k).
-    own
-        (B, n) of C u what the plan that b is of has made of it.
-    square
-        (n, n) scratch.
-    P, q
-        Zeros at first.
+    C (B, H) is what the plan does to each of B accelerations, ``own`` (B, n) what C u is of the plan that J (B, k, n)
+    and b (B, k) are of; ``square`` (n, n) is scratch, P and q are zeros at first.
     """
     B, k, n = J.shape
     for a in range(B):

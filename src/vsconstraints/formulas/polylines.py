@@ -20,8 +20,8 @@ SLACK = 1.0 + 1e-9
 def prepared(lines: Sequence[Array]) -> tuple[Array, Array, Array, Array, IntArray, IntArray, Array]:
     """What :func:`search` needs of polylines (p, 2).
 
-    All vertices one after the other; chords of blocks, groups and regions of them; the vertices before and after each,
-    which is the vertex itself at an end; and a quarter of the longest segment, squared (1,).
+    All vertices; chords of blocks, groups and regions of them; the vertices before and after each, itself at an end;
+    and a quarter of the longest segment, squared (1,).
     """
     vertices = np.ascontiguousarray(np.concatenate(lines), dtype=np.float64)
     ends = np.cumsum([len(line) for line in lines])
@@ -78,30 +78,13 @@ def to_neighbours(vertices: Array, before: IntArray, after: IntArray, k: int, u:
 
 
 @formula
-def search(
-    points: Array,
-    lines: tuple[Any, ...],
-    stride: int,
-    nearest: IntArray,
-    found: Array,
-) -> None:
-    """Write the distance of points (k, 2) to polylines to ``found`` (k,), and a vertex next to it to ``nearest``.
+def search(points: Array, lines: tuple[Any, ...], stride: int, nearest: IntArray, found: Array) -> None:
+    """Write the distance of points (k, 2) to lines of :func:`prepared` to ``found`` (k,), a vertex near to ``nearest``.
 
     A segment that is nearest to a point has one of its ends no farther than √(distance² + (length/2)²), so that with
-    the longest segment only vertices up to there matter, with the segments at them. Consecutive vertices form blocks,
-    each along a chord and not far from it; only blocks that may hold such a vertex are looked at one by one.
-
-    Parameters
-    ----------
-    points
-        (k, 2) where from.
-    lines
-        What :func:`prepared` gives.
-    stride
-        The vertex found for the point that many before is where the search for a point starts: that of the same
-        marker, where the points are those of several markers over time.
-    nearest, found
-        (k,).
+    the longest segment only vertices up to there matter, with the segments at them. Consecutive vertices form blocks
+    along chords; only blocks that may hold such a vertex are looked at one by one. The search starts at the vertex
+    found ``stride`` points before: that of the same marker.
     """
     vertices, blocks, groups, regions, before, after, longest = lines
     beyond = longest[0]

@@ -11,10 +11,9 @@ from . import formula
 
 @formula
 def opening(error: Any, closed: float, opened: float) -> Any:
-    """λ of the size of the error: 0 below ``closed``, 1 above ``opened``, 1/(1 + exp(6 − 12 r)) at the share r between.
+    """λ of the error's size: 0 below ``closed``, 1 above ``opened``, 1/(1 + exp(6 − 12 r)) at the share r between.
 
-    Marey and Chaumette, "New strategies for avoiding robot joint limits: application to visual servoing using a large
-    projection operator", IROS 2010, with the ends as in ViSP.
+    Marey and Chaumette, "New strategies for avoiding robot joint limits", IROS 2010, with the ends as in ViSP.
     """
     r = (error - closed) / (opened - closed)
     between = 1.0 / (1.0 + np.exp(6.0 - 12.0 * np.minimum(np.maximum(r, 0.0), 1.0)))

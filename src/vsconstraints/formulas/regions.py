@@ -49,10 +49,9 @@ def half_space_curvature(x: Any, y: Any, z: Any, x_dot: Any, y_dot: Any, z_dot: 
 
 @formula
 def box(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Depth:
-    """Depth in the box |x| ≤ a, |y| ≤ b, |z| ≤ c: −‖max(|x| − h, 0)‖ outside, min(h − |x|) inside, h = (a, b, c).
+    """Depth in the box |x| ≤ h = (a, b, c): −‖max(|x| − h, 0)‖ outside, min(h − |x|) inside.
 
-    n leads away from the nearest point of the surface, inside towards it: along the first axis of those that are
-    equally near, and towards + in the middle.
+    n leads out to the nearest face: along the first axis of those equally near, and towards + in the middle.
     """
     sx, sy, sz = 1.0 - 2.0 * (x < 0.0), 1.0 - 2.0 * (y < 0.0), 1.0 - 2.0 * (z < 0.0)
     beyond_x, beyond_y, beyond_z = np.abs(x) - a, np.abs(y) - b, np.abs(z) - c
@@ -88,10 +87,7 @@ def about_axis(x: Any, y: Any) -> tuple[Any, Any, Any]:
 
 @formula
 def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
-    """Distance of (ρ, z) to the rectangle ρ ≤ r, |z| ≤ h, and its derivatives.
-
-    Inside, it is that of the nearest side: ρ = r where side and end are equally near, and + in the middle.
-    """
+    """Distance of (ρ, z) to the rectangle ρ ≤ r, |z| ≤ h, and derivatives; inside, ρ = r and + where sides tie."""
     side, end, sz = rho - r, np.abs(z) - h, 1.0 - 2.0 * (z < 0.0)
     out_side, out_end = np.maximum(side, 0.0), np.maximum(end, 0.0)
     length = np.sqrt(out_side * out_side + out_end * out_end)
@@ -103,11 +99,7 @@ def rectangle(rho: Any, z: Any, r: Any, h: Any) -> tuple[Any, Any, Any]:
 
 @formula
 def cylinder(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
-    """Depth in the cylinder ρ ≤ r, |z| ≤ h, ρ² = x² + y²: that of (ρ, z) in the rectangle of r and h.
-
-    n leads away from the nearest point of the surface, inside towards it: through the side where side and end are
-    equally near, along x on the axis, and towards + in the middle.
-    """
+    """Depth in the cylinder ρ ≤ r, |z| ≤ h, ρ² = x² + y²: that of (ρ, z) in the rectangle; on the axis out along x."""
     rho, rx, ry = about_axis(x, y)
     distance, n_rho, n_z = rectangle(rho, z, r, h)
     return -distance, -(n_rho * rx), -(n_rho * ry), -n_z
@@ -115,11 +107,7 @@ def cylinder(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
 
 @formula
 def cylinder_curvature(x: Any, y: Any, z: Any, r: Any, h: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> Any:
-    """ẋᵀ H ẋ of :func:`cylinder`.
-
-    It is that of ρ, (ẋ² + ẏ² − ρ̇²)/ρ, and that of the distance to the rectangle, which is bent only beyond both side
-    and end.
-    """
+    """ẋᵀ H ẋ of :func:`cylinder`: of ρ, (ẋ² + ẏ² − ρ̇²)/ρ, and of the rectangle, bent only beyond both side and end."""
     rho, rx, ry = about_axis(x, y)
     distance, n_rho, n_z = rectangle(rho, z, r, h)
     rho_dot = x_dot * rx + y_dot * ry
@@ -140,10 +128,7 @@ def from_segment(x: Any, y: Any, z: Any, h: Any) -> tuple[Any, Any, Any, Any]:
 
 @formula
 def capsule(x: Any, y: Any, z: Any, r: Any, h: Any) -> Depth:
-    """Depth in the capsule of radius r around the segment |z| ≤ h of the z axis: r less the distance to the segment.
-
-    n leads away from the nearest point of the segment, on it along x.
-    """
+    """Depth in the capsule of radius r around the segment |z| ≤ h of the z axis; on the segment out along x."""
     length, nx, ny, nz = from_segment(x, y, z, h)
     return r - length, -nx, -ny, -nz
 

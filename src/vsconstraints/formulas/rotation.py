@@ -41,9 +41,8 @@ def turn_by(w: Any) -> Matrix:
 def rotation_vector(R: Matrix, near: Any, continues: bool) -> Vector:
     """θu with exp([θu]×) = R.
 
-    The same rotation is θu, (θ − 2π)u, (θ + 2π)u, …: if it ``continues`` the one closest to ``near`` is returned, so
-    that a sequence of calls stays continuous in time, also through θ = π. Otherwise θ ≤ π, and at θ = π, where the sign
-    of the axis is ambiguous, the axis is the one whose largest component is positive.
+    If it ``continues``, that of θu, (θ − 2π)u, (θ + 2π)u, … closest to ``near``, so that a sequence of calls stays
+    continuous, also through θ = π. Otherwise θ ≤ π, and at π the axis is the one whose largest component is positive.
     """
     # the quaternion (w, real) by its largest component, which is accurate for every angle
     xx, yy, zz = R[0][0], R[1][1], R[2][2]
@@ -126,23 +125,10 @@ def rotation_vector_rate(w: Any, omega: Any) -> tuple[Vector, Matrix, Matrix]:
     along = dot(w, w_dot)
     c_dot = slope * along
     c_dot_w, turn = (c_dot * w[0], c_dot * w[1], c_dot * w[2]), c_dot * theta2 + 2.0 * c * along
-    x, y, z = w[0], w[1], w[2]
-    u, v, r = w_dot[0], w_dot[1], w_dot[2]
+    (x, y, z), (u, v, r), (a, b, d) = w, w_dot, c_dot_w
     outer_dot = (
-        (
-            c_dot_w[0] * x + c * (u * x + x * u) - turn,
-            c_dot_w[0] * y + c * (u * y + x * v),
-            c_dot_w[0] * z + c * (u * z + x * r),
-        ),
-        (
-            c_dot_w[1] * x + c * (v * x + y * u),
-            c_dot_w[1] * y + c * (v * y + y * v) - turn,
-            c_dot_w[1] * z + c * (v * z + y * r),
-        ),
-        (
-            c_dot_w[2] * x + c * (r * x + z * u),
-            c_dot_w[2] * y + c * (r * y + z * v),
-            c_dot_w[2] * z + c * (r * z + z * r) - turn,
-        ),
+        (a * x + c * (u * x + x * u) - turn, a * y + c * (u * y + x * v), a * z + c * (u * z + x * r)),
+        (b * x + c * (v * x + y * u), b * y + c * (v * y + y * v) - turn, b * z + c * (v * z + y * r)),
+        (d * x + c * (r * x + z * u), d * y + c * (r * y + z * v), d * z + c * (r * z + z * r) - turn),
     )
     return w_dot, L, with_half_cross(outer_dot, w_dot)

@@ -10,24 +10,22 @@ from . import formula
 
 
 class Row(NamedTuple):
-    """A row's numbers (compiled), or arrays (m,) of all rows (NumPy); see :class:`vsconstraints.rows.Rows`.
+    """A row's numbers (compiled), or arrays (m,) of all rows (NumPy); NaN where one is not known or not used.
 
     Attributes
     ----------
     phi, Lf, sigma, sigma_dot, K, switching_gain, scale
-        As in :class:`vsconstraints.rows.Rows`; NaN where it is not known.
-    tracked
-        L_gφ q̈ of the command that tracks and heeds no row; NaN if the demand does not use it.
+        As in :class:`vsconstraints.rows.Rows`.
+    tracked, effort
+        L_gφ q̈ and ‖q̈‖ of the command that tracks and heeds no row.
     norm, norm_1
         ‖L_gφ‖, and the sum ‖L_gφ‖₁ of the magnitudes of its entries.
-    effort
-        ‖q̈‖ of the command that tracks and heeds no row, the same for all rows; NaN if the demand does not use it.
     last_rate
-        L_gφ q̈ as this law commanded it at the last sample; NaN at the first one.
+        L_gφ q̈ as this law commanded it at the last sample.
     period
-        The sampling period T_s [s]; NaN if it is not known.
+        T_s [s].
     memory
-        Floats that the demand has given back at the last sample: ``memory[0]``, ``memory[1]`` and so on.
+        Floats that the demand returned at the last sample: ``memory[0]``, ``memory[1]`` and so on.
     """
 
     phi: Any
@@ -47,22 +45,14 @@ class Row(NamedTuple):
 
 
 BOUND, EQUAL, PUSH = range(3)
-"""What of a demand is asked for: the bounds c of L_gφ q̈; those of the rows that act on it, if all that act meet it with
-equality; or by how much c is below L_gφ q̈ of tracking, where it is."""
+"""The bounds c of L_gφ q̈; those met with equality by all rows that act; how far c is below L_gφ q̈ of tracking."""
 
 
 @formula
 def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere: int) -> Any:
-    """One of the three, ∞ where nothing is asked for, from the value of a demand's formula.
+    """One of ``BOUND``, ``EQUAL`` and ``PUSH``, ∞ where nothing is asked for, from the value of a demand's formula.
 
-    Parameters
-    ----------
-    value, tracked
-        What the formula gave, and L_gφ q̈ of tracking.
-    purpose
-        ``BOUND``, ``EQUAL`` or ``PUSH``.
-    relative, everywhere
-        Of the :class:`vsconstraints.controllers.demands.Demand`, as 0 or 1.
+    ``relative`` and ``everywhere`` are the demand's, as 0 or 1.
     """
     if purpose == PUSH:
         below = value if relative == 1 else value - tracked
@@ -73,10 +63,7 @@ def asked_for(value: Any, tracked: Any, purpose: int, relative: int, everywhere:
 
 @formula
 def share(c: Any, tracked: Any) -> Any:
-    """The largest κ in [0, 1] at which κ L_gφ q̈ of tracking exceeds c as little as possible: 0 where c < 0 forbids all.
-
-    A row that tracking moves inwards has nothing to gain from a smaller κ: 1.
-    """
+    """The largest κ in [0, 1] at which κ L_gφ q̈ of tracking exceeds c least: 1 where tracking moves a row inwards."""
     room = np.maximum(c, 0.0)
     return np.where(tracked > room, room / tracked, 1.0)
 

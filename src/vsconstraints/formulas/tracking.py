@@ -33,24 +33,14 @@ def resting(q: Any, qd: Any, posture: Any, damping: float, stiffness: float) -> 
 def retargeted(b: Any, error: Any, rate: Any, reference: Any, now: Any, then: Any) -> Any:
     """B of one feature as it is if s_ref stands still at ``reference``, from what the task makes of the goal itself.
 
-    Parameters
-    ----------
-    b, error, rate
-        Of the task, whose error is s less its value at the goal.
-    reference
-        s_ref, less the feature's value at the goal.
-    now, then
-        K_p and K_v of the error to the goal, and of the error to the reference.
+    Error and reference are less the feature's value at the goal; ``now`` and ``then`` are K_p and K_v of both errors.
     """
     return b + now[0] * error + now[1] * rate - then[0] * (error - reference) - then[1] * rate
 
 
 @formula
 def held_gains(Kp: float, Kv: float, h: float) -> tuple[float, float]:
-    """K_p and K_v with which q̈, held for h [s], is the mean of what the law asks meanwhile: the implicit midpoint rule.
-
-    However long h is, the error does not grow.
-    """
+    """K_p and K_v of q̈ held for h [s] by the implicit midpoint rule: the error does not grow, however long h is."""
     lag = 1.0 + 0.5 * h * (Kv + 0.5 * h * Kp)
     return Kp / lag, (Kv + 0.5 * h * Kp) / lag
 
@@ -82,10 +72,7 @@ def goals_at(begins: Any, t: Any) -> Any:
 
 @formula
 def funnel(elapsed: Any, final: float, decay: float) -> tuple[Any, Any, Any]:
-    """ρ/ρ₀ = (1 − f) exp(−l t) + f and its first two derivatives, of ``final`` f = ρ∞/ρ₀ and ``decay`` l [1/s].
-
-    Before it begins, up to the rounding of :func:`vsconstraints.formulas.tracking.goal_at`, it stands open.
-    """
+    """ρ/ρ₀ = (1 − f) exp(−l t) + f and two derivatives, of f = ρ∞/ρ₀ and l [1/s]; open before it begins."""
     narrowing = (1.0 - final) * np.exp(-decay * np.maximum(elapsed, 0.0))
     rate = decay * (elapsed >= -1e-9)
     return narrowing + final, -rate * narrowing, rate * rate * narrowing

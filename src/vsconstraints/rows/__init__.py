@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
-from ..formulas.limits import at_end
 from .readable import amount, counted, enumerated, in_one_line
 
 Array = NDArray[np.floating[Any]]
@@ -206,6 +205,15 @@ OPTIONAL = ("sigma", "sigma_dot", "K")
 
 BOX = ("qdd_min", "qdd_max")
 """Bounds of q̈, (n,) each, likewise."""
+
+
+AT_END = 1e-9
+"""Distance from an end of a box, as a fraction of the acceleration, that is rounding."""
+
+
+def at_end(qdd: Any, least: Any, greatest: Any) -> Any:
+    """Whether an acceleration is at an end of its box, elementwise."""
+    return (qdd - least <= AT_END * abs(qdd)) | (greatest - qdd <= AT_END * abs(qdd))
 
 
 def in_box(rows: Rows, qdd: Array) -> Array:
