@@ -1,4 +1,7 @@
-"""The resolver ``hierarchy``, compiled: demands, task and least acceleration with strict priorities."""
+"""The resolver ``hierarchy``, compiled: demands, task and least acceleration with strict priorities.
+
+A pair with :mod:`vsconstraints.controllers.cascade`: ``test_the_two_descents_agree`` compares them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""How tracking answers to a reference that stands still: :mod:`vsconstraints.controllers.response` says why."""
+"""How tracking answers to a reference that stands still.
+
+A pair with :mod:`vsconstraints.controllers.response`: ``test_responses_alike_in_both_forms`` compares them.
+"""
 
 from __future__ import annotations
 
