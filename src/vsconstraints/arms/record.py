@@ -315,7 +315,7 @@ def store(
     (folder / "trajectories").mkdir(exist_ok=True)
     punctual = punctuality(log)
     log.save(folder / ARM_LOG, where=where, **punctual.numbers())
-    LATENESS.write(folder / ARM / LATENESS.file, {where: punctual})
+    LATENESS.write(folder / ARM / LATENESS.file_in(), {where: punctual})
     spec: RunSpec = next(run for run in suite.runs())
     trajectory = None
     if len(log.periods) < 2:

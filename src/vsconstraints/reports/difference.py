@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..comparisons.difference.difference import SIGNIFICANT, Change, Difference, Outcome, Shift, significant
-from ..comparisons.difference.pairs import MIN_PAIRS
+from ..comparisons.difference import SIGNIFICANT, Change, Difference, Outcome, Shift, significant
 from ..comparisons.statistics import median, with_interval
+from ..comparisons.statistics.judged import MIN_SCENES
 from .markdown import bold, bullets, code, enumeration, plain, table
 from .numbers import DASH, number
 
@@ -159,7 +159,7 @@ def _judged(found: Difference) -> str:
         f"Metrics count where they are significantly worse, p ≤ {SIGNIFICANT:g} after correction for all tests of "
         "this page (Bonferroni): the sign test for metrics, McNemar's (exact) for how runs end, both two-sided and of "
         "pairs.",
-        f"Where fewer than {MIN_PAIRS} pairs differ, nothing is tested: no test could find anything.",
+        f"Where fewer than {MIN_SCENES} pairs differ, nothing is tested: no test could find anything.",
         "A metric is compared over pairs in which both runs converged, violated nothing and lost no sliding mode, as "
         "far as the metric requires that. Medians are of those of them that differ, with simultaneous 95 % "
         "intervals: one excludes zero where the test does.",

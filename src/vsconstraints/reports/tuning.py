@@ -10,7 +10,7 @@ from statistics import median
 from ..comparisons.runs.files import storing
 from ..comparisons.tuning.objectives import OBJECTIVES, REFERENCE
 from ..comparisons.tuning.problem import Problem
-from ..comparisons.tuning.result import Evaluation, Tuned, Tuning
+from ..comparisons.tuning.tune import Evaluation, Tuned, Tuning
 from .markdown import table
 from .page import write_pages
 
@@ -43,14 +43,14 @@ def _how(problem: Problem) -> Iterator[str]:
 
 
 def _lines(law: Tuned) -> Iterator[tuple[str, ...]]:
-    name = law.law.law.name
+    name = law.law.name
     volumes = law.hypervolumes
     several = f" ({min(volumes):.3f}–{max(volumes):.3f})" if len(volumes) > 1 else ""
     spread = f"{median(volumes):.3f}{several}"
     yield name, "default", *_cells(law.default), spread
     if law.chosen is not None:
-        options = ", ".join(f"{key} = {_short(value)}" for key, value in law.chosen.asked.options.items())
-        chosen = "default is best" if law.chosen.asked.number == 0 else options
+        options = ", ".join(f"{key} = {_short(value)}" for key, value in law.chosen.options.items())
+        chosen = "default is best" if law.chosen.number == 0 else options
         said = "" if law.chosen.feasible else f"none of {len(law.evaluations)} is feasible, least: "
         yield "", said + chosen, *_cells(law.chosen), ""
     else:
