@@ -32,7 +32,7 @@ import typer
 
 from vsconstraints.cli.results import verify
 from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.comparisons.difference.difference import Question, difference
+from vsconstraints.comparisons.difference import difference
 from vsconstraints.comparisons.evidence import TABLES, Campaign, Evidence, Plan, collect, merge
 from vsconstraints.comparisons.evidence.folder import stored_files as files_of_campaign
 from vsconstraints.comparisons.folder import stored_files as files_of_comparison
@@ -173,7 +173,7 @@ def comparison(root: Path) -> Made:
             "report": (4, lambda folder: write_report(folder, figures=False)),
             "figures": (400, write_report),
             "replay": (20, lambda folder: select_run(str(folder / "trajectories" / file))),
-            "diff": (40, lambda folder: difference(root / "comparison", folder, Question())),
+            "diff": (40, lambda folder: difference(root / "comparison", folder)),
             "verify": (2, verify),
         },
     )
@@ -203,7 +203,7 @@ def campaign(root: Path) -> Made:
             "figures": (400, write_evidence_report),
             "merge": (4, merged),
             "replay": (40, lambda folder: replay(folder, "quick", 0, "nominal", "sliding-mode")),
-            "diff": (40, lambda folder: difference(root / "campaign", folder, Question())),
+            "diff": (40, lambda folder: difference(root / "campaign", folder)),
             "verify": (2, verify),
         },
     )

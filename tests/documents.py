@@ -177,5 +177,5 @@ def _anything(arguments: list[str], folder: Path) -> None:
 
 
 RUN = {"python": _python, "toml": _toml, "xml": _markup, "sh": _shell, "yaml": _dask, "bibtex": _citation}
-OTHERS = dict.fromkeys(("pytest", "dask", "openssl"), _anything)
+OTHERS = dict.fromkeys(("mypy", "pytest", "dask", "openssl"), _anything)
 COMMANDS = {"vsconstraints": _vsconstraints, "pip": _pip, "sphinx-build": _sphinx, **OTHERS}

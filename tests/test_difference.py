@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 
 from vsconstraints.cli import app, main
 from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.comparisons.difference import difference
-from vsconstraints.comparisons.difference.difference import Question, changes
+from vsconstraints.comparisons.difference import changes, difference
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, METRICS, RESULT_COLUMNS, TIMING_COLUMNS
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
@@ -113,7 +112,7 @@ def test_a_violation_counts_where_a_run_converges_in_neither(tmp_path: Path) -> 
 def test_rates_are_judged_by_all_runs(tmp_path: Path) -> None:
     a = Made().stored(tmp_path / "a")
     lost = Made().set("one", range(8), status="unfinished").stored(tmp_path / "b")
-    found = difference(a, lost, Question(strict=False))
+    found = difference(a, lost, strict=False)
     ((one, p),) = found.found
     # eight of eight to one side, and no other test beside it
     assert p == one.p == pytest.approx(2 / 2**8)
@@ -135,7 +134,7 @@ def test_metrics_are_judged_where_both_converge_inside(tmp_path: Path) -> None:
     before.set("one", [0], violated="fov[marker 1]").set("one", [1], status="trapped")
     after.set("one", [0], violated="fov[marker 1]").set("one", [1], status="trapped")
     after.set("one", [2], jerk_rms=math.nan, utilization=math.nan)
-    found = difference(before.stored(tmp_path / "a"), after.stored(tmp_path / "b"), Question(strict=False))
+    found = difference(before.stored(tmp_path / "a"), after.stored(tmp_path / "b"), strict=False)
     shifts = {one.metric.column: (one, p) for one, p in found.found}  # type: ignore[union-attr]
     assert shifts.keys() == {"jerk_rms", "utilization"}
     jerk, p = shifts["jerk_rms"]
@@ -176,19 +175,19 @@ def test_rounding_is_tolerated_and_seen(tmp_path: Path) -> None:
     found = difference(a, b)
     assert found.pairs.differ.sum() == 12
     assert not found.found
-    assert len(difference(a, b, Question(tolerance=0.0)).worse) == 1
+    assert len(difference(a, b, tolerance=0.0).worse) == 1
     with pytest.raises(ConfigurationError, match="tolerance"):
-        difference(a, b, Question(tolerance=math.nan))
+        difference(a, b, tolerance=math.nan)
 
 
 def test_only_the_metrics_that_are_asked_for(tmp_path: Path) -> None:
     a = Made().stored(tmp_path / "a")
     b = Made().set("one", range(12), jerk_rms=100.0, final_feature_error_px=99.0).stored(tmp_path / "b")
     assert len(difference(a, b).worse) == 2
-    (error,) = difference(a, b, Question(metrics=["final_feature_error_px"])).worse
+    (error,) = difference(a, b, metrics=["final_feature_error_px"]).worse
     assert error.metric.column == "final_feature_error_px"  # type: ignore[union-attr]
     with pytest.raises(ConfigurationError, match=r"unknown metric 'jerk'.*jerk_rms"):
-        difference(a, b, Question(metrics=["jerk"]))
+        difference(a, b, metrics=["jerk"])
 
 
 def test_runs_of_one_side_are_named(tmp_path: Path) -> None:

@@ -13,7 +13,6 @@ from campaigns import campaign
 from made_evidence import frame, made, run
 from test_evidence import HERE
 from vsconstraints.comparisons.difference import difference
-from vsconstraints.comparisons.difference.difference import Question
 from vsconstraints.comparisons.evidence import TABLES, Campaign, collect, parquet
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from vsconstraints.comparisons.tables import write_table
@@ -88,14 +87,14 @@ def test_a_law_that_is_slower_in_one_condition_is_found_there(tmp_path: Path) ->
     assert (one.group.law, one.group.place) == ("two", ("planar-arm", "disturbed"))
     assert "Worse: **two**, planar-arm, disturbed: settling time [s] by 0.0" in verdict(difference(a, b))
     assert not difference(b, a).worse
-    assert not difference(a, b, Question(tolerance=0.02)).worse
+    assert not difference(a, b, tolerance=0.02).worse
 
 
 def test_of_drawn_scenes_rates_count_and_not_runs(tmp_path: Path) -> None:
     a = stored(tmp_path / "a", lines())
     few = stored(tmp_path / "few", changed("one", "nominal", range(5), status="trapped"))
     assert not difference(a, few).worse
-    (lost,) = difference(a, few, Question(strict=True)).worse
+    (lost,) = difference(a, few, strict=True).worse
     assert list(lost.lost) == [1 + 3 * i for i in range(5)]  # type: ignore[union-attr]
     assert "planar-arm, nominal, held-out, 4, one no longer converges: trapped" in page(difference(a, few))
     many = stored(tmp_path / "many", changed("one", "nominal", range(6), status="trapped"))

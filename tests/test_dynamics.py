@@ -24,7 +24,6 @@ from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
 from vsconstraints.simulation.dynamics import ArmDynamics, DynamicPlant, Friction, MujocoDynamics, Payload, Rods
 from vsconstraints.simulation.dynamics.equivalent import Equivalent, lagged
-from vsconstraints.simulation.dynamics.plant import Start
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -45,7 +44,7 @@ def plant(name: str, *, Ts: float = 0.002, q: Any = None, qd: Any = None, **sett
     qd = np.zeros(robot.n) if qd is None else np.array(qd)
     settings.setdefault("effort", 1e6)
     settings.setdefault("speed", 1e6)
-    return DynamicPlant(robot, kind(**settings), Start(q, qd, Ts))
+    return DynamicPlant(robot, kind(**settings), q, qd, Ts)
 
 
 def free(there: DynamicPlant) -> DynamicPlant:
@@ -125,7 +124,7 @@ def test_a_rod_swings_as_by_hand() -> None:
     arm = Robot.from_dh([[0.0, 0.0, 0.8, 0.0]], name="rod")
     rods = Rods(mass_per_length=5.0, radius=0.02)
     settings = ArmDynamics(rods=rods, gravity=(0.0, -9.81, 0.0), substeps=1)
-    there = free(DynamicPlant(arm, settings, Start(np.array([0.3]), np.zeros(1), 1e-4)))
+    there = free(DynamicPlant(arm, settings, np.array([0.3]), np.zeros(1), 1e-4))
     there.follow()
     m = 5.0 * 0.8
     M = m * 0.8**2 / 3.0 + m * 0.02**2 / 4.0
@@ -201,7 +200,7 @@ def test_friction_slows_a_joint_as_by_hand() -> None:
     arm = Robot.from_dh([[0.0, 0.0, 0.5, 0.0]], name="rod")
     friction = Friction(viscous=0.2, coulomb=0.5)
     settings = ArmDynamics(rods=Rods(10.0, 0.05), friction=friction, gravity=(0, 0, 0))
-    there = free(DynamicPlant(arm, settings, Start(np.zeros(1), np.array([1.0]), 0.002)))
+    there = free(DynamicPlant(arm, settings, np.zeros(1), np.array([1.0]), 0.002))
     inertia = pin.crba(there.model, there.model.createData(), np.zeros(1))[0, 0]
     a, b = 0.2 / inertia, 0.5 / inertia
     q, qd = held(there, 500)
@@ -221,7 +220,7 @@ def test_static_friction_holds_up_to_its_limit_and_gives_way_with_stribecks_curv
     for static, sticks in ((1.01 * weight, True), (0.99 * weight, False)):
         friction = Friction(coulomb=0.1 * weight, static=static, stribeck_speed=0.05)
         settings = ArmDynamics(rods=Rods(10.0, 0.05), friction=friction, gravity=(0, -9.81, 0))
-        there = free(DynamicPlant(arm, settings, Start(np.zeros(1), np.zeros(1), 0.002)))
+        there = free(DynamicPlant(arm, settings, np.zeros(1), np.zeros(1), 0.002))
         q, _ = held(there, 100)
         assert bool(np.abs(q).max() < 1e-12) is sticks
         if not sticks:
@@ -263,7 +262,7 @@ def test_clearances_between_samples_are_looked_at() -> None:
     assert np.isfinite(run.between_clearance).any() or (run.clearance > 0.0).all()
     there = fine.plant()
     states = np.zeros((2, 4, 6))
-    half = DynamicPlant(fine.scene.robot, fine.dynamics, Start(fine.q0, fine.qd0, 0.001))  # type: ignore[arg-type]
+    half = DynamicPlant(fine.scene.robot, fine.dynamics, fine.q0, fine.qd0, 0.001)  # type: ignore[arg-type]
     for one in (there, half):
         one.begin(np.full(6, 2.0))
     states[0] = there.x

@@ -13,8 +13,8 @@ import pytest
 from scenes import acting
 from test_metrics import made
 from vsconstraints.comparisons import RunRecord, score
-from vsconstraints.comparisons.metrics.chattering import longest_run
-from vsconstraints.comparisons.metrics.clearance import held
+from vsconstraints.comparisons.metrics import Measured
+from vsconstraints.comparisons.metrics.measured import longest_run
 
 CHATTERING = ("phi_band", "phi_band_bound", "sliding_lost_s", "switching_rate_hz", "acceleration_variation", "jerk_rms")
 TIMES = ("step_time_median_us", "step_time_p99_us", "step_time_max_us", "rows_time_median_us", "missed_periods")
@@ -233,7 +233,7 @@ def test_a_row_holds_on_while_phi_is_within_two_switching_steps() -> None:
     phi = [[0, -2, 0, -1, -1], [0, -1.125, 0, -1, -1], [0, -2.125, -0.5, -0.5, -1]]
     active = [[1, 0, 1, 0, 0], [1, 0, 1, 0, 0], [1, 0, 0, 1, 1]]
     run = made(clearance=[[1.0] * 5] * 3, phi=phi, active=active, gain=[2.0, 1.0, 2.0])
-    assert held(run).T.astype(int).tolist() == [[1, 1, 1, 0, 0], [1, 0, 1, 0, 0], [1, 0, 0, 1, 1]]
+    assert Measured(run).held.T.astype(int).tolist() == [[1, 1, 1, 0, 0], [1, 0, 1, 0, 0], [1, 0, 0, 1, 1]]
     assert of_rows(run, "held_time_s") == [1.5, 1.0, 1.5]
     assert of_run(run, "held_time_s") == [4.0]
 

@@ -10,6 +10,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from checks import structure
 
+from conftest import SLOW
+
 
 def package(folder, **files):
     (folder / "p").mkdir()
@@ -130,3 +132,11 @@ def test_a_law_is_imported_without_robots_and_solvers():
     heavy, seconds = zip(*(run.stdout.rsplit(maxsplit=1) for run in done), strict=True)
     assert set(heavy) == {"[]"}
     assert min(map(float, seconds)) < 0.3  # 0.1 s on a machine that does nothing else
+
+
+def test_every_slow_test_is_there():
+    """A renamed one would come back into the quick tests unnoticed."""
+    files = {path.stem: path.read_text(encoding="utf-8") for path in Path(__file__).parent.glob("test_*.py")}
+    for name in SLOW:
+        file, _, test = name.partition("::")
+        assert f"def {test}" in files[file], name

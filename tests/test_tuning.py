@@ -17,7 +17,7 @@ import pytest
 
 from vsconstraints.comparisons.evidence import Campaign
 from vsconstraints.comparisons.runs.spec import ControllerSpec
-from vsconstraints.comparisons.tuning import Budget, Problem, Stage, Tuning, tune
+from vsconstraints.comparisons.tuning import Budget, Problem, Stage, Tuned, Tuning, tune
 from vsconstraints.comparisons.tuning import tune as tune_function
 from vsconstraints.comparisons.tuning.objectives import (
     FAILED,
@@ -31,9 +31,8 @@ from vsconstraints.comparisons.tuning.objectives import (
     judged,
     outcome,
 )
-from vsconstraints.comparisons.tuning.problem import Search, Searched, evaluating
-from vsconstraints.comparisons.tuning.result import Asked
-from vsconstraints.comparisons.tuning.tune import Journal
+from vsconstraints.comparisons.tuning.problem import Searched, evaluating
+from vsconstraints.comparisons.tuning.tune import Evaluation, Journal, Search
 from vsconstraints.controllers import make_controller
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports.tuning import write_report
@@ -87,8 +86,8 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[Tuning, MadeUp]]
         evaluator = evaluator or MadeUp()
 
         @contextmanager
-        def evaluating(*_: Any) -> Iterator[MadeUp]:
-            yield evaluator
+        def evaluating(*_: Any) -> Iterator[Any]:
+            yield evaluator.evaluate
 
         monkeypatch.setattr(Problem, "stages", lambda self, *_: ())
         monkeypatch.setitem(tune_function.__globals__, "evaluating", evaluating)
@@ -147,7 +146,7 @@ def test_known_optima_are_found(tmp_path: Path, run: Any) -> None:
         assert distance(law, json.loads(one.loc[one.unused.idxmin()].options)) < within[law]
     for law in tuning.laws:
         assert law.chosen is not None
-        assert distance(law.law.law.name, law.chosen.asked.options) < within[law.law.law.name]
+        assert distance(law.law.name, law.chosen.options) < within[law.law.name]
 
 
 def test_the_same_budget_gives_the_same(tmp_path: Path, run: Any) -> None:
@@ -255,14 +254,14 @@ def test_settings_are_ready_for_a_campaign(tmp_path: Path, run: Any) -> None:
     tables = read_toml(tmp_path / "out" / "tuned.toml")["controllers"]
     assert set(tables) == {"hierarchical-qp-tuned", "cbf-filter-tuned"}
     for law in tuning.laws[1:]:
-        options = dict(tables[f"{law.law.law.name}-tuned"])
+        options = dict(tables[f"{law.law.name}-tuned"])
         kind = options.pop("type")
-        assert options == {**law.law.law.options, **law.chosen.asked.options}
+        assert options == {**law.law.law.options, **law.chosen.options}
         make_controller(kind, options)
     own = campaign(tmp_path, more='tuned = "out/tuned.toml"')
     names = ["tracking", "sliding-mode", "hierarchical-qp", "cbf-filter", "hierarchical-qp-tuned", "cbf-filter-tuned"]
     assert [entry.name for entry in own.controllers] == names
-    assert own.controllers[-1].options == {**tuning.laws[2].chosen.asked.options}
+    assert own.controllers[-1].options == {**tuning.laws[2].chosen.options}
 
 
 def test_the_report_tells_default_from_tuned(tmp_path: Path, run: Any) -> None:
@@ -481,16 +480,16 @@ def test_the_order_in_which_evaluations_come_decides_nothing(tmp_path: Path) -> 
     problem = Problem(campaign(tmp_path, "[controllers.hierarchical-qp]"), Budget(4, 2))
     worth = [(0.1, 1.0, 1.0), (0.0, 2.0, 1.0), (0.0, 2.0, 1.0), (0.1, 1.0, 1.0)]
     found = [
-        (Asked(problem.laws[0], seed, number, {"alpha": 1.0 + seed + number}), Judged(worth[number], 0.0, 10, 10))
+        Evaluation(seed, number, {"alpha": 1.0 + seed + number}, Judged(worth[number], 0.0, 10, 10), feasible=True)
         for seed in range(2)
         for number in range(4)
     ]
     rng = np.random.default_rng(0)
     for _ in range(50):
-        (tuned,) = Tuning.of(problem, [found[i] for i in rng.permutation(len(found))]).laws
+        tuned = Tuned.of(problem.laws[0], [found[i] for i in rng.permutation(len(found))])
         assert tuned.chosen is not None
-        assert (tuned.chosen.asked.seed, tuned.chosen.asked.number) == (0, 1)
-        assert [(one.asked.seed, one.asked.number) for one in tuned.evaluations if one.on_front] == [(0, 0), (0, 1)]
+        assert (tuned.chosen.seed, tuned.chosen.number) == (0, 1)
+        assert [(one.seed, one.number) for one in tuned.evaluations if one.on_front] == [(0, 0), (0, 1)]
 
 
 def test_infeasible_settings_teach_the_tuner() -> None:
@@ -545,9 +544,9 @@ def test_the_same_by_one_process_and_by_two(
 def test_a_law_that_ends_its_process_fails_alone(tmp_path: Path, stages: tuple[Stage, ...]) -> None:
     (tmp_path / "my_laws.py").write_text(DYING, encoding="utf-8")
     dying = [ControllerSpec("dying", "my_laws:Dying", {"alpha": alpha}, tmp_path) for alpha in (20.0, 50.0)]
-    with evaluating(stages[:1], ControllerSpec("tracking"), 1) as evaluator:
-        same, well, lost = evaluator.evaluate([ControllerSpec("hierarchical-qp"), *dying])
-        assert evaluator.evaluate([]) == []
+    with evaluating(stages[:1], ControllerSpec("tracking"), 1) as evaluate:
+        same, well, lost = evaluate([ControllerSpec("hierarchical-qp"), *dying])
+        assert evaluate([]) == []
     assert well == same
     assert well.converged == 1
     assert lost == Judged(REFERENCE, 0.0, 1, 0)

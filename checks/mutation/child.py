@@ -24,7 +24,7 @@ from typing import Any
 import pytest
 
 from .mutants import Mutant
-from .targets import COMPARED, SLOW
+from .targets import COMPARED, QUICK
 
 ENTERED = "__entered__"
 """What functions call that are watched, with their file and first line."""
@@ -78,12 +78,12 @@ def fork(work: Callable[[], int], output: Path) -> int:
 
 
 def watch(tests: Sequence[str], files: Sequence[Path], result: Path) -> int:
-    """Run tests and write down what each of them reaches; tests that fail are left out."""
+    """Run tests and write down what each of them reaches; tests that fail, or are not quick, are left out."""
     watched = _Watch()
     entered: Any = watched.entered
     builtins.__dict__[ENTERED] = lambda *place: entered.add(place)
     sys.meta_path.insert(0, _Changed({str(file): _telling(file) for file in files}))
-    pytest.main([*QUIET, *tests, "-k", " and ".join(f"not {word}" for word in SLOW)], plugins=[watched])
+    pytest.main([*QUIET, *tests], plugins=[watched])
     lines = {
         test: (reached.seconds, sorted(reached.functions))
         for test, reached in watched.tests.items()
@@ -104,6 +104,10 @@ def judge(mutant: Mutant, root: Path, limits: Mapping[str, float], result: Path)
     return int(pytest.main([*QUIET, *files], plugins=[_Chosen(limits, result)]))
 
 
+def _late(*_: object) -> None:
+    raise TimeoutError(f"longer than {QUICK} s without the compiler")
+
+
 class _Watch:
     def __init__(self) -> None:
         self.entered: set[tuple[str, int]] = set()
@@ -117,7 +121,10 @@ class _Watch:
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         self.entered.clear()
         started = time.monotonic()
+        signal.signal(signal.SIGALRM, _late)
+        signal.setitimer(signal.ITIMER_REAL, QUICK)
         yield
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         self.tests[item.nodeid] = Reached(time.monotonic() - started, set(self.entered))
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:

@@ -114,34 +114,8 @@ TESTS = (
     "tests/test_workspace.py",
 )
 
-SLOW = (
-    "figures",
-    "report_is_written",
-    "interrupted",
-    "kept_clear",
-    "led_out",
-    "kept_away",
-    "keep_clear",
-    "keep_the_links_hulls_clear",
-    "above_a_table",
-    "in_the_case_study_the_joint_metric",
-    "what_a_linear_program_says",
-    "only_runaway_tracking_reaches",
-    "two_runs_are_the_same",
-    "holds_what_the_barrier_holds",
-    "holds_the_case_study",
-    "brakes_in_time",
-    "frozen_does_not_hold",
-    "both_extremes_of_the_horizon",
-    "twice_and_after_a_reset",
-    "disturbed_scenes_run",
-    "governor_violates_nothing",
-    "left_at_the_margin",
-    "without_rows_it_goes_to_the_goal",
-    "another_law_underneath",
-    "begins_again_after_a_reset",
-)
-"""Tests with this in their names are left out."""
+QUICK = 1.0
+"""Seconds that a test may take without the compiler; longer ones are left out."""
 
 COMPARED = "real"
 """A fixture that simulates a whole comparison, in processes of its own and so without any mistake: its tests are left

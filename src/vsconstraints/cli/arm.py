@@ -63,7 +63,7 @@ def run(
     from ..arms.images import MODEL, SIMULATED
     from ..arms.record import demand_own_folder, punctuality
     from ..comparisons import Suite
-    from ..comparisons.entries import chosen_entries
+    from ..comparisons.experiment import chosen_entries
     from ..comparisons.runs.folder import held
     from ..comparisons.runs.signals import exit_code
     from ..compiled import prepare

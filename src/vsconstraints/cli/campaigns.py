@@ -208,8 +208,8 @@ def tune(
     demand("tune")
     from ..comparisons.evidence import Campaign
     from ..comparisons.tuning import Budget, Problem
-    from ..comparisons.tuning import tune as run
-    from ..comparisons.tuning.result import TUNED
+    from ..comparisons.tuning.tune import TUNED
+    from ..comparisons.tuning.tune import tune as run
     from ..reports.page import where
     from ..reports.tuning import REPORT, write_report
 
@@ -234,5 +234,5 @@ def tune(
         write_report(tuning, out)
     for law in tuning.laws:
         if law.chosen is not None and not law.chosen.feasible:
-            note(f"no setting of {law.law.law.name} keeps to the violations that are allowed")
+            note(f"no setting of {law.law.name} keeps to the violations that are allowed")
     console.print(f"Settings: {out / TUNED}. {where(out / REPORT)}")

@@ -188,7 +188,7 @@ def diff(
 ) -> None:
     """Report what changed between two comparisons; exit code 1 if something got worse, 2 if they are not comparable."""
     demand("evidence", "a difference of two folders")
-    from ..comparisons.difference.difference import TOLERANCE, Question, difference
+    from ..comparisons.difference import TOLERANCE, difference
     from ..reports.difference import page, verdict
 
     names = {}
@@ -197,7 +197,14 @@ def diff(
         if not (old and new):
             raise ConfigurationError(f"--rename needs OLD=NEW, not {shown(text)}")
         names[old] = new
-    changes = difference(a, b, Question(metric or (), strict, TOLERANCE if tolerance is None else tolerance, names))
+    changes = difference(
+        a,
+        b,
+        metrics=metric or (),
+        strict=strict,
+        tolerance=TOLERANCE if tolerance is None else tolerance,
+        renamed=names,
+    )
     for side in (changes.a, changes.b):
         for remark in side.remarks:
             note(remark)
@@ -273,12 +280,12 @@ def _verify_campaign(folder: Path) -> tuple[str, list[str]]:
 
 def _changed_files(folder: Path, paths: list[Path]) -> list[str]:
     """Files that differ from their checksums, trajectories included, which readers can do without."""
-    from ..comparisons.runs.files import Difference, recorded
+    from ..comparisons.runs.files import compared, problems, recorded
 
     sums = recorded(folder)
     if sums is None:
         return ["it carries no checksums, so changed files cannot be detected"]
-    return Difference.of(folder, sums, paths).problems()
+    return problems(compared(folder, paths, sums))
 
 
 def comparison_report(folder: Path, wanted: ReportOptions) -> Path:

@@ -13,12 +13,12 @@ from ..errors import ConfigurationError, VsconstraintsError, shown
 from ..plugins.classes import code_named, untrusted
 from ..scenarios import SHIPPED, Scenario
 from ..scenarios.reading import Table, checked, demand_table, made, parameters
-from .entries import demand_stored_names
+from .experiment import demand_stored_names
 from .folder import stored_files
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
 from .record import RunRecord, run_file
-from .runs.files import demand_inside, demand_unchanged
-from .runs.folder import MANIFEST, manifest_of, read_manifest
+from .runs.files import demand_unchanged
+from .runs.folder import MANIFEST, demand_inside, manifest_of, read_manifest
 from .runs.machine import most_samples
 from .tables import read_table
 
@@ -150,8 +150,7 @@ def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
     for key, value, least in (("trials", configuration.trials, 1), ("seed", configuration.seed, 0)):
         if value < least:
             raise ConfigurationError(f"{where}: {key} must be {least} or more")
-    for what, names in (("scenario", configuration.scenarios), ("controller", configuration.controllers)):
-        demand_stored_names(what, names, where)
+    demand_stored_names({"scenario": configuration.scenarios, "controller": configuration.controllers}, where)
     for name, scenario in configuration.scenarios.items():
         tables = part(_StoredScenario, scenario, f"{where}.scenarios.{name}").tables
         checked(tables.get("constraints", []), Sequence[Table], f"{where}.scenarios.{name}.tables", "constraints")

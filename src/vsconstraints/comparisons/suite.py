@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -16,77 +16,22 @@ from ..plugins.classes import beside
 from ..scenarios import Scenario
 from ..scenarios.reading import Table, made
 from ..scenarios.toml import read_toml
-from .entries import (
-    checked_entries,
-    chosen_entries,
-    demand_names,
-    entries_of,
-    parsed_setting,
-    resolved_entries,
-    target_of,
-    unique,
-    whole,
-    with_baseline,
-    with_option,
-)
-from .runs.spec import BASELINE, ControllerSpec, RunSpec
-
-MAX_VARIANTS = 10_000
-"""Variants that one entry of a suite may stand for."""
-
-
-def scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:
-    """The scenarios of an entry of a suite: a name, a path relative to ``folder``, or a table (see :meth:`Suite.load`).
-
-    Raises ConfigurationError that names ``where`` if there is no such scenario, or the table has a wrong key or value.
-    """
-    if isinstance(value, str):
-        return [Scenario.load(value, folder)]
-    if not isinstance(value, dict):
-        raise ConfigurationError(
-            f"{where} must be a name, a path, or a table with the key 'scenario', not {shown(value)}"
-        )
-    variants: _Variants = made(_Variants, value, where)
-    base = Scenario.load(variants.scenario, folder)
-    for key, candidates in variants.each.items():
-        if not isinstance(candidates, list) or not candidates:
-            raise ConfigurationError(f"{where}.each: {key} must be a list of values, not {shown(candidates)}")
-    count = prod(map(len, variants.each.values()))
-    if count > MAX_VARIANTS:
-        raise ConfigurationError(f"{where}.each makes {count:.3g} variants; an entry may make {MAX_VARIANTS}")
-    found = []
-    for values in product(*variants.each.values()):
-        texts = [str(value) for value in values]
-        variant = replace(base, name="-".join([variants.name, *texts]))
-        title = ", ".join([variants.title or variants.name, *texts])
-        changes = {"title": title, **variants.set, **dict(zip(variants.each, values, strict=True))}
-        for key, changed in changes.items():
-            variant = variant.with_override(key, changed, folder)
-        found.append(variant)
-    return found
-
-
-@dataclass(frozen=True)
-class _Variants:
-    """Keys of an entry that stands for variants of a scenario."""
-
-    scenario: str
-    name: str
-    title: str = ""
-    set: Table = field(default_factory=dict)
-    each: Table = field(default_factory=dict)
-
-
-MAX_RUNS = 100_000
-"""Runs that a comparison may have: the scores of all are kept in memory."""
+from .experiment import Entries, Experiment, chosen_entries, demand_names, entries_of
+from .runs.spec import BASELINE, RunSpec
 
 __all__ = ["BASELINE", "DEFAULT", "Suite"]
 
 DEFAULT = Path(__file__).parent / "default.toml"
 
+MAX_VARIANTS = 10_000
+"""Variants that one entry of a suite may stand for."""
+
+MAX_RUNS = 100_000
+"""Runs that a comparison may have: the scores of all are kept in memory."""
+
 
 @dataclass(frozen=True)
-class Suite:
+class Suite(Experiment):
     """What is compared.
 
     Attributes
@@ -102,28 +47,20 @@ class Suite:
     name: str
     title: str
     scenarios: tuple[Scenario, ...]
-    controllers: tuple[ControllerSpec, ...]
+    controllers: Entries
     trials: int = 1
     seed: int = 0
+
+    whole_numbers = settings = ("trials", "seed")
 
     @classmethod
     def load(cls, path: Path | str | None = None) -> Suite:
         """The suite of a TOML file; without a path the default one: the paper's scenarios and two real arms.
 
         An entry of ``scenarios`` is a shipped scenario's name, a path, or a table that describes variants of one:
-
-        ``scenario``
-            The shipped scenario's name, or the path.
-        ``name``
-            What results call the variant.
-        ``title``
-            For reports; the name if it is not given.
-        ``set``
-            Dotted keys of the scenario and their values, ``{ "task.Kp0" = 5.0, duration = 4.0 }``. A value that is a
-            table replaces the scenario's.
-        ``each``
-            Dotted keys and lists of values, ``{ "task.interaction_matrix" = ["current", "desired"] }``: one variant
-            for every combination, with the values added to its name and title.
+        ``scenario`` (name or path), ``name`` and ``title`` of the variant, ``set`` (dotted keys of the scenario and
+        their values, ``{ "task.Kp0" = 5.0, duration = 4.0 }``; a table replaces the scenario's), and ``each`` (dotted
+        keys and lists of values: one variant for every combination, with the values added to name and title).
 
         Raises
         ------
@@ -139,7 +76,7 @@ class Suite:
         scenarios = tuple(
             scenario
             for i, entry in enumerate(file.scenarios)
-            for scenario in scenarios_of(entry, f"{source.name}.scenarios[{i}]", source.parent)
+            for scenario in _scenarios_of(entry, f"{source.name}.scenarios[{i}]", source.parent)
         )
         entries = entries_of(file.controllers, f"{source.name}.controllers", source.parent)
         return cls(source.stem, file.title or source.stem, scenarios, entries, file.trials, file.seed).checked()
@@ -149,7 +86,7 @@ class Suite:
         scenarios: Sequence[str] = (),
         controllers: Sequence[str] = (),
         seed: int | None = None,
-        settings: Sequence[str] = (),
+        settings: Iterable[str] = (),
     ) -> Suite:
         """The suite a command line asks for.
 
@@ -163,37 +100,27 @@ class Suite:
             ``KEY=VALUE`` with KEY ``scenario.…`` (every scenario), a scenario's name and a key in it, or a
             controller's name and an option; ``trials``. VALUE as in TOML, or plain text.
         """
-        suite = self
-        if scenarios:
-            own = {scenario.name: scenario for scenario in self.scenarios}
-            suite = replace(suite, scenarios=tuple(own.get(name) or Scenario.load(name) for name in unique(scenarios)))
-        suite = replace(suite, controllers=chosen_entries(self.controllers, controllers))
+        own = {scenario.name: scenario for scenario in self.scenarios}
+        suite = replace(
+            self,
+            scenarios=tuple(own.get(name) or Scenario.load(name) for name in dict.fromkeys(scenarios or own)),
+            controllers=chosen_entries(self.controllers, controllers),
+            seed=self.seed if seed is None else seed,
+        )
         if (suite.scenarios, suite.controllers) != (self.scenarios, self.controllers):
             # the title speaks of all of them
             suite = replace(suite, title=f"{suite.title}: a selection")
-        if seed is not None:
-            suite = replace(suite, seed=seed)
-        for setting in settings:
-            suite = suite._with_setting(setting)
-        return suite.checked()
+        return suite.with_settings(settings).checked()
 
-    def _with_setting(self, setting: str) -> Suite:
-        key, value, text = parsed_setting(setting)
-        if key in ("trials", "seed"):
-            changed: dict[str, Any] = {key: whole(key, value, text)}
-            return replace(self, **changed)
-        entries = {entry.name for entry in self.controllers}
-        names = {*entries, "scenario", *(scenario.name for scenario in self.scenarios)}
-        target, rest = target_of(key, names, ("trials", "seed"))
-        if target in entries:
-            return replace(self, controllers=with_option(self.controllers, target, rest, value))
-        return replace(
-            self,
-            scenarios=tuple(
-                scenario.with_override(rest, value, Path()) if target in (scenario.name, "scenario") else scenario
-                for scenario in self.scenarios
-            ),
+    def _with(self, key: str, value: Any) -> Suite:
+        target, rest = self._target(key, ["scenario", *(scenario.name for scenario in self.scenarios)])
+        if target in {entry.name for entry in self.controllers}:
+            return super()._with(key, value)
+        scenarios = (
+            scenario.with_override(rest, value, Path()) if target in (scenario.name, "scenario") else scenario
+            for scenario in self.scenarios
         )
+        return replace(self, scenarios=tuple(scenarios))
 
     def checked(self) -> Suite:
         """The suite itself; raises what is wrong if something in it cannot be built or started."""
@@ -204,14 +131,14 @@ class Suite:
             raise ConfigurationError(
                 f"trials must be a whole number from 1, and seed one from 0 on: {self.trials}, {self.seed}"
             )
-        scenarios, controllers = len(self.scenarios), len(self.controllers)
-        if scenarios * controllers * self.trials > MAX_RUNS:
+        count = len(self.scenarios) * len(self.controllers) * self.trials
+        if count > MAX_RUNS:
             raise ConfigurationError(
-                f"suite {self.name}: {scenarios} scenarios × {controllers} controllers × {self.trials} trials are "
-                f"{scenarios * controllers * self.trials:.3g} runs; a comparison may have {MAX_RUNS}"
+                f"suite {self.name}: {len(self.scenarios)} scenarios × {len(self.controllers)} controllers × "
+                f"{self.trials} trials are {count:.3g} runs; a comparison may have {MAX_RUNS}"
             )
         demand_names("scenario", [scenario.name for scenario in self.scenarios])
-        checked_entries(self.controllers)
+        self.demand_controllers()
         self.remarks()
         if self.trials > 1:
             for scenario in self.scenarios:
@@ -223,34 +150,25 @@ class Suite:
 
         What an own constraint raises is a remark: its runs fail, and the others do not.
         """
-        found = []
+        remarks = []
         for scenario in self.scenarios:
             with chdir("."):  # own parts may change the working directory
                 setup = scenario.setup()
             try:
                 with beside(scenario.folder):
-                    found += [f"{scenario.name}: {remark}" for remark in setup.check_start()]
+                    remarks += [f"{scenario.name}: {remark}" for remark in setup.check_start()]
             except VsconstraintsError as error:
-                ours = isinstance(error, ConfigurationError) and isinstance(
-                    error.__cause__, (type(None), VsconstraintsError)
-                )
+                cause = error.__cause__
+                ours = isinstance(error, ConfigurationError) and isinstance(cause, (type(None), VsconstraintsError))
                 if ours or not scenario.own_parts:
                     raise ConfigurationError(f"{scenario.name}: {error}") from error
-                found.append(f"{scenario.name}: its runs will fail: {error}")
-        return found
-
-    def with_baseline(self) -> Suite:
-        """The same suite with unconstrained tracking in it, first."""
-        return replace(self, controllers=with_baseline(self.controllers))
+                remarks.append(f"{scenario.name}: its runs will fail: {error}")
+        return remarks
 
     def runs(self) -> list[RunSpec]:
         """All runs, in the order of the results."""
-        return [
-            RunSpec(scenario, entry, trial=trial, seed=self.seed)
-            for scenario in self.scenarios
-            for entry in self.controllers
-            for trial in range(self.trials)
-        ]
+        every = product(self.scenarios, self.controllers, range(self.trials))
+        return [RunSpec(scenario, entry, trial=trial, seed=self.seed) for scenario, entry, trial in every]
 
     def resolved(self) -> dict[str, Any]:
         """Everything that determines the results, as data."""
@@ -259,7 +177,7 @@ class Suite:
             "title": self.title,
             "trials": self.trials,
             "seed": self.seed,
-            "controllers": resolved_entries(self.controllers),
+            "controllers": self.resolved_controllers(),
             "scenarios": {
                 scenario.name: {
                     "folder": "" if scenario.shipped else str(scenario.folder.resolve()),
@@ -279,6 +197,44 @@ class _File:
     title: str = ""
     trials: int = 1
     seed: int = 0
+
+
+@dataclass(frozen=True)
+class _Variants:
+    """Keys of an entry that stands for variants of a scenario."""
+
+    scenario: str
+    name: str
+    title: str = ""
+    set: Table = field(default_factory=dict)
+    each: Table = field(default_factory=dict)
+
+
+def _scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:
+    """The scenarios of an entry of a suite; raises ConfigurationError that names ``where`` (see :meth:`Suite.load`)."""
+    if isinstance(value, str):
+        return [Scenario.load(value, folder)]
+    if not isinstance(value, dict):
+        raise ConfigurationError(
+            f"{where} must be a name, a path, or a table with the key 'scenario', not {shown(value)}"
+        )
+    variants: _Variants = made(_Variants, value, where)
+    base = Scenario.load(variants.scenario, folder)
+    for key, candidates in variants.each.items():
+        if not isinstance(candidates, list) or not candidates:
+            raise ConfigurationError(f"{where}.each: {key} must be a list of values, not {shown(candidates)}")
+    if (count := prod(map(len, variants.each.values()))) > MAX_VARIANTS:
+        raise ConfigurationError(f"{where}.each makes {count:.3g} variants; an entry may make {MAX_VARIANTS}")
+    scenarios = []
+    for values in product(*variants.each.values()):
+        texts = [str(value) for value in values]
+        variant = replace(base, name="-".join([variants.name, *texts]))
+        title = ", ".join([variants.title or variants.name, *texts])
+        changes = {"title": title, **variants.set, **dict(zip(variants.each, values, strict=True))}
+        for key, changed in changes.items():
+            variant = variant.with_override(key, changed, folder)
+        scenarios.append(variant)
+    return scenarios
 
 
 def demand_variety(scenario: Scenario, trials: int, seed: int) -> None:

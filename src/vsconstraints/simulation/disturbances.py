@@ -19,70 +19,35 @@ VISIBILITY = ("fov", "occlusion")
 
 @dataclass(frozen=True)
 class Disturbances:
-    """How actuation, measurement and model are off; nothing is unless it is set.
+    """How actuation, measurement and model are off; nothing is unless it is set."""
 
-    Attributes
-    ----------
-    gradient_error
-        c_e of eq. (49): ∇σ_e = ∇σ + c_e s ∘ abs(∇σ) in place of ∇σ.
-    gradient_error_in_phi
-        Whether ∇σ_e stands in φ = σ + K σ̇ (and in L_fφ) too, or in L_gφ alone: the paper does not say.
-    gradient_error_signs
-        s, one sign per joint.
-    gradient_error_rows
-        Kinds of the rows concerned; (49) is about the visibility rows.
-    acceleration
-        d_c of eq. (6), one number per joint or one for all [rad/s² or m/s²].
-    acceleration_noise
-        Standard deviation of what is added to d_c anew in every period.
-    time_constant
-        Of the low-level loop C: a first-order lag of q̈ behind q̈_c or, with position control, the inverse of both poles
-        of a critically damped position loop [s].
-    pixel_noise
-        Standard deviation of every pixel coordinate of every image [px].
-    depth_factor
-        Believed depth of the markers relative to the true one.
-    focal_factor
-        Believed focal lengths (F_u, F_v) relative to the true ones.
-    principal_point_error
-        Believed principal point less the true one [px].
-    distortion_factor
-        Believed coefficients of the lens's distortion relative to the true ones: one number, or one per coefficient. 0
-        is a lens that is taken for perfect.
-    mount_translation_error, mount_rotation_error
-        Where the camera is believed to be on the robot, or in space if it is fixed, in the frame where it is [m], and
-        the rotation vector by which it is believed to be turned about its own axes [rad].
-    marker_distance_factor
-        Believed distances between the markers relative to the true ones; their middle is where it is.
-    image_period
-        Time between images, a multiple of the sampling time; that itself if zero [s]. Between images the last is held.
-    delay
-        How many image periods an image is old when it can be used.
-    lost_frames
-        Probability that an image is lost; the last one before it then stays in use.
-    seed
-        Of everything random: the same numbers are drawn whatever the controller does.
-    """
-
-    gradient_error: float = 0.0
+    gradient_error: float = 0.0  #: c_e of eq. (49): ∇σ_e = ∇σ + c_e s ∘ abs(∇σ) in place of ∇σ.
+    #: Whether ∇σ_e stands in φ = σ + K σ̇ (and in L_fφ) too, or in L_gφ alone: the paper does not say.
     gradient_error_in_phi: bool = True
-    gradient_error_signs: tuple[float, ...] = GRADIENT_SIGNS
-    gradient_error_rows: tuple[str, ...] = VISIBILITY
-    acceleration: tuple[float, ...] = (0.0,)
-    acceleration_noise: float = 0.0
+    gradient_error_signs: tuple[float, ...] = GRADIENT_SIGNS  #: s, one sign per joint.
+    gradient_error_rows: tuple[str, ...] = VISIBILITY  #: Kinds of the rows concerned; (49): visibility rows.
+    acceleration: tuple[float, ...] = (0.0,)  #: d_c of eq. (6), one per joint or one for all [rad/s² or m/s²].
+    acceleration_noise: float = 0.0  #: Standard deviation of what is added to d_c anew in every period.
+    #: Of the low-level loop C [s]: a first-order lag of q̈ behind q̈_c or, with position control, the inverse of both
+    #: poles of a critically damped position loop.
     time_constant: float = 0.0
-    pixel_noise: float = 0.0
-    depth_factor: float = 1.0
-    focal_factor: tuple[float, float] = (1.0, 1.0)
-    principal_point_error: tuple[float, float] = (0.0, 0.0)
+    pixel_noise: float = 0.0  #: Standard deviation of every pixel coordinate of every image [px].
+    depth_factor: float = 1.0  #: Believed depth of the markers relative to the true one.
+    focal_factor: tuple[float, float] = (1.0, 1.0)  #: Believed focal lengths (F_u, F_v) relative to the true ones.
+    principal_point_error: tuple[float, float] = (0.0, 0.0)  #: Believed principal point less the true one [px].
+    #: Believed coefficients of the lens's distortion relative to the true ones: one number, or one per coefficient; 0
+    #: is a lens that is taken for perfect.
     distortion_factor: tuple[float, ...] = (1.0,)
+    #: Where the camera is believed to be on the robot, or in space if it is fixed, in the frame where it is [m].
     mount_translation_error: Vector3 = (0.0, 0.0, 0.0)
+    #: The rotation vector by which it is believed to be turned about its own axes [rad].
     mount_rotation_error: Vector3 = (0.0, 0.0, 0.0)
-    marker_distance_factor: float = 1.0
+    marker_distance_factor: float = 1.0  #: Believed distances of markers relative to the true ones; same middle.
+    #: Time between images, a multiple of the sampling time; that itself if zero [s]. Between images the last is held.
     image_period: float = 0.0
-    delay: int = 0
-    lost_frames: float = 0.0
-    seed: tuple[int, ...] = (0,)
+    delay: int = 0  #: How many image periods an image is old when it can be used.
+    lost_frames: float = 0.0  #: Probability that an image is lost; the last one before it then stays in use.
+    seed: tuple[int, ...] = (0,)  #: Of everything random: the same numbers are drawn whatever the controller does.
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -35,25 +34,11 @@ STOPPING = 0.1
 
 
 class SceneRenderer:
-    """Renders images of a scene's markers, which are corners of tags.
+    """Renders images of a scene's markers, which are corners of tags, as they are seen from the start ``q0`` (n,) on.
 
-    Parameters
-    ----------
-    scene
-        As it is.
-    settings
-        Of camera and print.
-    constraints
-        Curves of those that occlude are in front of the target, and bodies and regions as the settings have it.
-    q0
-        (n,) where the robot starts, from where the print is seen.
-    seed
-        Of the noise: image number i has the same whatever the controller does.
-
-    Raises
-    ------
-    ConfigurationError
-        if the markers can be no board of tags, or packages are missing.
+    Curves of constraints that occlude are in front of the target, and bodies and regions as the settings have it. The
+    noise of image number i follows from the seed and is the same whatever the controller does. Raises
+    ConfigurationError if the markers can be no board of tags, or packages are missing.
     """
 
     def __init__(
@@ -65,12 +50,13 @@ class SceneRenderer:
         seed: tuple[int, ...],
     ) -> None:
         self.scene, self.settings, self._constraints, self._seed = scene, settings, constraints, seed
-        self.obstacles = [one for one in constraints if isinstance(one, Occlusion)]
+        curves = [one for one in constraints if isinstance(one, Occlusion)]
+        self._moving = [curve for curve in curves if curve.motion is not None]
+        self._still = [curve for curve in curves if curve.motion is None]
         self.seen_from = scene.camera_pose(q0).t
         ids = settings.tags if settings.printed is None else settings.printed
         board = Board.of_markers(scene.markers, self.seen_from, settings.tag_side_m, ids)
         self.renderer = Renderer(board, scene.camera, settings)
-        self._still: dict[int, BoolArray] = {}
 
     def image(self, number: int, state: State) -> Pixels:
         """The image (H, W) of that number, of a state in the middle of its exposure."""
@@ -81,67 +67,51 @@ class SceneRenderer:
                 return state.camera
             return state.camera @ Pose(np.asarray(pin.exp3(after * turning)), after * velocity)
 
-        return self.renderer.render(where, np.random.default_rng((*self._seed, 3, number)), self._hidden(state))
+        masks = [self._before(curve, state.t) for curve in self._moving]
+        if self._still:
+            masks.append(self._always)
+        # solids, and the board's plane, in the camera's frame
+        eye = self.scene.camera.fixed or self.scene.robot.pose(state.robot.q) @ self.scene.camera.mount.inverse
+        solids = [(points - eye.t) @ eye.R for points in self._occluders.solids(state.robot.q, state.t)]
+        if solids:
+            seen = self.renderer.board.camera_in_board(state.camera)
+            masks.append(covered(solids, np.append(seen.R[2], -seen.t[2]), self.scene.camera))
+        hidden = np.logical_or.reduce(masks) if masks else None
+        return self.renderer.render(where, np.random.default_rng((*self._seed, 3, number)), hidden)
 
     @cached_property
-    def occluders(self) -> Occluders:
-        """What else stands before the tags; created with the first image, since it may read meshes."""
+    def _occluders(self) -> Occluders:
+        """Created with the first image, since it may read meshes."""
         return Occluders(self.scene, self._constraints, self.settings.opaque)
 
-    def _hidden(self, state: State) -> BoolArray | None:
-        """(H, W) before which pixels an obstacle stands; None where there is none."""
-        t, masks = state.t, []
-        solids = self._solids(state)
-        if solids:
-            masks.append(covered(solids, self._plane(state.camera), self.scene.camera))
-        for i, obstacle in enumerate(self.obstacles):
-            if obstacle.motion is not None:
-                masks.append(self._before(obstacle, t))
-            else:
-                if i not in self._still:
-                    self._still[i] = self._before(obstacle, t)
-                masks.append(self._still[i])
-        return np.logical_or.reduce(masks) if masks else None
+    @cached_property
+    def _always(self) -> BoolArray:
+        """(H, W) pixels before which curves stand that do not move."""
+        always: BoolArray = np.logical_or.reduce([self._before(curve, 0.0) for curve in self._still])
+        return always
 
-    def _solids(self, state: State) -> list[Array]:
-        """Solids in the camera's frame: (V, 3) points of each."""
-        q, camera = state.robot.q, self.scene.camera
-        here = camera.fixed or self.scene.robot.pose(q) @ camera.mount.inverse
-        return [(points - here.t) @ here.R for points in self.occluders.solids(q, state.t)]
-
-    def _plane(self, camera: Pose) -> Array:
-        """(4,) the board's plane in the frame of a camera at this pose in the target's frame."""
-        seen = self.renderer.board.camera_in_board(camera)
-        return np.append(seen.R[2], -seen.t[2])
-
-    def _before(self, obstacle: Occlusion, t: float) -> BoolArray:
-        ideal = obstacle.displaced(self._ideal[None], np.array([t]))[0]
-        inside: BoolArray = (obstacle.sigma(ideal) > obstacle.margin).reshape(self._shape)
-        return inside
+    def _before(self, curve: Occlusion, t: float) -> BoolArray:
+        """(H, W) before which pixels a curve stands."""
+        shape, ideal = self._ideal
+        inside: BoolArray = curve.sigma(curve.displaced(ideal[None], np.array([t]))[0]) > curve.margin
+        return inside.reshape(shape)
 
     @cached_property
-    def _shape(self) -> tuple[int, int]:
-        W, H = self.scene.camera.size
-        return int(H), int(W)
-
-    @cached_property
-    def _ideal(self) -> Array:
-        """(H · W, 2) ideal pixels of all pixels of an image, NaN beyond the lens."""
-        camera, (H, W) = self.scene.camera, self._shape
+    def _ideal(self) -> tuple[tuple[int, int], Array]:
+        """(H, W), and (H · W, 2) ideal pixels of all pixels of an image, NaN beyond the lens."""
+        camera = self.scene.camera
+        W, H = map(int, camera.size)
         v, u = np.mgrid[:H, :W]
         centred = camera.from_corner(np.stack((u, v), axis=-1).reshape(-1, 2), "centres")
         if camera.distortion is None:
-            return centred
+            return (H, W), centred
         ideal, certain = camera.distortion.remove(camera.normalised(centred))
         ideal[~certain] = np.nan
-        return camera.pixels(ideal)
+        return (H, W), camera.pixels(ideal)
 
 
 class Exposure(NamedTuple):
-    """One image: when it was taken [s], what it says, and the markers' true ideal pixels.
-
-    ``camera`` is the camera's true pose in the target's frame.
-    """
+    """One image: when it was taken [s], what it says, the markers' true ideal pixels, the camera's true pose."""
 
     taken: float
     tags: TagPose
@@ -149,8 +119,7 @@ class Exposure(NamedTuple):
     camera: Pose
 
 
-@dataclass(frozen=True, slots=True)
-class _Memory:
+class _Memory(NamedTuple):
     """What was last seen: the camera's pose then, as measured and as the model had it, and measured pixels."""
 
     taken: float
@@ -164,33 +133,11 @@ class ImageSensor(Sensor):
 
     From an image that can be used until the next one, the camera's pose moves on as the control's kinematics, and the
     target's motion as far as it is known, say that it moved since the image was taken; markers move along with that
-    pose, by as much beside it as they were seen then.
-
-    Parameters
-    ----------
-    scene
-        What is seen.
-    disturbances
-        What goes wrong otherwise.
-    settings
-        Of the images.
-    renderer
-        What renders them.
-    Ts
-        Sampling time [s].
-
-    Attributes
-    ----------
-    exposures
-        Every image so far.
-    blind
-        Whether the last image that could be used is too old to go on with.
-
-    Raises
-    ------
-    ConfigurationError
-        if disturbances postulate what images have by themselves, or a package is missing.
+    pose, by as much beside it as they were seen then. Raises ConfigurationError if disturbances postulate what images
+    have by themselves, or a package is missing.
     """
+
+    exposures: list[Exposure]  #: Every image so far.
 
     def __init__(
         self, scene: Scene, disturbances: Disturbances, settings: ImageSettings, renderer: SceneRenderer, Ts: float
@@ -211,16 +158,13 @@ class ImageSensor(Sensor):
     def reset(self) -> None:
         """Begin a new run with the same noise."""
         super().reset()
-        self.exposures: list[Exposure] = []
+        self.exposures = []
         self._waiting: deque[tuple[float, _Memory | None]] = deque()
         self._last: _Memory | None = None
         self._taken, self._braked, self.blind = -1, 0, False
         self._newest: tuple[int, Measurement] | None = None
 
-    @property
-    def estimates(self) -> bool:
-        """No: not by compiled code."""
-        return False
+    estimates = False  # not by compiled code
 
     @cached_property
     def _detector(self) -> Detector:
@@ -229,10 +173,7 @@ class ImageSensor(Sensor):
     def measured(self, k: int, q: Array, qd: Array) -> Measurement:
         """What is measured in sample k, at ``q`` and ``qd`` (n,).
 
-        Raises
-        ------
-        SceneError
-            if no tag is seen in the first image, or markers are not in front of the camera where they are believed.
+        Raises SceneError if no tag is seen in the first image, or a marker is believed to be behind the camera.
         """
         if self._newest is None or self._newest[0] != k:
             self._newest = k, self._measured(k * self._Ts, q, qd)
@@ -247,8 +188,12 @@ class ImageSensor(Sensor):
             self._last = self._waiting.popleft()[1] or self._last
         last = self._last
         if last is None:
-            besides = _besides(self.exposures[0].tags)
-            raise SceneError(f"no tag that is looked for is seen in the first image{besides}")
+            tags, why = self.exposures[0].tags, ""
+            if tags.unfit:
+                why = ": those that are seen are not where those of the board can be"
+            elif tags.foreign:
+                why = f", but tags {', '.join(map(str, tags.foreign))}"
+            raise SceneError(f"no tag that is looked for is seen in the first image{why}")
         self.blind = t - last.taken > self.settings.latency_s + 1.0 / self.settings.rate_hz + self.settings.patience_s
         self._braked += self.blind
         now = self._model.camera_pose(q, t)
@@ -306,10 +251,3 @@ class ImageSensor(Sensor):
         if self._braked:
             remarks.append(f"without an image to go by, the arm was braked for {self._braked * self._Ts:.3g} s")
         return remarks
-
-
-def _besides(seen: TagPose) -> str:
-    """What a first image shows instead."""
-    if seen.unfit:
-        return ": those that are seen are not where those of the board can be"
-    return f", but tags {', '.join(map(str, seen.foreign))}" if seen.foreign else ""

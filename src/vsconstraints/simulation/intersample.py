@@ -37,15 +37,7 @@ def intersample_clearance(setup: Setup, control: ControlStep, plant: Plant, stat
     clearance might come to zero at the rate at which it changes there (:data:`DIP`), however far from its boundary it
     is in the samples, or in which a joint turns back inside (:data:`BACK`). Parts of a period are halved as long as,
     at the rate seen in it, a row may be deeper outside within a part than anywhere else.
-
-    Parameters
-    ----------
-    setup, control, plant
-        What was run.
-    states
-        (N, s, n) of the plant in the samples, at which periods begin.
-    clearance
-        (N, m) in the samples.
+    Samples have plant states (N, s, n) and clearances (N, m).
     """
     N, m = clearance.shape
     least = np.full((N, m), np.inf)

@@ -13,7 +13,6 @@ from ..compiled import load
 from ..compiled.samples import ALONE, LAW, MOVE, STEP, Loop
 from ..compiled.structures import pack_struct
 from ..constraints import ConstraintSet
-from ..control import Model
 from ..control.evaluator import CompiledEvaluation
 from ..controllers import Controller, Tracking
 from ..controllers.base import restart
@@ -26,10 +25,10 @@ from .disturbances import Disturbances
 from .image_sensor import ImageSensor
 from .intersample import intersample_clearance
 from .occluders import hidden_markers
-from .outcome import judge, scores_of
+from .outcome import Ended, judge, scores_of
 from .prepared import Prepared, blank_step, make_loop
 from .setup import Setup
-from .trajectory import RunScores, Trajectory
+from .trajectory import Outcome, RunScores, Trajectory
 
 CHUNK = 512
 """Samples that compiled code runs at once: in between, signals are handled."""
@@ -48,21 +47,17 @@ def simulate(
 ) -> Trajectory:
     """Run a controller on a setup, from t = 0 to its duration or until it cannot go on.
 
-    With a time limit, a run that is not at rest at the end of its duration goes on until it is, at the last goal or
-    elsewhere (see :func:`.until_settled`).
-
-    A scene that can no longer be evaluated, a controller that fails, and own parts that raise anything end the run with
-    the status ``failed``; what was simulated until then is kept. The command of the last sample is computed but not
-    carried out. The reason also holds the remarks of :meth:`Setup.check_start` and of the controller, how often
-    another QP solver had to answer, and how often a law claimed a loss of rank that its rows do not show, at which no
-    run is stopped.
+    With a time limit, a run that is not at rest at the end of its duration goes on until it is (see
+    :func:`.until_settled`). A scene that can no longer be evaluated, a controller that fails, and own parts that raise
+    anything end the run with the status ``failed``; what was simulated until then is kept. The command of the last
+    sample is computed but not carried out. The reason also holds the remarks of :meth:`Setup.check_start` and of the
+    controller, how often another QP solver had to answer, and how often a law claimed a loss of rank that its rows do
+    not show, at which no run is stopped.
 
     Parameters
     ----------
-    setup
-        What is simulated.
-    controller
-        What commands it.
+    setup, controller
+        What is simulated, and what commands it.
     by_public_call
         Whether every law is asked by ``controller.command(rows, task)``, as a user's own loop does, so that the times
         of different laws are those of the same call. Otherwise compiled laws run on the arrays of the compiled step,
@@ -89,12 +84,8 @@ def simulate(
 def score_run(setup: Setup, controller: Controller) -> RunScores:
     """As :func:`simulate`, but keep nothing of a run except its scores: what thousands of trials run on.
 
-    Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start alone.
-
-    Raises
-    ------
-    ConfigurationError
-        if the robot cannot start (see :meth:`Setup.check_start`).
+    Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start alone. Raises as
+    :func:`simulate` does.
     """
     remarks = setup.check_start()
     run = _Run(Prepared(setup), controller, whole=False)
@@ -110,12 +101,7 @@ def until_settled(setup: Setup) -> Setup:
     tracking alone takes to settle at the last goal, without constraints and disturbances: the same for every law. There
     is none, so that a run ends with its duration, where the target moves, since who follows it is judged at the end of
     the motion that the scenario states; and where even tracking alone is still on its way at the end of the duration.
-    Where tracking alone fails, it is the multiple of the duration.
-
-    Raises
-    ------
-    ConfigurationError
-        if the robot cannot start (see :meth:`Setup.check_start`).
+    Where tracking alone fails, it is the multiple of the duration. Raises as :func:`simulate` does.
     """
     if setup.scene.motion is not None:
         return setup
@@ -140,91 +126,75 @@ def until_settled(setup: Setup) -> Setup:
 
 
 class _Run:
-    """A controller and a robot: compiled code runs as far as it can, and returns to Python for the rest.
-
-    Attributes
-    ----------
-    samples
-        How many are done.
-    ended, reason
-        ``"failed"`` or ``"aborted"`` and why, if the loop ended early.
-    fallbacks, unfounded
-        How often another QP solver had to answer, and a law claimed a loss of rank that its rows do not show.
-    at_once
-        How many samples compiled code may run at once: one where Python moves the robot, or renders images.
-    """
+    """A controller and a robot: compiled code runs as far as it can, and returns to Python for the rest."""
 
     def __init__(
         self, prepared: Prepared, controller: Controller, *, whole: bool = True, by_public_call: bool = False
     ) -> None:
         prepared.restart()
-        setup = prepared.setup
-        self.prepared, self.setup, self.controller, self.whole = prepared, setup, controller, whole
-        self.control, self.world, self.bound = prepared.control, prepared.world, prepared.bound
-        self.gradient_error, self.baseline = prepared.gradient_error, prepared.baseline
-        self.plant, self.sensor = setup.plant(), setup.sensor()
-        self.samples = self.fallbacks = self.unfounded = self.law = 0
-        self.ended, self.reason, self.compiled = "", "", False
+        self.prepared, self.setup, self.controller, self.whole = prepared, prepared.setup, controller, whole
+        self.control, self.bound, self.gradient_error = prepared.control, prepared.bound, prepared.gradient_error
+        self.plant, self.sensor = self.setup.plant(), self.setup.sensor()
+        #: How many are done, how often another QP solver had to answer, and a law claimed a loss of rank in vain.
+        self.samples = self.fallbacks = self.unfounded = 0
+        self.ended: Ended = ""
+        self.reason, self.compiled, self.law = "", False, 0
         loop = None
         try:
-            restart(controller, setup.Ts, self._model)
+            believe = self.sensor.expected if self.setup.disturbances.sensing else None
+            spoil = self.gradient_error if self.gradient_error.any else None
+            restart(controller, self.setup.Ts, lambda: self.control.model(believe, spoil))
             loop = self._compiled_loop(by_public_call)
         except (SystemExit, GeneratorExit) as error:  # a law ends its own run, not the process
             self._end("failed", described(error))
         self._begin(loop or self._python_loop())
 
-    def _model(self) -> Model:
-        """What the control believes of states to come."""
-        believe = self.sensor.expected if self.setup.disturbances.sensing else None
-        return self.control.model(believe, self.gradient_error if self.gradient_error.any else None)
-
     def to_the_end(self) -> None:
         """Run all samples, or until something ends it."""
-        N, longest = self.setup.samples, self.setup.samples_at_most
-        further = math.ceil(self.setup.rest_time / self.setup.Ts)
+        setup, N = self.setup, self.setup.samples
+        further, dwell = math.ceil(setup.rest_time / setup.Ts), setup.tolerances.dwell_s
         try:
             self._run_to(N)
-            dwell = self.setup.tolerances.dwell_s
-            while longest > N and not self.ended and self._under_way(dwell):
-                N = min(N + further, longest)
+            while setup.samples_at_most > N and not self.ended and self._outcome(dwell)[0] in ("slow", "unfinished"):
+                N = min(N + further, setup.samples_at_most)
                 self._run_to(N)
                 # crossing the goal at the moment of the check is not settling there
-                dwell = further * self.setup.Ts
+                dwell = further * setup.Ts
         except SceneError as error:
             self._end("failed", str(error))
         # own constraints and laws may raise anything; the samples so far are kept. KeyboardInterrupt is the user's
         except (Exception, SystemExit, GeneratorExit) as error:
             self._end("failed", described(error))
 
-    def _under_way(self, dwell: float) -> bool:
-        """Whether the run may still get to the last goal, and is not there."""
-        status, _ = judge(self.setup, self.loop, self.samples, self.ended, self.reason, dwell)
-        return status in ("slow", "unfinished")
+    def _outcome(self, dwell: float | None = None) -> tuple[Outcome, str]:
+        return judge(self.setup, self.loop, self.samples, self.ended, self.reason, dwell)
 
-    def _run_to(self, end: int) -> None:
+    def _end(self, ended: Ended, reason: str) -> None:
+        self.ended, self.reason = ended, f"t = {self.samples * self.setup.Ts:.4g} s: {reason}"
+
+    def _run_to(self, last: int) -> None:
         """Run all samples before this one, unless something ends the run."""
-        last, stage = end, STEP
+        stage = STEP
         # a sample that has come to a command is finished, also if it is the last one
         while stage != STEP or (self.samples < last and not self.ended):
             begun = self.samples
             end = begun + 1 if self.ended else min(begun + self.at_once, last)
-            if stage == STEP and isinstance(self.sensor, ImageSensor):
-                self._look(self.sensor, begun)
+            if stage == STEP and isinstance(self.sensor, ImageSensor) and self.bound is not None and self.loop.parts[0]:
+                self.bound.packed.measure(self.sensor.measured(begun, self.plant.q, self.plant.qd))
+                # without a usable image no law is called, and the arm brakes
+                self.loop.parts[3] = 0 if self.sensor.blind else self.law
             self.samples, stage = load("closed_loop").run(self.address, begun, end, stage)
             if self.pushes and self.samples > begun:
                 self.plant.follow()
             if self.samples < end:
                 stage = self._answer(self.samples, stage)
 
-    def _end(self, status: str, reason: str) -> None:
-        self.ended, self.reason = status, f"t = {self.samples * self.setup.Ts:.4g} s: {reason}"
-
     def _compiled_loop(self, by_public_call: bool) -> Loop | None:
         """A loop whose step is compiled; None where it has no compiled form."""
-        setup, true = self.setup, self.prepared.true
-        if self.bound is None or true is None:
+        setup, bound, true, alone = self.setup, self.bound, self.prepared.true, self.prepared.alone
+        if bound is None or true is None or alone is None:
             return None
-        believed = self.bound.packed
+        believed = bound.packed
         loop = make_loop(setup, self.plant, believed.step, true.packed.step, self.whole)
         loop.parts[:3] = load("closed_loop").EVALUATE, believed.address, true.packed.address
         self.gradient_error.write(believed.step)
@@ -234,9 +204,7 @@ class _Run:
                 self._sensing = self.sensor.sensing(setup.samples_at_most)
                 self._sensed = pack_struct(self._sensing)
                 loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.ctypes.data
-        now, alone = self.bound.now, self.prepared.alone
-        law = self.controller.bind(now.rows, now.task, loop.answer.acted, loop.answer.qdd)
-        assert alone is not None
+        law = self.controller.bind(bound.now.rows, bound.now.task, loop.answer.acted, loop.answer.qdd)
         self.compiled = law is not None and load("compiler").compiles()
         self._laws = [pack_struct(part.arrays) for part in (alone, law) if part is not None]
         loop.parts[4] = self._laws[0].ctypes.data
@@ -248,18 +216,18 @@ class _Run:
             loop = loop._replace(answer=answer)
         return loop
 
-    def _begin(self, loop: Loop) -> None:
-        self.loop, loop.parts[7:] = loop, self.plant.mover
-        # whether Python moves the robot
-        self.pushes = self.plant.follows and self.plant.mover[0] == 0
-        self.at_once = 1 if self.pushes or isinstance(self.sensor, ImageSensor) else CHUNK
-        self._packed_loop = pack_struct(loop)
-        self.address = int(self._packed_loop.ctypes.data)
-
     def _python_loop(self, features: int = 0) -> Loop:
         """A loop whose step and law run in Python; the number of features is known after the first sample."""
         blank = blank_step(self.setup, features)._replace(last_command=self.control.last_command)
         return make_loop(self.setup, self.plant, blank, blank, self.whole)
+
+    def _begin(self, loop: Loop) -> None:
+        self.loop, loop.parts[7:] = loop, self.plant.mover
+        # whether Python moves the robot: then, or where it renders images, it does so sample by sample
+        self.pushes = self.plant.follows and self.plant.mover[0] == 0
+        self.at_once = 1 if self.pushes or isinstance(self.sensor, ImageSensor) else CHUNK
+        self._packed_loop = pack_struct(loop)
+        self.address = int(self._packed_loop.ctypes.data)
 
     def _answer(self, k: int, stage: int) -> int:
         """Do the stage that compiled code cannot do; returns the next one."""
@@ -267,7 +235,7 @@ class _Run:
             self.plant.check()
             rows, task = self._evaluate(k)
             # before the law, which may change the task's arrays
-            self.loop.alone[:] = self.baseline.command(Rows.none(self.plant.x.shape[1]), task).qdd
+            self.loop.alone[:] = self.prepared.baseline.command(Rows.none(self.plant.x.shape[1]), task).qdd
         else:
             assert self.bound is not None
             step = CompiledEvaluation(self.bound.packed, self.setup.constraints, self.bound.out.copy())
@@ -290,28 +258,18 @@ class _Run:
             step = self.control.evaluate(t, q, qd)
         rows = self.gradient_error(step.rows, qd)
         ready = perf_counter()
-        true, sigma = step.rows, step.sigma
+        true, sigma, seen = step.rows, step.sigma, (step.pixels, step.points, step.camera_R, step.camera_t)
         if self.sensor.disturbed:
             true, sigma = setup.constraints.rows(state)
+            seen = state.pixels.position, state.robot.points, state.camera.R, state.camera.t
         if k == 0 and len(step.error) != len(self.loop.task.error):
             self._begin(self._python_loop(len(step.error)))
         loop = self.loop
         loop.true.phi[:], loop.true.Lg[:], loop.true.Lf[:], loop.true.sigma[:] = true.phi, true.Lg, true.Lf, sigma
-        seen = step.pixels, step.points, step.camera_R, step.camera_t
-        if self.sensor.disturbed:
-            seen = state.pixels.position, state.robot.points, state.camera.R, state.camera.t
         loop.pixels[:], loop.points[:], loop.camera_R[:], loop.camera_t[:] = seen
         loop.task.error[:] = step.error
         loop.kept.rows_time[k % len(loop.kept.rows_time)] = ready - started
         return rows, step.task
-
-    def _look(self, sensor: ImageSensor, k: int) -> None:
-        """Give the compiled step, if there is one, the measurement of a sample."""
-        if self.loop.parts[0]:
-            assert self.bound is not None
-            self.bound.packed.measure(sensor.measured(k, self.plant.q, self.plant.qd))
-            # without a usable image no law is called, and the arm brakes
-            self.loop.parts[3] = 0 if sensor.blind else self.law
 
     def _ask_law(self, k: int, rows: Rows, task: Task) -> None:
         """Take the controller's command, or end the run.
@@ -342,17 +300,12 @@ class _Run:
             remarks.append(
                 f"the law claimed a loss of rank in {self.unfounded} samples in which its rows have full rank"
             )
-        return [
-            *remarks,
-            *self.plant.remarks(),
-            *self.sensor.remarks(),
-            self.controller.remark(self.setup.constraints.labels),
-        ]
+        own = self.controller.remark(self.setup.constraints.labels)
+        return [*remarks, *self.plant.remarks(), *self.sensor.remarks(), own]
 
     def scores(self) -> RunScores:
         """Scores of the run."""
-        outcome = judge(self.setup, self.loop, self.samples, self.ended, self.reason)
-        return scores_of(self.setup, self.loop, self.samples, outcome, self.compiled)
+        return scores_of(self.setup, self.loop, self.samples, self._outcome(), self.compiled)
 
     def trajectory(self) -> Trajectory:
         """What was simulated."""
@@ -361,7 +314,7 @@ class _Run:
         q, qd, qdd = (np.ascontiguousarray(states[:, i]) for i in (0, 1, -2))
         t, pixels, points = np.arange(N) * setup.Ts, kept.pixels[:N], kept.points[:N]
         clearance = setup.clearance(t, q, qd, pixels, points)
-        status, reason = judge(setup, self.loop, N, self.ended, self.reason)
+        status, reason = self._outcome()
         return Trajectory(
             status=status,
             reason=reason,
@@ -382,7 +335,7 @@ class _Run:
             active=kept.active[:N],
             saturated=kept.saturated[:N],
             share_to_hold=self.loop.scores.share_to_hold,
-            between_clearance=intersample_clearance(setup, self.world, self.plant, states, clearance),
+            between_clearance=intersample_clearance(setup, self.prepared.world, self.plant, states, clearance),
             rows_time=kept.rows_time[:N],
             step_time=kept.step_time[:N],
             fallbacks=self.fallbacks,

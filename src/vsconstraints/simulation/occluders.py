@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import cached_property
 
 import coal
 import numpy as np
@@ -32,12 +31,8 @@ TINY = 1e-300
 class LinesOfSight:
     """Lines from the camera to the markers of a scene, and the links of a URDF arm as convex hulls.
 
-    Links that move with the tip carry the camera or the markers, and never count.
-
-    Raises
-    ------
-    ConfigurationError
-        if a mesh cannot be read.
+    Links that move with the tip carry the camera or the markers, and never count. Raises ConfigurationError if a mesh
+    cannot be read.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -137,22 +132,16 @@ def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
 class Occluders:
     """Convex solids that may stand before the tags of a scene: links, bodies of constraints, forbidden regions.
 
-    Parameters
-    ----------
-    scene
-        Whose arm it is.
-    constraints
-        Those that give a mesh are drawn: obstacles of collision as ``bodies``, all others as ``regions``.
-    kinds
-        What is drawn. Links that move with the tip carry the camera or the tags, and never count.
+    Of ``kinds``, obstacles of collision are ``bodies``, and all others that have a mesh ``regions``. Links that move
+    with the tip carry the camera or the tags, and never count.
     """
 
     def __init__(self, scene: Scene, constraints: Sequence[Constraint], kinds: Sequence[OpaqueName]) -> None:
         self.scene, self._data = scene, scene.robot.model.createData()
         self.links = _links(scene, constraints) if "links" in kinds else []
-        self.obstacles = [
-            one for one in constraints if ("bodies" if isinstance(one, Collision) else "regions") in kinds
-        ]
+        obstacles = [one for one in constraints if ("bodies" if isinstance(one, Collision) else "regions") in kinds]
+        self._moving = [one for one in obstacles if getattr(one, "motion", None) is not None]
+        self._still = [mesh.points for one in obstacles if one not in self._moving for mesh in one.meshes(0.0)]
 
     def solids(self, q: Array, t: float) -> Iterator[Array]:
         """Each (V, 3) points in the base frame whose convex hull a solid is, at ``q`` (n,) and ``t`` [s]."""
@@ -167,14 +156,6 @@ class Occluders:
         yield from self._still
         for one in self._moving:
             yield from (mesh.points for mesh in one.meshes(t))
-
-    @cached_property
-    def _moving(self) -> list[Constraint]:
-        return [one for one in self.obstacles if getattr(one, "motion", None) is not None]
-
-    @cached_property
-    def _still(self) -> list[Array]:
-        return [mesh.points for one in self.obstacles if one not in self._moving for mesh in one.meshes(0.0)]
 
 
 def _links(scene: Scene, constraints: Sequence[Constraint]) -> list[Body]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from ..compiled.samples import Loop
@@ -12,27 +14,20 @@ from ..vision.features import CameraPose
 from .setup import Setup
 from .trajectory import Outcome, RunScores
 
+Ended = Literal["", "failed", "aborted"]
+"""How the loop itself ended; empty if all samples were run."""
+
 
 def judge(
-    setup: Setup, loop: Loop, samples: int, ended: str, reason: str, dwell: float | None = None
+    setup: Setup, loop: Loop, samples: int, ended: Ended, reason: str, dwell: float | None = None
 ) -> tuple[Outcome, str]:
-    """Status and reason of a run.
+    """Status and reason of a run of so many samples.
 
-    Parameters
-    ----------
-    setup, loop
-        What was run, and what was kept of it.
-    samples
-        How many there are.
-    ended, reason
-        ``"failed"`` or ``"aborted"`` and why, if the loop ended early; else empty.
-    dwell
-        How long it must have stayed at the last goal [s]; that of the tolerances if None.
+    ``reason`` is why the loop ended early, if it did; ``dwell`` how long the run must have stayed at the last goal [s],
+    that of the tolerances if None.
     """
-    if ended == "failed":
-        return "failed", reason
-    if ended == "aborted":
-        return "aborted", reason
+    if ended:
+        return ended, reason
     kept, speed = loop.kept, setup.goal_tolerances[-1, 3]
     t, last = np.arange(samples) * setup.Ts, (samples - 1) % len(kept.camera_error)
     unreached, goals = loop.scores.unreached, goals_at(loop.goals.begins, t)
@@ -46,12 +41,9 @@ def judge(
     left = [f"goal {goal + 1} was not reached before goal {goal + 2} began" for goal in missed]
     if there:
         return "unfinished", "; ".join(left)
-    distance_now, angle_now = kept.camera_error[last]
-    final = (
-        f"ends {_amount(distance_now * 1e3)} mm and {_amount(angle_now * 1e3)} mrad from the goal"
-        if np.isfinite(distance_now)
-        else f"ends {_amount(kept.feature_error[last])} px from the goal"
-    )
+    distance, angle = 1e3 * kept.camera_error[last]
+    off = f"{_amount(distance)} mm and {_amount(angle)} mrad"
+    final = f"ends {off if np.isfinite(distance) else f'{_amount(kept.feature_error[last])} px'} from the goal"
     # half a period for the rounding of times
     begin = int(np.argmax(t >= t[-1] - setup.rest_time - 0.5 * setup.Ts))
     since = np.arange(begin, samples) % len(kept.camera_t)
@@ -84,25 +76,11 @@ def _time_to_go(setup: Setup, loop: Loop, since: IntArray) -> float:
     return float((error[-1] - 1.0) / pace) if pace > 0.0 and error[-1] > 1.0 else np.inf
 
 
-def settling_times(
-    unreached: IntArray,
-    begins: Array,
-    samples: int,
-    Ts: float,
-) -> Array:
+def settling_times(unreached: IntArray, begins: Array, samples: int, Ts: float) -> Array:
     """(g,) from when each goal begins until it is reached for good, before the next one begins or the run ends [s].
 
-    NaN where it is not. It need not be dwelled at: when a goal begins is given, so that nobody passes one by leaving
-    it early.
-
-    Parameters
-    ----------
-    unreached
-        (g,) last sample in which it is not reached while it holds; −1 if there is none.
-    begins
-        (g,) [s].
-    samples, Ts
-        How many samples there are, and the sampling time [s].
+    NaN where it is not. Leaving a goal early does not help: when each begins is fixed. ``unreached`` (g,) is the last
+    sample in which a goal is not reached while it holds, −1 if there is none; goals begin at ``begins`` (g,) [s].
     """
     numbers, goals = np.arange(len(begins)), goals_at(begins, np.arange(samples) * Ts)
     first = np.maximum(unreached + 1, np.searchsorted(goals, numbers))
@@ -114,17 +92,15 @@ def settling_times(
 def scores_of(setup: Setup, loop: Loop, samples: int, outcome: tuple[Outcome, str], compiled: bool) -> RunScores:
     """The scores of a loop after so many samples."""
     Ts, kept, scores = setup.Ts, loop.kept, loop.scores
-    status, reason = outcome
-    duration = (samples - 1) * Ts if samples else np.nan
     last = (samples - 1) % len(kept.camera_error)
     errors = (*kept.camera_error[last], kept.feature_error[last]) if samples else (np.nan,) * 3
     steps = min(samples, setup.samples) - 1 if samples > 1 else np.nan
+    first_active, last_active = (np.where(at < 0, np.nan, at * Ts) for at in (scores.first_active, scores.last_active))
     return RunScores(
-        status=status,
-        reason=reason,
+        *outcome,
         compiled=compiled,
         labels=setup.constraints.labels,
-        duration_s=duration,
+        duration_s=(samples - 1) * Ts if samples else np.nan,
         settling_times_s=settling_times(scores.unreached, loop.goals.begins, samples, Ts),
         final_translation_error_m=float(errors[0]),
         final_rotation_error_rad=float(errors[1]),
@@ -137,8 +113,8 @@ def scores_of(setup: Setup, loop: Loop, samples: int, outcome: tuple[Outcome, st
         sigma_max=scores.sigma_max,
         outside_time_s=scores.outside * Ts,
         active_time_s=scores.acted * Ts,
-        first_active_s=np.where(scores.first_active < 0, np.nan, scores.first_active * Ts),
-        last_active_s=np.where(scores.last_active < 0, np.nan, scores.last_active * Ts),
+        first_active_s=first_active,
+        last_active_s=last_active,
         longest_positive_run_s=scores.longest_positive * Ts,
         saturated_time_s=float(scores.saturated[0] * Ts),
         share_to_hold=scores.share_to_hold,

@@ -25,26 +25,16 @@ class Plant:
     """n joints alike: each a linear system whose state holds q, q̇, what the low-level loop remembers, q̈_c and d_c.
 
     With acceleration control q̈ = a + d_c, where a follows q̈_c with the time constant τ, or at once if τ is zero. With
-    position control q̈ = (q_c − q)/τ² + 2 (q̇_c − q̇)/τ + d_c, or q = q_c.
-
-    Commands beyond the actuators' limits, if any are stated, are brought to them: the loop does so
+    position control q̈ = (q_c − q)/τ² + 2 (q̇_c − q̇)/τ + d_c, or q = q_c, where q_c is what an
+    :class:`vsconstraints.robots.order_filter.OrderFilter` gives. The loop brings commands beyond ``limits`` to them
     (:func:`vsconstraints.compiled.samples.saturate`).
-
-    q_c is what an :class:`vsconstraints.robots.order_filter.OrderFilter` gives, as a part of the state.
-
-    Attributes
-    ----------
-    x
-        (s, n) the state at the beginning of the period: q and q̇ first, q̈_c and d_c last.
-    transition
-        (s, s) from there to the end of the period.
-    follows
-        Whether what the transition gives is not yet the end of the period, but :meth:`follow` or the mover goes there.
-    mover
-        Addresses of the compiled function that does, and of what it works with; 0 where there is none.
     """
 
+    x: Array  #: (s, n) the state at the beginning of the period: q and q̇ first, q̈_c and d_c last.
+    transition: Array  #: (s, s) from there to the end of the period.
+    #: Whether what the transition gives is not yet the end of the period, but :meth:`follow` or the mover goes there.
     follows = False
+    #: Addresses of the compiled function that does, and of what it works with; 0 where there is none.
     mover: tuple[int, int] = (0, 0)
 
     def __init__(
@@ -85,10 +75,7 @@ class Plant:
         return qd
 
     def arrays(self, periods: int, last: Array) -> PlantArrays:
-        """What the loop moves the robot with; d_c of so many periods is drawn beforehand, each time the same.
-
-        The commands that the robot carries out are written to ``last`` (n,).
-        """
+        """What the loop moves the robot with, which writes its commands to ``last`` (n,); d_c is drawn beforehand."""
         pushes = self._pushes(np.random.default_rng(self._seed), periods)
         return PlantArrays(self.transition, self.x, np.empty_like(self.x), pushes, self._limits, last)
 

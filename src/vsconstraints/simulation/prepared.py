@@ -11,39 +11,28 @@ from ..compiled.structures import Answer, Size, Step
 from ..control import ControlStep
 from ..controllers import Tracking
 from ..controllers.compiled import BoundLaw
+from ..robots.geometry import Pose
 from ..vision.features import CameraPose
 from .plant import Plant
 from .setup import Setup
 
 
 class Prepared:
-    """The control steps of a setup, and tracking alone beside them.
+    """The control steps of a setup, and the law of tracking alone beside them.
 
-    Runs follow one another: each begins with :meth:`restart`, which forgets the one before. Own constraints and laws
-    may leave more behind than that.
-
-    Attributes
-    ----------
-    setup
-        What is simulated.
-    control, world
-        The step that the control takes, and the one that says what is true: the same where nothing is disturbed.
-    gradient_error
-        Errors of the rows' gradients.
-    baseline, alone
-        Tracking alone and, where steps are compiled, its law on the arrays of the control's.
-    bound, true
-        Both steps on arrays that stay where they are; None where anything runs in NumPy.
+    Runs follow one another, each begun by :meth:`restart`; own constraints and laws may remember more than it forgets.
     """
 
     def __init__(self, setup: Setup) -> None:
         self.setup, self.control, self.gradient_error = setup, setup.control(), setup.gradient_error()
         # what is kept is what is true; where nothing is disturbed, that is what the control believes
-        self.world, sensor = self.control, setup.sensor()
-        if sensor.disturbed or self.gradient_error.any:
+        self.world = self.control
+        if setup.sensor().disturbed or self.gradient_error.any:
             self.world = ControlStep(setup.scene, setup.constraints, setup.task, known=True)
         self.baseline = Tracking()
+        #: Both steps on arrays that stay where they are; None where anything runs in NumPy.
         self.bound, self.true = self.control.bound(), self.world.bound()
+        #: Tracking alone on the arrays of the control's step.
         self.alone: BoundLaw | None = None
         if self.bound is not None:
             size, now = self.bound.packed.size, self.bound.now
@@ -57,35 +46,34 @@ class Prepared:
 
 def blank_step(setup: Setup, features: int) -> Step:
     """Arrays for a step whose rows and task Python evaluates."""
-    scene = setup.scene
-    size = Size(scene.robot.n, len(scene.markers), len(scene.points), len(setup.constraints.labels), features)
-    step, _ = size.step()
-    rows, constraints = step.rows, setup.constraints
-    rows.switching_gain[:], rows.scale[:], rows.K[:] = (
-        constraints.switching_gain,
-        constraints.scale,
-        constraints.approach_time,
-    )
+    scene, constraints = setup.scene, setup.constraints
+    step, _ = Size(scene.robot.n, len(scene.markers), len(scene.points), len(constraints.labels), features).step()
+    step.rows.switching_gain[:], step.rows.scale[:] = constraints.switching_gain, constraints.scale
+    step.rows.K[:] = constraints.approach_time
     return step
 
 
 def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: bool) -> Loop:
     """A loop whose parts all run in Python, until compiled ones replace them.
 
-    Parameters
-    ----------
-    setup, plant
-        What is simulated.
-    believed, true
-        What the control believes, and what is true.
-    whole
-        Whether all samples are kept, or the last poses and errors of the camera alone.
+    ``believed`` and ``true`` are the steps of control and world; unless the ``whole`` run is kept, only the last poses
+    and errors of the camera are.
     """
     N, (m, n), k = setup.samples_at_most, true.rows.Lg.shape, len(believed.task.error)
     window = min(N, math.ceil(setup.rest_time / setup.Ts) + 2)
     samples, poses = (N, N) if whole else (1, window)
     none, zeros, one = np.empty(0), np.zeros, np.zeros(1, dtype=np.int64)
     counts = np.zeros((4, m), dtype=np.int64)
+    nowhere = Pose(np.full((3, 3), np.nan), np.full(3, np.nan))
+    poses_wanted = [goal.camera or nowhere for goal in setup.task.goals]
+    goals = Goals(
+        begins=setup.goal_begins,
+        pixels=np.array([goal.pixels for goal in setup.task.goals], dtype=np.float64),
+        R=np.array([pose.R for pose in poses_wanted]),
+        t=np.array([pose.t for pose in poses_wanted]),
+        tolerance=setup.goal_tolerances,
+        by_pose=np.array([isinstance(setup.task.feature, CameraPose)]),
+    )
     kept = Kept(
         states=zeros((samples, *plant.x.shape)),
         error=zeros((samples, k)),
@@ -135,21 +123,8 @@ def make_loop(setup: Setup, plant: Plant, believed: Step, true: Step, whole: boo
         points=true.points,
         camera_R=true.camera_R,
         camera_t=true.camera_t,
-        goals=_goals(setup),
+        goals=goals,
         plant=plant.arrays(N, believed.last_command),
         kept=kept,
         scores=scores,
-    )
-
-
-def _goals(setup: Setup) -> Goals:
-    goals = setup.task.goals
-    nowhere = np.full((3, 3), np.nan)
-    return Goals(
-        begins=setup.goal_begins,
-        pixels=np.array([goal.pixels for goal in goals], dtype=np.float64),
-        R=np.array([nowhere if goal.camera is None else goal.camera.R for goal in goals]),
-        t=np.array([nowhere[0] if goal.camera is None else goal.camera.t for goal in goals]),
-        tolerance=setup.goal_tolerances,
-        by_pose=np.array([isinstance(setup.task.feature, CameraPose)]),
     )

@@ -26,13 +26,7 @@ __all__ = ["Expectation", "Sensor", "believed_camera", "estimated_pose", "ideal_
 
 
 def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
-    """The camera that the control calculates with.
-
-    Raises
-    ------
-    ConfigurationError
-        if a distortion is disturbed that the camera does not have, or that has another number of coefficients.
-    """
+    """The camera that the control calculates with; raises ConfigurationError if a distortion factor does not fit it."""
     believed, wrong = camera, disturbances
     if wrong.distortion:
         factors, lens = np.asarray(wrong.distortion_factor, dtype=np.float64), camera.distortion
@@ -49,9 +43,8 @@ def believed_camera(camera: Camera, disturbances: Disturbances) -> Camera:
         corner = camera.offset + 0.5 * np.asarray(camera.size) + wrong.principal_point_error
         believed = replace(believed, focal_px=tuple(focal), principal_point_px=tuple(corner))
     if wrong.mount:
-        error = Pose(
-            np.asarray(pin.exp3(np.array(wrong.mount_rotation_error))), np.array(wrong.mount_translation_error)
-        )
+        turn = np.asarray(pin.exp3(np.array(wrong.mount_rotation_error)))
+        error = Pose(turn, np.array(wrong.mount_translation_error))
         if camera.fixed is not None:
             return replace(believed, fixed=camera.fixed @ error)
         # of the camera in the tip's frame, which the mount is the inverse of
@@ -84,21 +77,11 @@ def shown_to(camera: Camera, believed: Camera, pixels: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """What would be believed of a state to come: seen in the believed scene, at once and without noise.
+    """What would be believed of a state to come: seen in the believed scene, at once and without noise."""
 
-    Attributes
-    ----------
-    scene
-        The believed one.
-    depth_factor
-        Of the disturbances.
-    elsewhere
-        Whether camera or markers are believed elsewhere than they are.
-    """
-
-    scene: Scene
+    scene: Scene  #: The believed one.
     depth_factor: float
-    elsewhere: bool = False
+    elsewhere: bool  #: Whether camera or markers are believed elsewhere than they are.
 
     def __call__(self, state: State) -> State:
         """The believed state."""
@@ -119,35 +102,12 @@ class Sensor:
 
     The camera's pose is estimated from the measured image by least squares (section 2, third part of the computer
     vision algorithm); where the markers do not determine it, it is taken from the kinematics. Robot coordinates and
-    speeds are measured without error.
-
-    Parameters
-    ----------
-    scene
-        What is seen.
-    disturbances
-        What goes wrong.
-    Ts
-        Sampling time [s].
-    unknown_motion
-        Whether something that constraints forbid moves unknown to the controller.
-
-    Attributes
-    ----------
-    disturbed
-        Whether what is believed differs from what is true.
-    sample
-        Which one is observed next.
-    blind
-        Whether there is nothing to go by, and the arm has to be braked.
-
-    Raises
-    ------
-    ConfigurationError
-        if images do not come at samples.
+    speeds are measured without error. ``unknown_motion`` says whether something that constraints forbid moves unknown
+    to the controller. Raises ConfigurationError if images do not come at samples.
     """
 
-    blind = False
+    blind = False  #: Whether there is nothing to go by, and the arm has to be braked.
+    sample: int  #: Which one is observed next.
 
     def __init__(self, scene: Scene, disturbances: Disturbances, Ts: float, unknown_motion: bool = False) -> None:
         self.scene, self.disturbances = scene, disturbances
@@ -161,6 +121,7 @@ class Sensor:
                 f"{disturbances.image_period} s"
             )
         unknown_target = scene.motion is not None and not scene.motion.known
+        #: Whether what is believed differs from what is true.
         self.disturbed = disturbances.sensing or unknown_target or unknown_motion
         self.reset()
 
@@ -199,17 +160,19 @@ class Sensor:
     def observe(self, state: State) -> State:
         """What is believed of the next sample's state; the state itself where nothing is disturbed.
 
-        Raises
-        ------
-        SceneError
-            if the image cannot be explained by any pose with all markers in front of the camera.
+        Raises SceneError if the image cannot be explained by any pose with all markers in front of the camera.
         """
         if not self.disturbed:
             return state
         settings = self.disturbances
         if not settings.sensing:
             return self.scene.believed(state)
-        pixels = self._image(state.pixels.position)
+        seen = self.scene.camera.distort(state.pixels.position)
+        images, k = self._images, self.sample
+        if images is None or k >= self._covered:
+            images = self.images(2 * k + 1)
+        self.sample += 1
+        pixels = ideal_pixels(self.camera, images.held[usable(images, k, seen)].copy())
         camera, Z = state.camera, state.depth
         if self.estimates:
             camera = estimated_pose(self.believed.markers, self.camera.normalised(pixels), state.camera)
@@ -230,16 +193,6 @@ class Sensor:
     def remarks(self) -> list[str]:
         """What a reader of the results should know of what was seen."""
         return []
-
-    def _image(self, ideal: Array) -> Array:
-        """(m, 2) the measured pixels that can be used now, as the control has them, of those that are true."""
-        pixels = self.scene.camera.distort(ideal)
-        images, k = self._images, self.sample
-        if images is None or k >= self._covered:
-            images = self.images(2 * k + 1)
-        self.sample += 1
-        seen: Array = images.held[usable(images, k, pixels)].copy()
-        return ideal_pixels(self.camera, seen)
 
 
 @lru_cache(maxsize=4)
@@ -271,15 +224,11 @@ class GradientError:
                     f"gradient_error concerns rows of the kinds {', '.join(kinds)}, of which there is none; "
                     f"gradient_error_rows may name {', '.join(sorted(known)) or 'nothing here'}"
                 )
-            speeds = {c.kind for c in constraints.constraints if isinstance(c, SpeedConstraint)}
-            if speeds & set(kinds):
-                raise ConfigurationError(
-                    f"gradient_error_rows cannot name {', '.join(sorted(speeds & set(kinds)))}: a speed is not σ + K σ̇"
-                )
-        concerned = np.array([kind in kinds for kind in constraints.kinds], dtype=np.bool_)
-        self._share = disturbances.gradient_error * np.outer(
-            concerned, disturbances.per_joint("gradient_error_signs", n)
-        )
+            speeds = sorted({c.kind for c in constraints.constraints if isinstance(c, SpeedConstraint)} & set(kinds))
+            if speeds:
+                raise ConfigurationError(f"gradient_error_rows cannot name {', '.join(speeds)}: a speed is not σ + K σ̇")
+        concerned, signs = np.isin(constraints.kinds, kinds), disturbances.per_joint("gradient_error_signs", n)
+        self._share = disturbances.gradient_error * np.outer(concerned, signs)
         self._K, self._in_phi = constraints.K, disturbances.gradient_error_in_phi
         self.any = bool(self._share.any())
 

@@ -22,7 +22,6 @@ from ..vision.scene import Scene
 from ..vision.tracking import VisualTask
 from .disturbances import Disturbances
 from .dynamics import ArmDynamics, DynamicPlant
-from .dynamics.plant import Start
 from .image_sensor import ImageSensor, SceneRenderer
 from .plant import Actuation, Plant
 from .sensing import GradientError, Sensor
@@ -39,88 +38,45 @@ REST = 1.0, 10
 
 @dataclass(frozen=True)
 class Tolerances:
-    """When a motion counts as settled or at rest.
+    """When a motion counts as settled or at rest."""
 
-    Attributes
-    ----------
-    translation_m, rotation_rad
-        Error of the camera's pose below which a goal counts as reached [m], [rad]; where the goal is a pose.
-    feature_px
-        Greatest error of a marker in the image likewise [px]; where the goal is an image only, or the task is one.
-    joint_speed
-        Speed of the fastest joint below which the arm is at rest, as it must be at a goal [rad/s or m/s]; it may be any
-        where the target moves, which joints have to follow.
-    dwell_s
-        How long it must stay there until the end [s].
-    rest_s
-        How long the camera must have moved by less than ``translation_m`` and ``rotation_rad`` to count as at rest [s];
-        less than 1 s, or ten sampling periods, counts as that.
-    """
-
-    translation_m: float = 0.005
+    translation_m: float = 0.005  #: Error of the camera's pose below which a goal counts as reached, if it is a pose.
     rotation_rad: float = 0.005
-    feature_px: float = 2.0
+    feature_px: float = 2.0  #: Greatest error of a marker in the image likewise; if the goal, or the task, is an image.
+    #: Speed of the fastest joint below which the arm is at rest, as it must be at a goal [rad/s or m/s]; it may be any
+    #: where the target moves, which joints have to follow.
     joint_speed: float = 0.1
-    dwell_s: float = 0.2
+    dwell_s: float = 0.2  #: How long it must stay there until the end.
+    #: How long the camera must have moved by less than ``translation_m`` and ``rotation_rad`` to count as at rest; less
+    #: than 1 s, or ten sampling periods, counts as that.
     rest_s: float = 2.0
 
     def __post_init__(self) -> None:
-        for name in ("translation_m", "rotation_rad", "feature_px", "joint_speed", "dwell_s", "rest_s"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidInput(f"tolerance {name} must be positive, not {getattr(self, name)}")
+        for name, value in vars(self).items():
+            if not (np.isfinite(value) and value > 0.0):
+                raise InvalidInput(f"tolerance {name} must be positive, not {value}")
 
 
 @dataclass(frozen=True)
 class Setup:
-    """A complete simulation, except for the controller.
-
-    Attributes
-    ----------
-    scene, constraints, task
-        What is seen, what must hold, and what is wanted.
-    q0, qd0
-        (n,) where the robot starts, and how fast.
-    sampling_time
-        T_s [s].
-    duration
-        [s]. Every run lasts as long, and scores per second are of this time.
-    on_rank_loss
-        Whether to ``abort`` or ``continue`` where the active rows lose full row rank (section 5.2).
-    tolerances
-        When a motion counts as settled or at rest.
-    disturbances
-        What goes otherwise than the control assumes.
-    actuation
-        What the robot's own controller takes.
-    on_hidden_markers
-        Whether to ``refuse`` or ``continue`` a run that starts with a marker hidden by the robot's own links.
-    limits
-        What the actuators can do; none if not given.
-    dynamics
-        Masses, joint controller and friction of the robot, which then does what they make of a command; without them,
-        what eq. (6) says.
-    images
-        Of the images that the control sees, which are rendered and searched for tags; without them, it knows where the
-        markers are.
-    time_limit
-        Until when a run that has not come to rest by then goes on [s], see :func:`.until_settled`; not at all if None.
-    """
+    """A complete simulation, except for the controller."""
 
     scene: Scene
     constraints: ConstraintSet
     task: VisualTask
-    q0: Array
-    qd0: Array
-    sampling_time: float
-    duration: float
-    on_rank_loss: Literal["abort", "continue"] = "abort"
+    q0: Array  #: (n,) where the robot starts.
+    qd0: Array  #: (n,) how fast.
+    sampling_time: float  #: T_s [s].
+    duration: float  #: [s]. Every run lasts as long, and scores per second are of this time.
+    on_rank_loss: Literal["abort", "continue"] = "abort"  #: What follows a loss of row rank (section 5.2).
     tolerances: Tolerances = field(default_factory=Tolerances)
     disturbances: Disturbances = field(default_factory=Disturbances)
-    actuation: Actuation = "acceleration"
-    on_hidden_markers: Literal["refuse", "continue"] = "refuse"
+    actuation: Actuation = "acceleration"  #: What the robot's own controller takes.
+    on_hidden_markers: Literal["refuse", "continue"] = "refuse"  #: At a start with markers hidden by the robot's links.
     limits: ActuatorLimits = NO_LIMITS
-    dynamics: ArmDynamics | None = None
-    images: ImageSettings | None = None
+    dynamics: ArmDynamics | None = None  #: Masses, joint controller and friction of the robot; without them, eq. (6).
+    images: ImageSettings | None = None  #: Of rendered images; without them, the control knows where markers are.
+    #: Until when a run that has not come to rest by then goes on [s], see :func:`.until_settled`; not at all if None.
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
@@ -154,15 +110,10 @@ class Setup:
         return self.sampling_time
 
     def plant(self) -> Plant:
-        """The robot, at its start."""
+        """The robot, at its start; raises ConfigurationError if an arm with mass is also described by eq. (6)."""
         limits = self.limits.arrays(self.scene.robot, self.Ts) if self.limits.any else None
-        if self.dynamics is not None:
-            self._demand_one_plant()
-            return DynamicPlant(self.scene.robot, self.dynamics, Start(self.q0, self.qd0, self.Ts), limits)
-        return Plant(self.q0, self.qd0, self.Ts, self.actuation, self.disturbances, limits)
-
-    def _demand_one_plant(self) -> None:
-        """Raise ConfigurationError where the robot is also described by eq. (6), whose C and d_c follow from a mass."""
+        if self.dynamics is None:
+            return Plant(self.q0, self.qd0, self.Ts, self.actuation, self.disturbances, limits)
         if self.actuation != "acceleration":
             raise ConfigurationError(
                 f'actuation = "{self.actuation}" is of an arm without mass: with plant, plant.controller says what '
@@ -174,6 +125,7 @@ class Setup:
                     f"disturbances.{name} is of an arm without mass: with plant, it follows from controller, friction "
                     "and gears"
                 )
+        return DynamicPlant(self.scene.robot, self.dynamics, self.q0, self.qd0, self.Ts, limits)
 
     def control(self) -> ControlStep:
         """The control step, as far as its controller's command."""
@@ -246,18 +198,10 @@ class Setup:
         return np.array([float(goal.from_time) for goal in self.task.goals])
 
     def reached(self, t: Array, camera_error: Array, feature_error: Array, qd: Array) -> BoolArray:
-        """(N,) whether the goal that holds is reached, by the camera's pose or the markers, with the joints at rest.
+        """(N,) whether the goal of the time is reached, by the camera's pose or the markers, with the joints at rest.
 
-        Parameters
-        ----------
-        t
-            (N,) [s].
-        camera_error
-            (N, 2) distance [m] and angle [rad] of the camera from the goal.
-        feature_error
-            (N,) greatest distance of a marker from the goal [px].
-        qd
-            (N, n) speeds of the joints.
+        For times (N,) [s], distances [m] and angles [rad] of the camera from the goal (N, 2), greatest distances of a
+        marker from it (N,) [px], and joint speeds (N, n).
         """
         tolerance = self.goal_tolerances[goals_at(self.goal_begins, t)].T
         speed = np.abs(qd).max(axis=1)
@@ -270,11 +214,10 @@ class Setup:
         return self.constraints.clearance(Trace(t, q, qd, pixels, points, self.scene.camera.size, self.scene))
 
     def check_start(self) -> list[str]:
-        """Raise if the robot cannot start; return what a reader of the results should know.
+        """Raise if the robot cannot start; return what a reader of the results should know, one sentence each.
 
         A constraint violated at the start is no error, unless it is a funnel: every controller is built to come back.
-        Nor is a goal that puts markers where a constraint forbids them, which no controller can reach. Both are
-        returned, one sentence each, so that reports can say so.
+        Nor is a goal that puts markers where a constraint forbids them, which no controller can reach.
 
         Raises
         ------
@@ -298,7 +241,6 @@ class Setup:
             raise ConfigurationError(f"the start cannot be evaluated: {described(error)}") from error
 
     def _remarks_at_start(self) -> list[str]:
-        """See :meth:`check_start`."""
         camera, state = self.scene.camera, self.scene.evaluate(0.0, self.q0, self.qd0)
         pixels = enumerate(state.pixels.position, start=1)
         unseen = [f"marker {i} at ({uv[0]:.0f}, {uv[1]:.0f}) px" for i, uv in pixels if not camera.sees(uv)]

@@ -105,14 +105,7 @@ def separated_markers(scene: Scene, constraints: ConstraintSet, task: VisualTask
 
     A marker's path in the image is continuous, whatever moves, so that no law can solve such a scene without violating
     a constraint. Constraints that move are left out, and so are starts and goals that are themselves forbidden. That
-    nothing is separated proves nothing: markers do not move independently.
-
-    Parameters
-    ----------
-    scene, constraints, task
-        Of the simulation.
-    start
-        (M, 2) pixels of the markers at the start.
+    nothing is separated proves nothing: markers do not move independently. ``start`` (M, 2) are the first pixels.
     """
     remarks, image = [], np.asarray(scene.camera.size)
     for i in range(len(start)):

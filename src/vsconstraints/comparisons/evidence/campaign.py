@@ -2,37 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ... import __version__
 from ...compiled import available
 from ...errors import ConfigurationError, shown, unknown_name
-from ...plugins.classes import module_files
 from ...plugins.provenance import digest
 from ...scenarios import Scenario
 from ...scenarios.families import HALVES, SHIPPED, Family
 from ...scenarios.reading import Table, demand_known, demand_table, made
 from ...scenarios.toml import read_toml
-from ..entries import (
-    Entries,
-    checked_entries,
-    chosen_entries,
-    demand_names,
-    entries_of,
-    parsed_setting,
-    resolved_entries,
-    target_of,
-    unique,
-    whole,
-    with_baseline,
-    with_option,
-)
+from ..experiment import Entries, Experiment, chosen_entries, demand_names, entries_of
 from ..runs.files import plain
-from ..runs.machine import code_hash, package_versions, used_versions
-from ..runs.spec import ControllerSpec
+from ..runs.machine import VERSION, code_hash, package_versions, used_versions
 
 Identity = dict[str, Any]
 """Nested tables of plain values, as JSON has them; the same wherever the same campaign is run."""
@@ -42,11 +26,17 @@ MAX_SHOWN = 3
 
 IN_WORDS = {"code": "the package's source", "version": "the package's version", "compiled": "whether runs are compiled"}
 
+SHIPPED_CAMPAIGNS = {name: Path(__file__).parent / f"{name}.toml" for name in ("evidence", "real-world")}
+"""Files of the campaigns that come with the package, by name; ``comparisons/evidence.toml`` is a link to the first."""
+
+MAX_SCENES = 10_000_000
+"""Scenes of a family that a campaign may have."""
+
 
 def of_code() -> Identity:
     """Source, versions of Python and of the packages that all results can depend on, and whether runs are compiled."""
     return {
-        "version": __version__,
+        "version": VERSION,
         "code": code_hash()[:16],
         "compiled": available(),
         "packages": package_versions(),
@@ -55,12 +45,12 @@ def of_code() -> Identity:
 
 def of_controllers(entries: Entries) -> Identity:
     """Laws and their options, what the files of own ones hold, and which solvers they use."""
-    return {entry.name: plain({"type": entry.law, **entry.options, **_parts(entry)}) for entry in entries}
-
-
-def _parts(entry: ControllerSpec) -> Identity:
-    files = {f"file {path.name}": digest(path) for path in module_files([entry.law], entry.folder)}
-    return files | {f"package {name}": found for name, found in used_versions(entry.options).items()}
+    identity = {}
+    for entry in entries:
+        files = {f"file {path.name}": digest(path) for path in entry.files}
+        packages = {f"package {name}": version for name, version in used_versions(entry.options).items()}
+        identity[entry.name] = plain({"type": entry.law, **entry.options, **files, **packages})
+    return identity
 
 
 def of_family(family: Family) -> Identity:
@@ -87,27 +77,14 @@ def differences(there: Any, here: Any, key: str = "") -> Iterator[str]:
         yield f"{IN_WORDS[name]} differs" if name in IN_WORDS else values
 
 
-def in_words(found: list[str]) -> str:
+def in_words(texts: Sequence[str], most: int = MAX_SHOWN) -> str:
     """The first of many differences, and how many there are."""
-    more = len(found) - MAX_SHOWN
-    return "; ".join(found[:MAX_SHOWN]) + (f"; and {more} more" if more > 0 else "")
-
-
-SHIPPED_CAMPAIGNS = {name: Path(__file__).parent / f"{name}.toml" for name in ("evidence", "real-world")}
-"""Files of the campaigns that come with the package, by name."""
-
-DEFAULT = SHIPPED_CAMPAIGNS["evidence"]
-"""The campaign that is run when none is given; ``comparisons/evidence.toml`` is a link to it."""
-
-MAX_SCENES = 10_000_000
-"""Scenes of a family that a campaign may have."""
-
-OWN_SETTINGS = ("scenes", "seed", "half", "conditions", "scenes_in.CONDITION")
-"""Keys that ``--set`` changes besides options of controllers."""
+    more = len(texts) - most
+    return "; ".join(texts[:most]) + (f"; and {more} more" if more > 0 else "")
 
 
 @dataclass(frozen=True)
-class Campaign:
+class Campaign(Experiment):
     """What is run.
 
     Attributes
@@ -135,18 +112,24 @@ class Campaign:
     seed: int = 0
     scenes_in: Mapping[str, int] = field(default_factory=dict)
 
+    whole_numbers = ("scenes", "seed")
+    settings = (*whole_numbers, "half", "conditions", "scenes_in.CONDITION")
+
     @classmethod
     def load(cls, path: Path | str | None = None) -> Campaign:
-        """The campaign of a TOML file, or one that comes with the package by its name: ``evidence`` if none is given.
+        """The campaign of a TOML file, or one that comes with the package by its name: ``evidence`` without one.
 
         Raises ConfigurationError or InvalidInput if the file cannot be read, or something in it cannot be used.
         """
-        source = DEFAULT if path is None else SHIPPED_CAMPAIGNS.get(str(path), Path(path))
-        folder = Path() if path is None else source.parent
+        source = SHIPPED_CAMPAIGNS.get(str(path or "evidence"), Path(path or ""))
+        folder = source.parent if path else Path()
         file: _File = made(_File, read_toml(source), source.name)
         controllers = entries_of(file.controllers, f"{source.name}.controllers", folder)
         if file.tuned:
-            controllers += tuned_entries(folder / file.tuned, folder)
+            tables, name = read_toml(folder / file.tuned), Path(file.tuned).name
+            demand_known(tables, ["controllers"], name)
+            tuned = demand_table(tables.get("controllers", {}), f"{name}.controllers")
+            controllers += entries_of(tuned, f"{name}.controllers", folder)
         return cls(
             source.stem,
             file.title or source.stem,
@@ -165,7 +148,7 @@ class Campaign:
         families: Sequence[str] = (),
         controllers: Sequence[str] = (),
         scenes: int | None = None,
-        settings: Sequence[str] = (),
+        settings: Iterable[str] = (),
     ) -> Campaign:
         """The campaign a command line asks for.
 
@@ -182,29 +165,21 @@ class Campaign:
         own = {family.name: family for family in self.families}
         campaign = replace(
             self,
-            families=tuple(own.get(name) or Family.load(name) for name in unique(families)) or self.families,
+            families=tuple(own.get(name) or Family.load(name) for name in dict.fromkeys(families or own)),
             controllers=chosen_entries(self.controllers, controllers),
             scenes=self.scenes if scenes is None else scenes,
         )
-        for setting in settings:
-            campaign = campaign._with_setting(setting)
-        return campaign.checked()
+        return campaign.with_settings(settings).checked()
 
-    def _with_setting(self, setting: str) -> Campaign:
-        key, value, text = parsed_setting(setting)
-        if key in ("scenes", "seed"):
-            changed: dict[str, Any] = {key: whole(key, value, text)}
-            return replace(self, **changed)
+    def _with(self, key: str, value: Any) -> Campaign:
+        table, _, condition = key.partition(".")
         if key == "half":
             return replace(self, half=str(value))
         if key == "conditions":
-            given = value if isinstance(value, list) else [value]
-            return replace(self, conditions=tuple(str(name) for name in given))
-        table, _, condition = key.partition(".")
+            return replace(self, conditions=tuple(map(str, value if isinstance(value, list) else [value])))
         if table == "scenes_in" and condition:
             return replace(self, scenes_in={**self.scenes_in, condition: value})
-        name, option = target_of(key, {entry.name for entry in self.controllers}, OWN_SETTINGS)
-        return replace(self, controllers=with_option(self.controllers, name, option, value))
+        return super()._with(key, value)
 
     def checked(self) -> Campaign:
         """The campaign with the unconstrained baseline in it; raises what is wrong if something cannot be used."""
@@ -217,7 +192,7 @@ class Campaign:
         if self.half not in HALVES:
             raise unknown_name("half", self.half, HALVES)
         demand_names("family", [family.name for family in self.families])
-        checked_entries(self.controllers)
+        self.demand_controllers()
         known = list(dict.fromkeys(condition for family in self.families for condition in family.conditions))
         demand_names("condition", known)
         for name in (*self.conditions, *self.scenes_in):
@@ -232,7 +207,7 @@ class Campaign:
                     f"family {family.name} has none of the conditions {', '.join(self.conditions)}; it has "
                     f"{', '.join(family.conditions)}"
                 )
-        return replace(self, controllers=with_baseline(self.controllers))
+        return self.with_baseline()
 
     def conditions_of(self, family: Family, number: int = 0) -> tuple[str, ...]:
         """The conditions in which a family's scene of that number is run, in the family's order."""
@@ -268,7 +243,7 @@ class Campaign:
             "seed": self.seed,
             "conditions": list(self.conditions),
             "scenes_in": dict(self.scenes_in),
-            "controllers": resolved_entries(self.controllers),
+            "controllers": self.resolved_controllers(),
             "families": {
                 family.name: {
                     "folder": _portable(family.folder),
@@ -300,11 +275,3 @@ def _portable(folder: Path) -> str:
     """A family's folder for a manifest: within that of the shipped families as seen from it, since that differs."""
     whole, shipped = folder.resolve(), SHIPPED.resolve()
     return "/".join(whole.relative_to(shipped).parts) if whole.is_relative_to(shipped) else str(whole)
-
-
-def tuned_entries(path: Path, folder: Path) -> Entries:
-    """The controllers of a file of tuned settings; own modules are in ``folder``."""
-    tables = read_toml(path)
-    demand_known(tables, ["controllers"], path.name)
-    where = f"{path.name}.controllers"
-    return entries_of(demand_table(tables.get("controllers", {}), where), where, folder)

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ... import __version__
 from ...errors import ConfigurationError
 from ..runs.files import TRAJECTORIES, demand_unchanged, replaced, seal, storing, write_json
 from ..runs.folder import MANIFEST, held, manifest_of
+from ..runs.machine import VERSION
 from . import parquet
 from .campaign import differences, in_words
 from .folder import MARK, Facts, chosen, clear, shard_file, shard_names, stored_files, trajectory_file, write_parts
@@ -217,7 +217,7 @@ def _merged_manifest(manifests: Manifests, counts: Merged) -> dict[str, Any]:
     parts = [{name: manifest[name] for name in OWN if name in manifest} for manifest in manifests.values()]
     time = sum(manifest.get("process_time_s", 0.0) for manifest in manifests.values())
     shared = {name: value for name, value in first.items() if name not in OWN}
-    own = {"version": __version__, "merged": parts, "machine": first.get("machine", {}), "process_time_s": time}
+    own = {"version": VERSION, "merged": parts, "machine": first.get("machine", {}), "process_time_s": time}
     # nothing was run by this command: all scenes were there before
     done = dict.fromkeys(("scenes", "finished", "stored_before"), counts.scenes)
     return {**shared, **own, **done, "runs": counts.runs, "trajectories": counts.trajectories, "shard": [1, 1]}

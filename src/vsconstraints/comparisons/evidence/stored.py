@@ -14,7 +14,7 @@ from ...errors import ConfigurationError, shown
 from ...scenarios.families import HALVES, SHIPPED, Drawn, Family
 from ...scenarios.reading import Table, checked, demand_table
 from ...simulation.trajectory import Outcome
-from ..entries import demand_stored_names
+from ..experiment import demand_stored_names
 from ..record import RunRecord
 from ..runs.files import TRAJECTORIES, demand_unchanged
 from ..runs.folder import MANIFEST, Keep, kind_of
@@ -154,11 +154,10 @@ def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
         raise ConfigurationError(
             f"{where}: scenes must be from 1 to {MAX_SCENES}, seed 0 or more and half one of {', '.join(HALVES)}"
         )
-    for what, tables in (("family", configuration.families), ("controller", configuration.controllers)):
-        demand_stored_names(what, tables, where)
+    demand_stored_names({"family": configuration.families, "controller": configuration.controllers}, where)
     for name, entry in configuration.families.items():
         conditions = part(_Family, entry, f"{where}.families.{name}").conditions
-        demand_stored_names("condition", conditions, f"{where}.families.{name}")
+        demand_stored_names({"condition": conditions}, f"{where}.families.{name}")
     for name, entry in configuration.controllers.items():
         at = f"{where}.controllers.{name}"
         checked(demand_table(entry, at).get("type", name), str, at, "type")

@@ -9,7 +9,7 @@ from math import ceil
 
 from ...errors import ConfigurationError
 from ...scenarios.families import Family
-from ..entries import Entries
+from ..experiment import Entries
 from ..runs.machine import run_limit
 from .campaign import Campaign
 

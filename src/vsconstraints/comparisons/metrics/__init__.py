@@ -1,8 +1,6 @@
 """Scores of a run. The definitions are part of the product: reports print :data:`DEFINITIONS`."""
 
-from .chattering import SLIDING_GAP
-from .clearance import NEGLIGIBLE, TOLERANCES, TOLERANT
-from .measured import Measured, Metric
+from .measured import NEGLIGIBLE, SLIDING_GAP, TOLERANCES, TOLERANT, Measured, Metric
 from .table import (
     CONSTRAINT_COLUMNS,
     DEFINITIONS,

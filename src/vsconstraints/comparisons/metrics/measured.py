@@ -1,4 +1,4 @@
-"""A run and what several metrics are computed from, worked out once."""
+"""A run and what metrics are computed from: clearances, usage, φ and commands, each worked out once."""
 
 from __future__ import annotations
 
@@ -14,51 +14,36 @@ from ...rows import Array, BoolArray
 from ...simulation import Trajectory
 from ...simulation.outcome import settling_times
 from ..record import RunRecord
-from .chattering import worst_band
-from .clearance import Clearances, clearances, held, outside_alone, usage, usage_at_speed
+
+NEGLIGIBLE = 1e-4
+"""Depth, as a fraction of the characteristic length, up to which a row is not violated: the strict standard.
+
+A controller that keeps a row on its boundary is off by the curvature inside a sampling period: some 1e-5. No law's own
+gain enters: what T_s u⁺ (43) explains is violated all the same.
+"""
+
+TOLERANT = 1e-2
+"""The same of the tolerant standard, which is about what cameras and arms resolve."""
+
+TOLERANCES = (NEGLIGIBLE, 1e-3, TOLERANT, 2e-2, 5e-2, 1e-1)
+"""Where reports show how success grows with the depth that is tolerated."""
+
+SLIDING_GAP = 10
+"""In a sliding mode φ crosses zero again and again: within this many samples, from either side."""
+
+AT_BOUNDARY = 3
+"""Samples with φ ≥ 0 from which on a row is at its boundary; fewer only touch it."""
+
+STEPS = 2.0
+"""While φ is no farther below zero than so many switching steps T_s u⁺, a row that acts before and after holds on."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """The argument of a metric's function; N samples, m rows.
-
-    Attributes
-    ----------
-    record, baseline
-        The run, and the unconstrained baseline of the same scenario and trial; None if it failed.
-    clearances
-        Least clearance and depth of each row.
-    held
-        (N, m) when each row holds the arm back.
-    band
-        Band of φ and its bound, of the row with the greatest ratio of them.
-    """
+    """The argument of a metric's function: a run of N samples and m rows, with the baseline of the same trial."""
 
     record: RunRecord
-    baseline: RunRecord | None
-    clearances: Clearances
-    held: BoolArray
-    band: tuple[float, float]
-
-    @classmethod
-    def of(cls, record: RunRecord, baseline: RunRecord | None = None) -> Measured:
-        """What metrics share of a run."""
-        return cls(record, baseline, clearances(record), held(record), worst_band(record))
-
-    @cached_property
-    def usage(self) -> Array:
-        """(N, m) of the allowed space, from 0 to 1."""
-        return usage(self.record)
-
-    @cached_property
-    def usage_at_speed(self) -> Array:
-        """(N, m) of what is left at the speed at which it is used up, from 0 to 1."""
-        return usage_at_speed(self.record)
-
-    @cached_property
-    def outside_alone(self) -> BoolArray:
-        """(T, m) periods in which unconstrained tracking is outside."""
-        return outside_alone(self.record, self.baseline)
+    baseline: RunRecord | None = None
 
     @property
     def run(self) -> Trajectory:
@@ -70,40 +55,239 @@ class Measured:
         """Sampling time [s]."""
         return self.record.Ts
 
+    # --- clearance ---
+
+    @cached_property
+    def in_period(self) -> Array:
+        """(N, m) least clearance of each sampling period, at its beginning and inside."""
+        least: Array = np.minimum(self.run.clearance, self.run.between_clearance)
+        return least
+
+    @cached_property
+    def least(self) -> Array:
+        """(m,) least clearance of the whole run; NaN without samples."""
+        return self.in_period.min(axis=0) if len(self.run.t) else np.full(len(self.run.labels), np.nan)
+
+    @cached_property
+    def violated(self) -> Array:
+        """(m,) depth of the rows that are violated by the strict standard; 0 of the others."""
+        return np.where(self.least < -NEGLIGIBLE * self.record.length, -self.least, 0.0)
+
+    @property
+    def within_band(self) -> Array:
+        """(m,) the same of those that were never deeper than their sampling band; 0 of the others."""
+        return np.where(self.violated > self.record.sampling_band, 0.0, self.violated)
+
+    @property
+    def fraction(self) -> Array:
+        """(m,) greatest depth of each row as a fraction of its characteristic length; 0 where it was never outside."""
+        depth: Array = np.fmax(-self.least / self.record.length, 0.0)
+        return depth
+
+    @cached_property
+    def outside(self) -> BoolArray:
+        """(N, m) periods in which a row is as deep outside as violated ones are."""
+        return self.in_period < -NEGLIGIBLE * self.record.length
+
+    @cached_property
+    def outside_alone(self) -> BoolArray:
+        """(T, m) periods, of the T that it lasts, in which the baseline is outside; none if it has other rows."""
+        if self.baseline is None or self.baseline.trajectory.labels != self.run.labels:
+            return np.zeros((0, len(self.run.labels)), dtype=np.bool_)
+        return Measured(self.baseline).outside
+
+    def named(self, depth: Array) -> str:
+        """Labels of the rows with a depth (m,), separated by semicolons."""
+        return "; ".join(self.run.labels[i] for i in np.flatnonzero(depth > 0.0))
+
+    # --- usage ---
+
+    @cached_property
+    def usage(self) -> Array:
+        """(N, m) 1 − c/L, from 0 to 1, of clearances c; 0 where there is no boundary in sight."""
+        return np.clip(np.nan_to_num(1.0 - self.run.clearance / self.record.length), 0.0, 1.0)
+
+    @cached_property
+    def usage_at_speed(self) -> Array:
+        """(N, m) 1 − (c + K ċ)/L, from 0 to 1: usage of what is left at the speed at which it is used up.
+
+        It is 1 where the arm may come no faster, as φ = σ + K σ̇ = 0 says of it, and so does not mark down the approach
+        to a boundary. Of a speed, which has no K, it is the usage.
+        """
+        c = self.run.clearance
+        if len(c) < 2:
+            return np.zeros(c.shape)
+        with np.errstate(invalid="ignore"):
+            left = c + self.record.approach_time * np.gradient(c, self.Ts, axis=0)
+            usage = np.clip(1.0 - left / self.record.length, 0.0, 1.0)
+        return np.nan_to_num(usage)  # where no boundary is in sight, nothing is used
+
+    @cached_property
+    def held(self) -> BoolArray:
+        """(N, m) when each row holds the arm back: it acts or, in a sliding mode, acts before and after."""
+        held, steps = self.run.active.copy(), self.Ts * self.record.switching_gain
+        for i in np.flatnonzero(held.any(axis=0)):
+            at = np.flatnonzero(self.run.active[:, i])
+            for begin, end in ((at[k], at[k + 1]) for k in np.flatnonzero(np.diff(at) > 1)):
+                if self.run.phi[begin:end, i].min() >= -STEPS * steps[i]:
+                    held[begin:end, i] = True
+        return held
+
+    def utilization(self) -> float:
+        """Mean usage over all rows and samples in which the baseline is outside, while both runs last.
+
+        NaN where the goal is not reached, or the baseline is never outside.
+        """
+        common = min(len(self.usage), len(self.outside_alone))
+        when = self.outside_alone[:common]
+        if self.run.status != "converged" or not when.any():
+            return float("nan")
+        return float(self.usage[:common][when].mean())
+
+    # --- φ ---
+
+    @cached_property
+    def band(self) -> tuple[float, float]:
+        """Band of φ and its bound T_s u⁺, of the row in which the one is largest relative to the other; NaN if none."""
+        bounds = self.Ts * self.record.switching_gain
+        bands = np.array([_band(phi, bound) for phi, bound in zip(self.run.phi.T, bounds, strict=True)])
+        if len(self.run.t) < 2 or not np.isfinite(bands).any():
+            return np.nan, np.nan
+        worst = np.nanargmax(bands / bounds)
+        return float(bands[worst]), float(bounds[worst])
+
+    def sliding_lost(self) -> float:
+        """Time for which some row's φ stays at or above zero for longer than a sliding mode does, beyond T_s u⁺ [s]."""
+        lost = np.zeros(len(self.run.t), dtype=np.bool_)
+        for phi, bound in zip(self.run.phi.T, self.Ts * self.record.switching_gain, strict=True):
+            for begin, end in _intervals(phi >= 0.0):
+                if end - begin > SLIDING_GAP and phi[begin:end].max() > bound:
+                    lost[begin:end] = True
+        return float(lost.sum() * self.Ts) if len(lost) > 1 else np.nan
+
+    def longest_positive_runs(self) -> Array:
+        """(m,) longest time with φ ≥ 0 of each row [s]."""
+        return np.array([longest_run(phi >= 0.0) * self.Ts for phi in self.run.phi.T])
+
+    # --- command, within the scenario's duration: a run that takes longer is not calmer for it ---
+
+    def switching_rate(self) -> float:
+        """Changes of the active set per second [Hz]; NaN for a run of one sample."""
+        active = self.run.active[: self.record.common]
+        changes = (active[1:] != active[:-1]).any(axis=1)
+        return float(changes.sum() / (len(changes) * self.Ts)) if len(changes) else np.nan
+
+    @cached_property
+    def command_changes(self) -> Array:
+        """‖Δq̈_c‖ from sample to sample."""
+        command = self.run.qdd_command[: self.record.common]
+        change: Array = np.sqrt((np.diff(command, axis=0) ** 2).sum(axis=1))
+        return change
+
+    def variation(self) -> float:
+        """Σ‖Δq̈_c‖ per second; NaN for a run of one sample."""
+        change = self.command_changes
+        return float(change.sum() / (len(change) * self.Ts)) if len(change) else np.nan
+
+    def jerk_rms(self) -> float:
+        """Root mean square of ‖Δq̈_c‖ / T_s; NaN for a run of one sample."""
+        change = self.command_changes
+        return float(np.sqrt((change**2).mean()) / self.Ts) if len(change) else np.nan
+
+    # --- time ---
+
+    def settling_time(self) -> float:
+        """From the beginning of each goal until it is reached for good [s], added up; NaN if it did not converge."""
+        if self.run.status != "converged":
+            return float("nan")
+        begins, t = self.record.goal_begins, self.run.t
+        goals = goals_at(begins, t)
+        unsettled = [np.flatnonzero((goals == goal) & ~self.record.settled) for goal in range(len(begins))]
+        unreached = np.array([samples[-1] if len(samples) else -1 for samples in unsettled])
+        return float(np.nansum(settling_times(unreached, begins, len(t), self.Ts)))
+
+    @property
+    def step_times(self) -> Array:
+        """Of the controller's calls but the first [µs]."""
+        return self.run.step_time[1:] * 1e6
+
+    @property
+    def rows_times(self) -> Array:
+        """Of rows and task in all samples but the first [µs]."""
+        return self.run.rows_time[1:] * 1e6
+
+    def missed_periods(self) -> float:
+        """Samples but the first that took longer than a period; NaN where there is no other.
+
+        On an arm, periods that its loop missed: there the law's time is not all that a period has room for.
+        """
+        if self.record.missed is not None:
+            return self.record.missed
+        both = self.step_times + self.rows_times
+        return int((both > 1e6 * self.Ts).sum()) if len(both) else np.nan
+
+
+def mean_while(values: Array, when: BoolArray) -> Array:
+    """(m,) mean of values (N, m) over the samples in which a flag (T, m) is set, of those that both have; else NaN."""
+    common = min(len(values), len(when))
+    count = when[:common].sum(axis=0)
+    total = np.where(when[:common], values[:common], 0.0).sum(axis=0)
+    mean: Array = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
+    return mean
+
+
+def first_active(t: Array, active: BoolArray) -> Array:
+    """(m,) when each row acts (N, m) for the first time [s]; NaN where it never does."""
+    first: Array = np.where(active.any(axis=0), t[active.argmax(axis=0)], np.nan)
+    return first
+
+
+def over(values: Array, how: Callable[[Array], Any]) -> float:
+    """A number of values (n,); NaN of none."""
+    return float(how(values)) if len(values) else np.nan
+
+
+def longest_run(flags: BoolArray) -> int:
+    """Most flags (N,) in a row."""
+    return max((end - begin for begin, end in _intervals(flags)), default=0)
+
+
+def _intervals(flags: BoolArray) -> list[tuple[int, int]]:
+    """Begin and end of each stretch of flags (N,)."""
+    if not flags.any():
+        return []
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _band(phi: Array, bound: float) -> float:
+    """Greatest extent of φ (N,) and zero while the row is at its boundary; NaN if it never is."""
+    at = np.flatnonzero(phi >= 0.0)
+    bands = []
+    for interval in np.split(at, np.flatnonzero(np.diff(at) > SLIDING_GAP) + 1) if len(at) else ():
+        span = phi[interval[0] : interval[-1] + 1]
+        if len(interval) >= AT_BOUNDARY or span.max() > bound:
+            bands.append(float(span.max() - min(span.min(), 0.0)))
+    return max(bands, default=float("nan"))
+
 
 @dataclass(frozen=True)
 class Metric:
     """A column of results.csv or constraints.csv, and of the tables of reports.
 
-    Attributes
-    ----------
-    column, value
-        Its name, and its value for a run or, in constraints.csv, for each row of it; None for a ratio of two columns.
-    header
-        Its heading in the tables of a scenario, with the unit; empty if it is not shown.
-    better
-        Which values are better; None where none is: a fact, or noise.
-    definition
-        What it means; empty where the name says it.
-    kind
-        What a cell holds; a ``time`` is a number that differs from run to run on the same machine.
-    group
-        Which table of a scenario shows it.
-    judged
-        Whose values are compared, of the runs that converged: ``any``, those ``inside`` that violated no row, or of
-        those the ones still ``sliding`` that never lost a sliding mode.
-    factor, style
-        From the stored to the shown number. Styles: three digits; the same, but not less than a thousandth; two
-        decimals; whole.
-    over
-        Column that it is divided by; empty if by none.
-    overall, condensed
-        Its heading in the tables over all scenarios, and how runs are aggregated: the ``median`` of those that
-        converged, of a time of all, or the ``worst`` of all. No mean: one run that diverges would dominate it.
-    finding
-        Sentence of the findings that names the best law, and the unit; empty for none.
-    added
-        Columns stand in the order in which they were added: a new one has a greater number than the others.
+    ``value`` is that of a run or, in constraints.csv, of each of its rows; it is None for the ratio ``column / over``
+    of two columns. ``better`` is None for a fact or noise. A ``kind`` of ``time`` is a number that differs from run to
+    run on the same machine. A ``definition`` may be empty where the name says it.
+
+    In reports, ``header`` (with unit; empty: not shown) heads it in the table ``group`` of a scenario, ``overall`` in
+    the tables over all scenarios, where runs are ``condensed``: to the median of those that converged, of a time of
+    all, or to the worst of all. (No mean: one run that diverges would dominate it.) ``factor`` and ``style`` make the
+    shown number: three digits; the same, but not less than a thousandth; two decimals; whole. ``finding`` is the
+    sentence that names the best law, and the unit. ``judged`` says whose values are compared, of the runs that
+    converged: ``any``, those ``inside`` that violated no row, or of these the ones ``sliding`` that never lost a
+    sliding mode.
+
+    Columns stand in the order in which they were ``added``: a new one has a greater number than all others.
     """
 
     column: str
@@ -121,37 +305,3 @@ class Metric:
     condensed: Literal["median", "worst"] = "median"
     finding: tuple[str, str] = ("", "")
     added: int = 0
-
-
-def settling_time(measured: Measured) -> float:
-    """From the beginning of each goal until it is reached for good [s], added up; NaN if the run did not converge."""
-    if measured.run.status != "converged":
-        return float("nan")
-    record, t = measured.record, measured.run.t
-    goals = goals_at(record.goal_begins, t)
-    unsettled = [np.flatnonzero((goals == goal) & ~record.settled) for goal in range(len(record.goal_begins))]
-    unreached = np.array([samples[-1] if len(samples) else -1 for samples in unsettled])
-    return float(np.nansum(settling_times(unreached, record.goal_begins, len(t), record.Ts)))
-
-
-def step_time(record: RunRecord, of_all: Callable[[Array], Any]) -> float:
-    """Of the controller's calls [µs]; NaN where there is none but the first."""
-    step = record.trajectory.step_time[1:] * 1e6
-    return float(of_all(step)) if len(step) else np.nan
-
-
-def rows_time(record: RunRecord) -> float:
-    """Median of rows and task [µs] without the first sample; NaN where there is no other."""
-    rows = record.trajectory.rows_time[1:] * 1e6
-    return float(np.median(rows)) if len(rows) else np.nan
-
-
-def missed_periods(record: RunRecord) -> float:
-    """Samples that took longer than a period, without the first; NaN where there is no other.
-
-    On an arm, periods that its loop missed: there the law's time is not all that a period has room for.
-    """
-    if record.missed is not None:
-        return record.missed
-    both = record.trajectory.step_time[1:] * 1e6 + record.trajectory.rows_time[1:] * 1e6
-    return int((both > 1e6 * record.Ts).sum()) if len(both) else np.nan

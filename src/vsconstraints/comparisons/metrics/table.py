@@ -12,10 +12,7 @@ import numpy as np
 from ...rows.readable import in_one_line
 from ...simulation import PATIENCE
 from ..record import RunRecord
-from . import chattering, clearance
-from .chattering import SLIDING_GAP
-from .clearance import NEGLIGIBLE, TOLERANT, first_active, utilization
-from .measured import Measured, Metric, missed_periods, rows_time, settling_time, step_time
+from .measured import NEGLIGIBLE, SLIDING_GAP, TOLERANT, Measured, Metric, first_active, mean_while, over
 
 METRICS = (
     Metric("status", lambda m: m.run.status, kind="text", definition="converged: every goal is reached before the next "
@@ -29,7 +26,7 @@ METRICS = (
            "ends with the duration or, after it, as soon as that is seen."),
     Metric("reason", lambda m: m.run.reason, kind="text"),
     Metric("duration_s", lambda m: m.run.t[-1], definition="Time of the last sample: see status."),
-    Metric("settling_time_s", settling_time, "settling time [s]", group="task",
+    Metric("settling_time_s", Measured.settling_time, "settling time [s]", group="task",
            definition="From the beginning of each goal until the error stays within its tolerance, added up over the "
            "goals."),
     Metric("final_translation_error_m", lambda m: m.run.camera_error[-1, 0], "position error [mm]",
@@ -38,7 +35,7 @@ METRICS = (
            group="task", factor=1e3, style="error"),
     Metric("final_feature_error_px", lambda m: m.run.feature_error_px[-1], "image error [px]",
            group="task", style="error"),
-    Metric("utilization", lambda m: utilization(m.record, m.usage, m.outside_alone), "utilization [%]",
+    Metric("utilization", Measured.utilization, "utilization [%]",
            "more", group="outcome", style="percent", overall="median utilization [%]",
            finding=("Most of the allowed space used", "%"),
            definition="Mean usage, from 0 to 1, over the sampling periods in which tracking alone is outside: of each "
@@ -46,15 +43,15 @@ METRICS = (
            "are compared at equal times, while both last: where a law comes to a boundary later than tracking, or has "
            "left it sooner, that is space that it does not use. In results.csv no value where the goal is not reached "
            "and held, or nothing is challenged: standing still uses nothing."),
-    Metric("violated", lambda m: clearance.named(m.run.labels, m.clearances.violated), kind="text",
+    Metric("violated", lambda m: m.named(m.violated), kind="text",
            definition=f"Rows whose clearance fell below −{NEGLIGIBLE:g} L (the strict standard, the same for all laws "
            "and rows), separated by semicolons."),
-    Metric("violation_depth", lambda m: float((m.clearances.violated / m.record.length).max(initial=0.0)),
+    Metric("violation_depth", lambda m: float((m.violated / m.record.length).max(initial=0.0)),
            "worst depth [% of L]", group="outcome", judged="any", factor=100.0, overall="worst depth [% of L]",
            condensed="worst",
            definition="Of the violated rows, in results.csv the greatest depth as a fraction of L; in constraints.csv "
            "in the row's natural unit. Includes the instants between samples."),
-    Metric("violation_time_s", lambda m: float(m.clearances.outside.any(axis=1).sum() * m.Ts), "time outside [s]",
+    Metric("violation_time_s", lambda m: float(m.outside.any(axis=1).sum() * m.Ts), "time outside [s]",
            group="outcome", judged="any",
            definition="Sampling periods in which, at their beginning or at an instant inside, a clearance is as low "
            "as for violated rows: of any row in results.csv, of this row in constraints.csv."),
@@ -68,38 +65,38 @@ METRICS = (
            "as well, so that the measured band can exceed it."),
     Metric("phi_band", None, "band / bound", judged="sliding", over="phi_band_bound",
            overall="worst φ band / bound", condensed="worst"),
-    Metric("sliding_lost_s", lambda m: chattering.sliding_lost(m.record), "sliding lost [s]", judged="sliding",
+    Metric("sliding_lost_s", Measured.sliding_lost, "sliding lost [s]", judged="sliding",
            added=3, definition=f"Time in which a row's φ stays at or above zero for more than {SLIDING_GAP} samples "
            "in a row and gets beyond T_s u⁺."),
-    Metric("switching_rate_hz", lambda m: chattering.switching_rate(m.record), "switching rate [Hz]",
+    Metric("switching_rate_hz", Measured.switching_rate, "switching rate [Hz]",
            definition="How often per second of the scenario's duration the set of rows that act changes.",
            overall="switching rate [Hz]"),
-    Metric("acceleration_variation", lambda m: chattering.variation(m.record), "acceleration variation [rad/s³]",
+    Metric("acceleration_variation", Measured.variation, "acceleration variation [rad/s³]",
            definition="Total variation of the commanded acceleration per second, Σ‖Δq̈_c‖ / duration: of the scenario's "
            "duration, which all runs share, not of the time that a run takes beyond it.",
            overall="acceleration variation [rad/s³]",
            finding=("Least chattering (acceleration variation)", "rad/s³")),
-    Metric("jerk_rms", lambda m: chattering.jerk_rms(m.record), "RMS jerk [rad/s³]",
+    Metric("jerk_rms", Measured.jerk_rms, "RMS jerk [rad/s³]",
            definition="Root mean square of ‖Δq̈_c‖ / T_s, over the scenario's duration."),
-    Metric("step_time_median_us", lambda m: step_time(m.record, np.median), "call, median [µs]", None,
+    Metric("step_time_median_us", lambda m: over(m.step_times, np.median), "call, median [µs]", None,
            "Wall time of the call controller.command(rows, task) [µs], the same call for every law, shipped or own, "
            "with its checks of input and answer; without the first call. Laws with a compiled form answer it from "
            "there, all others in Python.", "time", "time", overall="median call [µs]"),
-    Metric("step_time_p99_us", lambda m: step_time(m.record, lambda each: np.quantile(each, 0.99)),
+    Metric("step_time_p99_us", lambda m: over(m.step_times, lambda each: np.quantile(each, 0.99)),
            "p99 [µs]", None, kind="time", group="time"),
-    Metric("step_time_max_us", lambda m: step_time(m.record, np.max), "max [µs]", None,
+    Metric("step_time_max_us", lambda m: over(m.step_times, np.max), "max [µs]", None,
            kind="time", group="time"),
-    Metric("rows_time_median_us", lambda m: rows_time(m.record), "rows and task, median [µs]", None,
+    Metric("rows_time_median_us", lambda m: over(m.rows_times, np.median), "rows and task, median [µs]", None,
            "Wall time of kinematics, features, rows and task [µs], the same code for every controller. Where a "
            "controller is deceived (disturbances, motions it is not told of) without the kinematics, and in the NumPy "
            "form.", "time", "time"),
-    Metric("missed_periods", lambda m: missed_periods(m.record), "missed periods", None,
+    Metric("missed_periods", Measured.missed_periods, "missed periods", None,
            "Samples in which rows, task and controller together took longer than T_s; without the first.", "time",
            "time", style="count"),
     Metric("compiled", lambda m: m.run.compiled, kind="flag", added=1,
            definition="Whether rows, task and controller all have a compiled form, which answers that call; what runs "
            "in NumPy takes longer."),
-    Metric("within_band", lambda m: clearance.named(m.run.labels, m.clearances.within_band), kind="text", added=2,
+    Metric("within_band", lambda m: m.named(m.within_band), kind="text", added=2,
            definition="Of the violated rows those that were never deeper outside than their sampling band, likewise. "
            "Their depth is band_depth in constraints.csv. The band, T_s u⁺, excuses no law: it says what switching "
            "with u⁺ alone would explain."),
@@ -110,11 +107,11 @@ METRICS = (
     Metric("saturated_time_s", lambda m: float(m.run.saturated.sum() * m.Ts), added=5,
            definition="How long the command was at a limit of the actuators, of acceleration or jerk; 0 where the "
            "scenario states none."),
-    Metric("violation_fraction", lambda m: float(clearance.fractions(m.record, m.clearances).max(initial=0.0)), added=6,
+    Metric("violation_fraction", lambda m: float(m.fraction.max(initial=0.0)), added=6,
            definition="The greatest depth outside of any row as a fraction of its L, however slight; 0 inside. A run "
            "that converged is a success at every tolerance that is not below it."),
     Metric("violated_tolerant", kind="text", added=7,
-           value=lambda m: clearance.named(m.run.labels, clearance.fractions(m.record, m.clearances) - TOLERANT),
+           value=lambda m: m.named(m.fraction - TOLERANT),
            definition=f"As violated, below −{TOLERANT:g} L: the tolerant standard."),
 )  # fmt: skip
 """Of a run, in the order in which a scenario's tables show them."""
@@ -128,22 +125,22 @@ ROW_METRICS = (
     Metric("active_time_s", lambda m: m.run.active.sum(axis=0) * m.Ts),
     Metric("first_active_s", lambda m: first_active(m.run.t, m.run.active)),
     Metric("last_active_s", lambda m: first_active(m.run.t[::-1], m.run.active[::-1])),
-    Metric("clearance_min", lambda m: m.clearances.least),
-    Metric("usage_max", lambda m: 1.0 - m.clearances.least / m.record.length),
+    Metric("clearance_min", lambda m: m.least),
+    Metric("usage_max", lambda m: 1.0 - m.least / m.record.length),
     Metric("mean_unused_margin",
-           lambda m: clearance.mean_while(np.maximum(m.run.clearance, 0.0), m.outside_alone),
+           lambda m: mean_while(np.maximum(m.run.clearance, 0.0), m.outside_alone),
            definition="Mean clearance, where positive, over the sampling periods in which tracking alone is outside."),
-    Metric("violation_depth", lambda m: m.clearances.violated),
-    Metric("violation_time_s", lambda m: m.clearances.outside.sum(axis=0) * m.Ts),
+    Metric("violation_depth", lambda m: m.violated),
+    Metric("violation_time_s", lambda m: m.outside.sum(axis=0) * m.Ts),
     Metric("phi_max", lambda m: m.run.phi.max(axis=0)),
-    Metric("longest_positive_run_s", lambda m: chattering.longest_positive_runs(m.record)),
+    Metric("longest_positive_run_s", Measured.longest_positive_runs),
     Metric("sampling_band", lambda m: m.record.sampling_band,
            definition="How far outside sampling alone puts a row, in its natural unit: where φ is the clearance "
            "itself, as for speeds, one switching step T_s u⁺ (43). Rows of positions have none: φ = σ + K σ̇ smooths "
            "switching."),
-    Metric("band_depth", lambda m: m.clearances.within_band),
+    Metric("band_depth", lambda m: m.within_band),
     Metric("held_time_s", lambda m: m.held.sum(axis=0) * m.Ts),
-    Metric("usage_held", lambda m: clearance.mean_while(m.usage_at_speed, m.held),
+    Metric("usage_held", lambda m: mean_while(m.usage_at_speed, m.held),
            definition="Mean of 1 − (clearance + K · its rate of change) / L, from 0 to 1, over the time for which the "
            "row holds the arm back: usage of the room that is left at the arm's speed. 1 means that the arm was on "
            "the boundary, or came to it as fast as φ ≤ 0 lets it. For speeds it is the mean usage."),
@@ -152,7 +149,7 @@ ROW_METRICS = (
            "share of all that the limits of acceleration allow which it takes to hold φ there, L_fφ / Σ|L_gφⱼ|aⱼ. "
            "Above 1, no law could have held the row; below 0, it falls by itself. No value where φ does not get "
            "there, or the scenario states no limits."),
-    Metric("utilization", lambda m: clearance.mean_while(m.usage, m.outside_alone)),
+    Metric("utilization", lambda m: mean_while(m.usage, m.outside_alone)),
 )  # fmt: skip
 """Of each row of a run."""
 
@@ -203,7 +200,7 @@ def score(record: RunRecord, baseline: RunRecord | None) -> Score:
     baseline
         The tracking-only run of the same scenario and trial; without one (it failed) no row counts as challenged.
     """
-    run, some = Measured.of(record, baseline), len(record.trajectory.t) > 0
+    run, some = Measured(record, baseline), len(record.trajectory.t) > 0
     result = {
         metric.column: metric.value(run) if some or metric.kind in ("text", "flag") else math.nan
         for metric in METRICS

@@ -8,9 +8,8 @@ import math
 import os
 import re
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -20,6 +19,22 @@ from ...errors import ConfigurationError, StorageError
 
 MAX_BYTES = 2e9
 """Bytes of the arrays of a file; a run may take as much memory."""
+
+SUMS = "checksums.sha256"
+"""Lines are added as files come, and written anew, the manifest's among them, when the command that makes them ends."""
+
+TRAJECTORIES = "trajectories"
+"""Folder of the runs' records, below that of the results."""
+
+CHANGED = "not what was stored (checksums differ)"
+MISSING = "missing"
+UNKNOWN = f"not in {SUMS} (put there later, or by a command that was ended)"
+
+MAX_NAMED = 3
+"""Files that a message names."""
+
+Sums = dict[str, str]
+"""SHA-256 of files, by their names as seen from the folder."""
 
 
 @contextmanager
@@ -95,29 +110,14 @@ def _demand_bounded(file: IO[bytes], most: float) -> None:
                     raise ValueError(f"{member.filename} is not as large as it says")
 
 
-SUMS = "checksums.sha256"
-"""Lines are added as files come, and written anew, the manifest's among them, when the command that makes them ends."""
-
-LINE = re.compile(r"([0-9a-f]{64})  (.+)")
-
-Sums = dict[str, str]
-"""SHA-256 of files, by their names as seen from the folder."""
-
-TRAJECTORIES = "trajectories"
-"""Folder of the runs' records, below that of the results."""
-
-MAX_NAMED = 3
-"""Files that a message names."""
-
-
 def digests(folder: Path, paths: Iterable[Path]) -> Sums:
     """The hashes of files in a folder; those that are not there are left out."""
-    found = {}
+    sums = {}
     for path in paths:
         if path.is_file():
             with path.open("rb") as file:
-                found[path.relative_to(folder).as_posix()] = hashlib.file_digest(file, "sha256").hexdigest()
-    return found
+                sums[path.relative_to(folder).as_posix()] = hashlib.file_digest(file, "sha256").hexdigest()
+    return sums
 
 
 def recorded(folder: Path) -> Sums | None:
@@ -133,12 +133,12 @@ def recorded(folder: Path) -> Sums | None:
         return None
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"{path} cannot be read: {error}") from error
-    found = {}
+    sums = {}
     for number, line in enumerate(lines[:-1], start=1):
-        if (parts := LINE.fullmatch(line)) is None:
+        if (parts := re.fullmatch(r"([0-9a-f]{64})  (.+)", line)) is None:
             raise ConfigurationError(f"{path} was changed: line {number} is no checksum")
-        found[parts[2]] = parts[1]
-    return found
+        sums[parts[2]] = parts[1]
+    return sums
 
 
 def write_sums(folder: Path, sums: Mapping[str, str]) -> None:
@@ -155,15 +155,19 @@ def add_sums(folder: Path, paths: Iterable[Path]) -> None:
         file.write(text.encode())
 
 
+def _text(sums: Mapping[str, str]) -> str:
+    return "".join(f"{digest}  {name}\n" for name, digest in sums.items())
+
+
 def seal(folder: Path, paths: Iterable[Path]) -> None:
     """Record these files and no other, which are all that will not be written again; raises OSError.
 
     Those that are recorded are not read once more.
     """
-    known, every = recorded(folder) or {}, list(paths)
-    fresh = digests(folder, (path for path in every if path.relative_to(folder).as_posix() not in known))
-    names = (path.relative_to(folder).as_posix() for path in every if path.is_file())
-    write_sums(folder, {name: known.get(name) or fresh[name] for name in names})
+    known = recorded(folder) or {}
+    names = {path.relative_to(folder).as_posix(): path for path in paths if path.is_file()}
+    known |= digests(folder, (path for name, path in names.items() if name not in known))
+    write_sums(folder, {name: known[name] for name in names})
 
 
 def remove_changed(folder: Path, paths: Iterable[Path]) -> None:
@@ -177,36 +181,22 @@ def remove_changed(folder: Path, paths: Iterable[Path]) -> None:
                 (folder / name).unlink()
 
 
-def _text(sums: Mapping[str, str]) -> str:
-    return "".join(f"{digest}  {name}\n" for name, digest in sums.items())
+def compared(folder: Path, paths: Iterable[Path], sums: Mapping[str, str]) -> dict[str, list[str]]:
+    """Names of files by what is wrong with them, for :func:`problems`.
+
+    ``paths`` are all that there should be, ``sums`` what is recorded of them.
+    """
+    there = digests(folder, paths)
+    return {
+        CHANGED: [name for name, digest in there.items() if sums.get(name, digest) != digest],
+        MISSING: [name for name in sums if name not in there and not (folder / name).is_file()],
+        UNKNOWN: [name for name in there if name not in sums],
+    }
 
 
-@dataclass(frozen=True)
-class Difference:
-    """Names of files whose hash is another one, that are recorded but not there, and there but not recorded."""
-
-    changed: tuple[str, ...]
-    missing: tuple[str, ...]
-    unknown: tuple[str, ...]
-
-    @classmethod
-    def of(cls, folder: Path, sums: Mapping[str, str], paths: Iterable[Path]) -> Difference:
-        """What these files of a folder are, against what is recorded of all of them."""
-        found = digests(folder, paths)
-        return cls(
-            tuple(name for name, digest in found.items() if sums.get(name, digest) != digest),
-            tuple(name for name in sums if name not in found and not (folder / name).is_file()),
-            tuple(name for name in found if name not in sums),
-        )
-
-    def problems(self) -> list[str]:
-        """A sentence for each kind, with the first few files."""
-        kinds = {
-            "not what was stored (checksums differ)": self.changed,
-            "missing": self.missing,
-            f"not in {SUMS} (put there later, or by a command that was ended)": self.unknown,
-        }
-        return [f"{what}: {_named(names)}" for what, names in kinds.items() if names]
+def problems(differences: Mapping[str, Sequence[str]]) -> list[str]:
+    """A sentence for each kind, with the first few files."""
+    return [f"{what}: {_named(names)}" for what, names in differences.items() if names]
 
 
 def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_there: bool = False) -> str:
@@ -229,32 +219,18 @@ def demand_unchanged(folder: Path, paths: Iterable[Path], finished: bool, all_th
     sums = recorded(folder)
     if sums is None:
         return f"{folder} carries no checksums: it cannot be told whether a file in it was changed"
-    found = Difference.of(folder, sums, paths)
-    needed = tuple(name for name in found.missing if all_there or not name.startswith(f"{TRAJECTORIES}/"))
-    refused = replace(found, missing=needed, unknown=found.unknown if finished else ())
-    if problems := refused.problems():
+    different = compared(folder, paths, sums)
+    unknown = different.pop(UNKNOWN)
+    if not all_there:
+        different[MISSING] = [name for name in different[MISSING] if not name.startswith(f"{TRAJECTORIES}/")]
+    if refused := problems({**different, UNKNOWN: unknown if finished else []}):
         raise ConfigurationError(
-            f"{folder} is not whole: {'; '.join(problems)}. Put back what was stored, or "
-            "give the command again that made it"
+            f"{folder} is not whole: {'; '.join(refused)}. Put back what was stored, or give the command again that "
+            "made it"
         )
-    if found.unknown and not finished:
-        return f"{folder} is not finished, without checksums yet: {_named(found.unknown)}"
-    return ""
+    return f"{folder} is not finished, without checksums yet: {_named(unknown)}" if unknown else ""
 
 
-def _named(names: tuple[str, ...]) -> str:
+def _named(names: Sequence[str]) -> str:
     more = len(names) - MAX_NAMED
     return ", ".join(names[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
-
-
-def demand_inside(folder: Path) -> None:
-    """Raise ConfigurationError if a link in a folder leads out of it: what is written to it would go elsewhere."""
-    whole = os.path.realpath(folder)
-    for at, folders, files in os.walk(folder):
-        for name in (*folders, *files):
-            path = os.path.join(at, name)
-            if os.path.islink(path) and os.path.commonpath([whole, os.path.realpath(path)]) != whole:
-                raise ConfigurationError(
-                    f"{path} is a link that leads out of the folder, where results would be written to: replace it "
-                    "by what it leads to"
-                )

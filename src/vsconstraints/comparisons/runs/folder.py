@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeVar, cast, get_args
 
 from ...errors import ConfigurationError, unknown_name
-from .files import demand_inside
 
 Kind = Literal["a comparison", "evidence", "a tuning"]
 
@@ -21,7 +20,7 @@ MANIFEST = "manifest.json"
 LOCK = ".vsconstraints-lock"
 """File that names the process that holds the folder. It stays, and says that what is there are results."""
 
-_held: set[Path] = set()
+_locked: set[Path] = set()
 """Folders that this process holds: locks are a process' own, and a second one of the same file would refuse itself."""
 
 
@@ -38,17 +37,17 @@ def held(folder: Path, kind: Kind) -> Iterator[None]:
         it. Nothing in it has been touched then.
     """
     path = folder.absolute()
-    if path in _held:
+    if path in _locked:
         yield
         return
+    _demand_nothing_else(path, kind)
     try:
-        _demand_nothing_else(path, kind)
-        demand_inside(path)
         path.mkdir(parents=True, exist_ok=True)
+        demand_inside(path)
         lock = (path / LOCK).open("a+", encoding="utf-8")
+    except ConfigurationError:
+        raise
     except (OSError, ValueError) as error:
-        if isinstance(error, ConfigurationError):
-            raise
         raise ConfigurationError(f"results cannot be stored in {folder}: {error}") from error
     with lock:
         try:
@@ -65,11 +64,23 @@ def held(folder: Path, kind: Kind) -> Iterator[None]:
             lock.truncate(0)
             lock.write(f"{os.getpid()}\n")
             lock.flush()
-        _held.add(path)
+        _locked.add(path)
         try:
             yield
         finally:
-            _held.discard(path)
+            _locked.discard(path)
+
+
+def demand_inside(folder: Path) -> None:
+    """Raise ConfigurationError if a link in a folder leads out of it: what is written to it would go elsewhere."""
+    whole = os.path.realpath(folder)
+    for at, folders, files in os.walk(folder):
+        for path in (os.path.join(at, name) for name in (*folders, *files)):
+            if os.path.islink(path) and os.path.commonpath([whole, os.path.realpath(path)]) != whole:
+                raise ConfigurationError(
+                    f"{path} is a link that leads out of the folder, where results would be written to: replace it "
+                    "by what it leads to"
+                )
 
 
 def kind_of(folder: Path) -> Kind | None:
@@ -147,7 +158,6 @@ def kept_lines(lines: Sequence[Line], keep: Keep, kinds: Kinds) -> list[Line]:
     if keep == "first":
         first: dict[Any, Any] = {}
         for line in lines:
-            within, counted = line[kinds.within], line[kinds.counted]
-            first[within] = min(first.get(within, counted), counted)
+            first[line[kinds.within]] = min(first.get(line[kinds.within], line[kinds.counted]), line[kinds.counted])
         return [line for line in lines if line[kinds.counted] == first[line[kinds.within]]]
     return list(lines) if keep == "all" else []

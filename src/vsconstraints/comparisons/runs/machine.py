@@ -18,7 +18,6 @@ from importlib.metadata import PackageNotFoundError, distributions, requires, ve
 from pathlib import Path
 from typing import Any
 
-from ... import __version__
 from ...plugins.extras import EXTRAS
 
 OUTPUT_ONLY = ("markdown-it-py", "matplotlib", "rich", "typer")
@@ -27,14 +26,20 @@ OUTPUT_ONLY = ("markdown-it-py", "matplotlib", "rich", "typer")
 OPTIONAL = ("quadprog",)
 """Packages that are used wherever they are installed."""
 
-MODULES = tuple(all_suffixes())
-"""Endings of files that modules are loaded from."""
+VERSION = version("vsconstraints")
+
+PROCESS_MEMORY = 300e6
+"""What a process takes that simulates [bytes]: the interpreter, Pinocchio, the compiler and a trajectory."""
+
+MIN_LIMIT, LIMIT_PER_SAMPLE = 120.0, 0.1
+"""A run may take this long, and in addition so long per sample [s]: shipped laws take 1e-5 to 1e-3 s per sample, and
+the first run of a process may have to compile."""
 
 
 def machine() -> dict[str, str | int]:
     """Processor, cores, system and Python."""
     return {
-        "processor": _processor(),
+        "processor": _field("/proc/cpuinfo", "model name") or platform.processor() or platform.machine(),
         "cores": os.cpu_count() or 0,
         "system": f"{platform.system()} {platform.machine()}",
         "python": python_version(),
@@ -69,17 +74,17 @@ def package_versions() -> dict[str, str]:
 
 def used_versions(tables: Mapping[str, Any]) -> dict[str, str]:
     """Versions of optional packages that the tables of a scenario, a family or a law's options use; they are loaded."""
-    found: dict[str, str] = {}
+    used: dict[str, str] = {}
     for key, value in tables.items():
         if key == "sensor":
-            found |= module_versions(EXTRAS["images"].modules)
+            used |= module_versions(EXTRAS["images"].modules)
         elif key == "solver":
-            found |= {name: _version(name) for name in _required("qpsolvers", str(value))}
+            used |= {name: _version(name) for name in _required("qpsolvers", str(value))}
         elif key == "type" and "mujoco" in str(value):  # or one of several of a family
-            found |= module_versions(EXTRAS["physics"].modules)
+            used |= module_versions(EXTRAS["physics"].modules)
         if isinstance(value, Mapping):
-            found |= used_versions(value)
-    return found
+            used |= used_versions(value)
+    return used
 
 
 def module_versions(modules: Iterable[str]) -> dict[str, str]:
@@ -88,12 +93,11 @@ def module_versions(modules: Iterable[str]) -> dict[str, str]:
 
 
 def module_version(name: str) -> str:
-    """The version of one module, after the name of its distribution."""
+    """The version of a module, after the name of the distribution whose file was loaded."""
     try:
         module = import_module(name)
     except ImportError:
         return "not installed"
-    # of distributions that provide the same module, the one whose files were loaded
     owner = _owners().get(os.path.abspath(module.__file__ or ""))
     return " ".join(owner) if owner else str(getattr(module, "__version__", "of no known version"))
 
@@ -108,14 +112,12 @@ def loaded_versions() -> dict[str, str]:
 @cache
 def _owners() -> dict[str, tuple[str, str]]:
     """Name and version of the distribution that every installed module belongs to, by its file."""
-    owners = {}
-    for distribution in distributions():
-        folder, owner = str(distribution.locate_file("")), (distribution.name, distribution.version)
-        for line in (distribution.read_text("RECORD") or "").splitlines():
-            file = line.partition(",")[0]
-            if file.endswith(MODULES):
-                owners[os.path.join(folder, file)] = owner
-    return owners
+    return {
+        os.path.join(str(distribution.locate_file("")), file): (distribution.name, distribution.version)
+        for distribution in distributions()
+        for file in (line.partition(",")[0] for line in (distribution.read_text("RECORD") or "").splitlines())
+        if file.endswith(tuple(all_suffixes()))
+    }
 
 
 @cache
@@ -135,7 +137,7 @@ def _version(name: str) -> str:
 def made_by(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any]:
     """Entries of a manifest: this version, the command as it was typed, machine, and versions, also of what it uses."""
     return {
-        "version": __version__,
+        "version": VERSION,
         "git_commit": git_commit(),
         "code": code_hash()[:16],
         "command": list(command),
@@ -162,22 +164,13 @@ def _git(*arguments: str) -> str | None:
     return answer.stdout.strip() if answer.returncode == 0 else None
 
 
-def _processor() -> str:
+def _field(path: str, name: str) -> str:
+    """A field of one of Linux' lists; empty where there is none."""
     try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
+        lines = Path(path).read_text(encoding="utf-8").splitlines()
     except OSError:
-        pass
-    return platform.processor() or platform.machine()
-
-
-PROCESS_MEMORY = 300e6
-"""What a process takes that simulates [bytes]: the interpreter, Pinocchio, the compiler and a trajectory."""
-
-MIN_LIMIT, LIMIT_PER_SAMPLE = 120.0, 0.1
-"""A run may take this long, and in addition so long per sample [s]: shipped laws take 1e-5 to 1e-3 s per sample, and
-the first run of a process may have to compile."""
+        return ""
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
 
 
 def cores() -> int:
@@ -196,12 +189,8 @@ def process_count(asked: int | None = None) -> int:
 
 def available_memory() -> float:
     """Memory that can be had without swapping [bytes]; all there is where the system does not say."""
-    try:
-        for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines():
-            if line.startswith("MemAvailable:"):
-                return 1024.0 * float(line.split()[1])
-    except OSError:
-        pass
+    if available := _field("/proc/meminfo", "MemAvailable:"):
+        return 1024.0 * float(available.split()[0])
     return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
 
 
@@ -210,15 +199,16 @@ def most_samples(tables: Mapping[str, Any]) -> float:
 
     It may take three durations until it settles, and on an arm it also holds the periods of its stop.
     """
-    try:
-        return 1000.0 + 4.0 * float(tables["duration"]) / float(tables["sampling_time"])
-    except (KeyError, TypeError, ValueError, ArithmeticError):  # a family may draw them
-        return math.inf
+    return 1000.0 + 4.0 * _samples(tables, math.inf)  # a family may draw them
 
 
 def run_limit(tables: Mapping[str, Any]) -> float:
     """How long the run of a scenario may take [s], from its ``duration`` and ``sampling_time``."""
+    return MIN_LIMIT + LIMIT_PER_SAMPLE * _samples(tables, 0.0)  # what is wrong is said where the scenario is built
+
+
+def _samples(tables: Mapping[str, Any], otherwise: float) -> float:
     try:
-        return MIN_LIMIT + LIMIT_PER_SAMPLE * float(tables["duration"]) / float(tables["sampling_time"])
-    except (KeyError, TypeError, ValueError, ArithmeticError):  # it is said where the scenario is built
-        return MIN_LIMIT
+        return float(tables["duration"]) / float(tables["sampling_time"])
+    except (KeyError, TypeError, ValueError, ArithmeticError):
+        return otherwise

@@ -9,14 +9,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ... import __version__
 from ...compiled import available
 from ...controllers import controller_class, make_controller
 from ...controllers.base import Controller
 from ...errors import ConfigurationError, VsconstraintsError
 from ...plugins.classes import module_files
 from ...scenarios import Scenario
-from .machine import code_hash, package_versions, run_limit, used_versions
+from .machine import VERSION, code_hash, package_versions, run_limit, used_versions
 
 
 @dataclass(frozen=True)
@@ -25,10 +24,8 @@ class ControllerSpec:
 
     Attributes
     ----------
-    name, law
-        What results call it; registered name or ``module:Class``, the same as the name if it is not given.
-    options
-        Of the law.
+    name, law, options
+        What results call it; registered name or ``module:Class``, ``name`` if empty; options of the law.
     folder
         Where the module of an own controller is looked for first.
     """
@@ -45,7 +42,7 @@ class ControllerSpec:
     def called(cls, law: str, name: str = "", folder: Path | None = None) -> ControllerSpec:
         """A controller as command lines and sessions call it: a registered name or ``module:Class``.
 
-        Results call it ``name``; if none is given, as its class does. Raises ConfigurationError if there is none.
+        Without ``name`` results call it as its class does. Raises ConfigurationError if there is none.
         """
         own = controller_class(law, folder).name if ":" in law else law
         if not isinstance(own, str):
@@ -79,10 +76,8 @@ class RunSpec:
 
     Attributes
     ----------
-    scenario, overrides
-        The scenario, or the name of a shipped one, and dotted keys of it that are set to other values.
-    controller
-        The law.
+    scenario, controller, overrides
+        The scenario, or the name of a shipped one; the law; dotted keys of the scenario that are set to other values.
     trial, seed
         Where it starts, see :meth:`Scenario.setup`.
     may_end_early
@@ -113,8 +108,8 @@ class RunSpec:
     @property
     def _identity(self) -> str:
         scenario = self.scenario if isinstance(self.scenario, str) else (self.name, self.scenario.tables)
-        made = scenario, self.overrides, self.controller.law, self.controller.options, self.trial, self.seed
-        return json.dumps(made, sort_keys=True, default=str)
+        parts = scenario, self.overrides, self.controller.law, self.controller.options, self.trial, self.seed
+        return json.dumps(parts, sort_keys=True, default=str)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, RunSpec) and self._identity == other._identity
@@ -161,7 +156,7 @@ class RunSpec:
             self.controller.options,
             self.trial,
             self.seed,
-            __version__,
+            VERSION,
             code_hash(),
             {**package_versions(), **used_versions({**self.tables, "law": self.controller.options})},
             available(),

@@ -15,9 +15,18 @@ from ..metrics import METRICS, Metric
 Better = Literal["less", "more"]
 """Which values are better."""
 
+Verdict = Literal["better", "worse", "not distinguishable", "too few"]
+"""What is said of a against b."""
+
 MIN_SCENES = 6
 """Paired comparisons of fewer scenes are said to be too few: an exact two-sided test of n pairs never gives less than
 2/2ⁿ, which is above 0.05 for n ≤ 5."""
+
+SCENE = ("family", "condition", "half", "scene")
+"""Columns that say which scene a run is of, and what went otherwise than assumed in it."""
+
+LAW = "controller"
+"""The column that says which law."""
 
 
 def checked_confidence(confidence: float) -> float:
@@ -27,32 +36,43 @@ def checked_confidence(confidence: float) -> float:
     return float(confidence)
 
 
-def simultaneous(confidence: float, comparisons: int) -> float:
-    """Confidence of each of several intervals, so that all hold at once with ``confidence`` (Bonferroni)."""
-    return 1.0 - (1.0 - checked_confidence(confidence)) / max(comparisons, 1)
-
-
 def checked_name(what: str, name: object, candidates: Any) -> None:
     """A name out of a ``Literal``."""
     if name not in get_args(candidates):
         raise unknown_name(what, name, get_args(candidates))
 
 
+def array(values: ArrayLike, name: str) -> Any:
+    """Numbers or booleans of any shape."""
+    try:
+        found = np.asarray(values)
+        return found if found.dtype == np.bool_ else found.astype(float)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"{name} must hold numbers only: {error}") from error
+
+
+def line(values: ArrayLike, name: str) -> Any:
+    """(n,) numbers or booleans."""
+    found = array(values, name)
+    if found.ndim != 1:
+        raise InvalidInput(f"{name} must be of shape (scenes,), not {found.shape}")
+    return found
+
+
 def flags(values: ArrayLike, name: str = "flags") -> BoolArray:
     """(n,) booleans; numbers have to be 0 or 1."""
-    given = line(values, name)
-    if given.dtype != np.bool_ and not np.isin(given, (0, 1)).all():
+    found = line(values, name)
+    if found.dtype != np.bool_ and not np.isin(found, (0, 1)).all():
         raise InvalidInput(f"{name} must be true or false in every scene; give only scenes in which that is known")
-    found: BoolArray = given.astype(np.bool_)
-    return found
+    return np.asarray(found, dtype=np.bool_)
 
 
 def numbers(values: ArrayLike, name: str) -> Array:
     """(n,) floats; NaN stands for a run that does not count, and nothing may be infinite."""
-    given: Array = line(values, name).astype(float)
-    if np.isinf(given).any():
-        raise InvalidInput(f"{name} holds {shown(given[np.isinf(given)][0])}: NaN stands for a run that does not count")
-    return given
+    found: Array = line(values, name).astype(float)
+    if np.isinf(found).any():
+        raise InvalidInput(f"{name} holds {shown(found[np.isinf(found)][0])}: NaN stands for a run that does not count")
+    return found
 
 
 def pair(a: Any, b: Any) -> None:
@@ -61,34 +81,9 @@ def pair(a: Any, b: Any) -> None:
         raise InvalidInput(f"a and b must be of the same scenes, one entry each, not of {len(a)} and {len(b)}")
 
 
-def table(costs: ArrayLike) -> Array:
-    """(scenes, laws) floats with failures at infinity."""
-    given: Array = _array(costs, "costs").astype(float)
-    if given.ndim != 2 or given.shape[1] == 0:
-        raise InvalidInput(f"costs must be of shape (scenes, laws), not {given.shape}")
-    if np.isnan(given).any() or (given == -np.inf).any():
-        raise InvalidInput("costs must be numbers, or infinite where a law failed; leave out scenes without a value")
-    return given
-
-
-def line(values: ArrayLike, name: str) -> Any:
-    """(n,) numbers or booleans."""
-    given = _array(values, name)
-    if given.ndim != 1:
-        raise InvalidInput(f"{name} must be of shape (scenes,), not {given.shape}")
-    return given
-
-
-def _array(values: ArrayLike, name: str) -> Any:
-    try:
-        given = np.asarray(values)
-        return given if given.dtype == np.bool_ else given.astype(float)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(f"{name} must hold numbers only: {error}") from error
-
-
-Verdict = Literal["better", "worse", "not distinguishable", "too few"]
-"""What is said of a against b."""
+def simultaneous(confidence: float, comparisons: int) -> float:
+    """Confidence of each of several intervals, so that all hold at once with ``confidence`` (Bonferroni)."""
+    return 1.0 - (1.0 - checked_confidence(confidence)) / max(comparisons, 1)
 
 
 def distinguishable(low: float, high: float, n: int = MIN_SCENES) -> bool:
@@ -104,13 +99,6 @@ def verdict(low: float, high: float, *, n: int = MIN_SCENES, better: Better = "l
     if not distinguishable(low, high, n):
         return "too few" if n < MIN_SCENES else "not distinguishable"
     return "better" if (high < 0.0) == (better == "less") else "worse"
-
-
-SCENE = ("family", "condition", "half", "scene")
-"""Columns that say which scene a run is of, and what went otherwise than assumed in it."""
-
-LAW = "controller"
-"""The column that says which law."""
 
 
 class Outcome(NamedTuple):
@@ -186,13 +174,7 @@ def resolution(metric: Metric) -> float:
 
 
 def checked(runs: Any, by: Sequence[str], metric: Metric | None = None) -> Any:
-    """The runs, which have the columns that are needed, and no law twice in a scene.
-
-    Raises
-    ------
-    ConfigurationError
-        if that is not so; it says which column, or which run.
-    """
+    """The runs, which have the columns that are needed, and no law twice in a scene; raises ConfigurationError."""
     which = [*dict.fromkeys((*by, *SCENE)), LAW]
     wanted = [*which, "status", "violated"]
     if metric is not None:

@@ -12,28 +12,18 @@ from scipy.stats import friedmanchisquare, rankdata, studentized_range
 
 from ...errors import InvalidInput
 from ...rows import Array
-from .judged import checked_confidence, table
+from .judged import array, checked_confidence
 from .rates import sign_test
 
 
 class Ranks(NamedTuple):
-    """Mean ranks, and what distinguishes them (Demšar, Journal of Machine Learning Research 7, 2006).
+    """Mean ranks (laws,) over n scenes, and what distinguishes them (Demšar, J. Machine Learning Research 7, 2006).
 
-    Attributes
-    ----------
-    means
-        (laws,) mean rank over the scenes: 1 for a law that is always the best; equal costs share their ranks.
-    critical_difference
-        Mean ranks that differ by less are not distinguished (Nemenyi 1963): q √(k (k + 1)/(6 n)) of k laws, n scenes.
-    p
-        Of Friedman's test that all laws rank alike; of two laws, of the sign test.
-    p_values
-        (laws, laws) of Nemenyi's test, each pair's corrected for all pairs.
-    groups
-        Laws that are not distinguished from each other, by their columns, best first: the bars of a critical-difference
-        diagram. Largest groups only, of two laws or more; all laws where Friedman's test finds no difference.
-    n
-        Scenes.
+    Rank 1 is the best; equal costs share their ranks. Mean ranks that differ by less than the critical difference
+    q √(k (k + 1)/(6 n)) of k laws are not distinguished (Nemenyi 1963). ``p`` is of Friedman's test that all laws rank
+    alike; of two laws, of the sign test. ``p_values`` (laws, laws) are of Nemenyi's test, corrected for all pairs.
+    ``groups`` are the largest groups of two laws or more, by their columns, best first, that are not distinguished: the
+    bars of a critical-difference diagram; all laws where Friedman's test finds no difference.
     """
 
     means: Array
@@ -46,12 +36,11 @@ class Ranks(NamedTuple):
 
 def ranks(costs: ArrayLike, confidence: float = 0.95) -> Ranks:
     """Rank the columns of (scenes, laws) costs of which less is better, failures at infinity, and so equally last."""
-    level = 1.0 - checked_confidence(confidence)
-    given = table(costs)
-    n, k = given.shape
+    level, known = 1.0 - checked_confidence(confidence), _checked(costs)
+    n, k = known.shape
     if n == 0:
         return Ranks(np.full(k, (k + 1) / 2), math.inf, 1.0, np.ones((k, k)), _groups(np.zeros(k), math.inf), 0)
-    each = rankdata(given, axis=1)
+    each = rankdata(known, axis=1)
     means = each.mean(axis=0)
     unit = math.sqrt(k * (k + 1) / (6.0 * n))
     width = unit * float(studentized_range.isf(level, k, math.inf)) / math.sqrt(2.0) if k > 1 else 0.0
@@ -59,6 +48,15 @@ def ranks(costs: ArrayLike, confidence: float = 0.95) -> Ranks:
     p_values = studentized_range.sf(apart, k, math.inf) if k > 1 else np.ones((1, 1))
     p = _friedman(each)
     return Ranks(means, width, p, p_values, _groups(means, width if p < level else math.inf), n)
+
+
+def _checked(costs: ArrayLike) -> Array:
+    known: Array = array(costs, "costs").astype(float)
+    if known.ndim != 2 or known.shape[1] == 0:
+        raise InvalidInput(f"costs must be of shape (scenes, laws), not {known.shape}")
+    if np.isnan(known).any() or (known == -np.inf).any():
+        raise InvalidInput("costs must be numbers, or infinite where a law failed; leave out scenes without a value")
+    return known
 
 
 def _friedman(each: Array) -> float:
@@ -80,12 +78,8 @@ def _groups(means: Array, width: float) -> tuple[tuple[int, ...], ...]:
 class Profile:
     """Performance profile (Dolan and Moré, Mathematical Programming 91, 2002).
 
-    Attributes
-    ----------
-    ratios
-        (scenes, laws) each law's cost over the least of the scene; infinite where it failed.
-    shift
-        Added to all costs before: 0 if all are positive.
+    ``ratios`` (scenes, laws) are each law's cost over the least of the scene, infinite where it failed; ``shift`` was
+    added to all costs before: 0 if all are positive.
     """
 
     ratios: Array
@@ -93,10 +87,8 @@ class Profile:
 
     def share(self, tau: ArrayLike) -> Array:
         """(…, laws) ρ(τ): share of the scenes in which a law's ratio is at most τ. Zero of no scene."""
-        given = np.asarray(tau, dtype=float)
-        ordered = np.sort(self.ratios, axis=0)
-        within = [np.searchsorted(law, given, side="right") for law in ordered.T]
-        finite = np.isfinite(self.ratios).sum(axis=0)
+        ordered, finite = np.sort(self.ratios, axis=0), np.isfinite(self.ratios).sum(axis=0)
+        within = [np.searchsorted(law, np.asarray(tau, dtype=float), side="right") for law in ordered.T]
         share: Array = np.minimum(np.stack(within, axis=-1), finite) / max(len(ordered), 1)
         return share
 
@@ -118,18 +110,17 @@ def profile(costs: ArrayLike, shift: float | None = None) -> Profile:
     the least cost becomes as great as the median is above it (the mean, if the median is no greater; 1, if all are
     equal), so that a ratio of 2 is a median scene against the best possible one.
     """
-    given = table(costs)
-    finite = given[np.isfinite(given)]
+    known = _checked(costs)
+    finite = known[np.isfinite(known)]
     if shift is None:
         shift = _shift(finite) if finite.min(initial=1.0) <= 0.0 else 0.0
-    moved = given + shift
+    moved = known + shift
     if moved.min(initial=1.0) <= 0.0:
         raise InvalidInput(
             f"a profile needs positive costs: the least is {finite.min():g}, and {shift:g} is added to it"
         )
-    best = moved.min(axis=1, keepdims=True)
     ratios = np.full(moved.shape, np.inf)
-    np.divide(moved, best, out=ratios, where=np.isfinite(moved))
+    np.divide(moved, moved.min(axis=1, keepdims=True), out=ratios, where=np.isfinite(moved))
     return Profile(ratios, shift)
 
 

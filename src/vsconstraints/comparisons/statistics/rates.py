@@ -19,6 +19,9 @@ CONTINUITY = 1.0
 """Taken off |only a − only b|, which comes in steps (Edwards 1948). Without it the test of few scenes that often differ
 rejects up to twice as often as it says."""
 
+Kind = Literal["difference", "log-ratio"]
+"""a − b, or ln(a/b)."""
+
 
 @dataclass(frozen=True)
 class Rate:
@@ -40,10 +43,58 @@ class Rate:
         return self.count / self.of if self.of else math.nan
 
 
+class PairedRates(NamedTuple):
+    """Two rates on the same n scenes: that of a less that of b (NaN of no scene) and its interval.
+
+    ``p`` is two-sided, of McNemar's test with continuity correction: at most 1 − confidence if and only if the interval
+    excludes zero. ``only_a`` and ``only_b`` count the scenes in which only one has the flag.
+    """
+
+    difference: float
+    low: float
+    high: float
+    n: int
+    p: float
+    only_a: int
+    only_b: int
+
+
+class Median(NamedTuple):
+    """A median of n values, NaN of none, and its interval; from −∞ to ∞ if there are too few."""
+
+    median: float
+    low: float
+    high: float
+    n: int
+
+
+class Paired(NamedTuple):
+    """How a differs from b on the n scenes, ``of`` all, in which both have a value.
+
+    ``median`` with its exact interval is that of a − b, or of ln(a/b), over the scenes in which they differ: zero, from
+    −∞ to ∞, where they differ in none; NaN if n = 0. a is better in ``wins`` scenes and worse in ``losses``. ``p`` is
+    two-sided, of the exact sign test: at most 1 − confidence if and only if the interval excludes zero.
+    """
+
+    median: float
+    low: float
+    high: float
+    n: int
+    wins: int
+    losses: int
+    p: float
+    of: int
+
+    @property
+    def effect(self) -> float:
+        """Chance that a is better than b on a scene, equal values counting half; 0.5 of no scene."""
+        return (1.0 + (self.wins - self.losses) / self.n) / 2.0 if self.n else 0.5
+
+
 def rate(values: ArrayLike, confidence: float = 0.95) -> Rate:
     """How often a flag is set, (n,) booleans, one a scene. Of no scene the rate may be anything, from 0 to 1."""
-    given = flags(values)
-    return rate_of(int(given.sum()), len(given), confidence)
+    found = flags(values)
+    return rate_of(int(found.sum()), len(found), confidence)
 
 
 def rate_of(count: int, of: int, confidence: float = 0.95) -> Rate:
@@ -57,29 +108,6 @@ def rate_of(count: int, of: int, confidence: float = 0.95) -> Rate:
     return Rate(count, of, float(exact.low), float(exact.high), confidence)
 
 
-class PairedRates(NamedTuple):
-    """Two rates on the same n scenes.
-
-    Attributes
-    ----------
-    difference, low, high
-        Rate of a less that of b, NaN of no scene, and its interval, :func:`difference_interval`.
-    p
-        Two-sided, of McNemar's test with continuity correction: at most 1 − confidence if and only if the interval
-        excludes zero.
-    only_a, only_b
-        Scenes in which only a has the flag, and only b.
-    """
-
-    difference: float
-    low: float
-    high: float
-    n: int
-    p: float
-    only_a: int
-    only_b: int
-
-
 def mcnemar(a: ArrayLike, b: ArrayLike, confidence: float = 0.95) -> PairedRates:
     """Whether a flag is set more often in a than in b on the same scenes, (n,) booleans each.
 
@@ -89,11 +117,11 @@ def mcnemar(a: ArrayLike, b: ArrayLike, confidence: float = 0.95) -> PairedRates
     one, other = flags(a, "a"), flags(b, "b")
     pair(one, other)
     n, only_a, only_b = len(one), int((one & ~other).sum()), int((other & ~one).sum())
-    low, high = difference_interval(only_a, only_b, n, confidence)
     differing = only_a + only_b
     score = (abs(only_a - only_b) - CONTINUITY) / math.sqrt(differing) if differing else 0.0
     p = min(2.0 * float(norm.sf(score)), 1.0)
-    return PairedRates((only_a - only_b) / n if n else math.nan, low, high, n, p, only_a, only_b)
+    difference = (only_a - only_b) / n if n else math.nan
+    return PairedRates(difference, *difference_interval(only_a, only_b, n, confidence), n, p, only_a, only_b)
 
 
 def sign_test(wins: int, losses: int) -> float:
@@ -111,8 +139,12 @@ def difference_interval(
     1998, eqs. 24–26, without a correction). Unlike ± standard errors it says something where the two never differ, and
     stays within −1 and 1.
     """
-    z = float(norm.isf((1.0 - checked_confidence(confidence)) / 2.0))
+    z = _quantile(confidence)
     return _lowest(only_a, only_b, n, z, correction), -_lowest(only_b, only_a, n, z, correction)
+
+
+def _quantile(confidence: float) -> float:
+    return float(norm.isf((1.0 - checked_confidence(confidence)) / 2.0))
 
 
 def _lowest(only_a: int, only_b: int, n: int, z: float, correction: float) -> float:
@@ -132,20 +164,10 @@ def _lowest(only_a: int, only_b: int, n: int, z: float, correction: float) -> fl
 def detectable(n: int, differing: float, confidence: float = 0.95, power: float = 0.8) -> float:
     """Smallest difference of two rates on the same n scenes that :func:`mcnemar` finds with so much power.
 
-    Parameters
-    ----------
-    n, differing
-        Scenes, and the share of them in which the two differ; where the difference itself is greater, that.
-    confidence, power
-        1 − confidence is the level of the test, and power the chance to find the difference, in the right direction.
-
-    Returns
-    -------
-    float
-        From 0 to 1; infinite where not even a difference of 1 would be found.
+    ``differing`` is the share of scenes in which the two differ; where the difference itself is greater, that.
+    ``power`` is the chance to find it, in the right direction. Infinite where not even 1 would be found.
     """
-    z = float(norm.isf((1.0 - checked_confidence(confidence)) / 2.0))
-    m = np.arange(n + 1)
+    z, m = _quantile(confidence), np.arange(n + 1)
     needed = np.ceil((m + CONTINUITY + z * np.sqrt(m)) / 2.0)  # wins of m scenes that differ
 
     def beyond(delta: float) -> float:
@@ -156,23 +178,12 @@ def detectable(n: int, differing: float, confidence: float = 0.95, power: float 
     return float(brentq(beyond, 0.0, 1.0, xtol=1e-6)) if beyond(1.0) > 0.0 else math.inf
 
 
-class Median(NamedTuple):
-    """A median of n values, NaN of none, and its interval; from −∞ to ∞ if there are too few."""
-
-    median: float
-    low: float
-    high: float
-    n: int
-
-
 def median(values: ArrayLike, confidence: float = 0.95) -> Median:
-    """The median of (n,) values, which may be infinite, and its interval.
+    """The median of (n,) values, which may be infinite, and its interval; InvalidInput if one is NaN, or no number.
 
     The interval is exact and assumes no distribution: from the k-th value in order to the k-th from the end, where k is
     the greatest for which fewer than k of n values lie below the median with a chance of at most α/2. Of values that
     are not zero it excludes zero if and only if the two-sided sign test rejects at the level α.
-
-    Raises InvalidInput if a value is NaN, or no number.
     """
     alpha = 1.0 - checked_confidence(confidence)
     ordered: Array = np.sort(line(values, "values").astype(float))
@@ -188,44 +199,6 @@ def median(values: ArrayLike, confidence: float = 0.95) -> Median:
     return Median(middle, low, high, n)
 
 
-Kind = Literal["difference", "log-ratio"]
-"""a − b, or ln(a/b)."""
-
-
-class Paired(NamedTuple):
-    """How a differs from b on the same scenes.
-
-    Attributes
-    ----------
-    median, low, high
-        Median of a − b, or of ln(a/b), over the scenes in which they differ, and its exact interval, :func:`median`.
-        Where they differ in none the median is zero and the interval from −∞ to ∞.
-    n
-        Scenes in which both have a value: the only ones that are compared. Of none, the median is NaN.
-    wins, losses
-        Scenes in which a is better than b, and in which it is worse.
-    p
-        Two-sided, of the exact sign test of wins and losses: at most 1 − confidence if and only if the interval
-        excludes zero.
-    of
-        Scenes given.
-    """
-
-    median: float
-    low: float
-    high: float
-    n: int
-    wins: int
-    losses: int
-    p: float
-    of: int
-
-    @property
-    def effect(self) -> float:
-        """Chance that a is better than b on a scene, equal values counting half; 0.5 of no scene."""
-        return (1.0 + (self.wins - self.losses) / self.n) / 2.0 if self.n else 0.5
-
-
 def paired(
     a: ArrayLike,
     b: ArrayLike,
@@ -238,14 +211,8 @@ def paired(
     """Compare two columns of numbers, (n,) each, entry i of both being scene i.
 
     NaN stands for a run that does not count (one that diverged, or violated): its scene is left out for both. Values
-    that are no more than ``least`` apart are equal.
-
-    Raises
-    ------
-    InvalidInput
-        if the lengths differ, a value is infinite, or one is negative of which a ratio is asked.
-    ConfigurationError
-        if an option is none.
+    that are no more than ``least`` apart are equal. Raises InvalidInput if the lengths differ, a value is infinite, or
+    one is negative of which a ratio is asked; ConfigurationError if an option is none.
     """
     checked_name("kind", kind, Kind)
     checked_name("direction", better, Better)

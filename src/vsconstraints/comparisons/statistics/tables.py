@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -35,58 +34,38 @@ BY = ("family", "condition")
 
 
 def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
-    """How often each law's runs have an outcome: one line per group and law.
+    """How often each law's runs have one of :data:`.judged.OUTCOMES`: one line per group, of columns ``by``, and law.
 
-    Parameters
-    ----------
-    runs
-        One line per run, with the columns :data:`.judged.SCENE`, ``controller``, ``status`` and ``violated``.
-    outcome, by
-        One of :data:`.judged.OUTCOMES`, and the columns that define groups.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``by``, controller, count, of, share, low, high: :class:`.rates.Rate`.
+    ``runs`` has one line per run, with the columns :data:`.judged.SCENE`, ``controller``, ``status`` and ``violated``;
+    the pandas.DataFrame that is returned ``by``, controller, count, of, share, low, high: :class:`.rates.Rate`.
     """
     if outcome not in OUTCOMES:
         raise unknown_name("outcome", outcome, OUTCOMES)
-    flags = OUTCOMES[outcome].flag(checked(runs, by))
     lines = []
-    for group, own in groups(runs.assign(flag=flags), (*by, LAW)):
+    for group, own in _groups(runs.assign(flag=OUTCOMES[outcome].flag(checked(runs, by))), (*by, LAW)):
         found = rate(own["flag"].to_numpy(bool), confidence)
         lines.append((*group, found.count, found.of, found.share, found.low, found.high))
-    return frame((*by, LAW, "count", "of", "share", "low", "high"), lines)
+    return _frame((*by, LAW, "count", "of", "share", "low", "high"), lines)
 
 
 def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
     """The median of a metric over those of each law's runs that count, and how many do.
 
-    Laws need not count in the same scenes, so these are not to be compared: that is :func:`compare_laws`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``by``, controller, counted, of, median, low, high: :class:`.rates.Median`.
+    Laws need not count in the same scenes, so these are not to be compared: that is :func:`compare_laws`. Columns:
+    ``by``, controller, counted, of, median, low, high (:class:`.rates.Median`).
     """
-    judged = judged_metric(metric)
-    found = values(checked(runs, by, judged), judged)
-    lines = []
-    for group, own in groups(runs.assign(value=found), (*by, LAW)):
+    judged, lines = judged_metric(metric), []
+    for group, own in _groups(runs.assign(value=values(checked(runs, by, judged), judged)), (*by, LAW)):
         middle = median(own["value"].dropna(), confidence)
         lines.append((*group, middle.n, len(own), middle.median, middle.low, middle.high))
-    return frame((*by, LAW, "counted", "of", "median", "low", "high"), lines)
+    return _frame((*by, LAW, "counted", "of", "median", "low", "high"), lines)
 
 
 class Costs(NamedTuple):
     """What profiles and ranks are made of.
 
-    Attributes
-    ----------
-    table
-        pandas.DataFrame, one line per scene, one column per law: less is better, ∞ for a run that does not count.
-    left_out
-        Scenes without a line: a law has not run there, or has no value though its run counts.
+    ``table`` is a pandas.DataFrame, one line per scene, one column per law: less is better, ∞ for a run that does not
+    count. ``left_out`` counts scenes without a line: a law has not run there, or has no value though its run counts.
     """
 
     table: Any
@@ -97,12 +76,12 @@ def costs(runs: Any, metric: str) -> Costs:
     """A metric as costs, of all scenes of ``runs``; of a metric of which more is better, less its value."""
     judged = judged_metric(metric)
     found = values(checked(runs, (), judged), judged)
-    each = by_law(runs, SCENE, (found if judged.better == "less" else -found).where(counts(runs, judged), np.inf))
+    each = _by_law(runs, SCENE, (found if judged.better == "less" else -found).where(counts(runs, judged), np.inf))
     whole = each.dropna()
     return Costs(whole, len(each) - len(whole))
 
 
-def groups(lines: Any, by: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], Any]]:
+def _groups(lines: Any, by: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], Any]]:
     """Groups by columns or levels, in the order of their names; all lines as one, without columns."""
     if not by:
         yield (), lines
@@ -110,14 +89,13 @@ def groups(lines: Any, by: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], Any
         yield from lines.groupby(list(by), observed=True, sort=True)
 
 
-def by_law(runs: Any, scene: Sequence[str], value: Any) -> Any:
+def _by_law(runs: Any, scene: Sequence[str], value: Any) -> Any:
     """One line per scene, one column per law, both in the order of their names; NaN where a law has not run."""
     which = [*dict.fromkeys(scene), LAW]
     return runs[which].assign(value=value).astype({LAW: str}).set_index(which)["value"].unstack(LAW)
 
 
-def frame(columns: Sequence[str], lines: Sequence[tuple[Any, ...]]) -> Any:
-    """A pandas.DataFrame of lines."""
+def _frame(columns: Sequence[str], lines: Sequence[tuple[Any, ...]]) -> Any:
     demand("evidence")
     import pandas
 
@@ -142,37 +120,24 @@ class Comparison(NamedTuple):
     p: float
 
 
-Compare = Callable[[Array, Array, float], Comparison]
-"""Two columns, NaN where a run does not count, compared with so much confidence."""
+def _by_outcome(a: Array, b: Array, better: Better, confidence: float) -> Comparison:
+    found = mcnemar(a, b, confidence)
+    gain = (found.difference if found.n else 0.0) * (1.0 if better == "more" else -1.0)
+    scenes = found.n, found.n, found.only_a, found.only_b, found.only_a + found.only_b
+    return Comparison._make((*scenes, *found[:3], *[math.nan] * 3, (1.0 + gain) / 2.0, found.p))
 
 
-def _by_outcome(better: Better) -> Compare:
-    def compare(a: Array, b: Array, confidence: float) -> Comparison:
-        found = mcnemar(a, b, confidence)
-        gain = (found.difference if found.n else 0.0) * (1.0 if better == "more" else -1.0)
-        return Comparison(
-            found.n, found.n, found.only_a, found.only_b, found.only_a + found.only_b,
-            found.difference, found.low, found.high, math.nan, math.nan, math.nan, (1.0 + gain) / 2.0, found.p,
-        )  # fmt: skip
-
-    return compare
-
-
-def _by_metric(better: Better, least: float) -> Compare:
-    def compare(a: Array, b: Array, confidence: float) -> Comparison:
-        one, other = ~np.isnan(a), ~np.isnan(b)
-        both = one & other
-        rule: dict[str, Any] = {"better": better, "least": least, "confidence": confidence}
-        found, ratios = paired(a, b, **rule), (math.nan, math.nan, math.nan)
-        if both.any() and min(a[both].min(), b[both].min()) >= 0.0:
-            with np.errstate(over="ignore"):  # a ratio beyond 1e308 is infinite
-                ratios = tuple(np.exp(paired(a, b, "log-ratio", **rule)[:3]).tolist())
-        return Comparison(
-            len(a), found.n, int((one & ~other).sum()), int((other & ~one).sum()), found.wins + found.losses,
-            found.median, found.low, found.high, *ratios, found.effect, found.p,
-        )  # fmt: skip
-
-    return compare
+def _by_metric(a: Array, b: Array, better: Better, least: float, confidence: float) -> Comparison:
+    one, other = ~np.isnan(a), ~np.isnan(b)
+    both = one & other
+    found = paired(a, b, better=better, least=least, confidence=confidence)
+    ratios = [math.nan] * 3
+    if both.any() and min(a[both].min(), b[both].min()) >= 0.0:
+        with np.errstate(over="ignore"):  # a ratio beyond 1e308 is infinite
+            logarithms = paired(a, b, "log-ratio", better=better, least=least, confidence=confidence)[:3]
+            ratios = np.exp(logarithms).tolist()
+    scenes = len(a), found.n, int((one & ~other).sum()), int((other & ~one).sum()), found.wins + found.losses
+    return Comparison._make((*scenes, *found[:3], *ratios, found.effect, found.p))
 
 
 def compare_laws(
@@ -219,36 +184,30 @@ def compare_laws(
         :func:`.judged.verdict`, which is that p_corrected is at most 1 − confidence.
     """
     checked_confidence(confidence)
-    if metric in OUTCOMES:
-        judged, better = None, OUTCOMES[metric].better
-        compare, column = _by_outcome(better), OUTCOMES[metric].flag
-    else:
-        judged = judged_metric(metric)
-        better = judged.better  # type: ignore[assignment]  # of judged metrics it is said
-        compare = _by_metric(better, resolution(judged) if least is None else least)
-        column = partial(values, metric=judged)
+    judged = None if metric in OUTCOMES else judged_metric(metric)
     known = [str(name) for name in dict.fromkeys(checked(runs, by, judged)[LAW])]
     if reference is not None and reference not in known:
         raise unknown_name("controller", reference, known)
+    value = OUTCOMES[metric].flag(runs) if judged is None else values(runs, judged)
+    better: Better = (OUTCOMES[metric] if judged is None else judged).better or "less"
+    each, ran = (_by_law(runs, (*by, *SCENE), column) for column in (value.astype(float), 1.0))
     lines: list[tuple[Any, ...]] = []
-    each, ran = (by_law(runs, (*by, *SCENE), value) for value in (column(runs).astype(float), 1.0))
-    for group, own in groups(each, by):
+    for group, own in _groups(each, by):
         there = ran.loc[own.index].notna()
+        laws = [law for law in own.columns if there[law].any()]
+        against = [(law, reference) for law in laws if law != reference and reference in laws]
         pairs = []
-        for a, b in _pairs([law for law in own.columns if there[law].any()], reference):
+        for a, b in combinations(laws, 2) if reference is None else against:
             both = (there[a] & there[b]).to_numpy()
             pairs.append((a, b, own[a].to_numpy()[both], own[b].to_numpy()[both]))
         tests = sum(int((~np.isnan(one + other)).sum()) >= MIN_SCENES for *_, one, other in pairs)
         level = simultaneous(confidence, tests)
         for a, b, one, other in pairs:
-            found = compare(one, other, level)
+            if judged is None:
+                found = _by_outcome(one, other, better, level)
+            else:
+                found = _by_metric(one, other, better, resolution(judged) if least is None else least, level)
             said = verdict(found.low, found.high, n=found.paired, better=better)
             corrected = min(found.p * tests, 1.0) if found.paired >= MIN_SCENES else 1.0
             lines.append((*group, metric, a, b, *found, corrected, said))
-    return frame((*by, "metric", "a", "b", *Comparison._fields, "p_corrected", "verdict"), lines)
-
-
-def _pairs(laws: Sequence[str], reference: str | None) -> Iterator[tuple[str, str]]:
-    if reference is None:
-        return combinations(laws, 2)
-    return ((law, reference) for law in laws if law != reference and reference in laws)
+    return _frame((*by, "metric", "a", "b", *Comparison._fields, "p_corrected", "verdict"), lines)

@@ -31,7 +31,8 @@ def rate_text(rate: Rate) -> str:
     Where it never or always happened, the other end of the interval: ``0 of 10 000: at most 3.7e-4 (95 %)``.
     """
     level = f"{100.0 * rate.confidence:g} %"
-    counted = f"{whole(rate.count)} of {whole(rate.of)}"
+    count, of = (f"{each:,}".replace(",", " ") if each >= 10_000 else str(each) for each in (rate.count, rate.of))
+    counted = f"{count} of {of}"
     if rate.of == 0:
         return f"{counted}: nothing is known"
     if rate.count == 0:
@@ -41,11 +42,6 @@ def rate_text(rate: Rate) -> str:
     places = _places(50.0 * (rate.high - rate.low), 100.0 * rate.share)
     low, high, share = (_decimals(100.0 * each, places) for each in (rate.low, rate.high, rate.share))
     return f"{counted}: {share} % ({level}: {low} to {high} %)"
-
-
-def whole(count: int) -> str:
-    """A count, its thousands apart: ``10 000``."""
-    return f"{count:,}".replace(",", " ") if count >= 10_000 else str(count)
 
 
 def p_text(p: float) -> str:

@@ -10,16 +10,10 @@ import numpy as np
 
 
 class Objective(NamedTuple):
-    """A quantity to be minimized.
+    """A quantity to be minimized, by its name in files and in reports.
 
-    Attributes
-    ----------
-    column, title
-        Its name in files and in reports.
-    worst
-        Upper bound, and the value of a run that does not converge: the reference point of hypervolumes.
-    unit
-        What weighs as much as one unit of another objective where one setting is chosen.
+    ``worst`` bounds it from above and is that of a run that does not converge: the reference point of hypervolumes.
+    ``unit`` weighs as much as one unit of another objective where one setting is chosen.
     """
 
     column: str
@@ -59,17 +53,9 @@ FAILED = Outcome("failed", False, REFERENCE)
 
 
 class Judged(NamedTuple):
-    """All outcomes of a setting.
-
-    Attributes
-    ----------
-    point
-        Mean of each objective over the runs that have it; its worst value if none does.
-    violations
-        Share of runs with a violation.
-    runs, converged
-        How many there are, and how many of them converge.
-    """
+    """All outcomes of a setting: mean of each objective over the runs that have it, its worst value if none does; share
+    of runs with a violation; how many runs there are, and how many converge.
+    """  # noqa: D205
 
     point: Point
     violations: float
@@ -96,8 +82,8 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
     )
     # log10 of a command that never changes has no lower bound
     bounded = (
-        value if math.isnan(value) else min(max(value, -objective.worst), objective.worst)
-        for value, objective in zip(values, OBJECTIVES, strict=True)
+        value if math.isnan(value) else min(max(value, -worst), worst)
+        for value, worst in zip(values, REFERENCE, strict=True)
     )
     return Outcome(status, violated, tuple(bounded))
 
@@ -105,9 +91,9 @@ def outcome(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> Outcome:
 def judged(outcomes: Sequence[Outcome]) -> Judged:
     """All outcomes of one setting; the result does not depend on rounding order."""
     point = []
-    for i, objective in enumerate(OBJECTIVES):
+    for i, worst in enumerate(REFERENCE):
         values = [each.point[i] for each in outcomes if not math.isnan(each.point[i])]
-        point.append(math.fsum(values) / len(values) if values else objective.worst)
+        point.append(math.fsum(values) / len(values) if values else worst)
     violated = sum(each.violated for each in outcomes)
     converged = sum(each.status == "converged" for each in outcomes)
     return Judged(tuple(point), violated / len(outcomes), len(outcomes), converged)

@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import warnings
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ...compiled import prepare
+from ...controllers import Choices, Range
 from ...errors import ConfigurationError
 from ...plugins.extras import demand
 from ..evidence.campaign import differences, in_words
-from ..runs.files import plain, storing, write_json
+from ..runs.files import plain, replaced, storing, write_json
 from ..runs.folder import MANIFEST, held
 from ..runs.machine import git_commit, loaded_versions, machine
-from .objectives import Judged
-from .problem import Evaluator, Problem, Search, evaluating
-from .result import Asked, Tuning
+from .objectives import OBJECTIVES, Judged, Point, choose, front, hypervolume
+from .problem import Evaluate, Options, Problem, Searched, evaluating
 
-JOURNAL = "journal.jsonl"
+JOURNAL, TUNED = "journal.jsonl", "tuned.toml"
+EVALUATIONS, HYPERVOLUMES = "evaluations.parquet", "hypervolumes.parquet"
+
+EXCESS = "excess"
+"""Attribute of a trial: by how much its constraint is exceeded; not at all if it is not positive."""
 
 Setting = tuple[str, str]
 """A law's name, and its options as JSON."""
@@ -29,28 +36,61 @@ Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""
 
 
-class Journal:
+class Search:
+    """Suggests settings of a law, one after the other, the default first.
+
+    The others are drawn by the tree-structured Parzen estimator for several objectives (Ozaki et al. 2022), with the
+    constraint (Watanabe and Hutter 2023), for all options together. They depend only on the seed and on what was told.
+    """
+
+    def __init__(self, searched: Searched, seed: int) -> None:
+        import optuna
+
+        self.searched, self.seed = searched, seed
+        default = {
+            option: ranged.values.index(searched.default[option])
+            if isinstance(ranged, Choices)
+            else searched.default[option]
+            for option, ranged in searched.ranges.items()
+        }
+        optuna.logging.set_verbosity(optuna.logging.ERROR)
+        with warnings.catch_warnings(action="ignore"):  # what Optuna calls experimental
+            sampler = optuna.samplers.TPESampler(
+                seed=seed, multivariate=True, constraints_func=lambda trial: (trial.user_attrs[EXCESS],)
+            )
+        self._study = optuna.create_study(directions=["minimize"] * len(OBJECTIVES), sampler=sampler)
+        self._study.enqueue_trial(default)
+
+    def ask(self) -> Options:
+        """The next setting's options."""
+        self._trial = self._study.ask()
+        return {option: self._suggested(option, ranged) for option, ranged in self.searched.ranges.items()}
+
+    def tell(self, point: Point, excess: float) -> None:
+        """Tell the objectives of the last setting, and by how much it exceeds what the constraint allows."""
+        self._trial.set_user_attr(EXCESS, excess)
+        self._study.tell(self._trial, list(point))
+
+    def _suggested(self, option: str, ranged: Range | Choices) -> Any:
+        if isinstance(ranged, Choices):
+            return ranged.values[self._trial.suggest_categorical(option, tuple(range(len(ranged.values))))]
+        if ranged.integer:
+            return self._trial.suggest_int(option, int(ranged.least), int(ranged.greatest), log=ranged.logarithmic)
+        return self._trial.suggest_float(option, ranged.least, ranged.greatest, log=ranged.logarithmic)
+
+
+class Journal(dict[Setting, Judged]):
     """How settings are judged, stored as soon as it is known: a file with one line and checksum for each.
 
     A last line without an end, which was being written when the process ended, is cut off. Nothing else is ever written
-    again, so that a full disk costs none of it. (Optuna's JournalStorage has no checksums, and stops at such a line.)
-
-    Parameters
-    ----------
-    path
-        The file; created if it does not exist.
-
-    Raises
-    ------
-    ConfigurationError
-        if a whole line is damaged; it names the line.
-    StorageError
-        if the file cannot be created, or its last line cannot be cut off.
+    again, so that a full disk costs none of it. (Optuna's JournalStorage has no checksums, stops at such a line, and
+    its samplers do not go on from it as if they had never ended.) Raises ConfigurationError that names the line if a
+    whole one is damaged, StorageError if the file cannot be created or cut.
     """
 
     def __init__(self, path: Path) -> None:
+        super().__init__()
         self._path = path
-        self._known: dict[Setting, Judged] = {}
         with storing("evaluations", path.parent):
             path.touch()
         data = path.read_bytes()
@@ -60,8 +100,8 @@ class Journal:
                 entry = dict(json.loads(line))
                 if entry.pop("checksum") != _checksum(entry):
                     raise ValueError("it is not what was written")
-                judged = Judged(**{**entry["judged"], "point": tuple(entry["judged"]["point"])})
-                self._known[entry["law"], entry["options"]] = judged
+                values = {**entry["judged"], "point": tuple(entry["judged"]["point"])}
+                self[entry["law"], entry["options"]] = Judged(**values)
             except (ValueError, TypeError, KeyError, RecursionError) as error:
                 raise ConfigurationError(
                     f"{path}, line {number} is damaged ({type(error).__name__}): delete it, and its setting is "
@@ -71,24 +111,145 @@ class Journal:
             with storing("evaluations", path.parent):
                 os.truncate(path, len(data) - len(rest))
 
-    def __contains__(self, setting: Setting) -> bool:
-        return setting in self._known
-
-    def __getitem__(self, setting: Setting) -> Judged:
-        return self._known[setting]
-
     def add(self, setting: Setting, judged: Judged) -> None:
         """Store how a setting is judged; raises StorageError if that cannot be written."""
-        law, options = setting
-        entry = {"law": law, "options": options, "judged": judged._asdict()}
+        entry = {"law": setting[0], "options": setting[1], "judged": judged._asdict()}
         line = json.dumps({**entry, "checksum": _checksum(entry)})
         with storing("evaluations", self._path.parent), self._path.open("a", encoding="utf-8") as file:
             file.write(line + "\n")
-        self._known[setting] = judged
+        self[setting] = judged
 
 
 def _checksum(entry: Mapping[str, Any]) -> int:
     return zlib.crc32(json.dumps(entry).encode())
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A setting that a tuner with this seed suggested, by its number there (0 is the default), and how it is judged.
+
+    ``feasible``: it violates no more than is allowed. ``on_front``: no feasible evaluation of this law dominates it, of
+    all tuner seeds.
+    """
+
+    seed: int
+    number: int
+    options: Options
+    judged: Judged
+    feasible: bool
+    on_front: bool = False
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A law with all its evaluations, of all tuner seeds, one after the other; the first is the default.
+
+    ``hypervolumes`` are of each tuner seed's feasible evaluations, to :data:`.objectives.REFERENCE`. ``chosen`` is, of
+    the feasible settings, the one that :func:`.objectives.choose` finds; if there is none, of those that violate least
+    (Deb 2000). None if nothing is searched.
+    """
+
+    law: Searched
+    evaluations: tuple[Evaluation, ...]
+    hypervolumes: tuple[float, ...]
+    chosen: Evaluation | None
+
+    @property
+    def default(self) -> Evaluation:
+        """The law as the campaign defines it."""
+        return self.evaluations[0]
+
+    @classmethod
+    def of(cls, law: Searched, evaluations: Iterable[Evaluation]) -> Tuned:
+        """A law's evaluations in any order."""
+        every = sorted(evaluations, key=lambda each: (each.seed, each.number))
+        feasible = [i for i, each in enumerate(every) if each.feasible]
+        for i in front([every[i].judged.point for i in feasible]):
+            every[feasible[i]] = replace(every[feasible[i]], on_front=True)
+        least = min(each.judged.violations for each in every)
+        best = [each for each in every if each.feasible or (not feasible and each.judged.violations == least)]
+        volumes = [
+            hypervolume([every[i].judged.point for i in feasible if every[i].seed == seed])
+            for seed in dict.fromkeys(each.seed for each in every)
+        ]
+        chosen = best[choose([each.judged.point for each in best])] if law.ranges else None
+        return cls(law, tuple(every), tuple(volumes), chosen)
+
+    def toml(self) -> list[str]:
+        """Lines of the chosen setting as a table of controllers."""
+        name = self.law.name
+        if self.chosen is None:
+            return [f"# {name}: nothing is searched"]
+        share = f"{100.0 * self.chosen.judged.violations:.3g} % of its runs violate a row"
+        remark = [] if self.chosen.feasible else [f"# {name}: no setting is feasible; {share}"]
+        setting = self.law.setting(self.chosen.options)
+        options = {"type": setting.law, **setting.options}
+        return [*remark, f"[controllers.{_toml(f'{name}-tuned')}]", *_items(options)]
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """The tuned laws of a campaign, in its order."""
+
+    problem: Problem
+    laws: tuple[Tuned, ...]
+
+    def write(self, folder: Path) -> None:
+        """Write tables and settings, each file whole or not at all; raises StorageError."""
+        import pandas
+
+        evaluations = [
+            {
+                "law": law.law.name,
+                "seed": each.seed,
+                "number": each.number,
+                "options": json.dumps(each.options, sort_keys=True),
+                **dict(zip([objective.column for objective in OBJECTIVES], each.judged.point, strict=True)),
+                "violations": each.judged.violations,
+                "runs": each.judged.runs,
+                "converged": each.judged.converged,
+                "feasible": each.feasible,
+                "on_front": each.on_front,
+                "chosen": each is law.chosen,
+            }
+            for law in self.laws
+            for each in law.evaluations
+        ]
+        hypervolumes = [
+            {"law": law.law.name, "seed": seed, "hypervolume": volume}
+            for law in self.laws
+            for seed, volume in enumerate(law.hypervolumes)
+        ]
+        with storing("results", folder):
+            for name, lines in ((EVALUATIONS, evaluations), (HYPERVOLUMES, hypervolumes)):
+                with replaced(folder / name) as part:
+                    pandas.DataFrame(lines).to_parquet(part, index=False)
+            with replaced(folder / TUNED) as part:
+                part.write_text(self.toml(), encoding="utf-8")
+
+    def toml(self) -> str:
+        """Chosen settings as tables of controllers, which a campaign can take over."""
+        campaign = self.problem.campaign
+        families = ", ".join(family.name for family in campaign.families)
+        lines = [f"# Laws of the campaign {campaign.name}, tuned on training scenes of {families}."]
+        for law in self.laws:
+            lines += ["", *law.toml()]
+        return "\n".join(lines) + "\n"
+
+
+def _items(table: Mapping[str, Any]) -> list[str]:
+    """Each key of a table with its value as TOML has it."""
+    return [
+        f"{key if re.fullmatch('[A-Za-z_][A-Za-z0-9_]*', key) else _toml(key)} = {_toml(table[key])}" for key in table
+    ]
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(_items(value)) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def tune(
@@ -99,31 +260,16 @@ def tune(
     command: Sequence[str] = (),
     on_progress: Progress = lambda what, done, total: None,
 ) -> Tuning:
-    """Tune the laws of a campaign, and store all evaluations below ``folder``.
+    """Tune the laws of a campaign, and store all evaluations below ``folder``, which is created if needed.
 
     Laws and tuner seeds go on side by side, one evaluation each at a time, so that suggestions depend only on earlier
     results: not on the number of processes, nor on where an earlier call was ended. Settings that are stored in the
     folder are not run again.
 
-    Parameters
-    ----------
-    problem
-        What is tuned.
-    folder
-        Created if it does not exist.
-    workers
-        Maximum number of processes; see :func:`vsconstraints.comparisons.runs.machine.process_count`.
-    command
-        What the user typed, for the manifest.
-    on_progress
-        Called with the progress.
-
-    Raises
-    ------
-    ConfigurationError
-        if a package is missing, no training scene is found, or the folder holds something else.
-    StorageError
-        if evaluations cannot be written; what could be stays.
+    ``workers`` is the maximum number of processes (:func:`vsconstraints.comparisons.runs.machine.process_count`),
+    ``command`` what the user typed, for the manifest. Raises ConfigurationError if a package is missing, no training
+    scene is found, or the folder holds something else; StorageError if evaluations cannot be written: what could be
+    stays.
     """
     demand("tune")
     with held(folder, "a tuning"):
@@ -131,31 +277,36 @@ def tune(
         _claim(folder, problem, command)
         stages = problem.stages(workers, lambda done, total: on_progress("drawing training scenes", done, total))
         journal = Journal(folder / JOURNAL)
-        with evaluating(stages, problem.baseline, workers) as evaluator:
-            found = list(_evaluations(problem, journal, evaluator, on_progress))
-        tuning = Tuning.of(problem, found)
+        evaluations: dict[str, list[Evaluation]] = {law.name: [] for law in problem.laws}
+        with evaluating(stages, problem.baseline, workers) as evaluate:
+            for law, evaluation in _evaluations(problem, journal, evaluate, on_progress):
+                evaluations[law.name].append(evaluation)
+        tuning = Tuning(problem, tuple(Tuned.of(law, evaluations[law.name]) for law in problem.laws))
         tuning.write(folder)
         return tuning
 
 
 def _evaluations(
-    problem: Problem, journal: Journal, evaluator: Evaluator, on_progress: Progress
-) -> Iterator[tuple[Asked, Judged]]:
+    problem: Problem, journal: Journal, evaluate: Evaluate, on_progress: Progress
+) -> Iterator[tuple[Searched, Evaluation]]:
     """All evaluations; a law without searched options has one, its default."""
     budget = problem.budget
     searches = [Search(law, seed) for law in problem.laws for seed in range(budget.seeds if law.ranges else 1)]
     for number in range(budget.evaluations):
         on_progress("evaluating", number, budget.evaluations)
-        asking = [search for search in searches if number == 0 or search.searched.ranges]
-        asked = [Asked(search.searched, search.seed, number, search.ask()) for search in asking]
-        keys = [(one.law.law.name, json.dumps(one.options, sort_keys=True)) for one in asked]
-        new = {key: one.law.setting(one.options) for key, one in zip(keys, asked, strict=True) if key not in journal}
-        for key, judged in zip(new, evaluator.evaluate(list(new.values())), strict=True):
+        asked = [(search, search.ask()) for search in searches if number == 0 or search.searched.ranges]
+        keys = [(search.searched.name, json.dumps(options, sort_keys=True)) for search, options in asked]
+        new = {
+            key: search.searched.setting(options)
+            for key, (search, options) in zip(keys, asked, strict=True)
+            if key not in journal
+        }
+        for key, judged in zip(new, evaluate(list(new.values())), strict=True):
             journal.add(key, judged)
-        for search, one, key in zip(asking, asked, keys, strict=True):
-            judged = journal[key]
-            search.tell(judged.point, judged.violations - budget.violations)
-            yield one, judged
+        for key, (search, options) in zip(keys, asked, strict=True):
+            judged, allowed = journal[key], budget.violations
+            search.tell(judged.point, judged.violations - allowed)
+            yield search.searched, Evaluation(search.seed, number, options, judged, judged.violations <= allowed)
     on_progress("evaluating", budget.evaluations, budget.evaluations)
 
 
@@ -173,11 +324,10 @@ def _claim(folder: Path, problem: Problem, command: Sequence[str]) -> None:
         raise ConfigurationError(
             f"{folder} holds another tuning: {in_words(list(differences(there, here)))}. Give another folder with --out"
         )
-    budget = problem.budget
     manifest = {
         "tuning": here,
-        "evaluations": budget.evaluations,
-        "tuner_seeds": budget.seeds,
+        "evaluations": problem.budget.evaluations,
+        "tuner_seeds": problem.budget.seeds,
         "campaign": plain(problem.campaign.resolved()),
         "command": list(command),
         "git_commit": git_commit(),

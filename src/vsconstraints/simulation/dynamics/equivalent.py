@@ -15,28 +15,15 @@ LAGS = (0.0, *np.geomspace(1e-4, 0.3, 60))
 
 @dataclass(frozen=True)
 class Equivalent:
-    """q̈ = C q̈_c + d_c (eq. 6) of a run of N samples with n joints.
+    """q̈ = C q̈_c + d_c (eq. 6) of a run of N samples with n joints."""
 
-    Attributes
-    ----------
-    t
-        (N − 1,) beginnings of the periods [s].
-    time_constant
-        (n,) of the first-order lag C that leaves the least of d_c [s]; 0 where none does better than none.
-    disturbance
-        (N − 1, n) d_c, in the mean of each period [rad/s² or m/s²].
-    """
-
-    t: Array
-    time_constant: Array
-    disturbance: Array
+    t: Array  #: (N − 1,) beginnings of the periods [s].
+    time_constant: Array  #: (n,) of the first-order lag C that leaves the least of d_c [s]; 0 where none does better.
+    disturbance: Array  #: (N − 1, n) d_c, in the mean of each period [rad/s² or m/s²].
 
     @classmethod
     def of(cls, run: Trajectory) -> Equivalent:
-        """What a run shows: applied accelerations are differences of its speeds.
-
-        A run of fewer than two samples shows nothing: its arrays are empty, and no lag is found.
-        """
+        """What a run shows by the differences of its speeds; nothing if it has fewer than two samples."""
         n = run.qd.shape[1]
         if len(run.t) < 2:
             return cls(np.empty(0), np.zeros(n), np.empty((0, n)))

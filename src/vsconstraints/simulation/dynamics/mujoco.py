@@ -17,19 +17,8 @@ NOTHING = 1e-12
 class MujocoArm:
     """Moves an arm in MuJoCo by the torques and the friction of the plant: bodies without geometry, so no contact.
 
-    Parameters
-    ----------
-    robot
-        Whose joints they are.
-    bodies
-        What moves; the payload is part of the last one.
-    h
-        Substep [s].
-
-    Raises
-    ------
-    ConfigurationError
-        if MuJoCo is not installed, or cannot take the robot.
+    The payload is part of the last of the ``bodies``; ``h`` is a substep [s]. Raises ConfigurationError if MuJoCo is
+    not installed, or cannot take the robot.
     """
 
     def __init__(self, robot: Robot, bodies: BodyArrays, h: float) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +17,7 @@ from ...robots.robot import Robot
 from ...rows import Array, IntArray
 from ..plant import Plant, cubic, without_limits
 from .mujoco import MujocoArm
-from .settings import OUTER, ArmDynamics, MujocoDynamics, Payload, Rods, per_joint
+from .settings import OUTER, ArmDynamics, MujocoDynamics, per_joint
 
 KINDS = {"computed-torque": TORQUE, "position": POSITION, "speed": SPEED}
 
@@ -26,64 +25,39 @@ SINGULAR = 1e-9
 """Least eigenvalue of an arm's inertia, scaled to ones on its diagonal, that counts as regular."""
 
 
-@dataclass(frozen=True)
-class Masses:
-    """The masses of an arm.
+def with_masses(
+    robot: Robot, dynamics: ArmDynamics, rotor: Array, factor: float = 1.0, payload_factor: float = 1.0
+) -> pin.Model:
+    """The robot's model with the masses of its links and its payload, times these factors, and of its motors (n,).
 
-    Attributes
-    ----------
-    rods, payload
-        See :class:`vsconstraints.simulation.dynamics.ArmDynamics`.
-    rotor
-        (n,) inertia of the motors [kg m²].
-    gravity
-        (3,) in the base frame [m/s²].
-    factor, payload_factor
-        What the links' and the payload's masses and inertias are multiplied by.
+    Raises ConfigurationError if the robot has no inertias and rods are not given, or has them and rods are.
     """
+    model, rods = pin.Model(robot.model), dynamics.rods
+    tip = model.frames[robot.frame_id("tip")]
+    own = any(body.mass > 0.0 for body in list(model.inertias)[1:])
+    if rods is None and not own:
+        raise ConfigurationError(
+            f"plant: the links of {robot.name} have no masses, which an arm with dynamics needs: give its URDF "
+            "<inertial> elements, or plant.rods, which takes links for rods"
+        )
+    if rods is not None and own:
+        raise ConfigurationError(f"plant: rods stand for missing inertias, and {robot.name} has its own")
+    for i in range(1, model.njoints):
+        body = model.inertias[i]
+        if rods is not None:
+            following = model.jointPlacements[i + 1] if i + 1 < model.njoints else tip.placement
+            body = rods.inertia(np.array(following.translation))
+        model.inertias[i] = _times(factor, body)
+    if dynamics.payload is not None:
+        ball = tip.placement.act(_times(payload_factor, dynamics.payload.inertia()))
+        model.inertias[tip.parentJoint] = model.inertias[tip.parentJoint] + ball
+    model.armature[:] = rotor
+    model.gravity.linear = np.array(dynamics.gravity, dtype=np.float64)
+    return model
 
-    rods: Rods | None
-    payload: Payload | None
-    rotor: Array
-    gravity: Array
-    factor: float = 1.0
-    payload_factor: float = 1.0
 
-    def model(self, robot: Robot) -> pin.Model:
-        """The robot's model with these masses.
-
-        Raises
-        ------
-        ConfigurationError
-            if the robot has no inertias and rods are not given, or has them and rods are.
-        """
-        model = pin.Model(robot.model)
-        tip = model.frames[robot.frame_id("tip")]
-        own = any(body.mass > 0.0 for body in list(model.inertias)[1:])
-        if self.rods is None and not own:
-            raise ConfigurationError(
-                f"plant: the links of {robot.name} have no masses, which an arm with dynamics needs: give its URDF "
-                "<inertial> elements, or plant.rods, which takes links for rods"
-            )
-        if self.rods is not None and own:
-            raise ConfigurationError(f"plant: rods stand for missing inertias, and {robot.name} has its own")
-        for i in range(1, model.njoints):
-            body = model.inertias[i]
-            if self.rods is not None:
-                following = model.jointPlacements[i + 1] if i + 1 < model.njoints else tip.placement
-                body = self.rods.inertia(np.array(following.translation))
-            model.inertias[i] = pin.Inertia(
-                self.factor * body.mass, np.array(body.lever), self.factor * np.array(body.inertia)
-            )
-        if self.payload is not None:
-            ball = self.payload.inertia()
-            ball = pin.Inertia(
-                self.payload_factor * ball.mass, np.array(ball.lever), self.payload_factor * np.array(ball.inertia)
-            )
-            model.inertias[tip.parentJoint] = model.inertias[tip.parentJoint] + tip.placement.act(ball)
-        model.armature[:] = self.rotor
-        model.gravity.linear = self.gravity
-        return model
+def _times(factor: float, body: pin.Inertia) -> pin.Inertia:
+    return pin.Inertia(factor * body.mass, np.array(body.lever), factor * np.array(body.inertia))
 
 
 def demand_inertia(robot: Robot, model: pin.Model, q: Array) -> None:
@@ -149,55 +123,32 @@ def body_arrays(robot: Robot, model: pin.Model) -> BodyArrays:
     )
 
 
-@dataclass(frozen=True)
-class Start:
-    """Where a robot starts (n,), how fast (n,), and with which sampling time [s]."""
-
-    q: Array
-    qd: Array
-    Ts: float
-
-
 class DynamicPlant(Plant):
-    """An arm with mass, its joint controller, friction and gears; see :class:`.ArmDynamics`.
+    """An arm with mass: the control's q̈_c is the reference of its joint controller.
 
-    Attributes
-    ----------
-    x
-        (4, n) q, q̇, q̈_c, and zeros: what disturbs the command follows from the motion here.
-    arm
-        Bodies, controller, gears and scratch, as compiled code takes them.
-    frozen_arm, mover
-        The arm where compiled code finds it; addresses of the function that moves it, and of the arm.
-    model, believed
-        Pinocchio's model of the arm as it is, and as its controller believes it to be.
-
-    Raises
-    ------
-    ConfigurationError, InvalidInput
-        if the arm has no inertias, its torques cannot hold it at the start, or a setting does not fit the robot.
+    Raises ConfigurationError or InvalidInput if the arm has no inertias, its torques cannot hold it at the start, or a
+    setting does not fit the robot.
     """
 
     follows = True
 
-    def __init__(self, robot: Robot, dynamics: ArmDynamics, start: Start, limits: JointLimits | None = None) -> None:
-        n, self.Ts, self.robot, self.dynamics = robot.n, float(start.Ts), robot, dynamics
+    def __init__(
+        self, robot: Robot, dynamics: ArmDynamics, q0: Array, qd0: Array, Ts: float, limits: JointLimits | None = None
+    ) -> None:
+        n, self.Ts, self.robot, self.dynamics = robot.n, float(Ts), robot, dynamics
         self._limits = without_limits(self.Ts) if limits is None else limits
         self._offset, self._noise, self._seed, self._random = np.zeros(n), 0.0, (0,), np.random.default_rng(0)
         self.transition = np.eye(4)
         self.x = np.zeros((4, n))
-        self.x[0], self.x[1] = start.q, start.qd
+        self.x[0], self.x[1] = q0, qd0
         rotor = per_joint("rotor_inertia", dynamics.rotor_inertia, n)
-        gravity = np.array(dynamics.gravity, dtype=np.float64)
-        masses = Masses(dynamics.rods, dynamics.payload, rotor, gravity)
-        self.model = masses.model(robot)
-        self.believed = Masses(
-            dynamics.rods, dynamics.payload, rotor, gravity, dynamics.mass_factor, dynamics.payload_factor
-        ).model(robot)
-        demand_inertia(robot, self.model, start.q)
+        #: Pinocchio's model of the arm as it is, and as its controller believes it to be.
+        self.model = with_masses(robot, dynamics, rotor)
+        self.believed = with_masses(robot, dynamics, rotor, dynamics.mass_factor, dynamics.payload_factor)
+        demand_inertia(robot, self.model, q0)
         own = robot.limits.of_joint("effort", n)
         effort = own if dynamics.effort is None else per_joint("effort", dynamics.effort, n)
-        demand_holding(robot, self.model, start.q, effort)
+        demand_holding(robot, self.model, q0, effort)
         speed = robot.qd_max.copy() if dynamics.speed is None else per_joint("speed", dynamics.speed, n)
         friction = dynamics.friction.arrays(n)
         h = self.Ts / dynamics.substeps
@@ -206,7 +157,7 @@ class DynamicPlant(Plant):
             int(dynamics.exact),
             dynamics.rate,
             OUTER * dynamics.rate if dynamics.controller == "position" else 0.0,
-            felt_inertia(self.believed, start.q),
+            felt_inertia(self.believed, q0),
             effort,
             speed,
             *friction,

@@ -31,21 +31,11 @@ OUTER = 0.25
 
 @dataclass(frozen=True)
 class Payload:
-    """A solid ball at the tip; a point if its radius is zero.
+    """A solid ball at the tip; a point if its radius is zero."""
 
-    Attributes
-    ----------
-    mass
-        [kg].
-    centre
-        In the tip's frame [m].
-    radius
-        [m].
-    """
-
-    mass: float
-    centre: Vector3 = (0.0, 0.0, 0.0)
-    radius: float = 0.0
+    mass: float  #: [kg].
+    centre: Vector3 = (0.0, 0.0, 0.0)  #: In the tip's frame [m].
+    radius: float = 0.0  #: [m].
 
     def __post_init__(self) -> None:
         for name in ("mass", "radius"):
@@ -61,18 +51,10 @@ class Payload:
 
 @dataclass(frozen=True)
 class Rods:
-    """Links as solid cylinders, from each joint to the next and from the last to the tip.
+    """Links as solid cylinders, from each joint to the next and from the last to the tip."""
 
-    Attributes
-    ----------
-    mass_per_length
-        [kg/m].
-    radius
-        [m].
-    """
-
-    mass_per_length: float
-    radius: float
+    mass_per_length: float  #: [kg/m].
+    radius: float  #: [m].
 
     def __post_init__(self) -> None:
         for name in ("mass_per_length", "radius"):
@@ -92,42 +74,30 @@ class Rods:
 
 @dataclass(frozen=True)
 class Friction:
-    """τ_f = f_v q̇ + (f_c + (f_s − f_c) exp(−(q̇/v_s)²)) sign q̇, and at rest whatever holds the joint, up to f_s.
+    """τ_f = f_v q̇ + (f_c + (f_s − f_c) exp(−(q̇/v_s)²)) sign q̇, and at rest whatever holds the joint, up to f_s."""
 
-    Attributes
-    ----------
-    viscous
-        f_v [Nm s/rad or N s/m].
-    coulomb
-        f_c [Nm or N].
-    static
-        f_s, Stribeck's friction at rest, not less than f_c; f_c if not given.
-    stribeck_speed
-        v_s [rad/s or m/s].
-    """
-
-    viscous: Number = 0.0
-    coulomb: Number = 0.0
-    static: Number | None = None
-    stribeck_speed: Number = 0.05
+    viscous: Number = 0.0  #: f_v [Nm s/rad or N s/m].
+    coulomb: Number = 0.0  #: f_c [Nm or N].
+    static: Number | None = None  #: f_s, Stribeck's friction at rest, not less than f_c; f_c if not given.
+    stribeck_speed: Number = 0.05  #: v_s [rad/s or m/s].
 
     def __post_init__(self) -> None:
         for name in ("viscous", "coulomb", "static"):
             _demand(f"friction: {name}", getattr(self, name), least=0.0)
-        _demand("friction: stribeck_speed", self.stribeck_speed, above=0.0)
+        _demand("friction: stribeck_speed", self.stribeck_speed)
 
     def arrays(self, n: int) -> tuple[Array, Array, Array, Array]:
         """(n,) f_v, f_c, f_s and v_s; raises InvalidInput if static friction is less than Coulomb's."""
-        coulomb = per_joint("friction: coulomb", self.coulomb, n)
-        static = coulomb if self.static is None else per_joint("friction: static", self.static, n)
+        values = self.viscous, self.coulomb, self.coulomb if self.static is None else self.static, self.stribeck_speed
+        names = ("viscous", "coulomb", "static", "stribeck_speed")
+        viscous, coulomb, static, speed = (
+            per_joint(f"friction: {name}", value, n) for name, value in zip(names, values, strict=True)
+        )
         if (static < coulomb).any():
             raise InvalidInput(
                 f"plant.friction: static must not be less than coulomb, which is {shown(self.coulomb)}: not "
                 f"{shown(self.static)}"
             )
-        viscous, speed = (
-            per_joint(f"friction: {name}", getattr(self, name), n) for name in ("viscous", "stribeck_speed")
-        )
         return viscous, coulomb, static, speed
 
 
@@ -135,56 +105,31 @@ class Friction:
 class ArmDynamics:
     """An arm with mass: M(q) q̈ + h(q, q̇) = τ − τ_f.
 
-    Attributes
-    ----------
-    controller
-        ``"computed-torque"``: τ = M̂ (q̈_c + 2ω (q̇_c − q̇) + ω² (q_c − q)) + ĥ, with the model that the controller
-        believes in, and q_c and q̇_c the command integrated. ``"speed"``: each joint for itself has a critically damped
-        PI loop that follows q̇_c, τ = m̂ (2ω e + ω² ∫e) + ĝ, e = q̇_c − q̇. ``"position"``: the same around which a
-        position loop adds κ (q_c − q) to e, κ = ω/4. There m̂ is the inertia that the joint feels at the start, the
-        others being free, and ĝ the weight at the beginning of each period.
-    bandwidth
-        ω / 2π [Hz].
-    substeps
-        Of a sampling period: in each the controller gives one torque, and the motion is integrated once.
-    payload
-        What the tip carries beside the arm's own links.
-    mass_factor, payload_factor
-        Believed masses and inertias of the links, and of the payload, relative to the true ones.
-    friction
-        In the joints; the controller does not know of it.
-    effort, speed
-        Greatest torque of each joint [Nm or N], and greatest speed that the controller lets its reference have; the
-        robot's own if not given.
-    dead_time, lag
-        How long a commanded torque takes to begin to act, a multiple of the substep, and the time constant with which
-        the torque follows then [s].
-    rotor_inertia
-        Of the motors, as the joints feel it behind their gears [kg m²].
-    integrator
-        ``"verlet"``: of second order, with one evaluation of inertia and bias a substep; torques that act at once are
-        those of a continuous controller. ``"runge-kutta"``: of fourth order with four; torques are held for a substep.
-    rods
-        What the links of an arm without inertias are taken for.
-    gravity
-        In the base frame [m/s²].
+    The controller ``"computed-torque"`` gives τ = M̂ (q̈_c + 2ω (q̇_c − q̇) + ω² (q_c − q)) + ĥ, with the model that it
+    believes in, and q_c and q̇_c the command integrated. With ``"speed"`` each joint for itself has a critically damped
+    PI loop that follows q̇_c, τ = m̂ (2ω e + ω² ∫e) + ĝ, e = q̇_c − q̇; ``"position"`` is the same around which a
+    position loop adds κ (q_c − q) to e, κ = ω/4. There m̂ is the inertia that the joint feels at the start, the others
+    being free, and ĝ the weight at the beginning of each period.
     """
 
     controller: JointController = "computed-torque"
-    bandwidth: float = 20.0
+    bandwidth: float = 20.0  #: ω / 2π [Hz].
+    #: Of a sampling period: in each the controller gives one torque, and the motion is integrated once.
     substeps: int = 10
-    payload: Payload | None = None
-    mass_factor: float = 1.0
-    payload_factor: float = 1.0
-    friction: Friction = field(default_factory=Friction)
-    effort: Number | None = None
-    speed: Number | None = None
-    dead_time: float = 0.0
-    lag: float = 0.0
-    rotor_inertia: Number = 0.0
+    payload: Payload | None = None  #: What the tip carries beside the arm's own links.
+    mass_factor: float = 1.0  #: Believed masses and inertias of the links relative to the true ones.
+    payload_factor: float = 1.0  #: The same of the payload.
+    friction: Friction = field(default_factory=Friction)  #: In the joints; the controller does not know of it.
+    effort: Number | None = None  #: Greatest torque of each joint [Nm or N]; the robot's own if not given.
+    speed: Number | None = None  #: Greatest speed that the controller lets its reference have; likewise.
+    dead_time: float = 0.0  #: How long a commanded torque takes to begin to act, a multiple of the substep [s].
+    lag: float = 0.0  #: Time constant with which the torque follows then [s].
+    rotor_inertia: Number = 0.0  #: Of the motors, as the joints feel it behind their gears [kg m²].
+    #: ``"verlet"``: of second order, with one evaluation of inertia and bias a substep; torques that act at once are
+    #: those of a continuous controller. ``"runge-kutta"``: of fourth order with four; torques are held for a substep.
     integrator: Integrator = "verlet"
-    rods: Rods | None = None
-    gravity: Vector3 = (0.0, 0.0, -9.81)
+    rods: Rods | None = None  #: What the links of an arm without inertias are taken for.
+    gravity: Vector3 = (0.0, 0.0, -9.81)  #: In the base frame [m/s²].
 
     def __post_init__(self) -> None:
         for name, known in (("controller", JointController), ("integrator", Integrator)):
@@ -195,7 +140,7 @@ class ArmDynamics:
                 f"plant: substeps must be a whole number from 1 to {MAX_SUBSTEPS}, not {shown(self.substeps)}"
             )
         for name in ("bandwidth", "mass_factor", "effort", "speed"):
-            _demand(name, getattr(self, name), above=0.0)
+            _demand(name, getattr(self, name))
         for name in ("payload_factor", "dead_time", "lag", "rotor_inertia"):
             _demand(name, getattr(self, name), least=0.0)
         if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():
@@ -233,10 +178,7 @@ class MujocoDynamics(ArmDynamics):
     Torques are held for a substep, and MuJoCo integrates by Runge and Kutta's method of fourth order.
     """
 
-    @property
-    def at_once(self) -> bool:
-        """Torques are held."""
-        return False
+    at_once = False
 
 
 PLANTS: dict[str, type[ArmDynamics]] = {"dynamics": ArmDynamics, "mujoco": MujocoDynamics}
@@ -251,16 +193,15 @@ def per_joint(name: str, value: Number | None, n: int) -> Array:
     return np.broadcast_to(values, (n,)).copy()
 
 
-def _demand(name: str, value: Number | None, least: float | None = None, above: float | None = None) -> None:
-    """Raise InvalidInput that names a setting unless its numbers are finite, and not below or above that."""
+def _demand(name: str, value: Number | None, least: float | None = None) -> None:
+    """Raise InvalidInput that names a setting unless its numbers are finite, and positive or not below ``least``."""
     if value is None:
         return
     try:
         numbers = np.atleast_1d(np.array(value, dtype=np.float64))
     except (TypeError, ValueError):
         numbers = np.empty(0)
-    enough = (numbers >= least).all() if least is not None else (numbers > (above or 0.0)).all()
+    enough = (numbers > 0.0 if least is None else numbers >= least).all()
     if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all() or not enough:
-        raise InvalidInput(
-            f"plant: {name} must be {'zero or more' if least is not None else 'positive'}, not {shown(value)}"
-        )
+        bound = "positive" if least is None else "zero or more"
+        raise InvalidInput(f"plant: {name} must be {bound}, not {shown(value)}")

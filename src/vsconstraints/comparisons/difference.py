@@ -1,0 +1,391 @@
+"""What differs between two folders of results, A and B, and whether B is worse: runs of the same scenes in pairs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from ..errors import ConfigurationError, unknown_name
+from ..rows import Array
+from .evidence import RUNS, SCENES, Evidence
+from .evidence.campaign import in_words
+from .metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS, Metric
+from .runs.folder import kind_of
+from .runs.spec import BASELINE
+from .statistics import SCENE, paired, simultaneous
+from .statistics.judged import (
+    MIN_SCENES,
+    converged,
+    judged_metric,
+    judged_metrics,
+    resolution,
+    values,
+    violated,
+)
+from .statistics.rates import sign_test
+from .stored import StoredComparison
+
+SIGNIFICANT = 0.05
+"""Chance, over all tests of a difference together, to find something where there is nothing."""
+
+TOLERANCE = 1e-6
+"""Share of a value by which it may move: another machine rounds otherwise."""
+
+SCORES = [metric.column for metric in METRICS if metric.value is not None and metric.column not in TIMING_COLUMNS]
+"""Columns that are equal if a run is: all but times."""
+
+PARTS = {
+    "version": "code",
+    "git_commit": "code",
+    "code": "code",
+    "configuration": "settings",
+    "packages": "packages",
+    "machine": "machine",
+}
+"""Entries of a manifest that results depend on, and what they are part of."""
+
+NAMED = ("scenarios", "controllers", "families")
+"""Tables of a configuration that hold a table for each name."""
+
+OUTCOMES: dict[str, Callable[[Any], Any]] = {
+    "converges": converged,
+    "stays inside": lambda runs: ~violated(runs),
+    "comes to an end": lambda runs: ~runs["status"].isin(["failed", "aborted"]),
+}
+"""What a run is to do, and whether each run does."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """One of the two result folders, of chosen scenarios or of drawn scenes.
+
+    ``runs`` (pandas.DataFrame) has one line per run: the columns of ``key``, then those of results.csv. ``drawn``
+    (pandas.Series) is what was drawn for each scene, as text; None for chosen scenarios. ``remarks`` are what a reader
+    should know of what is stored.
+    """
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    runs: Any
+    drawn: Any
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """Columns that identify a run: those of its scene, and the controller."""
+        return (*(("scenario", "trial") if self.drawn is None else SCENE), "controller")
+
+    @property
+    def group(self) -> tuple[str, ...]:
+        """Columns that separate results."""
+        return () if self.drawn is None else ("family", "condition")
+
+    @property
+    def unit(self) -> str:
+        """What the manifest counts."""
+        return "runs" if self.drawn is None else "scenes"
+
+    @classmethod
+    def load(cls, folder: Path) -> Side:
+        """Read a folder of ``compare`` or ``evidence``; raises ConfigurationError if it holds neither."""
+        if kind_of(folder) == "evidence":
+            evidence = Evidence.load(folder, trust=True)  # nothing of it is drawn
+            # the categories of the other side may be different
+            runs = evidence.runs.astype({column.name: "str" for column in RUNS if column.category})
+            scenes = evidence.scenes.astype({column.name: "str" for column in SCENES if column.category})
+            drawn = scenes.set_index(["family", "half", "scene"])["values"]
+            return cls(folder, evidence.manifest, runs, drawn, evidence.remarks)
+        import pandas
+
+        stored = StoredComparison.load(folder, trust=True)  # nothing of it is built
+        runs = pandas.DataFrame(stored.results, columns=list(RESULT_COLUMNS)).astype({"trial": int})
+        return cls(folder, stored.manifest, runs, None, stored.remarks)
+
+    def renamed(self, names: Mapping[str, str]) -> Side:
+        """The same with other names for some controllers; raises ConfigurationError for unknown and used ones."""
+        configuration = self.manifest["configuration"]
+        controllers = configuration.get("controllers", {})
+        for old, new in names.items():
+            if old not in controllers:
+                raise unknown_name(f"controller of {self.folder}", old, controllers)
+            if new in controllers:
+                raise ConfigurationError(f"{old} cannot be called {new}: {self.folder} has a controller of that name")
+        tables = {names.get(name, name): table for name, table in controllers.items()}
+        manifest = {**self.manifest, "configuration": {**configuration, "controllers": tables}}
+        runs = self.runs.assign(controller=self.runs["controller"].replace(dict(names)))
+        return replace(self, manifest=manifest, runs=runs)
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Runs that both sides have, ``a`` and ``b`` in the same order, and those that only one has (pandas.DataFrames).
+
+    ``drawn_otherwise`` counts the scenes that have the same number in both and are not the same.
+    """
+
+    a: Any
+    b: Any
+    only_a: Any
+    only_b: Any
+    drawn_otherwise: int
+
+    @classmethod
+    def of(cls, a: Side, b: Side) -> Pairs:
+        """Pair two sides; ConfigurationError if only one has drawn scenes, seeds differ, or there is no pair."""
+
+        def refuse(why: str) -> ConfigurationError:
+            return ConfigurationError(f"{a.folder} and {b.folder} cannot be compared: {why}")
+
+        if a.key != b.key:
+            raise refuse("only one of them has drawn scenes")
+        seeds = [side.manifest["configuration"].get("seed", 0) for side in (a, b)]
+        if seeds[0] != seeds[1]:
+            raise refuse(f"their seeds are {seeds[0]} and {seeds[1]}, so that their runs are no pairs")
+        runs_a, runs_b = (side.runs.set_index(list(side.key)) for side in (a, b))
+        common = runs_a.index.intersection(runs_b.index, sort=False)
+        only_a, only_b = (runs.index.difference(common, sort=False).to_frame(False) for runs in (runs_a, runs_b))
+        otherwise: Any = []
+        if a.drawn is not None:
+            drawn = a.drawn.index.intersection(b.drawn.index)
+            otherwise = drawn[(a.drawn.loc[drawn] != b.drawn.loc[drawn]).to_numpy()]
+        if len(otherwise):
+            scenes = common.droplevel([name for name in a.key if name not in otherwise.names])
+            common = common[~scenes.isin(otherwise)]
+        if not len(common) and len(otherwise):
+            first = [json.loads(side.drawn.loc[otherwise[0]]) for side in (a, b)]
+            keys = [key for key in {**first[0], **first[1]} if first[0].get(key) != first[1].get(key)]
+            raise refuse(f"all {len(otherwise)} scenes are drawn otherwise: {in_words(keys)}")
+        if not len(common):
+            raise refuse("no law and scene is in both")
+        return cls(runs_a.loc[common], runs_b.loc[common], only_a, only_b, len(otherwise))
+
+    @cached_property
+    def differ(self) -> Any:
+        """Whether anything but times differs, for each pair."""
+        a, b = self.a[SCORES], self.b[SCORES]
+        return ((a != b) & ~(a.isna() & b.isna())).any(axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Pairs of a law that are judged together: in one family and condition, its ``place``, if they are drawn.
+
+    ``positions`` (n,) are those among all pairs; ``a`` and ``b`` (pandas.DataFrames) their runs.
+    """
+
+    law: str
+    place: tuple[str, ...]
+    positions: Any
+    a: Any
+    b: Any
+
+    def __str__(self) -> str:
+        return ", ".join((self.law, *self.place))
+
+
+def groups(pairs: Pairs, by: tuple[str, ...]) -> list[Group]:
+    """All pairs by controller and the columns ``by``; the unconstrained baseline is not judged."""
+    found = []
+    for key, positions in pairs.a.groupby(level=["controller", *by], sort=False, observed=True).indices.items():
+        law, *place = map(str, key if isinstance(key, tuple) else (key,))
+        if law != BASELINE:
+            at = np.sort(positions)
+            found.append(Group(law, tuple(place), at, pairs.a.iloc[at], pairs.b.iloc[at]))
+    return found
+
+
+@dataclass(frozen=True)
+class Change:
+    """A difference of two manifests: which ``part``, and which key, with dots, of which scenarios, families or laws.
+
+    ``before`` and ``after`` are None where it is missing.
+    """
+
+    part: str
+    what: str
+    names: tuple[str, ...]
+    before: Any
+    after: Any
+
+
+def changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Change]:
+    """Differences of two manifests; the same change of several scenarios or controllers is one."""
+    found: dict[tuple[str, str, str], Change] = {}
+    for key, part in PARTS.items():
+        for path, before, after in _different(a.get(key), b.get(key), ()):
+            names: tuple[str, ...] = ()
+            if key == "configuration" and path and path[0] in NAMED and len(path) > 1:
+                names, path = (path[1],), (path[0], *(step for step in path[2:] if step != "tables"))
+            what = ".".join(path) or key
+            same = part, what, repr((before, after) if len(path) != 1 or not names else (before is None, after is None))
+            names = (*found[same].names, *names) if same in found else names
+            found[same] = Change(part, what, names, before, after)
+    return list(found.values())
+
+
+def _different(a: Any, b: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    """Paths to what differs, as deep as both have the same tables."""
+
+    def are_tables(value: Any) -> bool:
+        return isinstance(value, list) and bool(value) and all(isinstance(entry, dict) for entry in value)
+
+    if isinstance(a, dict) and isinstance(b, dict):
+        for key in dict.fromkeys((*a, *b)):
+            yield from _different(a.get(key), b.get(key), (*path, str(key)))
+    elif are_tables(a) and are_tables(b) and len(a) == len(b):
+        for i in range(len(a)):
+            yield from _different(a[i], b[i], (*path, str(i)))
+    elif a != b:
+        yield path, a, b
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """In how many pairs of a group A and B do ``what``, one of :data:`OUTCOMES`.
+
+    ``lost`` and ``gained`` are positions of the pairs in which only A does, only B. ``p`` is of the exact McNemar
+    (sign) test, uncorrected; None if too few differ for a test, :data:`.judged.MIN_SCENES`.
+    """
+
+    group: Group
+    what: str
+    before: int
+    after: int
+    lost: Any
+    gained: Any
+    p: float | None
+
+    @property
+    def for_worse(self) -> bool:
+        """Whether more pairs lose it than gain it."""
+        return len(self.lost) > len(self.gained)
+
+
+def outcomes(groups: Iterable[Group]) -> Iterator[Outcome]:
+    """All outcomes in which pairs differ."""
+    for group in groups:
+        for what, does in OUTCOMES.items():
+            a, b = does(group.a).to_numpy(), does(group.b).to_numpy()
+            lost, gained = group.positions[a & ~b], group.positions[b & ~a]
+            if differing := len(lost) + len(gained):
+                p = sign_test(len(gained), len(lost)) if differing >= MIN_SCENES else None
+                yield Outcome(group, what, int(a.sum()), int(b.sum()), lost, gained, p)
+
+
+@dataclass(frozen=True, eq=False)
+class Shift:
+    """How a metric of a group moved, in the pairs, ``of`` all, in which both runs converged and may be judged by it.
+
+    In ``better`` and ``worse`` of them B is so by more than the tolerance; ``differences`` (n,) are B − A, as stored,
+    of the pairs that differ. ``p`` is of the sign test, uncorrected; None if too few differ.
+    """
+
+    group: Group
+    metric: Metric
+    of: int
+    better: int
+    worse: int
+    differences: Array
+    p: float | None
+
+    @property
+    def for_worse(self) -> bool:
+        """Whether more pairs got worse than better."""
+        return self.worse > self.better
+
+
+def shifts(groups: Iterable[Group], metrics: Iterable[Metric], tolerance: float) -> Iterator[Shift]:
+    """All metrics in which pairs differ by more than the tolerance, a share of the greater value.
+
+    Remaining errors that reports round to the same are the same, too.
+    """
+    for group, metric in ((group, metric) for group in groups for metric in metrics):
+        a, b = (values(runs, metric).to_numpy() for runs in (group.a, group.b))
+        exist = np.isfinite(a) & np.isfinite(b)
+        a, b = a[exist], b[exist]
+        moved = np.abs(b - a) > np.maximum(tolerance * np.maximum(np.abs(a), np.abs(b)), resolution(metric))
+        found = paired(b[moved], a[moved], better=metric.better or "less")
+        if found.n:
+            p = found.p if found.n >= MIN_SCENES else None
+            yield Shift(group, metric, len(a), found.wins, found.losses, b[moved] - a[moved], p)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """B as seen from A.
+
+    ``found`` are the outcomes and metrics in which pairs differ, each with its p-value corrected for all of them
+    (Bonferroni), None if not tested. If ``strict``, every run counts that B lost.
+    """
+
+    a: Side
+    b: Side
+    changes: Sequence[Change]
+    pairs: Pairs
+    groups: Sequence[Group]
+    found: Sequence[tuple[Outcome | Shift, float | None]]
+    strict: bool
+
+    @property
+    def confidence(self) -> float:
+        """Of each interval, so that all hold at once and agree with the tests."""
+        return simultaneous(1.0 - SIGNIFICANT, sum(p is not None for _, p in self.found))
+
+    @property
+    def worse(self) -> list[Outcome | Shift]:
+        """What got worse: see :meth:`counts`."""
+        return [each for each, p in self.found if self.counts(each, p)]
+
+    def counts(self, found: Outcome | Shift, p: float | None) -> bool:
+        """Whether a difference makes B worse: significantly, or, if strict, in any run."""
+        lost = self.strict and isinstance(found, Outcome) and len(found.lost) > 0
+        return lost or (found.for_worse and significant(p))
+
+
+def significant(p: float | None) -> bool:
+    """Whether a corrected p-value is."""
+    return p is not None and p <= SIGNIFICANT
+
+
+def difference(
+    a: Path,
+    b: Path,
+    *,
+    metrics: Sequence[str] = (),
+    strict: bool | None = None,
+    tolerance: float = TOLERANCE,
+    renamed: Mapping[str, str] = MappingProxyType({}),
+) -> Difference:
+    """Compare two folders of results, before and after: both of ``compare``, or both of ``evidence``.
+
+    Parameters
+    ----------
+    a, b
+        The folders; ConfigurationError if one of them holds no results, or they cannot be compared.
+    metrics
+        Columns of results.csv; all that can be judged if empty.
+    strict
+        Whether every run counts that B lost; if None, those of chosen scenarios do, those of drawn scenes do not.
+    tolerance
+        Share of a value by which it may move.
+    renamed
+        Controllers of A, and what they are called in B.
+    """
+    columns = [judged_metric(name) for name in metrics or judged_metrics()]
+    if not tolerance >= 0.0:
+        raise ConfigurationError(f"the tolerance must be 0 or more, not {tolerance:g}")
+    before, after = Side.load(a).renamed(renamed), Side.load(b)
+    pairs = Pairs.of(before, after)
+    judged = groups(pairs, before.group)
+    found: list[Outcome | Shift] = [*outcomes(judged), *shifts(judged, columns, tolerance)]
+    tests = sum(each.p is not None for each in found)
+    corrected = [(each, None if each.p is None else min(tests * each.p, 1.0)) for each in found]
+    counted = before.drawn is None if strict is None else strict
+    return Difference(before, after, changes(before.manifest, after.manifest), pairs, judged, corrected, counted)

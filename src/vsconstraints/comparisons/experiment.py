@@ -1,0 +1,155 @@
+"""An experiment: scenes × conditions × laws × trials, described by a file and changed by a command line."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar
+
+from ..controllers import CONTROLLERS, controller_class
+from ..errors import ConfigurationError, shown, unknown_name
+from ..scenarios.reading import Table, checked, demand_table
+from ..scenarios.toml import parse_toml
+from .runs.spec import BASELINE, ControllerSpec
+
+MAX_NAME_BYTES = 100
+"""Bytes that the name of a scenario or controller may have; files are named after both."""
+
+Entries = tuple[ControllerSpec, ...]
+"""Controllers in the order of the results."""
+
+Own = TypeVar("Own", bound="Experiment")
+
+
+class Experiment:
+    """What a suite of scenarios and a campaign of drawn scenes have in common: both are frozen dataclasses."""
+
+    controllers: Entries
+    whole_numbers: ClassVar[tuple[str, ...]]
+    """Attributes that ``KEY=VALUE`` sets to whole numbers."""
+
+    settings: ClassVar[tuple[str, ...]]
+    """All keys that ``KEY=VALUE`` may begin with besides names of scenarios and controllers."""
+
+    def changed(self: Own, **attributes: Any) -> Own:
+        """The same with other values of attributes."""
+        return replace(self, **attributes)  # type: ignore[type-var]
+
+    def with_settings(self: Own, settings: Iterable[str]) -> Own:
+        """The same with what ``KEY=VALUE`` says; raises ConfigurationError for unknown keys and wrong values.
+
+        KEY is an attribute, or the name of a controller, or of another part, and a key in it; VALUE as in TOML.
+        """
+        experiment = self
+        for setting in settings:
+            key, equals, text = (part.strip() for part in setting.partition("="))
+            if not equals:
+                raise ConfigurationError(f"--set takes KEY=VALUE, not {setting!r}")
+            value = _value(text)
+            if key not in self.whole_numbers:
+                experiment = experiment._with(key, value)
+            elif isinstance(value, int) and not isinstance(value, bool):
+                experiment = experiment.changed(**{key: value})
+            else:
+                raise ConfigurationError(f"{key} must be an integer, not {shown(text)}")
+        return experiment
+
+    def _with(self: Own, key: str, value: Any) -> Own:
+        """The same with another value of a key that is not a whole number: here, of a controller's option."""
+        name, option = self._target(key)
+        entries = (
+            replace(entry, options={**entry.options, option: value}) if entry.name == name else entry
+            for entry in self.controllers
+        )
+        return self.changed(controllers=tuple(entries))
+
+    def _target(self, key: str, others: Iterable[str] = ()) -> tuple[str, str]:
+        """The controller, or one of ``others``, that a dotted key begins with, and the rest."""
+        names = {*others, *(entry.name for entry in self.controllers)}
+        # names may contain dots: the longest one that the key begins with is meant
+        target = max((name for name in names if f"{key}.".startswith(f"{name}.")), key=len, default=None)
+        if target is None:
+            raise unknown_name("setting", key.partition(".")[0], {*names, *self.settings})
+        if not (rest := key[len(target) + 1 :]):
+            raise ConfigurationError(f"--set {target} needs a key in it: {target}.KEY=VALUE")
+        return target, rest
+
+    def with_baseline(self: Own) -> Own:
+        """The same with unconstrained tracking first; raises ConfigurationError if its name is another law's."""
+        baseline = next((entry for entry in self.controllers if entry.name == BASELINE), ControllerSpec(BASELINE))
+        if baseline.law != BASELINE:
+            raise ConfigurationError(f"the name {BASELINE!r} is that of the baseline; give the controller another one")
+        others = (entry for entry in self.controllers if entry is not baseline)
+        return self.changed(controllers=(baseline, *others))
+
+    def demand_controllers(self) -> None:
+        """Raise ConfigurationError or InvalidInput unless all can be made, and files can be named after them."""
+        demand_names("controller", [entry.name for entry in self.controllers])
+        for entry in self.controllers:
+            entry.make()
+
+    def resolved_controllers(self) -> dict[str, Any]:
+        """Laws and options by name, as data."""
+        return {entry.name: {"type": entry.law, **entry.options} for entry in self.controllers}
+
+
+def entries_of(tables: Table, where: str, folder: Path) -> Entries:
+    """The controllers of a file's tables; raises ConfigurationError for an unknown law."""
+    entries = []
+    for name, table in tables.items():
+        options = demand_table(table, f"{where}.{name}")
+        law = checked(options.pop("type", name), str, f"{where}.{name}", "type")
+        controller_class(law, folder)
+        entries.append(ControllerSpec(name, law, options, folder))
+    return tuple(entries)
+
+
+def chosen_entries(entries: Entries, names: Sequence[str]) -> Entries:
+    """Those of these names, of the file's, registered ones or ``module:Class``; all of the file's without names."""
+    by_name = {entry.name: entry for entry in entries}
+    for name in names:
+        if name not in by_name and name not in CONTROLLERS and ":" not in name:
+            known = unknown_name("controller", name, {*by_name, *CONTROLLERS})
+            raise ConfigurationError(
+                f"{known}; a suite can name others, as comparisons/laws.toml does, and module:Class is one of your own"
+            )
+    chosen = tuple(by_name.get(name) or ControllerSpec.called(name, folder=Path()) for name in dict.fromkeys(names))
+    demand_names("controller", [entry.name for entry in chosen])
+    return chosen or entries
+
+
+def demand_names(what: str, names: Sequence[str]) -> None:
+    """Raise ConfigurationError unless files can be named after these names, and each is there once."""
+    for name in names:
+        if not re.fullmatch(r"\w[\w .+=,-]*(?<! )", name) or "--" in name:
+            raise ConfigurationError(
+                f"{what} name {shown(name)} is used in file names: letters, digits, ' ', '.', '_', '+', '=', "
+                "',' and single '-'"
+            )
+        if len(name.encode()) > MAX_NAME_BYTES:
+            raise ConfigurationError(
+                f"{what} name {shown(name)} is used in file names and longer than {MAX_NAME_BYTES} bytes"
+            )
+        if names.count(name) > 1:
+            raise ConfigurationError(f"{what} {name!r} appears more than once; give each its own name")
+
+
+def demand_stored_names(names: Mapping[str, Iterable[str]], where: str) -> None:
+    """The same of names in a folder of results, by what they name: figures are named after them."""
+    for what, stored in names.items():
+        try:
+            demand_names(what, list(stored))
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{where}: {error}") from error
+
+
+def _value(text: str) -> Any:
+    try:
+        return parse_toml(f"value = {text}", "--set")["value"]
+    except ConfigurationError as error:
+        if isinstance(error.__cause__, tomllib.TOMLDecodeError):
+            return text
+        raise
