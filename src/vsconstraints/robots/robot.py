@@ -212,8 +212,8 @@ class Robot:
     ) -> Array:
         """(6, n) Jacobian at ``q`` (n,) of the twist (v, ω) of a point fixed to a link.
 
-        ``offset`` (3,) is the point in the link's frame [m], ``axes`` are those of ``"base"`` or ``"tip"``. Raises ConfigurationError or InvalidInput if the link or
-        the axes are unknown, or a shape is wrong.
+        ``offset`` (3,) is the point in the link's frame [m], and v and ω are in ``"base"`` or ``"tip"`` axes. Raises
+        ConfigurationError or InvalidInput if the link or the axes are unknown, or a shape is wrong.
         """
         return self._twist(q, np.zeros(self.n), link, offset, axes)[0]
 
