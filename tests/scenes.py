@@ -127,7 +127,7 @@ def random_scene(
     pose = robot.pose(q) @ eye.mount.inverse
     markers = markers_seen(pose, eye, rng)
     if world == "eye-to-hand":
-        fixed = Camera(eye.focal, eye.size, eye.principal_point, fixed=pose)
+        fixed = Camera(eye.focal, eye.size, eye.principal_point_px, fixed=pose)
         return Scene(robot, fixed, robot.pose(q).inverse.act(markers), points), q, qd
     if world == "moving-target":
         swing = Motion(rng.uniform(-0.3, 0.3, 3), amplitude=rng.uniform(-0.1, 0.1, 3), frequency=0.4, phase=0.3)

@@ -22,7 +22,7 @@ from vsconstraints.formulas import lenses
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
-from vsconstraints.vision.distortion import MODELS, Distortion
+from vsconstraints.vision.distortion import Distortion
 
 LENSES = {
     "barrel": Distortion("brown-conrady", (-0.3, 0.1, 1e-3, -5e-4)),
@@ -140,9 +140,11 @@ def test_derivatives_are_those_of_finite_differences(lens: Distortion) -> None:
     h, (reach, *coefficients) = 1e-6, lens.parameters
     for until in (reach, 0.3):
         for x, y in ((0.0, 0.0), (0.1, -0.2), (0.5, 0.3), (-0.4, 0.02)):
-            found = np.array(lenses.extended(MODELS[lens.model].lens, x, y, until, coefficients)[2:]).reshape(2, 2)
+            found = np.array(lenses.extended(lenses.MODELS[lens.model].lens, x, y, until, coefficients)[2:]).reshape(
+                2, 2
+            )
             ends = [
-                np.array(lenses.extended(MODELS[lens.model].lens, x + dx, y + dy, until, coefficients)[:2])
+                np.array(lenses.extended(lenses.MODELS[lens.model].lens, x + dx, y + dy, until, coefficients)[:2])
                 for dx, dy in ((h, 0.0), (-h, 0.0), (0.0, h), (0.0, -h))
             ]
             slopes = np.stack(((ends[0] - ends[1]), (ends[2] - ends[3])), axis=1) / (2.0 * h)
