@@ -21,22 +21,9 @@ from vsconstraints.reports.drawing import remove_stale
 from vsconstraints.reports.figures.overview import typical
 from vsconstraints.reports.figures.tracks import draw_tracks
 from vsconstraints.reports.figures.view import View
-from vsconstraints.reports.plots import (
-    WIDTH,
-    Figure,
-    Sheet,
-    area,
-    decades,
-    extremes,
-    formats_of,
-    line,
-    logarithmic,
-    looks,
-    plain,
-    shortened,
-    window_means,
-)
+from vsconstraints.reports.plots import WIDTH, Figure, Sheet, decades, formats_of, line, logarithmic, looks, shortened
 from vsconstraints.reports.plots.image import Plane
+from vsconstraints.reports.plots.marks import area, extremes, plain
 from vsconstraints.reports.plots.sheet import DPI, FOOT
 from vsconstraints.reports.plots.style import LOOKS
 from vsconstraints.scenarios import Scenario
@@ -144,7 +131,7 @@ def test_looks_are_distinct_and_those_of_known_controllers_fixed() -> None:
 )
 def test_decimation_keeps_peaks(values: list[float], bins: int) -> None:
     t, y = np.arange(float(len(values))), np.array(values)
-    _, least, greatest = extremes(t, y, bins)
+    _, least, greatest, _ = extremes(t, y, bins)
     assert len(least) <= bins
     if np.isfinite(y).any():
         assert np.nanmax(greatest) == np.nanmax(y)
@@ -152,7 +139,7 @@ def test_decimation_keeps_peaks(values: list[float], bins: int) -> None:
 
 
 def test_window_means_leave_out_what_is_no_number() -> None:
-    t, mean = window_means(np.arange(6.0), np.array([1.0, 3.0, np.nan, 5.0, np.nan, np.nan]), 3)
+    t, _, _, mean = extremes(np.arange(6.0), np.array([1.0, 3.0, np.nan, 5.0, np.nan, np.nan]), 3)
     assert t.tolist() == [0.5, 2.5, 4.5]
     np.testing.assert_array_equal(mean, [2.0, 5.0, np.nan])
 
@@ -261,10 +248,9 @@ def test_the_large_marker_is_a_run() -> None:
 
 def test_what_is_forbidden_is_drawn_where_sigma_is_positive() -> None:
     plane = Plane.of(Scenario.load("example-2d-heart-concave").setup())
-    part = plane.whole
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (400, 2)) * plane.half * 0.99
     sigma = np.max([c.sigma(points) for c in plane.constraints], axis=0)
-    rings = [MplPath(ring) for ring in part.forbidden]
+    rings = [MplPath(ring) for ring in plane.forbidden]
     inside = np.sum([ring.contains_points(points) for ring in rings], axis=0) % 2 == 1
     sure = np.abs(sigma) > 0.05  # the grid's step away from a boundary
     assert sure.sum() > 300

@@ -104,7 +104,7 @@ def test_claims_say_where_and_by_what_rule(one: Claim) -> None:
     assert one.rule
     assert one.where
     assert one.needs
-    figures = {figure.file for figure in FIGURES.values()}
+    figures = {figure.file_in() for figure in FIGURES.values()}
     assert not one.figure or one.figure in figures or one.figure.startswith("study-")
 
 
@@ -665,8 +665,8 @@ def test_reconstructed_values_are_the_scenarios_own() -> None:
 @pytest.mark.parametrize("number", FIGURES)
 def test_figures_are_drawn(number: int, tmp_path: Path) -> None:
     figure = FIGURES[number]
-    assert figure.write(tmp_path / figure.file, *(run(need) for need in figure.needs))
-    assert (tmp_path / figure.file).stat().st_size > 20_000
+    assert figure.write(tmp_path / figure.file_in(), *(run(need) for need in figure.needs))
+    assert (tmp_path / figure.file_in()).stat().st_size > 20_000
 
 
 def test_every_figure_of_the_paper_with_results_has_a_counterpart() -> None:

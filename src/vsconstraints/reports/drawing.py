@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import chain, product
+from itertools import product
 from pathlib import Path, PurePath
 from urllib.parse import quote
 
@@ -16,7 +16,6 @@ from ..comparisons.runs.machine import most_samples, process_count
 from ..comparisons.runs.pool import Failure, carry_out
 from ..errors import ConfigurationError, described
 from ..scenarios import Scenario
-from ..simulation import Setup
 from .figures import DISTURBANCE, FIGURES, OVERVIEW, View
 from .figures.overview import shown_runs
 from .groups import Group
@@ -36,24 +35,10 @@ REPLAYS = "replays"
 
 @dataclass(frozen=True)
 class ScenarioJob:
-    """The figures of one scenario.
+    """The figures of one scenario: one of each kind for each group of controllers.
 
-    Attributes
-    ----------
-    folder
-        The comparison's.
-    scenario
-        As it was run.
-    groups
-        The controllers that figures show together.
-    finished
-        Those that have a line in results.csv for the shown trial.
-    seed
-        Of the comparison.
-    phi_rows, lane_rows
-        Labels of the rows whose φ, and whose activity, is drawn.
-    formats
-        Of the files.
+    ``folder`` and ``seed`` are the comparison's; ``finished`` are the controllers that have a line in results.csv for
+    the shown trial; ``phi_rows`` and ``lane_rows`` are labels of the rows whose φ, and whose activity, is drawn.
     """
 
     folder: Path
@@ -65,21 +50,17 @@ class ScenarioJob:
     lane_rows: tuple[str, ...]
     formats: Formats = PNG
 
+    def files(self) -> dict[str, Path]:
+        """The trajectories, by controller."""
+        return {name: run_file(self.folder, self.scenario.name, name, TRIAL_SHOWN) for name in self.finished}
+
 
 @dataclass
 class Drawn:
     """The figures of one scenario.
 
-    Attributes
-    ----------
-    files
-        File names below ``figures``, by the figure's name and the suffix of the group.
-    problems
-        Sentences on what is missing.
-    first_outside
-        When a controller first violates a row [s].
-    replay
-        A link to its replay.
+    ``files`` are names below ``figures``, by the figure's name and the group's suffix; ``problems`` are sentences on
+    what is missing; ``first_outside`` says when a controller first violates a row [s]; ``replay`` is a link.
     """
 
     files: dict[tuple[str, str], str] = field(default_factory=dict)
@@ -99,25 +80,25 @@ def picture(figure: Figure, folder: Path, formats: Formats, *needed: object, suf
         if not figure.write(folder / file, *needed, formats=formats):
             return ""
     except Exception as error:  # a figure must not cost the report
-        return f"The figure of {figure.title} could not be drawn: {type(error).__name__}: {error}"
+        return _not_drawn(figure, error)
     title = figure.title[0].upper() + figure.title[1:]
     return f"![{title}](figures/{file})\n\n*{figure.caption}{remark}*"
+
+
+def _not_drawn(figure: Figure, error: Exception) -> str:
+    return f"The figure of {figure.title} could not be drawn: {type(error).__name__}: {error}"
 
 
 def scenario_jobs(
     results: Results, scenarios: Sequence[str] | None = None, formats: Formats = PNG
 ) -> list[ScenarioJob]:
     """The jobs that draw these scenarios of a stored comparison, or all."""
-    stored = results.stored
+    stored, jobs = results.stored, []
     seed = int(stored.manifest["configuration"].get("seed", 0))
-    jobs = []
     for name, scenario in stored.scenarios.items():
         if scenarios is None or name in scenarios:
-            finished = tuple(
-                controller
-                for controller in results.controllers
-                if any(line["trial"] == TRIAL_SHOWN for line in results.runs(name, controller))
-            )
+            lines = {law: results.runs(name, law) for law in results.controllers}
+            finished = tuple(law for law, own in lines.items() if any(line["trial"] == TRIAL_SHOWN for line in own))
             rows = phi_rows(results, name), lane_rows(results, name)
             jobs.append(ScenarioJob(stored.folder, scenario, results.groups, finished, seed, *rows, formats))
     return jobs
@@ -126,18 +107,10 @@ def scenario_jobs(
 def draw_all(
     jobs: Sequence[ScenarioJob], overview: Callable[[], str], on_drawn: Callable[[int, int], None]
 ) -> tuple[dict[str, Drawn], str]:
-    """Draw the figures of every scenario, and the overview of the whole comparison beside them.
+    """Draw the figures of every scenario, and beside them the overview, whose text is returned.
 
-    A scenario whose figures cannot be drawn is reported, not raised.
-
-    Parameters
-    ----------
-    jobs
-        The scenarios.
-    overview
-        Draws the figure of the whole comparison, and returns the text that shows it.
-    on_drawn
-        Called with how many scenarios are done, and how many there are.
+    A scenario whose figures cannot be drawn is reported, not raised. ``on_drawn`` is called with how many scenarios are
+    done, and how many there are.
     """
     drawn: dict[str, Drawn] = {}
     text = ""
@@ -153,10 +126,12 @@ def draw_all(
         drawn[key] = answer
         on_drawn(len(drawn), len(jobs))
 
+    def size(job: ScenarioJob) -> int:
+        return sum(path.stat().st_size for path in job.files().values() if path.is_file())
+
     # the longest first, so that no process is left with one at the end
-    longest_first = sorted(jobs, key=_stored_size, reverse=True)
     calls: dict[str, Callable[[], Drawn | str]] = {
-        **{job.scenario.name: partial(draw_scenario, job) for job in longest_first},
+        **{job.scenario.name: partial(draw_scenario, job) for job in sorted(jobs, key=size, reverse=True)},
         "": overview,
     }
     if len(jobs) <= IN_PROCESS or process_count() < 2:
@@ -177,7 +152,13 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
     runs = stored_runs(job, drawn)
     if not runs:
         return drawn
-    setup = _setup(job, drawn)
+    setup = None
+    try:
+        setup = job.scenario.setup(TRIAL_SHOWN, job.seed)
+    except Exception as error:  # for example a robot's file that is no longer where it was
+        why = f"{type(error).__name__}: {error}"
+        shown = "the figures show no goals and no boundaries"
+        drawn.problems.append(f"The scenario cannot be built here ({why}); {shown}.")
     views = {group: View(setup, runs, group.controllers, job.phi_rows) for group in job.groups}
     for group, view in views.items():
         views[group] = replace(view, lane_rows=acting_in(job.lane_rows, [runs[name] for name in view.competitors]))
@@ -189,84 +170,53 @@ def draw_scenario(job: ScenarioJob) -> Drawn:
             if figure.write(job.folder / "figures" / file, view, formats=job.formats):
                 drawn.files[figure.name, group.suffix] = file
         except Exception as error:  # one bad run or figure must not cost the report
-            drawn.problems.append(f"The figure of {figure.title} could not be drawn: {type(error).__name__}: {error}")
+            drawn.problems.append(_not_drawn(figure, error))
     return drawn
-
-
-def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str:
-    """Draw the figure of a whole comparison into ``folder``, and return the text that shows it."""
-    _remove(folder, f"{OVERVIEW.name}.*", f"{OVERVIEW.name}--*")
-    return "\n\n".join(text for group in results.groups if (text := _overview_of(results, group, folder, formats)))
-
-
-def _overview_of(results: Results, group: Group, folder: Path, formats: Formats) -> str:
-    own, remark = shown_runs(results, group.controllers), group.sentence
-    left_out = sum(len(results.all_runs(name)) - len(runs) for name, runs in own.items())
-    if left_out:
-        remark += f" {left_out} runs that did not converge, or were not limited by any row, are left out."
-    return picture(OVERVIEW, folder, formats, results, group.controllers, suffix=group.suffix, remark=remark)
-
-
-def remove_stale(folder: Path, kept: Iterable[str], formats: Formats = PNG) -> None:
-    """Remove figures of scenarios that an earlier report of the same folder left and this one does not have.
-
-    Parameters
-    ----------
-    folder
-        Of the figures.
-    kept
-        Names of the files that pages show.
-    formats
-        In which these are there.
-    """
-    there = {PurePath(file).with_suffix(f".{one}").name for file in kept for one in formats}
-    names = (name for figure in (*FIGURES, DISTURBANCE) for name in (f"*--{figure.name}.*", f"*--{figure.name}--*"))
-    _remove(folder, *names, but=there)
-
-
-def _remove(folder: Path, *patterns: str, but: Collection[str] = ()) -> None:
-    """Remove figures whose names match, in every format."""
-    for path in chain.from_iterable(map(folder.glob, patterns)):
-        if path.suffix.removeprefix(".") in FORMATS and path.name not in but:
-            path.unlink(missing_ok=True)
 
 
 def stored_runs(job: ScenarioJob, drawn: Drawn) -> dict[str, RunRecord]:
     """The runs with at least two samples, by controller; notes in ``drawn`` what is missing, and first violations."""
     runs = {}
-    for name in job.finished:
-        path = run_file(job.folder, job.scenario.name, name, TRIAL_SHOWN)
+    for name, path in job.files().items():
         record = RunRecord.load(path, most_samples(job.scenario.tables))
         if record is None:
             why = "cannot be read" if path.exists() else "is missing"
             drawn.problems.append(f"The trajectory of {name} {why}; the figures leave it out.")
-            continue
-        t = record.trajectory.t
-        if len(t) < 2:
+        elif len(record.trajectory.t) < 2:
             drawn.problems.append(f"The run of {name} left no trajectory; the figures leave it out.")
-            continue
-        runs[name] = record
-        outside = record.trajectory.clearance < -NEGLIGIBLE * record.length
-        for i, label in enumerate(record.trajectory.labels):
-            if outside[:, i].any():
-                drawn.first_outside[name, label] = float(t[outside[:, i].argmax()])
+        else:
+            runs[name] = record
+            outside = record.trajectory.clearance < -NEGLIGIBLE * record.length
+            for label, own in zip(record.trajectory.labels, outside.T, strict=True):
+                if own.any():
+                    drawn.first_outside[name, label] = float(record.trajectory.t[own.argmax()])
     return runs
 
 
-def _setup(job: ScenarioJob, drawn: Drawn) -> Setup | None:
-    try:
-        return job.scenario.setup(TRIAL_SHOWN, job.seed)
-    except Exception as error:  # for example a robot's file that is no longer where it was
-        drawn.problems.append(
-            f"The scenario cannot be built here ({type(error).__name__}: {error}); the figures show no goals and no "
-            "boundaries."
-        )
-        return None
+def draw_overview(results: Results, folder: Path, formats: Formats = PNG) -> str:
+    """Draw the figure of a whole comparison into ``folder``, and return the text that shows it."""
+    _remove(folder, [f"{OVERVIEW.name}.*", f"{OVERVIEW.name}--*"])
+    texts = []
+    for group in results.groups:
+        own, remark = shown_runs(results, group.controllers), group.sentence
+        if left_out := sum(len(results.all_runs(name)) - len(runs) for name, runs in own.items()):
+            remark += f" {left_out} runs that did not converge, or were not limited by any row, are left out."
+        needed = results, group.controllers
+        texts.append(picture(OVERVIEW, folder, formats, *needed, suffix=group.suffix, remark=remark))
+    return "\n\n".join(filter(None, texts))
 
 
-def _stored_size(job: ScenarioJob) -> int:
-    files = (run_file(job.folder, job.scenario.name, name, TRIAL_SHOWN) for name in job.finished)
-    return sum(path.stat().st_size for path in files if path.is_file())
+def remove_stale(folder: Path, kept: Iterable[str], formats: Formats = PNG) -> None:
+    """Remove figures of scenarios, but for these files in these formats: an earlier report of the folder left them."""
+    names = [name for figure in (*FIGURES, DISTURBANCE) for name in (f"*--{figure.name}.*", f"*--{figure.name}--*")]
+    _remove(folder, names, {PurePath(file).with_suffix(f".{kind}").name for file in kept for kind in formats})
+
+
+def _remove(folder: Path, patterns: Iterable[str], but: Iterable[str] = ()) -> None:
+    """Remove figures whose names match, in every format."""
+    for path in [path for pattern in patterns for path in folder.glob(pattern)]:
+        if path.suffix.removeprefix(".") in FORMATS and path.name not in but:
+            path.unlink(missing_ok=True)
 
 
 def add_replays(results: Results, scenarios: Sequence[str], drawn: Mapping[str, Drawn]) -> None:

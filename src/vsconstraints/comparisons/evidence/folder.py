@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError
 from ...scenarios.families import Drawn
-from ...scenarios.reading import made
+from ...scenarios.reading import from_table
 from ..record import RunRecord
 from ..runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed
 from ..runs.folder import MANIFEST, Keep, Kinds, kept_lines
@@ -44,7 +44,7 @@ class Facts:
         """The footer of a shard's part; raises ConfigurationError if it cannot be read."""
         table = parquet.facts_of(path)
         try:
-            facts: Facts = made(cls, table, "its footer")
+            facts: Facts = from_table(cls, table, "its footer")
         except ConfigurationError as error:
             raise ConfigurationError(f"{path} cannot be read: it is no shard of a campaign ({error})") from error
         return facts

@@ -195,7 +195,7 @@ def _with_detail(run: Run, met: Obstacle) -> Sheet:
     square(whole, met.centre, met.half, met.half, color=INK, linewidth=0.9, zorder=7)
     entries = [line(name, colour) for colour, _, name in MARKERS]
     entries += [symbol("o", paper.START, label="start"), symbol("o", INK, "white", label="end")]
-    plane.part(np.array(met.centre), np.full(2, met.half)).draw(detail)
+    plane.draw_part(detail, np.array(met.centre), np.full(2, met.half))
     detail.invert_yaxis()
     detail.set_title("detail", loc="left", fontsize=8.5, pad=3)
     detail.set_xlabel("u [px]", labelpad=1)

@@ -12,9 +12,9 @@ from ...comparisons import RunRecord
 from ...comparisons.statistics import Profile, Ranks
 from ...simulation import Setup
 from ..figures import View
-from ..figures.tracks import LAST, OUTSIDE, START, draw_run
+from ..figures.tracks import LAST, VIOLATED, draw_run
 from ..plots import FAINT, INK, WIDTH, Figure, Sheet, darker, line, logarithmic, looks, shortened, symbol, widths
-from ..plots.image import Plane
+from ..plots.image import START, Plane
 from ..plots.style import LOOKS
 
 GREY, COLUMNS = "#666666", 3
@@ -268,7 +268,7 @@ def draw_worst(shown: Sequence[Shown], laws: Sequence[str]) -> Sheet | None:
         START | {"label": "start of marker 1, 2, …"},
         LAST | {"label": "goal"},
         line("tracking alone", TRACKING) | {"linewidth": 0.9},
-        line("row in the image violated", **OUTSIDE),
+        line("row in the image violated", **VIOLATED),
         *Plane(planes[0].size, tuple(c for plane in planes for c in plane.constraints)).entries(),
     ]
     sheet.at += 0.1

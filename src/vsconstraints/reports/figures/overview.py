@@ -17,22 +17,17 @@ LEAST_UNUSED = 1e-4
 SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 0.9999)
 """Ticks of utilization."""
 
-HEIGHT = 3.6
-GREY = "#666666"
+HEIGHT, GREY = 3.6, "#666666"
 OTHER = symbol("o", "#D0D0D0", "none", 4.0)
 
 
 def shown_runs(results: Results, controllers: Sequence[str]) -> dict[str, list[Line]]:
     """By controller, lines of the runs that were held back and moved: the others have no place in the figure."""
-    return {
-        name: [
-            line
-            for line in results.all_runs(name)
-            if math.isfinite(line["utilization"]) and line["acceleration_variation"] > 0.0
-        ]
-        for name in controllers
-        if name != BASELINE
-    }
+
+    def drawn(run: Line) -> bool:
+        return math.isfinite(run["utilization"]) and run["acceleration_variation"] > 0.0
+
+    return {name: [run for run in results.all_runs(name) if drawn(run)] for name in controllers if name != BASELINE}
 
 
 def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None:
@@ -45,8 +40,7 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
     if not found:
         return None
     others = [run for name, own in every.items() if name not in controllers for run in own]
-    look = looks(controllers)
-    sheet = Sheet(left=0.72, right=0.2)
+    look, sheet = looks(controllers), Sheet(left=0.72, right=0.2)
     (ax,) = sheet.panels(1, height=HEIGHT, above=0.02)
     for run in others:
         ax.plot([_unused(run)], [run["acceleration_variation"]], **OTHER, clip_on=False, zorder=2.2)
@@ -55,14 +49,14 @@ def draw_trade_off(results: Results, controllers: Sequence[str]) -> Sheet | None
             _mark(ax, run, look[name], size=5.0, alpha=0.75, zorder=3)
         if len(own) > 1:
             _mark(ax, typical(own), look[name], size=12.0, alpha=0.9, zorder=2.5)
-    _axes(ax, [run for own in every.values() for run in own])
+    _axes(ax, [_unused(run) for own in every.values() for run in own])
     entries = [symbol(look[n].marker, look[n].colour, look[n].colour, 8.0, label=shortened(n)) for n in found]
     entries += [
         symbol("o", GREY, GREY, 12.0, label="run nearest to the law's medians"),
         symbol("o", GREY, GREY, 5.0, label="one run"),
         symbol("o", "white", GREY, 7.0, label="hollow: a constraint was violated") | {"markeredgewidth": 1.5},
+        *[OTHER | {"label": "runs of other laws"}] * bool(others),
     ]
-    entries += [OTHER | {"label": "runs of other laws"}] * bool(others)
     sheet.at += 0.08
     sheet.legend(entries, 3)
     return sheet
@@ -87,8 +81,7 @@ def _unused(run: Line) -> float:
     return max(1.0 - float(run["utilization"]), LEAST_UNUSED)
 
 
-def _axes(ax: Any, shown: Sequence[Line]) -> None:
-    unused = [_unused(run) for run in shown]
+def _axes(ax: Any, unused: Sequence[float]) -> None:
     most, least = 1.4 * max([*unused, 0.1]), max(min(unused) / 1.6, LEAST_UNUSED)
     logarithmic(ax.xaxis, ())
     logarithmic(ax.yaxis)

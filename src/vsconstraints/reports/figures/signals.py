@@ -13,21 +13,9 @@ from ...rows import Array
 from ...simulation import intervals
 from ...simulation.dynamics.equivalent import Equivalent
 from ...vision.features import ImagePoints
-from ..plots import (
-    FAINT,
-    INK,
-    Sheet,
-    area,
-    band,
-    decades,
-    extremes,
-    line,
-    logarithmic,
-    note,
-    signal,
-    window_means,
-    zero_line,
-)
+from ..plots.marks import area, band, decades, extremes, line, logarithmic, note, signal, zero_line
+from ..plots.sheet import Sheet
+from ..plots.style import FAINT, INK
 from .view import View
 
 BINS, MEAN_BINS = 300, 100
@@ -49,7 +37,7 @@ def draw_phi(view: View) -> Sheet | None:
     if not view.phi_rows and not view.lane_rows:
         return None
     sheet = Sheet(left=1.85, right=0.2)
-    sheet.legend(view.entries(bars_only=not view.phi_rows))
+    sheet.legend(view.entries(None if view.phi_rows else view.competitors))
     lane = len(view.competitors) * LANE + LANE_GAP
     heights = [PANEL] * len(view.phi_rows) + [lane * len(view.lane_rows)] * bool(view.lane_rows)
     panels = sheet.panels(len(heights), height=heights, labels=("time [s]", ""))
@@ -76,7 +64,7 @@ def _phi_panel(ax: Any, view: View, label: str) -> None:
         i = run.trajectory.labels.index(label)
         relative = run.trajectory.phi[:, i] / (run.Ts * run.switching_gain[i])
         low = min(low, float(np.nanmin(relative, initial=low)))
-        t, least, greatest = extremes(run.trajectory.t, relative, BINS)
+        t, least, greatest, _ = extremes(run.trajectory.t, relative, BINS)
         ax.plot(t, greatest, **look)
         if name != BASELINE:
             high = max(high, float(np.nanmax(relative, initial=high)))
@@ -122,15 +110,24 @@ def draw_errors(view: View) -> Sheet:
     sheet = Sheet(left=0.62, right=0.2)
     sheet.legend(view.entries())
     panels = sheet.panels(len(quantities), 3, height=2.0, gap=0.62, above=0.04, labels=("time [s]", ""))
-    for ax, quantity in zip(panels, quantities, strict=True):
-        _error_panel(ax, view, quantity)
+    for ax, (label, tolerance, decides, values) in zip(panels, quantities, strict=True):
+        floor = ERROR_FLOOR * tolerance
+        top = max(10.0 * floor, *(float(np.nanmax(values(run), initial=0.0)) for run in view.runs.values()))
+        for _, run, look in view.lines():
+            signal(ax, run.trajectory.t, np.maximum(values(run), 1e-3 * floor), **look)
+        if decides:
+            ax.axhline(tolerance, color=INK, linestyle=":", linewidth=1.0, zorder=1.6)
+            note(ax, "tolerance", tolerance, above=False)
+        view.time_axis(ax)
+        ax.set_ylim(floor, 2.0 * top)
+        logarithmic(ax.yaxis, decades(floor, 2.0 * top))
+        ax.set_ylabel(label, labelpad=2)
     return sheet
 
 
 def _quantities(view: View) -> list[_Quantity]:
-    setup = view.setup
+    setup, (far, turned, apart) = view.setup, (1e-3, 1e-3, 1.0)
     image = setup is not None and isinstance(setup.task.feature, ImagePoints)
-    far, turned, apart = (1e-3, 1e-3, 1.0)
     if setup is not None:
         accepted = setup.tolerances
         far, turned, apart = accepted.translation_m, accepted.rotation_rad, accepted.feature_px
@@ -139,23 +136,8 @@ def _quantities(view: View) -> list[_Quantity]:
         _Quantity("position error [mm]", 1e3 * far, pose, lambda run: 1e3 * run.trajectory.camera_error[:, 0]),
         _Quantity("orientation error [mrad]", 1e3 * turned, pose, lambda run: 1e3 * run.trajectory.camera_error[:, 1]),
     ]
-    if image:
-        quantities.insert(0, _Quantity("image error [px]", apart, True, lambda run: run.trajectory.feature_error_px))
-    return quantities
-
-
-def _error_panel(ax: Any, view: View, quantity: _Quantity) -> None:
-    floor = ERROR_FLOOR * quantity.tolerance
-    top = max(10.0 * floor, *(float(np.nanmax(quantity.values(run), initial=0.0)) for run in view.runs.values()))
-    for _, run, look in view.lines():
-        signal(ax, run.trajectory.t, np.maximum(quantity.values(run), 1e-3 * floor), **look)
-    if quantity.decides:
-        ax.axhline(quantity.tolerance, color=INK, linestyle=":", linewidth=1.0, zorder=1.6)
-        note(ax, "tolerance", quantity.tolerance, above=False)
-    view.time_axis(ax)
-    ax.set_ylim(floor, 2.0 * top)
-    logarithmic(ax.yaxis, decades(floor, 2.0 * top))
-    ax.set_ylabel(quantity.label, labelpad=2)
+    pixels = _Quantity("image error [px]", apart, True, lambda run: run.trajectory.feature_error_px)
+    return [pixels, *quantities] if image else quantities
 
 
 # --- joints ---
@@ -163,16 +145,16 @@ def _error_panel(ax: Any, view: View, quantity: _Quantity) -> None:
 
 def draw_acceleration(view: View) -> Sheet:
     """Mean and range of q̈_c in short windows, all joints, with the same axis for every controller."""
-    commands = {name: view.runs[name].trajectory for name in view.shown}
-    values = {name: (run.t, run.qdd_command) for name, run in commands.items()}
+    commands = {name: (view.runs[name].trajectory.t, view.runs[name].trajectory.qdd_command) for name in view.shown}
     every = [np.abs(run.trajectory.qdd_command) for run in view.runs.values()]
     # without the largest 0.05 % of the samples of each
     sizes = [float(np.quantile(size[np.isfinite(size)], 0.9995)) for size in every if np.isfinite(size).any()]
-    sheet, panels = _joint_panels(view, values, "q̈ [rad/s²]", 1.0, 1.3 * max(1.0, *sizes), 0.26)
-    for ax, (name, (t, qdd)) in zip(panels, values.items(), strict=True):
-        middle, mean = window_means(t, qdd, MEAN_BINS)
-        for k, colour in enumerate(_joint_colours(values)[: qdd.shape[1]]):
-            ax.plot(middle, mean[:, k], color=colour, linewidth=1.1, zorder=3)
+    limit = 1.3 * max(1.0, *sizes)
+    sheet, panels, colours = _joint_panels(view, commands, "q̈ [rad/s²]", (1.0, limit), 0.26)
+    for ax, (name, (t, qdd)) in zip(panels, commands.items(), strict=True):
+        middle, _, _, mean = extremes(t, qdd, MEAN_BINS)
+        for k in range(qdd.shape[1]):
+            ax.plot(middle, mean[:, k], color=colours[k], linewidth=1.1, zorder=3)
         view.title(ax, name)
     return sheet
 
@@ -184,7 +166,7 @@ def draw_disturbance(view: View) -> Sheet | None:
     equivalents = {name: Equivalent.of(view.runs[name].trajectory) for name in view.shown}
     values = {name: (one.t, one.disturbance) for name, one in equivalents.items()}
     size = max(float(np.nan_to_num(np.abs(d)).max(initial=0.0)) for _, d in values.values())
-    sheet, panels = _joint_panels(view, values, "d_c [rad/s²]", 0.01, 1.3 * max(0.01, size), 0.42)
+    sheet, panels, _ = _joint_panels(view, values, "d_c [rad/s²]", (0.01, 1.3 * max(0.01, size)), 0.42)
     for ax, (name, one) in zip(panels, equivalents.items(), strict=True):
         view.title(ax, name, above=12)
         text = f"rms {one.rms.max():.2g} rad/s², lag {1e3 * one.time_constant.max():.2g} ms"
@@ -192,26 +174,22 @@ def draw_disturbance(view: View) -> Sheet | None:
     return sheet
 
 
-def _joint_colours(values: Mapping[str, tuple[Array, Array]]) -> list[Any]:
+def _joint_panels(
+    view: View, values: Mapping[str, tuple[Array, Array]], label: str, scale: tuple[float, float], above: float
+) -> tuple[Sheet, list[Any], list[Any]]:
+    """One panel per controller with the range of its joints' values (N, n) at t (N,) in short windows; and colours.
+
+    Axes are linear between ± the first of ``scale``, logarithmic beyond, and end at ± the second.
+    """
     from matplotlib import colormaps
 
-    n = max(own.shape[1] for _, own in values.values())
-    return [colormaps["viridis"](0.92 * k / max(n - 1, 1)) for k in range(n)]
-
-
-def _joint_panels(
-    view: View, values: Mapping[str, tuple[Array, Array]], label: str, linear: float, limit: float, above: float
-) -> tuple[Sheet, list[Any]]:
-    """One panel per controller with the range of its joints' values in short windows.
-
-    Axes are linear between ± ``linear``, logarithmic beyond, and end at ± ``limit``.
-    """
-    colours = _joint_colours(values)
+    (linear, limit), n = scale, max(own.shape[1] for _, own in values.values())
+    colours = [colormaps["viridis"](0.92 * k / max(n - 1, 1)) for k in range(n)]
     sheet = Sheet(left=0.62, right=0.2)
-    sheet.legend([line(f"joint {k + 1}", colour) for k, colour in enumerate(colours)], min(len(colours), 8))
+    sheet.legend([line(f"joint {k + 1}", colour) for k, colour in enumerate(colours)], min(n, 8))
     panels = sheet.panels(len(values), 3, height=1.25, gap=0.3, above=above, labels=("time [s]", label), same_y=True)
     for ax, (t, own) in zip(panels, values.values(), strict=True):
-        middle, least, greatest = extremes(t, own, BINS)
+        middle, least, greatest, _ = extremes(t, own, BINS)
         # joints that vary most lie below the others
         order = np.argsort(-np.nan_to_num(greatest - least).mean(axis=0), kind="stable")
         for rank, k in enumerate(order):
@@ -222,4 +200,4 @@ def _joint_panels(
         ax.locator_params(axis="x", nbins=5, steps=[1, 2, 5, 10])
         ax.set_ylim(-limit, limit)
         logarithmic(ax.yaxis, decades(-limit, limit, linear), linear, 0.7)
-    return sheet, panels
+    return sheet, panels, colours

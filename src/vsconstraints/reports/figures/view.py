@@ -17,18 +17,9 @@ from ..plots import Look, darker, line, looks, shortened, time_axis, widths
 class View:
     """One trial of one scenario.
 
-    Attributes
-    ----------
-    setup
-        What was run; None if it cannot be built any more.
-    runs
-        The runs with at least two samples, by controller; also those of other figures, for the same axes in all.
-    controllers
-        Those of the figure, in order.
-    phi_rows
-        Labels of the rows whose φ is drawn.
-    lane_rows
-        Labels of the rows whose activity is drawn.
+    ``setup`` is None if it cannot be built any more; ``runs``, by controller, have at least two samples and include
+    those of other figures, for the same axes in all; ``controllers`` are those of the figure, in order; φ is drawn of
+    ``phi_rows``, and activity of ``lane_rows``.
     """
 
     setup: Setup | None
@@ -43,19 +34,14 @@ class View:
         return looks(self.controllers)
 
     @property
-    def compared(self) -> list[RunRecord]:
-        """All runs, those of other figures too, without tracking alone."""
-        return [run for name, run in self.runs.items() if name != BASELINE]
-
-    @property
-    def competitors(self) -> list[str]:
-        """Controllers of the figure that have a run, without tracking alone."""
-        return [name for name in self.shown if name != BASELINE]
-
-    @property
     def shown(self) -> list[str]:
         """Controllers of the figure that have a run."""
         return [name for name in self.controllers if name in self.runs]
+
+    @property
+    def competitors(self) -> list[str]:
+        """The same without tracking alone."""
+        return [name for name in self.shown if name != BASELINE]
 
     @property
     def baseline(self) -> RunRecord | None:
@@ -67,13 +53,6 @@ class View:
         """When the longest run ends [s]."""
         return max(float(run.trajectory.t[-1]) for run in self.runs.values())
 
-    @property
-    def goal_changes(self) -> list[float]:
-        """When the goal changes [s]."""
-        if self.setup is not None:
-            return [goal.from_time for goal in self.setup.task.goals[1:]]
-        return sorted({float(begin) for run in self.runs.values() for begin in run.goal_begins if begin > 0.0})
-
     def lines(self) -> Iterator[tuple[str, RunRecord, dict[str, Any]]]:
         """Every run and how its line looks: tracking alone thin and below, later ones thinner than earlier ones."""
         width = {BASELINE: 1.0, **widths(self.competitors)}
@@ -82,14 +61,16 @@ class View:
             style = {"color": look.colour, "linestyle": look.line, "linewidth": width[name], "zorder": order}
             yield name, self.runs[name], style
 
-    def entries(self, *, bars_only: bool = False) -> list[dict[str, Any]]:
-        """Legend entries of the controllers that have a run; of bars there are none of tracking alone."""
-        names = self.competitors if bars_only else self.shown
+    def entries(self, names: Sequence[str] | None = None) -> list[dict[str, Any]]:
+        """Legend entries of controllers, of all that are shown if None."""
+        names = self.shown if names is None else names
         return [line(shortened(name), self.looks[name].colour, self.looks[name].line) for name in names]
 
     def time_axis(self, ax: Any) -> None:
         """From zero to the end of the longest run, with the changes of the goal."""
-        time_axis(ax, self.end, self.goal_changes)
+        begins = {float(begin) for run in self.runs.values() for begin in run.goal_begins if begin > 0.0}
+        goals = () if self.setup is None else self.setup.task.goals[1:]
+        time_axis(ax, self.end, [goal.from_time for goal in goals] if self.setup is not None else sorted(begins))
 
     def title(self, ax: Any, name: str, above: float = 4.0) -> None:
         """A controller's name above its panel [pt]."""

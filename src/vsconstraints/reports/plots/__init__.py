@@ -3,59 +3,29 @@
 Matplotlib is loaded when a sheet is made, not before: tables of figures cost nothing to look at.
 """
 
-from .marks import (
-    REFERENCE,
-    above_legend,
-    area,
-    band,
-    decades,
-    extremes,
-    inside_legend,
-    line,
-    logarithmic,
-    note,
-    patch,
-    plain,
-    signal,
-    symbol,
-    time_axis,
-    widths,
-    window_means,
-    zero_line,
-)
-from .sheet import FORMATS, PNG, WIDTH, Figure, Formats, Sheet, formats_of
-from .style import FAINT, INK, Look, darker, looks, shortened
-
-__all__ = [
-    "FAINT",
-    "FORMATS",
-    "INK",
-    "PNG",
-    "REFERENCE",
-    "WIDTH",
-    "Figure",
-    "Formats",
-    "Look",
-    "Sheet",
-    "above_legend",
-    "area",
-    "band",
-    "darker",
-    "decades",
-    "extremes",
-    "formats_of",
-    "inside_legend",
-    "line",
-    "logarithmic",
-    "looks",
-    "note",
-    "patch",
-    "plain",
-    "shortened",
-    "signal",
-    "symbol",
-    "time_axis",
-    "widths",
-    "window_means",
-    "zero_line",
-]
+from .marks import REFERENCE as REFERENCE
+from .marks import above_legend as above_legend
+from .marks import band as band
+from .marks import decades as decades
+from .marks import inside_legend as inside_legend
+from .marks import line as line
+from .marks import logarithmic as logarithmic
+from .marks import note as note
+from .marks import signal as signal
+from .marks import symbol as symbol
+from .marks import time_axis as time_axis
+from .marks import widths as widths
+from .marks import zero_line as zero_line
+from .sheet import FORMATS as FORMATS
+from .sheet import PNG as PNG
+from .sheet import WIDTH as WIDTH
+from .sheet import Figure as Figure
+from .sheet import Formats as Formats
+from .sheet import Sheet as Sheet
+from .sheet import formats_of as formats_of
+from .style import FAINT as FAINT
+from .style import INK as INK
+from .style import Look as Look
+from .style import darker as darker
+from .style import looks as looks
+from .style import shortened as shortened

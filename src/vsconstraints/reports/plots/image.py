@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,8 @@ from ...errors import InvalidInput
 from ...rows import Array
 from ...simulation import Setup
 from ...vision.camera import Camera
-from .marks import line, patch
+from ...vision.motion import Motion
+from .marks import line, patch, symbol
 from .style import FAINT, INK
 
 AROUND = 1.12
@@ -23,15 +25,11 @@ AROUND = 1.12
 FORBIDDEN: dict[str, Any] = {"facecolor": "#DCDCDC", "edgecolor": "#B0B0B0", "hatch": "/////"}
 FRAME: dict[str, Any] = {"color": "#606060", "linewidth": 1.7, "solid_joinstyle": "miter"}
 BOUNDARY: dict[str, Any] = {"color": INK, "linewidth": 0.9}
-
 LABELLED = 0.93
 """How far from the centre a time may stand, relative to the half of what is shown."""
 
-MOMENTS = 5
-"""How often a boundary that moves is drawn."""
-
-INSTANTS = 200
-"""At how many instants it is asked whether it is in the image."""
+MOMENTS, INSTANTS = 5, 200
+"""How often a boundary that moves is drawn, and at how many instants it is asked whether it is in the image."""
 
 GRID_STEP = 2.0
 """Of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is exact."""
@@ -41,48 +39,52 @@ GRID_STEP = 2.0
 class Plane:
     """The image plane of a camera, and what constrains markers in it.
 
-    Attributes
-    ----------
-    size
-        Width and height of the image [px].
-    constraints
-        Those on pixels that stand still.
-    lines
-        Polylines (p, 2) along their boundaries [px].
-    moving
-        Time [s] and polylines of the boundaries that move, at :data:`MOMENTS` instants from start to end.
-    outline
-        (p, 2) the sensor's edge, where the lens bends it [px]; None if it is the rectangle of that size.
+    ``size`` is the image's width and height [px]; ``constraints`` stand still, ``drifting`` move, each with its motion
+    and polylines (p, 2) at the start [px], drawn at ``times`` [s]; ``outline`` (p, 2) is the sensor's edge where the
+    lens bends it [px].
     """
 
     size: tuple[float, float]
     constraints: tuple[ImageConstraint, ...] = ()
-    lines: tuple[Array, ...] = ()
-    moving: tuple[tuple[float, list[Array]], ...] = ()
+    drifting: tuple[tuple[ImageConstraint, Motion, list[Array]], ...] = ()
+    times: tuple[float, ...] = ()
     outline: Array | None = None
 
     @classmethod
     def of(cls, setup: Setup) -> Plane:
-        """That of a setup."""
-        width, height = setup.scene.camera.size
-        size = float(width), float(height)
+        """That of a setup; what moves is shown from when it is first in the image to when it is last."""
+        width, height = map(float, setup.scene.camera.size)
         image = [c for c in setup.constraints.constraints if isinstance(c, ImageConstraint)]
-        still = tuple(c for c in image if c.motion is None)
-        moving = _moments([c for c in image if c.motion is not None], setup.duration, size)
-        lines = tuple(points for c in still for points in c.boundary(size))
-        return cls(size, still, lines, moving, _outline(setup.scene.camera))
+        every = np.linspace(0.0, setup.duration, INSTANTS)
+        drifting = tuple((c, c.motion, c.boundary((width, height), every)) for c in image if c.motion is not None)
+        plane = cls(
+            (width, height), tuple(c for c in image if c.motion is None), drifting, (), _outline(setup.scene.camera)
+        )
+        half = 0.5 * np.array(plane.size)
+        seen = [any((np.abs(line) < half).all(axis=1).any() for line in plane.moved(t)) for t in every]
+        if not any(seen):
+            return plane
+        first, last = np.flatnonzero(seen)[[0, -1]]
+        return replace(plane, times=tuple(every[np.unique(np.round(np.linspace(first, last, MOMENTS)).astype(int))]))
 
     @classmethod
     def at(cls, setup: Setup, t: float) -> Plane:
         """That of a setup with what moves in it where it is at time ``t`` [s]."""
-        plane = cls.of(setup)
-        moving = [c for c in setup.constraints.constraints if isinstance(c, ImageConstraint) and c.motion is not None]
-        every = np.linspace(0.0, setup.duration, INSTANTS)
-        lines: list[Array] = []
-        for c in moving:
-            if c.motion is not None:
-                lines += [line + c.motion.displacement(t) for line in c.boundary(plane.size, every)]
-        return replace(plane, moving=((t, lines),)) if lines else plane
+        return replace(cls.of(setup), times=(t,))
+
+    def moved(self, t: float) -> list[Array]:
+        """Polylines (p, 2) of the boundaries that move, at a time [px]."""
+        return [line + motion.displacement(t) for _, motion, lines in self.drifting for line in lines]
+
+    @property
+    def moving(self) -> tuple[tuple[float, list[Array]], ...]:
+        """Time [s] and polylines of the boundaries that move, as they are drawn."""
+        return tuple((t, lines) for t in self.times if (lines := self.moved(t)))
+
+    @cached_property
+    def lines(self) -> list[Array]:
+        """Polylines (p, 2) along the boundaries that stand still [px]."""
+        return [points for c in self.constraints for points in c.boundary(self.size)]
 
     @property
     def half(self) -> Array:
@@ -90,27 +92,39 @@ class Plane:
         half: Array = 0.5 * np.asarray(self.size)
         return AROUND * (half if self.outline is None else np.maximum(half, np.abs(self.outline).max(axis=0)))
 
-    @property
-    def whole(self) -> Part:
-        """All of it that is shown."""
-        return self.part(np.zeros(2), self.half)
+    @cached_property
+    def forbidden(self) -> list[Array]:
+        """Outlines (p, 2) of what is forbidden in the part that is shown, holes among them [px]."""
+        return self.forbidden_within(np.zeros(2), self.half)
 
-    def draw(self, ax: Any, *, labels: bool = True, upwards: bool = False, part: Part | None = None) -> None:
-        """The whole plane; ``v`` points down, as in an image, or upwards.
+    def forbidden_within(self, centre: Array, half: Array) -> list[Array]:
+        """The same within ``half`` (2,) of a centre (2,) [px]."""
+        if not self.constraints:
+            return []
+        count = int(min(max(2.0 * half.max() / GRID_STEP, 80.0), 600.0))
+        u, v = (np.linspace(m - r, m + r, count) for m, r in zip(centre, half, strict=True))
+        filled = contour_generator(u, v, self.depth(u, v), fill_type="OuterOffset").filled(0.0, 1.0)
+        return [ring for points, ends in zip(*filled, strict=True) for ring in np.split(points, ends[1:-1].astype(int))]
 
-        ``part`` is :attr:`whole`, where it is known already: it is the same in all panels.
-        """
+    def depth(self, u: Array, v: Array) -> Array:
+        """(b, a) the greatest σ of constraints that stand still, cut at ±0.1, on a grid of u (a,) and v (b,) [px]."""
+        grid = np.stack(np.meshgrid(u, v), axis=-1)
+        # only the sign is wanted: far from a boundary values may be huge, which spoils interpolation
+        depth: Array = np.max([np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0)
+        return depth
+
+    def draw(self, ax: Any, *, labels: bool = True, upwards: bool = False) -> None:
+        """The whole plane; ``v`` points down, as in an image, or upwards."""
         from matplotlib.ticker import MaxNLocator
 
         u, v = self.half
-        (part or self.whole).draw(ax)
+        self.draw_part(ax, np.zeros(2), self.half, self.forbidden)
         for t, lines in self.moving:
             for points in lines:
                 middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-                if (np.abs(middle) > LABELLED * self.half).any():
-                    continue  # its time would be cut off
-                time: dict[str, Any] = {"fontsize": 7.5, "color": FAINT, "zorder": 2.2}
-                ax.annotate(f"{t:.1f} s", middle, ha="center", va="center", clip_on=True, annotation_clip=True, **time)
+                if (np.abs(middle) <= LABELLED * self.half).all():  # else its time would be cut off
+                    place: dict[str, Any] = {"ha": "center", "va": "center", "clip_on": True, "annotation_clip": True}
+                    ax.annotate(f"{t:.1f} s", middle, **place, fontsize=7.5, color=FAINT, zorder=2.2)
         if self.outline is None:
             square(ax, np.zeros(2), u / AROUND, v / AROUND, **FRAME, zorder=2.5)
         else:
@@ -122,27 +136,22 @@ class Plane:
             ax.set_xlabel("u [px]", labelpad=1)
             ax.set_ylabel(f"v [px], {'upwards' if upwards else 'downwards'}", labelpad=1)
 
-    def part(self, centre: Array, half: Array) -> Part:
-        """What lies within ``half`` (2,) of a centre (2,) [px]."""
-        count = int(min(max(2.0 * half.max() / GRID_STEP, 80.0), 600.0))
-        u, v = (np.linspace(m - r, m + r, count) for m, r in zip(centre, half, strict=True))
-        forbidden: list[Array] = []
-        if self.constraints:
-            sigma = self.depth(u, v)
-            outer = contour_generator(u, v, sigma, fill_type="OuterOffset").filled(0.0, 1.0)
-            forbidden = [
-                ring
-                for points, offsets in zip(*outer, strict=True)
-                for ring in np.split(np.asarray(points), np.asarray(offsets[1:-1], dtype=int))
-            ]
-        return Part(self, centre, half, tuple(forbidden))
+    def draw_part(self, ax: Any, centre: Array, half: Array, forbidden: list[Array] | None = None) -> None:
+        """What lies within ``half`` (2,) of a centre (2,): the forbidden side and the boundaries; ``v`` points down."""
+        from matplotlib.patches import PathPatch
+        from matplotlib.path import Path
 
-    def depth(self, u: Array, v: Array) -> Array:
-        """(b, a) the greatest σ of constraints that stand still, cut at ±0.1, on a grid of u (a,) and v (b,) [px]."""
-        grid = np.stack(np.meshgrid(u, v), axis=-1)
-        # only the sign is wanted: far from a boundary values may be huge, which spoils interpolation
-        depth: Array = np.max([np.clip(c.sigma(grid), -0.1, 0.1) for c in self.constraints], axis=0)
-        return depth
+        if rings := self.forbidden_within(centre, half) if forbidden is None else forbidden:
+            outlines = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
+            ax.add_artist(PathPatch(outlines, **FORBIDDEN, linewidth=0.0, zorder=0.6))
+        for points in self.lines:
+            ax.plot(*points.T, **BOUNDARY, zorder=3)
+        for k, (_, lines) in enumerate(self.moving):
+            for points in lines:
+                ax.plot(*points.T, **_moving(k, len(self.times)), zorder=2.1)
+        ax.set_xlim(centre[0] - half[0], centre[0] + half[0])
+        ax.set_ylim(centre[1] + half[1], centre[1] - half[1])
+        ax.grid(False)
 
     def entries(self, boundary: str = "", forbidden: str = "forbidden") -> list[dict[str, Any]]:
         """Legend entries of the image and of what is drawn in it; of the boundary if it has a name."""
@@ -152,37 +161,14 @@ class Plane:
         if self.constraints:
             entries.append(patch(forbidden, **FORBIDDEN))
         if self.moving:
-            where = "at the times given" if len(self.moving) > 1 else "where it is then"
+            where = "at the times given" if len(self.times) > 1 else "where it is then"
             entries.append(line(f"moving boundary, {where}", **_moving(2, MOMENTS)))
         return entries
 
 
-@dataclass(frozen=True)
-class Part:
-    """A rectangle of an image plane, and the outlines (p, 2) of what is forbidden in it, holes among them [px]."""
-
-    plane: Plane
-    centre: Array
-    half: Array
-    forbidden: tuple[Array, ...]
-
-    def draw(self, ax: Any) -> None:
-        """The forbidden side and the boundaries; ``v`` points down."""
-        from matplotlib.patches import PathPatch
-        from matplotlib.path import Path
-
-        if self.forbidden:
-            rings = Path.make_compound_path(*(Path(ring, closed=True) for ring in self.forbidden))
-            ax.add_artist(PathPatch(rings, **FORBIDDEN, linewidth=0.0, zorder=0.6))
-        for points in self.plane.lines:
-            ax.plot(*points.T, **BOUNDARY, zorder=3)
-        for k, (_, lines) in enumerate(self.plane.moving):
-            for points in lines:
-                ax.plot(*points.T, **_moving(k, len(self.plane.moving)), zorder=2.1)
-        (u, v), (du, dv) = self.centre, self.half
-        ax.set_xlim(u - du, u + du)
-        ax.set_ylim(v + dv, v - dv)
-        ax.grid(False)
+def _moving(moment: int, of: int) -> dict[str, Any]:
+    """How a moving boundary is drawn at one of its moments: later ones are darker."""
+    return {**BOUNDARY, "linestyle": "--", "alpha": 0.3 + 0.7 * moment / (of - 1) if of > 1 else 1.0}
 
 
 def square(ax: Any, centre: Sequence[float] | Array, half_u: float, half_v: float, **look: Any) -> None:
@@ -197,34 +183,28 @@ def tracks(ax: Any, pixels: Array, **look: Any) -> None:
         ax.plot(*pixels[:, i].T, **look)
 
 
+START, OUTSIDE = symbol("o", "white", size=10.5), "#B00020"
+"""Of markers with their numbers, and the colour of what is violated or beyond."""
+
+
+def numbered(ax: Any, pixels: Array, within: Array | None = None) -> None:
+    """Discs at markers (M, 2) with their numbers; those beyond ``within`` (2,) stand at its edge, in red."""
+    for i, marker in enumerate(pixels):
+        if np.isfinite(marker).all():
+            u, v = marker if within is None else np.clip(marker, -within, within)
+            colour, order, clip = INK if (u, v) == tuple(marker) else OUTSIDE, 6.4 + 0.01 * i, within is None
+            ax.plot(u, v, **START | {"markeredgecolor": colour}, zorder=order, clip_on=clip)
+            place: dict[str, Any] = {"ha": "center", "va": "center_baseline", "clip_on": clip}
+            ax.text(u, v, str(i + 1), fontsize=8, color=colour, zorder=order + 0.005, **place)
+
+
 def _outline(camera: Camera) -> Array | None:
     """(p, 2) the sensor's edge in ideal pixels; None without distortion, or where the lens cannot be inverted there."""
     if camera.distortion is None:
         return None
     side, ends = np.linspace(-0.5, 0.5, 41), np.full(41, 0.5)
-    across, down = (side, -side, -ends, ends), (-ends, ends, -side, side)
-    edge = np.stack([np.concatenate([part[k] for k in (0, 3, 1, 2)]) for part in (across, down)], axis=1)
+    edge = np.stack((np.concatenate((side, ends, -side, -ends)), np.concatenate((-ends, side, ends, -side))), axis=1)
     try:
         return camera.undistort(edge * np.asarray(camera.size))
     except InvalidInput:
         return None
-
-
-def _moments(
-    moving: list[ImageConstraint], duration: float, size: tuple[float, float]
-) -> tuple[tuple[float, list[Array]], ...]:
-    """The moving boundaries at :data:`MOMENTS` instants from when the first is in the image to when the last is."""
-    every = np.linspace(0.0, duration, INSTANTS)
-    lines = [(c.motion.displacement(every), line) for c in moving if c.motion for line in c.boundary(size, every)]
-    half = 0.5 * np.asarray(size)
-    seen = np.array([any((np.abs(line + d[k]) < half).all(axis=1).any() for d, line in lines) for k in range(INSTANTS)])
-    if not seen.any():
-        return ()
-    first, last = np.flatnonzero(seen)[[0, -1]]
-    at = np.unique(np.round(np.linspace(first, last, MOMENTS)).astype(int))
-    return tuple((float(every[k]), [line + d[k] for d, line in lines]) for k in at)
-
-
-def _moving(moment: int, of: int) -> dict[str, Any]:
-    """How a moving boundary is drawn at one of its moments: later ones are darker."""
-    return {**BOUNDARY, "linestyle": "--", "alpha": 0.3 + 0.7 * moment / (of - 1) if of > 1 else 1.0}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...rows import Array, IntArray
+from ...rows import Array
 from .style import INK
 
 REFERENCE: dict[str, Any] = {"color": INK, "linewidth": 1.1, "linestyle": (0, (4, 2))}
@@ -25,6 +25,13 @@ def patch(label: str, facecolor: str, **look: Any) -> dict[str, Any]:
     return {"label": label, "facecolor": facecolor, "linewidth": 0.0, **look}
 
 
+def symbol(marker: str, face: str, edge: str = INK, size: float = 8.5, **look: Any) -> dict[str, Any]:
+    """How a symbol looks, as a mark or as a legend entry with its ``label``."""
+    size = {"*": 1.5, "x": 0.95}.get(marker, 1.0) * size
+    colours = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 2.0 if marker == "x" else 0.9}
+    return {"linestyle": "none", "marker": marker, "markersize": size, **colours, **look}
+
+
 def signal(ax: Any, t: Array, values: Array, **look: Any) -> None:
     """A signal (N,) over time (N,) [s]: matplotlib simplifies long lines without losing a peak."""
     ax.plot(t, values, **{"linewidth": 1.5, **look})
@@ -37,13 +44,6 @@ def time_axis(ax: Any, end: float, events: Iterable[float] = (), label: str = ""
         ax.axvline(time, **{"color": INK, "linestyle": (0, (4, 3)), "linewidth": 0.9, "zorder": 1.5, **look})
     if label:
         ax.set_ylabel(label, labelpad=3)
-
-
-def symbol(marker: str, face: str, edge: str = INK, size: float = 8.5, **look: Any) -> dict[str, Any]:
-    """How a symbol looks, as a mark or as a legend entry with its ``label``."""
-    size = {"*": 1.5, "x": 0.95}.get(marker, 1.0) * size
-    colours = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 2.0 if marker == "x" else 0.9}
-    return {"linestyle": "none", "marker": marker, "markersize": size, **colours, **look}
 
 
 def zero_line(ax: Any) -> None:
@@ -65,16 +65,9 @@ def area(ax: Any, t: Array, low: Array, high: Array, **look: Any) -> None:
 
 def note(ax: Any, text: str, height: float, across: float = 0.0, above: bool = True) -> None:
     """A small text at a value, above or below it, so far across the panel (0 to 1)."""
-    ax.annotate(
-        text,
-        (across, height),
-        xycoords=("axes fraction", "data"),
-        xytext=(4, 2 if above else -2),
-        textcoords="offset points",
-        va="bottom" if above else "top",
-        fontsize=8,
-        color=INK,
-    )
+    away, aligned = ((4, 2), "bottom") if above else ((4, -2), "top")
+    place = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": aligned}
+    ax.annotate(text, (across, height), away, **place, fontsize=8, color=INK)
 
 
 def inside_legend(ax: Any, columns: int = 1, place: str = "best") -> None:
@@ -86,9 +79,8 @@ def inside_legend(ax: Any, columns: int = 1, place: str = "best") -> None:
 
 def above_legend(ax: Any, columns: int) -> None:
     """A legend of what a panel shows, above its right corner."""
-    ax.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.02), ncols=columns, handlelength=1.5, columnspacing=1.2, fontsize=8.5
-    )
+    place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.02), "ncols": columns}
+    ax.legend(**place, handlelength=1.5, columnspacing=1.2, fontsize=8.5)
 
 
 def decades(low: float, high: float, least: float = 1.0, most: int = 9) -> list[float]:
@@ -100,8 +92,7 @@ def decades(low: float, high: float, least: float = 1.0, most: int = 9) -> list[
     least, both = (low, 1) if low > 0.0 else (least, 2)
     first, last = math.ceil(math.log10(least)), math.floor(math.log10(max(-low, high)))
     step = max(math.ceil(both * (last - first + 1) / most), 1)
-    powers = range(first if low > 0.0 else first + step - 1, last + 1, step)
-    sizes = [10.0**k for k in powers]
+    sizes = [10.0**k for k in range(first if low > 0.0 else first + step - 1, last + 1, step)]
     return [x for x in (*(-size for size in reversed(sizes)), 0.0, *sizes) if low <= x <= high]
 
 
@@ -110,24 +101,16 @@ def logarithmic(
 ) -> None:
     """Make an axis (``ax.xaxis`` or ``ax.yaxis``) logarithmic with plain numbers, once everything is drawn.
 
-    Parameters
-    ----------
-    axis
-        Of matplotlib.
-    ticks
-        Where; where matplotlib would put them if None.
-    linear_below
-        Linear between this value and zero, for data that may be zero or of either sign.
-    linear_size
-        Length of the linear part between that value and zero, in decades.
+    ``ticks`` None: where matplotlib would put them. ``linear_below``: linear between this value and zero, for data that
+    may be zero or of either sign, in a part of ``linear_size`` decades.
     """
-    if linear_below is None and not math.isfinite(axis.get_minpos()):
-        return  # nothing that a logarithmic axis could show
     setter = axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale
-    if linear_below is None:
+    if linear_below is not None:
+        setter("symlog", linthresh=linear_below, linscale=linear_size)
+    elif math.isfinite(axis.get_minpos()):
         setter("log")
     else:
-        setter("symlog", linthresh=linear_below, linscale=linear_size)
+        return  # nothing that a logarithmic axis could show
     axis.set_major_formatter(lambda value, _: plain(value))
     axis.set_minor_formatter("")
     if ticks is not None:
@@ -141,10 +124,7 @@ def plain(value: float) -> str:
         return f"{value:g}".replace("-", "−")
     mantissa, exponent = f"{value:.0e}".split("e")
     factor = {"1": "", "-1": "−"}.get(mantissa, f"{mantissa.replace('-', '−')}·")
-    return f"{factor}10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
-
-
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    return f"{factor}10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
 
 
 def widths(names: Sequence[str], thickest: float = 2.6, thinnest: float = 1.0) -> dict[str, float]:
@@ -153,43 +133,11 @@ def widths(names: Sequence[str], thickest: float = 2.6, thinnest: float = 1.0) -
     return {name: thickest - step * i for i, name in enumerate(names)}
 
 
-# --- long signals in short windows ---
-
-
-def extremes(t: Array, y: Array, bins: int) -> tuple[Array, Array, Array]:
-    """Least and greatest value in each bin, and the bin's middle time.
-
-    Parameters
-    ----------
-    t
-        (N,) times.
-    y
-        (N, ...) values; those that are not numbers are left out.
-    bins
-        How many at most.
-
-    Returns
-    -------
-    tuple
-        (B,) times, (B, ...) least and (B, ...) greatest values; NaN where a bin has none.
-    """
-    starts = _bin_starts(len(t), bins)
-    ends = np.append(starts[1:], len(t)) - 1
-    middle = 0.5 * (t[starts] + t[ends])
-    return middle, np.fmin.reduceat(y, starts, axis=0), np.fmax.reduceat(y, starts, axis=0)
-
-
-def window_means(t: Array, y: Array, bins: int) -> tuple[Array, Array]:
-    """(B,) middle time and (B, ...) mean of each bin; NaN where a bin has no number."""
-    starts = _bin_starts(len(t), bins)
-    ends = np.append(starts[1:], len(t)) - 1
-    exist = np.isfinite(y)
-    total = np.add.reduceat(np.where(exist, y, 0.0), starts, axis=0)
-    count = np.add.reduceat(exist.astype(np.int64), starts, axis=0)
+def extremes(t: Array, y: Array, bins: int) -> tuple[Array, Array, Array, Array]:
+    """(B,) middle time and (B, …) least, greatest and mean value of y (N, …) in up to ``bins`` windows; NaN: none."""
+    starts = np.unique(np.linspace(0, len(t), min(bins, len(t)), endpoint=False).astype(np.int64))
+    middle = 0.5 * (t[starts] + t[np.append(starts[1:], len(t)) - 1])
+    known = np.isfinite(y)
+    total, count = (np.add.reduceat(x, starts, axis=0) for x in (np.where(known, y, 0.0), known.astype(np.int64)))
     mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
-    return 0.5 * (t[starts] + t[ends]), mean
-
-
-def _bin_starts(samples: int, bins: int) -> IntArray:
-    """Where each of up to ``bins`` runs of neighbouring samples begins."""
-    return np.unique(np.linspace(0, samples, min(bins, samples), endpoint=False).astype(np.int64))
+    return middle, np.fmin.reduceat(y, starts, axis=0), np.fmax.reduceat(y, starts, axis=0), mean

@@ -15,64 +15,41 @@ import numpy as np
 
 from ...comparisons.runs.files import replaced
 from ...errors import unknown_name
-from .style import FORMULAS, STYLE
+from .style import FORMULAS, STYLE_SHEET
 
 Formats = tuple[str, ...]
 """Of a figure's files, by their suffixes; pages show the first."""
 
 PNG: Formats = ("png",)
-
 VECTOR: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 """Formats that stay sharp at any size, and what leaves the day out of their files: the same figure, the same bytes."""
 
 FORMATS = (*PNG, *VECTOR)
-"""All there are."""
-
-NOT_ON_PAGES = "pdf"
-"""No browser shows it within a page."""
-
-
-def formats_of(names: Sequence[str]) -> Formats:
-    """The formats of these names, PNG if there are none; one that pages show comes first, PNG if none of them is.
-
-    Raises
-    ------
-    ConfigurationError
-        for a name that is none of :data:`FORMATS`.
-    """
-    for name in names:
-        if name not in FORMATS:
-            raise unknown_name("format", name, FORMATS)
-    chosen = list(dict.fromkeys(names))
-    shown = [name for name in chosen if name != NOT_ON_PAGES] or list(PNG)
-    return (*shown, *(name for name in chosen if name == NOT_ON_PAGES))
-
-
 WIDTH = 8.0
 """Width of every figure [in]: at this width the smallest text is 8 pt."""
 
 DPI, SCREEN_DPI = 150, 100
-EDGE = 0.03
-"""Between what is drawn and the left edge, at least [in]."""
+EDGE, FOOT = 0.03, 0.45
+"""Between what is drawn and the left edge, at least; and below a row of panels for its numbers and label [in]."""
 
-FOOT = 0.45
-"""Room below a row of panels for its numbers and label [in]."""
+
+def formats_of(names: Sequence[str]) -> Formats:
+    """The formats of these names; one that pages show comes first, PNG if none of them is (no page shows a PDF).
+
+    Raises ConfigurationError for a name that is none of :data:`FORMATS`.
+    """
+    for name in names:
+        if name not in FORMATS:
+            raise unknown_name("format", name, FORMATS)
+    chosen = dict.fromkeys(names)
+    return (*([name for name in chosen if name != "pdf"] or PNG), *(name for name in chosen if name == "pdf"))
 
 
 class Sheet:
     """A figure of the common width that grows downwards; places are inches from its top left corner.
 
-    Parameters
-    ----------
-    left, right
-        Margins of what stands in rows [in].
-
-    Attributes
-    ----------
-    at
-        How far down it is filled [in].
-    beside
-        Right of the last row of views, where a legend finds room [in].
+    ``left`` and ``right`` are the margins of what stands in rows, ``at`` is how far down it is filled, and ``beside``
+    where a legend finds room right of the last row of views.
     """
 
     def __init__(self, left: float = 0.75, right: float = 0.15) -> None:
@@ -87,12 +64,12 @@ class Sheet:
         whole: Any = self.figure.transFigure
         from_top = ScaledTranslation(0.0, 1.0, whole)
         self.inches: Any = Affine2D().scale(1.0, -1.0) + self.figure.dpi_scale_trans + from_top
-        self._places: list[tuple[Any, tuple[float, float, float, float]]] = []
+        self._places: dict[Any, tuple[float, float, float, float]] = {}
 
     def axes(self, left: float, top: float, width: float, height: float, **options: Any) -> Any:
         """Axes whose frame is at this place."""
         ax = self.figure.add_axes((0.0, 0.0, 1.0, 1.0), **options)
-        self._places.append((ax, (left, top, width, height)))
+        self._places[ax] = left, top, width, height
         self.at = max(self.at, top + height)
         return ax
 
@@ -108,36 +85,25 @@ class Sheet:
         labels: tuple[str, str] = ("", ""),
         same_y: bool = False,
     ) -> list[Any]:
-        """A grid of panels that share their horizontal axis.
+        """A grid of panels that share their horizontal axis, row by row.
 
-        Parameters
-        ----------
-        count, columns
-            How many, and in how many columns; row by row.
-        height, width
-            Of each, or the height of each row [in]; as wide as there is room if no width is given.
-        gap
-            Between columns [in].
-        above
-            Above each row [in]: room for titles.
-        labels
-            Of the horizontal axis, at the lowest panel of each column, and of the vertical one, at the left.
-        same_y
-            Whether panels share their vertical axis too.
+        ``height`` is that of each panel or of each row, ``width`` as there is room if 0, ``gap`` between columns and
+        ``above`` each row for titles [in]; ``labels`` are those of the horizontal axis, below, and of the vertical one,
+        at the left; with ``same_y`` only panels at the left have vertical numbers.
         """
         columns = max(min(columns, count), 1)
         width = width or (WIDTH - self.left - self.right - gap * (columns - 1)) / columns
-        heights = [height] * count if isinstance(height, float) else height
         made: list[Any] = []
-        for first, tall in zip(range(0, count, columns), heights, strict=False):
-            top = self.at + above
-            for i in range(first, min(first + columns, count)):
-                ax = self.axes(self.left + (i - first) * (width + gap), top, width, tall)
-                lowest = i + columns >= count
-                ax.tick_params(labelbottom=lowest, labelleft=i == first or not same_y)
-                ax.set_xlabel(labels[0] if lowest else "", labelpad=2)
-                ax.set_ylabel(labels[1] if i == first else "", labelpad=2)
-                made.append(ax)
+        for i in range(count):
+            row, column = divmod(i, columns)
+            if column == 0:
+                top, tall = self.at + above, height if isinstance(height, float) else height[row]
+            ax = self.axes(self.left + column * (width + gap), top, width, tall)
+            lowest = i + columns >= count
+            ax.tick_params(labelbottom=lowest, labelleft=column == 0 or not same_y)
+            ax.set_xlabel(labels[0] if lowest else "", labelpad=2)
+            ax.set_ylabel(labels[1] if column == 0 else "", labelpad=2)
+            made.append(ax)
         self.at += FOOT if made else 0.0
         return made
 
@@ -153,7 +119,7 @@ class Sheet:
 
     def beside_panel(self, panel: Any, gap: float, side: float) -> Any:
         """Square axes without numbers right of a panel, level with its upper edge [in]."""
-        (left, top, width, _) = next(place for ax, place in self._places if ax is panel)
+        left, top, width, _ = self._places[panel]
         ax = self.axes(left + width + gap, top, side, side)
         for axis in (ax.xaxis, ax.yaxis):
             axis.set_visible(False)
@@ -171,31 +137,14 @@ class Sheet:
     def legend(
         self, entries: Sequence[Mapping[str, Any]], columns: int = 3, at: tuple[float, float] | None = None, **look: Any
     ) -> None:
-        """A legend below what is there already, or with its upper left corner at a place.
-
-        Parameters
-        ----------
-        entries
-            As :func:`vsconstraints.reports.plots.marks.line` and :func:`.patch` make them.
-        columns
-            In how many columns.
-        at
-            Left, top [in].
-        look
-            Settings of matplotlib.
-        """
+        """A legend of :func:`.line`, :func:`.patch` and :func:`.symbol` below what is there, or at left, top [in]."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
         handles = [Patch(**entry) if "facecolor" in entry else Line2D([], [], **entry) for entry in entries]
-        self.figure.legend(
-            handles=handles,
-            loc="upper left",
-            bbox_to_anchor=at or (self.left, self.at),
-            bbox_transform=self.inches,
-            ncols=columns,
-            **{"columnspacing": 1.5, "labelspacing": 0.5, **look},
-        )
+        place = {"loc": "upper left", "bbox_to_anchor": at or (self.left, self.at), "bbox_transform": self.inches}
+        look = {"columnspacing": 1.5, "labelspacing": 0.5, **look}
+        self.figure.legend(handles=handles, ncols=columns, **place, **look)
         if at is None:
             self.at += 0.18 * -(-len(entries) // columns) + 0.06
 
@@ -211,67 +160,46 @@ class Sheet:
             if not axis.get_label_text():
                 axis.set_label_coords(0.0, 0.0)  # else room is sought for it, beside all numbers
         self.canvas.draw()
-        if (cut := self._cut()) > 0.0:
+        # labels of vertical axes whose numbers are longer than expected would be cut
+        labelled = [ax for ax in self.figure.axes if ax.get_ylabel() and ax.axison]
+        beyond = [EDGE - float(ax.yaxis.label.get_window_extent().x0) / DPI for ax in labelled]
+        cut = max((b / (1.0 - ax.get_position().x0) for b, ax in zip(beyond, labelled, strict=True)), default=0.0)
+        if cut > 0.0:
             self._place(cut)
             self.canvas.draw()
         return self.figure
 
+    def _place(self, margin: float = 0.0) -> None:
+        """Put axes where they belong, all so much narrower that there is a margin at the left [in]."""
+        narrower = 1.0 - margin / WIDTH
+        for ax, (left, top, width, height) in self._places.items():
+            bottom = self.at - top - height
+            place = (margin + narrower * left) / WIDTH, bottom / self.at, narrower * width / WIDTH, height / self.at
+            ax.set_position(place)
+
     def save(self, *paths: Path) -> None:
         """Write files, each whole or not at all; their suffixes are of :data:`FORMATS`."""
+        from PIL import Image
+
         self.placed()
         for path in paths:
             kind = path.suffix.removeprefix(".")
             with replaced(path) as part:
                 if kind in VECTOR:
                     self.figure.savefig(part, format=kind, metadata=VECTOR[kind])
-                else:
-                    self._save_pixels(part)
-
-    def _place(self, margin: float = 0.0) -> None:
-        """Put axes where they belong, all so much narrower that there is a margin at the left [in]."""
-        narrower = 1.0 - margin / WIDTH
-        for ax, (left, top, width, height) in self._places:
-            bottom = self.at - top - height
-            place = (margin + narrower * left) / WIDTH, bottom / self.at, narrower * width / WIDTH, height / self.at
-            ax.set_position(place)
-
-    def _cut(self) -> float:
-        """The margin that shows labels of vertical axes whose numbers are longer than expected [in]."""
-        labelled = [ax for ax in self.figure.axes if ax.get_ylabel() and ax.axison]
-        found = (
-            (EDGE - float(ax.yaxis.label.get_window_extent().x0) / DPI) / (1.0 - float(ax.get_position().x0))
-            for ax in labelled
-        )
-        return max(found, default=0.0)
-
-    def _save_pixels(self, path: Path) -> None:
-        """What is drawn already, as a PNG without transparency."""
-        from PIL import Image
-
-        pixels = np.asarray(self.canvas.buffer_rgba())[..., :3]
-        Image.fromarray(pixels).save(path, format="PNG", dpi=(DPI, DPI))
+                else:  # what is drawn already
+                    pixels = Image.fromarray(np.asarray(self.canvas.buffer_rgba())[..., :3])
+                    pixels.save(part, format="PNG", dpi=(DPI, DPI))
 
 
 @dataclass(frozen=True)
 class Figure:
     """One line of a table of figures.
 
-    Attributes
-    ----------
-    name
-        Of its file, and what it is asked for by.
-    title
-        What it shows, in a few words: the text instead of the picture.
-    caption
-        What is to be seen.
-    draw
-        Makes the sheet from what the figure needs; None if there is nothing to show.
-    needs
-        What it is drawn from, where that differs from figure to figure.
-    reading
-        How to read it, said once where it is shown several times.
-    formulas
-        Whether its texts hold formulas between dollars. Names that a user gives may contain anything.
+    ``name`` is that of its file, ``title`` what it shows in a few words, ``caption`` what is to be seen; ``draw`` makes
+    the sheet from what the figure needs, None if there is nothing to show; ``needs`` is what it is drawn from where
+    that differs from figure to figure; ``reading`` says how to read it, once where it is shown several times; with
+    ``formulas`` its texts hold formulas between dollars, and none that a user gives.
     """
 
     name: str
@@ -282,47 +210,28 @@ class Figure:
     reading: str = ""
     formulas: bool = False
 
-    @property
-    def file(self) -> str:
-        """Its file's name, as PNG."""
-        return self.file_in(PNG)
-
-    def file_in(self, formats: Formats, suffix: str = "") -> str:
+    def file_in(self, formats: Formats = PNG, suffix: str = "") -> str:
         """The name of the file that pages show; ``suffix`` stands behind its own name."""
         return f"{self.name}{suffix}.{formats[0]}"
 
     def write(self, path: Path, *needed: object, formats: Formats = ()) -> bool:
-        """Draw it and write it, each file whole or not at all; raises whatever goes wrong.
+        """Draw it from what it needs into ``path``, and beside it in further formats; each file whole or not at all.
 
-        Parameters
-        ----------
-        path
-            Where to; its suffix is the format.
-        needed
-            What it is drawn from.
-        formats
-            Of files beside it, in which it is written as well.
-
-        Returns
-        -------
-        bool
-            Whether there was anything to show.
+        Returns whether there was anything to show; raises whatever goes wrong.
         """
-        files = dict.fromkeys((path, *(path.with_suffix(f".{one}") for one in formats)))
         with self._style():
             sheet = self.draw(*needed)
             if sheet is not None:
-                sheet.save(*files)
+                sheet.save(*dict.fromkeys((path, *(path.with_suffix(f".{kind}") for kind in formats))))
         return sheet is not None
 
     def drawn(self, *needed: object) -> Any:
-        """Draw it, and return the figure of matplotlib; None if there was nothing to show. As :meth:`write` else."""
+        """Draw it, and return the figure of matplotlib, which notebooks show; None if there is nothing to show."""
         with self._style():
             sheet = self.draw(*needed)
             if sheet is None:
                 return None
             figure = sheet.placed()
-            # notebooks show it, whatever they know of matplotlib
             figure._repr_png_ = partial(notebook_png, figure)
             return figure
 
@@ -330,7 +239,7 @@ class Figure:
     def _style(self) -> Iterator[None]:
         from matplotlib import rc_context
 
-        with rc_context({**STYLE, **(FORMULAS if self.formulas else {})}), warnings.catch_warnings():
+        with rc_context(FORMULAS if self.formulas else {}, STYLE_SHEET), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
 
@@ -339,5 +248,5 @@ def notebook_png(figure: Any) -> tuple[bytes, dict[str, int]]:
     """A figure of matplotlib as PNG, and its size in pixels of the screen: it has more, so that it is sharp."""
     file = BytesIO()
     figure.savefig(file, format="png")
-    width, height = (float(side) for side in figure.get_size_inches())
-    return file.getvalue(), {"width": round(SCREEN_DPI * width), "height": round(SCREEN_DPI * height)}
+    width, height = (round(SCREEN_DPI * float(side)) for side in figure.get_size_inches())
+    return file.getvalue(), {"width": width, "height": height}

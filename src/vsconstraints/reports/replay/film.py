@@ -125,7 +125,7 @@ class Column:
         self.run, self.space = run, space
         self.letters = int(LETTERS * image.get_position().width * WIDTH)
         self.samples, self.states, self.things = frames.samples(run), frames.states(run), things_of(run)
-        plane = replace(Plane.of(run.setup), moving=())
+        plane = replace(Plane.of(run.setup), times=())
         plane.draw(image, labels=False)
         image.set_xticks([])
         image.set_yticks([])
