@@ -38,6 +38,7 @@ from vsconstraints.constraints import (
     robot_points,
 )
 from vsconstraints.errors import ConfigurationError, InvalidInput
+from vsconstraints.formulas import polylines
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import CONSTRAINTS
@@ -448,7 +449,7 @@ def test_clearance_at_a_concave_corner_is_that_of_the_nearest_side(
 ) -> None:
     """A heart's two sides, w u = r cos a and v = r sin a + |u|, meet in a corner at (0, r)."""
     if not compiled:
-        monkeypatch.setattr(boundary, "load", lambda name: None)
+        monkeypatch.setattr(boundary, "load", lambda name: polylines)
     heart = Occlusion(Curve(Heart(35.0, 0.8)), K=0.1, switching_gain=1.0)
     rng = np.random.default_rng(3)
     pixels = np.array([0.0, 35.0]) + rng.uniform(-6.0, 6.0, size=(800, 2))

@@ -30,19 +30,9 @@ class Joints(NamedTuple):
 
 @dataclass(frozen=True)
 class Address:
-    """Where an arm is: ``SCHEME://HOST:PORT?OPTION=VALUE&…``.
+    """Where an arm is: ``SCHEME://HOST:PORT?OPTION=VALUE&…``."""
 
-    Attributes
-    ----------
-    scheme
-        The driver's name.
-    host, port
-        Empty and None if they are not given.
-    options
-        Of the driver.
-    """
-
-    scheme: str
+    scheme: str  #: The driver's name.
     host: str = ""
     port: int | None = None
     options: Mapping[str, str] = field(default_factory=dict)
@@ -65,7 +55,7 @@ class Address:
         return cls(parts.scheme, host, port, options)
 
     def number(self, name: str, default: float) -> float:
-        """An option that is a positive number; raises ConfigurationError."""
+        """An option that is a number of zero or more; raises ConfigurationError."""
         text = self.options.get(name)
         try:
             value = default if text is None else float(text)
@@ -87,26 +77,13 @@ class Driver(ABC):
     """One kind of arm. Every call returns, or raises ArmError, within a bounded time.
 
     A new kind is a file with such a class, and a line in :data:`vsconstraints.arms.drivers.DRIVERS`.
-
-    Attributes
-    ----------
-    real
-        Whether what moves can hurt: such an arm moves only where that is confirmed.
-    simulated_time
-        Whether time passes only as setpoints are sent, so that nothing has to be waited for.
-    known
-        Options that an address may have.
-    takes
-        What is sent.
-    watchdog
-        What the arm does by itself where the loop falls silent, in words; empty if nothing is known of it.
     """
 
-    real: ClassVar[bool] = True
-    simulated_time: bool = False
-    known: ClassVar[tuple[str, ...]] = ()
-    takes: Takes = "position"
-    watchdog: str = ""
+    real: ClassVar[bool] = True  #: Whether what moves can hurt: such an arm moves only where that is confirmed.
+    simulated_time: bool = False  #: Whether time passes only as setpoints are sent: nothing has to be waited for.
+    known: ClassVar[tuple[str, ...]] = ()  #: Options that an address may have.
+    takes: Takes = "position"  #: What is sent.
+    watchdog: str = ""  #: What the arm does by itself where the loop falls silent, in words; empty if unknown.
 
     def __init__(self, address: Address, setup: Setup) -> None:
         for option in address.options:

@@ -30,31 +30,20 @@ class Setpoint:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Limits of what is sent to an arm, for n joints and one period.
-
-    Attributes
-    ----------
-    q_min, q_max, qd_max, acceleration, jerk
-        (n,) infinite where there is none; accelerations are always limited.
-    period
-        T_s [s].
-    """
+    """Limits (n,) of what is sent to an arm, infinite where there is none; accelerations are always limited."""
 
     q_min: Array
     q_max: Array
     qd_max: Array
     acceleration: Array
     jerk: Array
-    period: float
+    period: float  #: T_s [s].
 
     @classmethod
     def of(cls, robot: Robot, limits: ActuatorLimits, period: float) -> Envelope:
         """The robot's own ranges, speeds, accelerations and jerks, and the scenario's, whichever are less.
 
-        Raises
-        ------
-        ConfigurationError
-            if a joint's acceleration is not limited: a stop needs to know how hard it may brake.
+        Raises ConfigurationError if a joint's acceleration is not limited: a stop needs to know how hard it may brake.
         """
         least = {
             name: np.minimum(robot.limits.of_joint(name, robot.n), limits.of_joint(name, robot.n))
@@ -68,10 +57,7 @@ class Envelope:
         return cls(robot.q_min, robot.q_max, robot.qd_max, **least, period=period)
 
     def box(self, q: Array, qd: Array, last: Array) -> tuple[Array, Array]:
-        """(n,) least and greatest q̈ from a state after the command ``last``: every joint can still stop in its range.
-
-        See :func:`vsconstraints.formulas.limits.joint_box`.
-        """
+        """(n,) least and greatest q̈ from a state after the command ``last``, by :func:`.formulas.limits.joint_box`."""
         change = self.jerk * self.period
         own = JointLimits(self.acceleration, change, self.q_min, self.q_max, self.qd_max, 1, self.period)
         least, greatest = joint_box(q, qd, last, own)
@@ -113,14 +99,7 @@ def deceleration(speed: Array, jerk: Array, period: float) -> Array:
 
     Decelerations x, x − jT, x − 2jT, … as long as they are positive take T Σ (x − i jT) off the speed. With n of them
     behind x that is v = T ((n + 1) x − jT n (n + 1)/2), where n is the greatest with n (n + 1)/2 ≤ v/(jT²). Without a
-    limit of jerk x = v/T.
-
-    Parameters
-    ----------
-    speed, jerk
-        (n,) v and j, zero or more.
-    period
-        T [s].
+    limit of jerk x = v/T. Speeds v and jerks j are (n,), zero or more; the period is T [s].
     """
     step = np.where(np.isfinite(jerk), jerk * period, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -137,22 +116,12 @@ class Brake:
     Then all joints slow down alike, so that the arm goes on in a straight line of joint space: the joint that has least
     for its speed says how fast. Where that line would leave a range, each joint stops for itself as fast as it can.
 
-    Parameters
-    ----------
-    qdd
-        (n,) acceleration that was commanded last.
-    envelope
-        What must be kept.
-
-    Attributes
-    ----------
-    straight
-        Whether all joints slow down alike; None before that is decided.
+    It begins with the acceleration ``qdd`` (n,) that was commanded last.
     """
 
     def __init__(self, qdd: Array, envelope: Envelope) -> None:
         self.envelope = envelope
-        self.straight: bool | None = None
+        self.straight: bool | None = None  #: Whether all joints slow down alike; None before that is decided.
         self._last = np.where(np.isfinite(envelope.jerk), qdd, 0.0)
         self._limits: tuple[Array, Array] | None = None
 

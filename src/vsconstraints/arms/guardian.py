@@ -38,28 +38,13 @@ class Guardian:
     It has its own connection to the arm and nothing in common with this process, whose end it sees as silence. Signals
     of the terminal do not reach it.
 
-    Parameters
-    ----------
-    stop
-        What stops the arm: see :meth:`.Driver.stopper`.
-    patience
-        For how long it may hear nothing [s].
-
-    Attributes
-    ----------
-    process
-        The other one.
-    lost
-        Whether it has ended by itself.
-
-    Raises
-    ------
-    ConfigurationError
-        if the process cannot be started, or cannot use ``stop``.
+    ``stop`` is of :meth:`.Driver.stopper`, ``patience`` for how long it may hear nothing [s]. Raises
+    ConfigurationError if the process cannot be started, or cannot use ``stop``.
     """
 
     def __init__(self, stop: Callable[[], None], patience: float) -> None:
-        self.patience, self.lost = patience, False
+        self.patience = patience
+        self.lost = False  #: Whether the other process has ended by itself.
         pipe, words = subprocess.PIPE, [sys.executable, "-c", CODE]
         self.process = subprocess.Popen(words, stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True)
         assert self.process.stdin is not None

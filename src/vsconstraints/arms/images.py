@@ -32,12 +32,8 @@ class SimulatedImages:
     """The scenario's camera: its noise, image period, delay and lost images, seen from where the arm is measured to be.
 
     With ``sensor = "images"`` images are rendered and searched for tags, which takes longer than a period: that is for
-    dry runs in simulated time, and ``renders`` says so.
-
-    Raises
-    ------
-    ConfigurationError
-        if the scenario's camera is believed to be another one than it is: on an arm that is not a setting.
+    dry runs in simulated time, and ``renders`` says so. Raises ConfigurationError if the scenario's camera is believed
+    to be another one than it is: on an arm that is not a setting.
     """
 
     def __init__(self, setup: Setup) -> None:
@@ -77,20 +73,8 @@ class SimulatedImages:
 def image_source(name: str, setup: Setup, folder: Path | None = None) -> ImageSource | None:
     """The source of images, by its name; None where the image is predicted from the joints alone.
 
-    Parameters
-    ----------
-    name
-        ``simulated``, ``model``, or ``module:function`` for one's own: the function is given the setup and returns an
-        :data:`ImageSource`.
-    setup
-        What is run.
-    folder
-        Where own modules are looked for first.
-
-    Raises
-    ------
-    ConfigurationError
-        if there is none of that name, or the own function fails.
+    ``simulated``, ``model``, or ``module:function`` for one's own, looked for in ``folder`` first: it takes the setup,
+    and returns an :data:`ImageSource`. Raises ConfigurationError if there is none, or the own function fails.
     """
     if name == MODEL:
         return None

@@ -49,39 +49,20 @@ class TakenOver(BaseException):
 
 @dataclass(frozen=True)
 class Job:
-    """What is run on an arm.
+    """What is run on an arm."""
 
-    Attributes
-    ----------
-    setup
-        The scenario's; it starts at its q0.
-    controller
-        What commands.
-    driver
-        What speaks to the arm.
-    images
-        Where images come from; None where the image is predicted from the joints.
-    supervision
-        When the arm is braked.
-    from_arm
-        Whether to start where the arm stands, and not near the scenario's start alone.
-    """
-
-    setup: Setup
+    setup: Setup  #: The scenario's; it starts at its q0.
     controller: Controller
     driver: Driver
-    images: ImageSource | None = None
-    supervision: Supervision = field(default_factory=Supervision)
-    from_arm: bool = False
+    images: ImageSource | None = None  #: None where the image is predicted from the joints.
+    supervision: Supervision = field(default_factory=Supervision)  #: When the arm is braked.
+    from_arm: bool = False  #: Whether to start where the arm stands, and not near the scenario's start alone.
 
 
 def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
     """Run a law on an arm for the scenario's duration, or until anything is wrong; the arm is at rest at the end.
 
-    Returns
-    -------
-    tuple
-        The setup with the start that the arm had, and the log.
+    Returns the setup with the start that the arm had, and the log.
 
     Raises
     ------
@@ -101,7 +82,7 @@ def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
     try:
         driver.connect()
         setup = demand_start(setup, driver.read(), job.supervision, job.from_arm)
-        return setup, _Run(replace(job, setup=setup), envelope).carry_out()
+        return setup, _Run(replace(job, setup=setup), envelope).all_periods()
     finally:
         # the arm stands by now: what its driver still raises must not lose the log
         with suppress(BaseException):
@@ -109,17 +90,7 @@ def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
 
 
 class _Run:
-    """One run; the thread that runs it commands the arm, unless the watchdog has taken over.
-
-    Attributes
-    ----------
-    taken
-        Why the watchdog has taken over; empty if it has not.
-    silent
-        Whether the arm has not answered.
-    image_at, same_since
-        When the newest image with a marker was taken, and the first one that shows them where it does [s].
-    """
+    """One run; the thread that runs it commands the arm, unless the watchdog has taken over."""
 
     def __init__(self, job: Job, envelope: Envelope) -> None:
         setup = job.setup
@@ -127,7 +98,9 @@ class _Run:
         self.control, self.Ts = setup.control(), setup.Ts
         self.stream = Stream(job.driver, envelope, setup.q0, len(setup.scene.markers))
         self.control.plausible = job.supervision
-        self.taken, self.silent, self.image_at, self.same_since = "", False, 0.0, 0.0
+        self.taken, self.silent = "", False  #: Why the watchdog has taken over; whether the arm has not answered.
+        #: When the newest image with a marker was taken, and the first one that shows them where it does [s].
+        self.image_at = self.same_since = 0.0
         self.watchdog: Watchdog | None = None
         self.guardian: Guardian | None = None
         self._patience = max(job.supervision.hang_s, 5.0 * setup.Ts)
@@ -144,7 +117,7 @@ class _Run:
         self.control.reset()
         restart(self.job.controller, self.Ts, self.control.model)
 
-    def carry_out(self) -> ArmLog:
+    def all_periods(self) -> ArmLog:
         """All periods, and the stop."""
         stream, before = self.stream, usage()
         with requests_noted() as requests, self._guarded(), self._watched(requests):

@@ -72,13 +72,7 @@ Clock = RealClock | SimulatedClock
 
 @dataclass(frozen=True)
 class Permitted:
-    """What the system has permitted.
-
-    Attributes
-    ----------
-    fifo, locked
-        Why SCHED_FIFO and mlockall were refused; empty if they were granted, None if not asked for.
-    """
+    """Why SCHED_FIFO and mlockall were refused; empty if they were granted, None if not asked for."""
 
     fifo: str | None
     locked: str | None
@@ -97,18 +91,12 @@ class Permitted:
     def warnings(self) -> list[str]:
         """What was refused, and what would permit it."""
         advice = (
-            (
-                self.fifo,
-                "no real-time scheduling ({}): other programs can delay the loop by tens of milliseconds. "
-                f"`ulimit -r {PRIORITY}` permits it (/etc/security/limits.conf: rtprio)",
-            ),
-            (
-                self.locked,
-                "memory is not locked ({}): the loop can wait for a disk. `ulimit -l unlimited` permits it "
-                "(/etc/security/limits.conf: memlock)",
-            ),
+            "no real-time scheduling ({}): other programs can delay the loop by tens of milliseconds. "
+            f"`ulimit -r {PRIORITY}` permits it (/etc/security/limits.conf: rtprio)",
+            "memory is not locked ({}): the loop can wait for a disk. `ulimit -l unlimited` permits it "
+            "(/etc/security/limits.conf: memlock)",
         )
-        return [text.format(why) for why, text in advice if why]
+        return [text.format(why) for text, why in zip(advice, (self.fifo, self.locked), strict=True) if why]
 
 
 def usage() -> tuple[int, int, int]:
@@ -126,10 +114,7 @@ def usage() -> tuple[int, int, int]:
 def real_time(wanted: bool = True) -> Iterator[Permitted]:
     """Run this thread, and threads that it starts, with real-time priority as far as permitted; then as before.
 
-    Parameters
-    ----------
-    wanted
-        If not, only garbage collection is suspended.
+    Unless it is ``wanted``, only garbage collection is suspended.
     """
     collected = gc.isenabled()
     gc.collect()

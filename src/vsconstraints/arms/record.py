@@ -33,72 +33,41 @@ that ended it. ``stopped``: a signal asked for it."""
 
 
 class Period(NamedTuple):
-    """One period: times [s], and arrays (n,).
+    """One period: times [s], and arrays (n,)."""
 
-    ``scheduled`` and ``late`` are its scheduled start and its delay; ``rows_time`` and ``step_time`` the times of rows
-    with task, and of the law; ``busy`` of the whole period's work. ``q`` and ``qd`` are measured, ``sent_q`` and
-    ``sent_qd`` the setpoint for its end. ``pixels`` (M, 2) is the measured image, NaN without one; ``taken`` its time;
-    ``innovation`` (6,) its difference from the model's prediction, see
-    :data:`vsconstraints.vision.measurement.INNOVATIONS`. ``guarded``: the command was brought to the limits.
-    """
-
-    scheduled: float
-    late: float
-    rows_time: float
-    step_time: float
-    busy: float
-    q: Array
+    scheduled: float  #: When it was to start.
+    late: float  #: By how much it did so late.
+    rows_time: float  #: Of rows with task.
+    step_time: float  #: Of the law.
+    busy: float  #: Of the whole period's work.
+    q: Array  #: Measured.
     qd: Array
     qdd: Array
-    sent_q: Array
+    sent_q: Array  #: The setpoint for its end.
     sent_qd: Array
-    pixels: Array
-    taken: float
-    innovation: Array
-    guarded: bool
+    pixels: Array  #: (M, 2) the measured image, NaN without one.
+    taken: float  #: Its time.
+    innovation: Array  #: (6,) its difference from the prediction: :data:`vsconstraints.vision.measurement.INNOVATIONS`.
+    guarded: bool  #: Whether the command was brought to the limits.
     braking: bool
 
 
 @dataclass(frozen=True)
 class ArmLog:
-    """A run on an arm.
-
-    Attributes
-    ----------
-    ended, cause
-        How and why it ended; no cause if it is done.
-    signal
-        Number of the signal that asked for a stop; 0 if none did.
-    stop, at_rest
-        How the arm came to rest, in words, and whether it was seen to.
-    periods
-        All of them, those of the stop too.
-    missed
-        How many began later than the next should have.
-    Ts
-        Sampling time [s].
-    compiled
-        Whether rows, task and law all ran compiled.
-    remarks
-        What else a reader should know.
-    real_time
-        Whether time was the system's; simulated time waits for the loop, which then misses nothing.
-    bounds
-        Beyond which the arm would have been braked, by name: see :class:`.Supervision`.
-    """
+    """A run on an arm."""
 
     ended: Ended
-    cause: str
-    signal: int
-    stop: str
-    at_rest: bool
-    periods: Sequence[Period]
-    missed: int
-    Ts: float
-    compiled: bool = False
-    remarks: tuple[str, ...] = field(default=())
-    real_time: bool = False
-    bounds: Mapping[str, float] = field(default_factory=dict)
+    cause: str  #: Why it ended; empty if it is done.
+    signal: int  #: Number of the signal that asked for a stop; 0 if none did.
+    stop: str  #: How the arm came to rest, in words.
+    at_rest: bool  #: Whether it was seen to.
+    periods: Sequence[Period]  #: All of them, those of the stop too.
+    missed: int  #: How many began later than the next should have.
+    Ts: float  #: Sampling time [s].
+    compiled: bool = False  #: Whether rows, task and law all ran compiled.
+    remarks: tuple[str, ...] = ()  #: What else a reader should know.
+    real_time: bool = False  #: Whether time was the system's; simulated time waits for the loop, which misses nothing.
+    bounds: Mapping[str, float] = field(default_factory=dict)  #: Of :class:`.Supervision`, by name.
 
     def column(self, name: str) -> Array:
         """(N, …) one field of all periods."""
@@ -119,22 +88,12 @@ class ArmLog:
 
 @dataclass(frozen=True)
 class Punctuality:
-    """How late periods began, and how long their work took.
+    """How late periods began, and how long their work took."""
 
-    Attributes
-    ----------
-    late, busy
-        (N,) [s].
-    missed
-        How many began a period late, or later.
-    Ts
-        [s].
-    """
-
-    late: Array
-    busy: Array
-    missed: int
-    Ts: float
+    late: Array  #: (N,) [s].
+    busy: Array  #: (N,) [s].
+    missed: int  #: How many began a period late, or later.
+    Ts: float  #: [s].
 
     def numbers(self) -> dict[str, float]:
         """What is printed and stored: [s], but for counts."""
@@ -232,44 +191,24 @@ class _Repeated(Controller):
     define = solve = command
 
 
-@dataclass(frozen=True)
-class _RecordedSetup(Setup):
-    """A setup whose robot was measured: ``states`` (N, 2, n) are q and q̇."""
-
-    states: Array = ()  # type: ignore[assignment]
-
-    def plant(self) -> Plant:
-        """The robot, where it was."""
-        return _Recorded(self.states, self.Ts)
-
-
 def trajectory_of(setup: Setup, log: ArmLog, where: str) -> Trajectory:
-    """The trajectory of a run on an arm, scored as a simulation is, with the robot where it was measured.
+    """The trajectory of a run on an arm of at least two periods, scored as a simulation is; ``where`` names the arm.
 
-    Rows, markers and camera are those of the model at the measured joints. A run that was ended includes the periods of
-    its stop. Status and reason say that it was on an arm.
-
-    Parameters
-    ----------
-    setup
-        What was run, with the start that the arm had.
-    log
-        Its log: at least two periods.
-    where
-        The arm, in words.
+    The robot is where it was measured, the start is the arm's; rows, markers and camera are those of the model there. A
+    run that was ended includes the periods of its stop. Status and reason say that it was on an arm.
     """
+
+    class Recorded(Setup):
+        def plant(self) -> Plant:
+            return _Recorded(states, self.Ts)
+
     done = log.ended == "done"
     kept = ~log.braking if done else np.ones(len(log.periods), dtype=np.bool_)
     states = np.stack([log.column("q")[kept], log.column("qd")[kept]], axis=1)
-    settings = {
-        **{each.name: getattr(setup, each.name) for each in fields(Setup)},
-        "duration": (len(states) - 1) * setup.Ts,
-        "disturbances": Disturbances(),
-        "dynamics": None,
-        "images": None,
-        "actuation": "acceleration",
-    }
-    run = simulate(_RecordedSetup(**settings, states=states), _Repeated(log.column("qdd")[kept]), remarks=())
+    undisturbed = {"disturbances": Disturbances(), "dynamics": None, "images": None, "actuation": "acceleration"}
+    settings = {each.name: getattr(setup, each.name) for each in fields(Setup)} | undisturbed
+    settings["duration"] = (len(states) - 1) * setup.Ts
+    run = simulate(Recorded(**settings), _Repeated(log.column("qdd")[kept]), remarks=())
     status = {"aborted": "aborted", "failed": "failed", "stopped": "unfinished"}.get(log.ended, run.status)
     reason = (run.reason,) if done else (log.cause, log.stop)
     return replace(
@@ -295,21 +234,8 @@ def store(
 ) -> tuple[Trajectory | None, Finished]:
     """Write the log, then the run as a comparison's, with tracking alone simulated beside it.
 
-    Parameters
-    ----------
-    folder
-        Where to.
-    suite
-        One scenario and one controller.
-    setup, log, where
-        See :func:`trajectory_of`.
-    command
-        The command line.
-
-    Returns
-    -------
-    tuple
-        The run's trajectory, None if there are less than two periods, and the comparison.
+    The suite is of one scenario and one controller; see :func:`trajectory_of` for the others. Returns the run's
+    trajectory, None if there are less than two periods, and the comparison.
     """
     (folder / ARM).mkdir(parents=True, exist_ok=True)
     (folder / "trajectories").mkdir(exist_ok=True)

@@ -42,35 +42,7 @@ STILL = 0.01
 class Stream:
     """Integrates accelerations to setpoints, and sends them, checked once more, at the beginning of periods.
 
-    Parameters
-    ----------
-    driver
-        Connected.
-    envelope
-        What must be kept.
-    q
-        (n,) where the arm stands.
-    markers
-        How many there are, for the log.
-
-    Attributes
-    ----------
-    clock
-        The system's, or one that goes as fast as the loop.
-    sent
-        What was sent last.
-    periods
-        The log.
-    missed, shift
-        How many periods began late by one or more, and by how much the schedule was moved for that [s].
-    begun
-        When the first period began, by the clock.
-    turn
-        Held by the thread that speaks to the arm.
-    stop
-        How the arm came to rest, in words, and whether setpoints brought it there.
-    safe
-        Whether it is at rest, or has taken it that it is to stop.
+    The driver is connected, the arm stands at ``q`` (n,), and the log has so many ``markers``.
     """
 
     def __init__(self, driver: Driver, envelope: Envelope, q: Array, markers: int) -> None:
@@ -80,8 +52,12 @@ class Stream:
         self._filter = OrderFilter(q, np.zeros_like(q), self.Ts)
         self._no_image, self._sent_at = np.full((markers, 2), np.nan), np.inf
         self.periods: list[Period] = []
-        self.missed, self.shift, self.begun = 0, 0.0, 0.0
-        self.turn, self.stop, self.safe = threading.Lock(), ("", False), False
+        #: How many periods began late by one or more, and by how much the schedule was moved for that [s].
+        self.missed, self.shift = 0, 0.0
+        self.begun = 0.0  #: When the first period began, by the clock.
+        self.turn = threading.Lock()  #: Held by the thread that speaks to the arm.
+        self.stop = "", False  #: How the arm came to rest, in words, and whether setpoints brought it there.
+        self.safe = False  #: Whether it is at rest, or has taken it that it is to stop.
 
     def begin(self) -> None:
         """The first period begins now."""
@@ -128,14 +104,9 @@ class Stream:
         self.sent, self._sent_at = setpoint, self.clock.now()
 
     def bring_to_rest(self, by_arm: bool, alive: Callable[[], None]) -> None:
-        """Bring the arm to rest: by setpoints or, where it does not take them, by its own means. See :attr:`stop`.
+        """Bring the arm to rest: by setpoints or, if it is known not to take them, ``by_arm``. See :attr:`stop`.
 
-        Parameters
-        ----------
-        by_arm
-            Whether it is known not to take them.
-        alive
-            Called in each period.
+        ``alive`` is called in each period.
         """
         trouble, self.safe = "", False
         try:

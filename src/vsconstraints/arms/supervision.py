@@ -21,32 +21,15 @@ from .driver import Joints
 
 @dataclass(frozen=True)
 class Supervision(Plausible):
-    """Bounds beyond which the arm is braked; those of :class:`.Plausible` are of what is measured.
+    """Bounds beyond which the arm is braked; those of :class:`.Plausible` are of what is measured."""
 
-    Attributes
-    ----------
-    start_rad
-        How far a joint may be from the scenario's start [rad or m].
-    rest_rad_s
-        How fast a joint may move before the start [rad/s or m/s].
-    following_rad
-        How far a joint may be from where it was sent [rad or m].
-    late_s
-        How late a period may begin [s]; what is later than a whole period counts as missed.
-    begin_s
-        How long the arm may take to be ready for setpoints, while it stands [s].
-    hang_s
-        How long the loop may say nothing before another thread brakes the arm [s]; five periods if that is longer. An
-        arm's own watchdog should wait longer, or it comes first.
-    image_s
-        How old an image may be, and the newest one with a marker [s].
-    """
-
-    start_rad: float = 0.02
-    rest_rad_s: float = 0.01
-    following_rad: float = 0.1
-    late_s: float = 0.02
-    begin_s: float = 2.0
+    start_rad: float = 0.02  #: How far a joint may be from the scenario's start [rad or m].
+    rest_rad_s: float = 0.01  #: How fast a joint may move before the start [rad/s or m/s].
+    following_rad: float = 0.1  #: How far a joint may be from where it was sent [rad or m].
+    late_s: float = 0.02  #: How late a period may begin [s]; later than a whole period, it counts as missed.
+    begin_s: float = 2.0  #: How long the arm may take to be ready for setpoints, while it stands [s].
+    #: How long the loop may say nothing before another thread brakes the arm [s]; five periods if that is longer. An
+    #: arm's own watchdog should wait longer, or it comes first.
     hang_s: float = 0.05
 
     def __post_init__(self) -> None:
@@ -56,23 +39,10 @@ class Supervision(Plausible):
 
 
 def demand_start(setup: Setup, state: Joints, supervision: Supervision, from_arm: bool) -> Setup:
-    """The setup with the start that the arm has.
+    """The scenario's setup with the start that the arm has, which may be elsewhere if it is to start ``from_arm``.
 
-    Parameters
-    ----------
-    setup
-        The scenario's.
-    state
-        Where the arm is.
-    supervision
-        How near to the scenario's start that must be, and how nearly at rest.
-    from_arm
-        Whether it may start elsewhere.
-
-    Raises
-    ------
-    ConfigurationError
-        if it is elsewhere, moves, or cannot start there (:meth:`Setup.check_start`), or if gradients have errors.
+    Raises ConfigurationError if the arm is elsewhere, moves, or cannot start there (:meth:`Setup.check_start`), or if
+    gradients have errors.
     """
     n = setup.scene.robot.n
     if state.q.shape != (n,) or state.qd.shape != (n,):
@@ -106,20 +76,11 @@ TAKE_OVER = signal.SIGUSR1
 
 
 class Requests:
-    """Signals that asked for a stop.
-
-    Attributes
-    ----------
-    signal
-        Number of the first one; 0 while there is none.
-    raising
-        What a signal raises from now on, if the main thread is inside a period; until then it is noted.
-    inside
-        Whether it is.
-    """
+    """Signals that asked for a stop."""
 
     def __init__(self) -> None:
-        self.signal = 0
+        self.signal = 0  #: Number of the first one; 0 while there is none.
+        #: What a signal raises from now on, if the main thread is inside a period; until then it is noted.
         self.raising: Callable[[], BaseException] | None = None
         self.inside = False
 
@@ -162,15 +123,7 @@ def requests_noted() -> Iterator[Requests]:
 
 
 class Watchdog(threading.Thread):
-    """Acts once if no heartbeat comes for too long.
-
-    Parameters
-    ----------
-    patience
-        How long [s].
-    act
-        What it does, in its own thread.
-    """
+    """Acts once, in its own thread, if no heartbeat comes for longer than its patience [s]."""
 
     def __init__(self, patience: float, act: Callable[[], None]) -> None:
         super().__init__(daemon=True, name="watchdog")

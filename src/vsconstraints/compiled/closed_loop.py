@@ -10,7 +10,7 @@ from ..formulas.limits import JointLimits
 from ..rows import IntArray
 from . import samples
 from .compiler import IN_PLACE, compiled, in_place, register_formulas
-from .laws import carry_out, load_law
+from .laws import apply_law, load_law
 from .parts import address, call_int_pointer, checked, monotonic, struct_loader
 from .samples import ALONE, LAW, STEP, Goals, Kept, Loop, PlantArrays, Running
 from .step import evaluate_step
@@ -60,7 +60,7 @@ def now(clock: IntArray) -> float:
 @in_place
 def law_solved(law_address: int, loop: Loop, answer: Answer) -> bool:
     """Run a law; False if Python has to run it."""
-    code = carry_out(law_address, loop.rows, loop.task, answer)
+    code = apply_law(law_address, loop.rows, loop.task, answer)
     return code == SOLVED or code >= RELAXED_ROWS
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..rows import Array
 from .compiler import IN_PLACE, compiled
-from .laws import carry_out, load_answer
+from .laws import apply_law, load_answer
 from .parts import address, call_int_pointer, load_step
 from .step import evaluate_step
 from .structures import NEEDS_PYTHON
@@ -25,7 +25,7 @@ def command_by(evaluate: int, step: int, law: int, answer: int, t: float, q: Arr
     if call_int_pointer(evaluate, (step, t, q, qd)) != 0:
         return REFUSED
     now, given = load_step(step), load_answer(answer)
-    code: int = carry_out(law, now.rows, now.task, given)
+    code: int = apply_law(law, now.rows, now.task, given)
     if code != NEEDS_PYTHON:
         for j in range(len(now.limits.acceleration)):
             now.last_command[j] = given.qdd[j]

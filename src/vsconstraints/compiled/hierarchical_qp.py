@@ -1,4 +1,4 @@
-"""The resolvers ``hierarchy``, ``filter`` and ``scaling``, compiled: their demands, given to the descent."""
+"""The resolvers ``hierarchy``, ``filter`` and ``scaling``, compiled: their demands, handed to the descent."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from .hierarchy import Demands, Priorities, Resolved, hierarchy
 from .laws import RESOLVER, load_law, within
 from .least_violation import GREATEST, LEAST
 from .linear import finite
-from .parts import call_int_pointer
-from .resolving import checkable, follow_alone, rates, remember, valid
+from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import emptied, matrix
 from .structures import FAILED, NEAREST, NEEDS_PYTHON, SCALED, STRICT, Answer, LawArrays, RowArrays, TaskArrays
 
@@ -40,15 +39,11 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     """See :class:`vsconstraints.controllers.resolvers.Hierarchy`, ``Filter`` and ``Scaling``.
 
     Their options are the rank tolerance, half the width of their own box or infinity, the damping, and ``STRICT`` for
-    the hierarchy, ``NEAREST`` or ``WEIGHED`` for the filter in joint and task space, or ``SCALED`` for scaling.
-
-    Returns
-    -------
-    int
-        The code of :func:`vsconstraints.compiled.hierarchy.hierarchy`, or ``NEEDS_PYTHON``.
+    the hierarchy, ``NEAREST`` or ``WEIGHED`` for the filter in joint and task space, or ``SCALED`` for scaling. Returns
+    the code of :func:`vsconstraints.compiled.hierarchy.hierarchy`, or ``NEEDS_PYTHON``.
     """
     law = load_law(address)
-    if not valid(law, rows, task, answer) or answer.slack.size != rows.phi.size or answer.iterations.size == 0:
+    if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
     tolerance, bound, damping, aim = law.options[0], law.options[1], law.options[2], law.options[3]
     m, n, qdd, scratch = rows.phi.size, answer.qdd.size, answer.qdd, emptied(law)
@@ -58,22 +53,20 @@ def descend(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     J, b, rest = task.J, task.b, task.rest
     if aim == NEAREST or law.tracks != 0:
         follow_alone(law, task, answer)
-    c = law.asked
-    if call_int_pointer(law.demand, (address, rows, rates(law, rows, qdd), BOUND, law.after, c)):
+    if not demanded(address, law, rows, qdd, BOUND):
         return NEEDS_PYTHON
     kappa = scale_down(law, rows, box, qdd) if aim == SCALED else 1.0
     if aim in (NEAREST, SCALED):
         J, b, rest = np.eye(n), qdd.copy(), rest[:0]
     weights = law.weights if law.weights.size == m else np.ones(m)
-    demands, priorities = Demands(rows.Lg, c, rows.scale, weights), Priorities(box, damping, tolerance, aim == STRICT)
+    priorities = Priorities(box, damping, tolerance, aim == STRICT)
     resolved = Resolved(qdd, answer.slack, answer.acted)
+    demands = Demands(rows.Lg, law.asked, rows.scale, weights)
     code, answer.iterations[0] = hierarchy(demands, J, b, rest, priorities, resolved, scratch)
     if code == FAILED:
         return FAILED
-    if not (checkable(law, rows, qdd) and finite(answer.slack)):
+    if not finite(answer.slack):
         return NEEDS_PYTHON
-    if kappa < 1.0:
-        for i in range(m):
-            answer.acted[i] |= law.tracked[i] <= kappa
-    remember(law, rows, qdd)
-    return code
+    for i in range(m if kappa < 1.0 else 0):
+        answer.acted[i] |= law.tracked[i] <= kappa
+    return finished(law, rows, qdd, code)

@@ -19,8 +19,7 @@ _one, _two, _count = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
 _law = LawArrays(1, 1, 1, 1, 1, 1.0, _one, _one, _one, _two, *(_one,) * 3, _two, _one, _one, Scratch(_one, _count))
 _answer = Answer(_one, np.zeros(1, dtype=np.bool_), _one, _count, _one)
 
-ROWS = type_of(RowArrays(_one, _two, *(_one,) * 8))
-TASK = type_of(TaskArrays(_two, *(_one,) * 4))
+ROWS, TASK = type_of(RowArrays(_one, _two, *(_one,) * 8)), type_of(TaskArrays(_two, *(_one,) * 4))
 SCRATCH = type_of(_law.scratch)
 
 RESOLVER = signature(INT, INT, ROWS, TASK, type_of(_answer))
@@ -34,7 +33,7 @@ load_law, load_answer = struct_loader(_law), struct_loader(_answer)
 
 
 @in_place
-def given(x: Array, i: int) -> float:
+def or_nan(x: Array, i: int) -> float:
     """x[i], or NaN where nothing is given."""
     return x[i] if i < x.size else math.nan
 
@@ -56,16 +55,16 @@ def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: 
             row = Row(
                 rows.phi[i],
                 rows.Lf[i],
-                given(rows.sigma, i),
-                given(rows.sigma_dot, i),
-                given(rows.K, i),
+                or_nan(rows.sigma, i),
+                or_nan(rows.sigma_dot, i),
+                or_nan(rows.K, i),
                 rows.switching_gain[i],
                 rows.scale[i],
-                given(tracked, i),
+                or_nan(tracked, i),
                 math.sqrt(law.squared[i]),
                 total,
                 law.effort[0],
-                given(law.last_rates, i),
+                or_nan(law.last_rates, i),
                 law.period,
                 law.memory[i] if memory else law.parameters,
             )
@@ -86,18 +85,10 @@ def demand_part(formula: Callable[..., Any], count: int, memory: int, relative: 
 
 @cache
 def demand(formula: Callable[..., Any], count: int, memory: int, relative: bool, everywhere: bool) -> Any:
-    """The demands of all rows by one formula, compiled; None if numba refuses it: a RuntimeWarning then tells why.
+    """The demands of all rows by a formula of a :class:`.Row` and ``count`` parameters, compiled.
 
-    Parameters
-    ----------
-    formula
-        Of a :class:`.Row` and ``count`` parameters.
-    memory
-        How many floats it remembers of a row; it then returns a tuple of c and these.
-    relative
-        Whether it gives c − L_gφ q̈_track.
-    everywhere
-        Whether rows act wherever they demand something; otherwise only where tracking would exceed it.
+    None if numba refuses it: a RuntimeWarning then says why. With ``memory``, it returns a tuple of c and that many
+    floats; ``relative`` and ``everywhere`` are those of :class:`vsconstraints.controllers.demands.Demand`.
     """
     try:
         return make_part(demand_part, (formula,), (count, memory, int(relative), int(everywhere)), DEMAND)
@@ -123,7 +114,7 @@ def write_rates(Lg: Array, qdd: Array, out: Array) -> None:
 
 
 @in_place
-def carry_out(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
+def apply_law(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """Ask the resolver of the law at an address, and bring what it answers into the box of the rows; its code."""
     law = load_law(address)
     code: int = call_int_pointer(law.resolver, (address, rows, task, answer))
@@ -165,21 +156,10 @@ OUTPUTS = "float64[::1], boolean[::1], float64[::1], int64[::1]"
     IN_PLACE,
 )
 def follow(
-    law: int,
-    m: int,
-    phi: Array,
-    Lg: Array,
-    Lf: Array,
-    gain: Array,
-    scale: Array,
-    J: Array,
-    b: Array,
-    qdd: Array,
-    acted: BoolArray,
-    slack: Array,
-    iterations: IntArray,
-) -> int:
-    """Carry out the law at an address, which uses no more than these of m rows and a task; returns its code."""
+    law: int, m: int, phi: Array, Lg: Array, Lf: Array, gain: Array, scale: Array, J: Array, b: Array,
+    qdd: Array, acted: BoolArray, slack: Array, iterations: IntArray,
+) -> int:  # fmt: skip
+    """Apply the law at an address, which uses no more than these of m rows and a task; returns its code."""
     none = phi[:0]
     if phi.size != m or acted.size != m:
         return NEEDS_PYTHON
@@ -196,28 +176,10 @@ def follow(
     IN_PLACE,
 )
 def follow_whole(
-    law: int,
-    m: int,
-    phi: Array,
-    Lg: Array,
-    Lf: Array,
-    sigma: Array,
-    sigma_dot: Array,
-    K: Array,
-    gain: Array,
-    scale: Array,
-    qdd_min: Array,
-    qdd_max: Array,
-    J: Array,
-    b: Array,
-    error: Array,
-    error_rate: Array,
-    rest: Array,
-    qdd: Array,
-    acted: BoolArray,
-    slack: Array,
-    iterations: IntArray,
-) -> int:
+    law: int, m: int, phi: Array, Lg: Array, Lf: Array, sigma: Array, sigma_dot: Array, K: Array, gain: Array,
+    scale: Array, qdd_min: Array, qdd_max: Array, J: Array, b: Array, error: Array, error_rate: Array, rest: Array,
+    qdd: Array, acted: BoolArray, slack: Array, iterations: IntArray,
+) -> int:  # fmt: skip
     """As :func:`follow`, with all that rows and task may say."""
     if phi.size != m or acted.size != m or not (fits(sigma, m) and fits(sigma_dot, m) and fits(K, m)):
         return NEEDS_PYTHON
@@ -225,8 +187,7 @@ def follow_whole(
         return NEEDS_PYTHON
     if not bounds(qdd_min, qdd_max, qdd.size):
         return NEEDS_PYTHON
-    none = phi[:0]
     rows = RowArrays(phi, Lg, Lf, sigma, sigma_dot, K, gain, scale, qdd_min, qdd_max)
     task = TaskArrays(J, b, error, error_rate, rest)
-    code: int = carry_out(law, rows, task, Answer(qdd, acted, slack, iterations, none))
+    code: int = apply_law(law, rows, task, Answer(qdd, acted, slack, iterations, phi[:0]))
     return code

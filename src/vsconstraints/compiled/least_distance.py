@@ -17,6 +17,7 @@ from .linear import (
     constant,
     copy,
     dot,
+    length,
     make_reflection,
     solve_lower,
     solve_upper,
@@ -71,7 +72,7 @@ def normalise(G: Array, rows: Array, R: Array, S: Array) -> bool:
 
 
 @inner
-def most_violated(G: Array, rows: Array, X: Array, length: float) -> int:
+def most_violated(G: Array, rows: Array, X: Array, size: float) -> int:
     """The row that the point exceeds most, by more than rounding; writes all excesses."""
     p, m = G.shape
     chosen, worst = NONE, 0.0
@@ -81,7 +82,7 @@ def most_violated(G: Array, rows: Array, X: Array, length: float) -> int:
         add(rows, EXCESS, X[POINT, j], G, j, START, m)
     for i in range(m):
         excess = rows[EXCESS, i]
-        if excess > worst and excess > EXCEEDED * (length + abs(rows[SIDE, i])):
+        if excess > worst and excess > EXCEEDED * (size + abs(rows[SIDE, i])):
             chosen, worst = i, excess
     return chosen
 
@@ -95,6 +96,16 @@ def drop(G: Array, F: Array, T: Array, X: Array, active: IntArray, leaving: int,
             F[j, i] = G[i, active[j]]
         apply_transposed(F, T, j, F, j)
         make_reflection(F, T, j)
+
+
+@inner
+def longest_step(X: Array, q: int) -> tuple[int, float]:
+    """Which active row's multiplier is the first to become zero on the way, if any does, and at what step."""
+    leaving, step = NONE, math.inf
+    for j in range(q):
+        if X[RATIO, j] > 0.0 and X[FORCE, j] < step * X[RATIO, j]:
+            leaving, step = j, X[FORCE, j] / X[RATIO, j]
+    return leaving, step
 
 
 @inner
@@ -113,10 +124,7 @@ def reach(G: Array, rows: Array, F: Array, T: Array, X: Array, active: IntArray,
         copy(X, RATIO, X, NEW, q)
         solve_upper(F, T, q, X, RATIO)
         outside = dot(X, NEW, X, NEW, q, p)
-        leaving, step = NONE, math.inf
-        for j in range(q):
-            if X[RATIO, j] > 0.0 and X[FORCE, j] < step * X[RATIO, j]:
-                leaving, step = j, X[FORCE, j] / X[RATIO, j]
+        leaving, step = longest_step(X, q)
         if math.sqrt(outside) > DEPENDENT:
             full = excess / outside
             if full <= step:
@@ -150,20 +158,20 @@ def recompute(rows: Array, F: Array, T: Array, X: Array, active: IntArray, q: in
 
 
 @inner
-def proved(G: Array, rows: Array, X: Array, active: IntArray, q: int, length: float) -> bool:
+def proved(G: Array, rows: Array, X: Array, active: IntArray, q: int, size: float) -> bool:
     """Whether rows are met, multipliers only where a row is reached, and the point a sum of those rows."""
     p, m = G.shape
-    met = length < math.inf
+    met = size < math.inf
     for i in range(m):
-        met = met and rows[EXCESS, i] <= OPTIMAL * (length + abs(rows[SIDE, i]))
+        met = met and rows[EXCESS, i] <= OPTIMAL * (size + abs(rows[SIDE, i]))
     copy(X, NEW, X, POINT, p)
     for i in range(q):
         row = active[i]
         rows[MULTIPLIER, row] = X[FORCE, i]
-        met = met and X[FORCE, i] * abs(rows[EXCESS, row]) <= OPTIMAL * length * length
+        met = met and X[FORCE, i] * abs(rows[EXCESS, row]) <= OPTIMAL * size * size
         for j in range(p):
             X[NEW, j] += X[FORCE, i] * G[j, row]
-    return met and math.sqrt(dot(X, NEW, X, NEW, START, p)) <= OPTIMAL * length
+    return met and length(X, NEW, p) <= OPTIMAL * size
 
 
 @inner
@@ -172,27 +180,15 @@ def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratc
 
     In u = R y + r, and with rows of unit norm, this is the point of Gᵀ u ≤ h nearest to the origin. The most violated
     row is added to the active ones; those whose multiplier would turn negative on the way leave. The active rows are
-    kept as a QR factorization, and the point and the multipliers are computed from it anew after every addition, so
-    that errors do not accumulate. Each addition makes the point longer, so that no set of active rows returns; one that
-    does not, by rounding, ends the search.
+    kept as a QR factorization, and the point and the multipliers are computed from it anew after every addition. Each
+    addition makes the point longer, so that no set of active rows returns; one that does not, by rounding, ends the
+    search. (Goldfarb, Idnani, "A numerically stable dual method for solving strictly convex quadratic programs",
+    Mathematical Programming, 1983.)
 
-    Reference: Goldfarb, Idnani, "A numerically stable dual method for solving strictly convex quadratic programs",
-    Mathematical Programming, 1983.
-
-    Parameters
-    ----------
-    G
-        (p, m), a column for each row of the problem, so that all are worked on at once; used up.
-    rows
-        (4, m): h, where ∞ is no row at all; space for use here; and the outputs: the multipliers of rows of unit norm,
-        and the inverses of the norms.
-    R, S
-        (p + 1, p) and (3, p): the upper triangular matrix by columns, with r as the last one, and the inverses of its
-        diagonal in the first row.
-    X
-        (5, p) or more columns, for use here; the first p entries of its first row are the answer y.
-    scratch
-        For use here.
+    ``G`` (p, m) has a column for each row of the problem, so that all are worked on at once, and is used up. ``rows``
+    (4, m) has h in SIDE, where ∞ is no row at all, and gets the multipliers of rows of unit norm and the inverses of
+    the norms. ``R`` (p + 1, p) is upper triangular by columns, with r as the last one; ``S`` (3, p) has the inverses of
+    its diagonal in the first row. The first p entries of the first row of ``X`` (5, p) or wider are the answer y.
     """
     p, m = G.shape
     F, T, active = matrix(scratch, p, p), matrix(scratch, S_ROWS, p), np.empty(p, np.int64)
@@ -200,12 +196,10 @@ def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratc
         return FAILED, 0
     for j in range(p):
         X[POINT, j] = 0.0
-    q, steps = START, 0
-    length, before = 0.0, -1.0
-    met = False
+    q, steps, size, before, met = START, 0, 0.0, -1.0, False
     for steps in range(10 * (m + p)):
-        chosen = most_violated(G, rows, X, length)
-        met = chosen < 0 or not length > before
+        chosen = most_violated(G, rows, X, size)
+        met = chosen < 0 or not size > before
         if met:
             break
         q = reach(G, rows, F, T, X, active, chosen, q)
@@ -216,8 +210,8 @@ def nearest(G: Array, rows: Array, R: Array, S: Array, X: Array, scratch: Scratc
         active[q] = chosen
         q += 1
         recompute(rows, F, T, X, active, q)
-        before, length = length, math.sqrt(dot(X, POINT, X, POINT, START, p))
-    met = proved(G, rows, X, active, q, length) and met
+        before, size = size, length(X, POINT, p)
+    met = proved(G, rows, X, active, q, size) and met
     add(X, POINT, -1.0, R, p, START, p)
     solve_upper(R, S, p, X, POINT)
     return (SOLVED if met else FAILED), steps

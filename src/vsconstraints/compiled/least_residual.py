@@ -6,13 +6,28 @@ import math
 
 import numpy as np
 
-from ..rows import Array, BoolArray
+from ..rows import Array, BoolArray, IntArray
 from ..rows.tolerances import WELL_CONDITIONED
 from .compiler import inner
 from .least_distance import DEPENDENT
 from .least_squares import CERTAIN, orthogonalise, pseudoinverse
 from .levels import CENTER
-from .linear import ONE, S_ROWS, START, WORK, apply, apply_transposed, constant, dot, make_reflection, solve_upper
+from .linear import (
+    ONE,
+    S_ROWS,
+    START,
+    WORK,
+    add,
+    apply,
+    apply_transposed,
+    constant,
+    copy,
+    dot,
+    length,
+    make_reflection,
+    solve_upper,
+    squares,
+)
 from .scratch import no_scratch
 
 REACHED = 1e-12
@@ -29,16 +44,52 @@ ROW = constant(0)
 def take(F: Array, T: Array, q: int, A: Array, i: int) -> int:
     """Add the row A[i] to the q rows that F and T are the QR of; 1, or 0 if it depends on them."""
     n = F.shape[1]
-    length = math.sqrt(dot(A, i, A, i, START, n))
-    if q == n or length == 0.0:
+    size = length(A, i, n)
+    if q == n or size == 0.0:
         return 0
     for j in range(n):
-        F[q, j] = A[i, j] / length
+        F[q, j] = A[i, j] / size
     apply_transposed(F, T, q, F, q)
     if math.sqrt(dot(F, q, F, q, q, n)) <= DEPENDENT:
         return 0
     make_reflection(F, T, q)
     return 1
+
+
+@inner
+def task_step(G: Array, C: Array, X: Array, F: Array, T: Array, q: int, tolerance: float, Y: Array) -> float:
+    """Write the step of least norm within the null space of q rows and the force of the task; how far G goes by it."""
+    k, n = G.shape[0], X.shape[1]
+    W, moved = np.empty((k, n + 1)), 0.0
+    for j in range(n):
+        Y[ONE, j] = Y[WORK, j] = 0.0
+    for i in range(k):
+        W[i, n] = dot(G, i, C, CENTER, START, n) - dot(G, i, X, ROW, START, n)
+        copy(W, i, G, i, n)
+        add(Y, WORK, W[i, n], G, i, START, n)
+        apply_transposed(F, T, q, W, i)
+    if q < n:
+        pseudoinverse(W, q, CERTAIN * tolerance, tolerance, G, Y, ONE, no_scratch())
+        apply(F, T, q, Y, ONE)
+        for i in range(k):
+            moved += dot(G, i, Y, ONE, START, n) ** 2
+    return math.sqrt(moved)
+
+
+@inner
+def first_in_the_way(walls: Array, sides: Array, X: Array, Y: Array, order: IntArray, count: int) -> tuple[float, int]:
+    """How far the step leads, 1 at most, and which row, not yet active, is in the way, or −1."""
+    n, step, blocking = X.shape[1], 1.0, -1
+    stride = length(Y, ONE, n)
+    for i in range(walls.shape[0]):
+        change, taken = dot(walls, i, Y, ONE, START, n), False
+        for at in range(count):
+            taken = taken or order[at] == i
+        if not taken and change > REACHED * stride * length(walls, i, n):
+            reached = max(0.0, sides[i] - dot(walls, i, X, ROW, START, n)) / change
+            if reached < step:
+                step, blocking = reached, i
+    return step, blocking
 
 
 @inner
@@ -51,42 +102,20 @@ def least_residual(
     that are active it takes the step of eq. (15): the task's step of least norm within their null space. The first row
     in the way becomes active, and where no step is left the one that pulls most the wrong way is let go.
 
-    Parameters
-    ----------
-    G
-        (k, n) or more columns: the task.
-    C
-        Its minimiser without rows is the row ``CENTER`` of this.
-    E
-        (e, n) or more columns: what stays as it is.
-    walls, sides
-        (w, n) and (w,).
-    X
-        (1, n): the point.
-    active
-        (w,) rows that are active at first; then those that hold the task back.
-    tolerance
-        Singular values of G within the null space of the active rows below this fraction of ‖G‖ count as zero: the
-        task does not ask for directions that the rows nearly take from it.
-
-    Returns
-    -------
-    bool
-        Whether no point has a smaller residual.
+    ``G`` (k, n) or wider is the task, the row ``CENTER`` of ``C`` its minimiser without rows; ``E`` (e, n) or wider,
+    ``walls`` (w, n), ``sides`` (w,), ``X`` (1, n). ``active`` (w,) are the rows that are active at first; then those
+    that hold the task back. Singular values of G within the null space of the active rows below the tolerance times ‖G‖
+    count as zero: the task does not ask for directions that the rows nearly take from it. Returns whether no point has
+    a smaller residual.
     """
-    k, n, w = G.shape[0], X.shape[1], walls.shape[0]
+    n, w = X.shape[1], walls.shape[0]
     F, T, Y, order = np.empty((n, n)), np.empty((S_ROWS, n)), np.zeros((S_ROWS, n)), np.empty(n, np.int64)
-    W = np.empty((k, n + 1))
-    count = 0
+    count, size = 0, math.sqrt(squares(G, n))
     for i in range(w):
         if active[i] and count < n:
             order[count] = i
             count += 1
         active[i] = False
-    size = 0.0
-    for i in range(k):
-        size += dot(G, i, G, i, START, n)
-    size = math.sqrt(size)
     for _ in range(2 * (w + n)):
         q = START
         for i in range(E.shape[0]):
@@ -98,27 +127,9 @@ def least_residual(
                 left += 1
                 q += 1
         count = left
-        # the step of least norm within the null space of the active rows, and the force of the task
-        reach = (
-            REACHED * size * (math.sqrt(dot(X, ROW, X, ROW, START, n)) + math.sqrt(dot(C, CENTER, C, CENTER, START, n)))
-        )
-        for j in range(n):
-            Y[ONE, j] = Y[WORK, j] = 0.0
-        for i in range(k):
-            rest = dot(G, i, C, CENTER, START, n) - dot(G, i, X, ROW, START, n)
-            for j in range(n):
-                W[i, j] = G[i, j]
-                Y[WORK, j] += rest * G[i, j]
-            W[i, n] = rest
-            apply_transposed(F, T, q, W, i)
-        moved = 0.0
-        if q < n:
-            pseudoinverse(W, q, CERTAIN * tolerance, tolerance, G, Y, ONE, no_scratch())
-            apply(F, T, q, Y, ONE)
-            for i in range(k):
-                moved += dot(G, i, Y, ONE, START, n) ** 2
-        if math.sqrt(moved) <= reach:
-            noise = PUSHING * math.sqrt(dot(Y, WORK, Y, WORK, START, n)) + size * reach
+        reach = REACHED * size * (length(X, ROW, n) + length(C, CENTER, n))
+        if task_step(G, C, X, F, T, q, tolerance, Y) <= reach:
+            noise = PUSHING * length(Y, WORK, n) + size * reach
             apply_transposed(F, T, q, Y, WORK)
             solve_upper(F, T, q, Y, WORK)
             worst, weakest = -1, -noise
@@ -133,19 +144,8 @@ def least_residual(
             for at in range(worst, count):
                 order[at] = order[at + 1]
             continue
-        length, blocking = 1.0, -1
-        stride = math.sqrt(dot(Y, ONE, Y, ONE, START, n))
-        for i in range(w):
-            change = dot(walls, i, Y, ONE, START, n)
-            taken = False
-            for at in range(count):
-                taken = taken or order[at] == i
-            if not taken and change > REACHED * stride * math.sqrt(dot(walls, i, walls, i, START, n)):
-                reached = max(0.0, sides[i] - dot(walls, i, X, ROW, START, n)) / change
-                if reached < length:
-                    length, blocking = reached, i
-        for j in range(n):
-            X[ROW, j] += length * Y[ONE, j]
+        step, blocking = first_in_the_way(walls, sides, X, Y, order, count)
+        add(X, ROW, step, Y, ONE, START, n)
         if blocking >= 0 and count < n:
             order[count] = blocking
             count += 1
@@ -158,11 +158,9 @@ def cut(G: Array, n: int, damping: float, tolerance: float) -> float:
     k = G.shape[0]
     W = np.empty((k, n))
     for i in range(k):
-        for j in range(n):
-            W[i, j] = G[i, j]
+        copy(W, i, G, i, n)
     largest = orthogonalise(W, k, START, n)
     for i in range(k):
-        gain = math.sqrt(dot(W, i, W, i, START, n))
-        if tolerance * largest < gain < WELL_CONDITIONED * largest:
+        if tolerance * largest < length(W, i, n) < WELL_CONDITIONED * largest:
             return max(tolerance, math.sqrt(damping))
     return tolerance

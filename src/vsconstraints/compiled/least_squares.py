@@ -11,7 +11,20 @@ import math
 
 from ..rows import Array
 from .compiler import inner
-from .linear import ONE, S_ROWS, START, WORK, apply, apply_transposed, dot, factor, solve_lower, solve_upper
+from .linear import (
+    ONE,
+    S_ROWS,
+    START,
+    WORK,
+    apply,
+    apply_transposed,
+    copy,
+    dot,
+    factor,
+    solve_lower,
+    solve_upper,
+    squares,
+)
 from .scratch import blank, matrix
 from .structures import Scratch
 
@@ -32,52 +45,69 @@ SWEEPS = 60
 
 
 @inner
+def rotate(X: Array, p: int, q: int, first: int, last: int, negligible: float) -> bool:
+    """Make two rows orthogonal in the columns from ``first`` to ``last`` by one rotation; whether there was need."""
+    a, b, d = dot(X, p, X, p, first, last), dot(X, q, X, q, first, last), dot(X, p, X, q, first, last)
+    # a row of rounding alone has no direction to get right
+    if min(a, b) <= negligible or abs(d) <= 2e-16 * (last - first) * math.sqrt(a) * math.sqrt(b):
+        return False
+    z = (b - a) / (2.0 * d)
+    t = math.copysign(1.0, z) / (abs(z) + math.sqrt(1.0 + z * z))
+    c = 1.0 / math.sqrt(1.0 + t * t)
+    for i in range(first, X.shape[1]):
+        u = X[p, i]
+        X[p, i] = c * (u - t * X[q, i])
+        X[q, i] = c * (t * u + X[q, i])
+    return True
+
+
+@inner
 def orthogonalise(X: Array, rows: int, first: int, last: int) -> float:
-    """Turn the first rows of X into others, by an orthogonal matrix from the left, that are orthogonal to each other.
+    """Turn the first rows of X, by an orthogonal matrix from the left, into ones orthogonal in columns [first, last).
 
-    Orthogonal in the columns from ``first`` up to ``last``; all columns from there on are turned alike. The lengths of
-    the rows within these columns are then the singular values of that part of X. One-sided Jacobi rotations.
-
-    Returns
-    -------
-    float
-        The largest of these lengths.
+    All columns from ``first`` on are turned alike. The lengths of the rows within these columns are then the singular
+    values of that part of X; returns the largest. One-sided Jacobi rotations.
     """
-    small = 2e-16 * (last - first)
-    total = 0.0
+    total = largest = 0.0
     for i in range(rows):
         total += dot(X, i, X, i, first, last)
     for _ in range(SWEEPS):
         turned = False
         for p in range(rows - 1):
             for q in range(p + 1, rows):
-                a, b = dot(X, p, X, p, first, last), dot(X, q, X, q, first, last)
-                d = dot(X, p, X, q, first, last)
-                # a row of rounding alone has no direction to get right
-                if min(a, b) <= 1e-30 * total or abs(d) <= small * math.sqrt(a) * math.sqrt(b):
-                    continue
-                turned = True
-                z = (b - a) / (2.0 * d)
-                t = math.copysign(1.0, z) / (abs(z) + math.sqrt(1.0 + z * z))
-                c = 1.0 / math.sqrt(1.0 + t * t)
-                for i in range(first, X.shape[1]):
-                    u = X[p, i]
-                    X[p, i] = c * (u - t * X[q, i])
-                    X[q, i] = c * (t * u + X[q, i])
+                turned |= rotate(X, p, q, first, last, 1e-30 * total)
         if not turned:
             break
-    largest = 0.0
     for i in range(rows):
         largest = max(largest, dot(X, i, X, i, first, last))
     return math.sqrt(largest)
 
 
 @inner
+def largest_of_whole(W: Array, rows: int, first: int, tolerance: float, whole: Array, scale: float, X: Array) -> float:
+    """The greatest singular value of ``whole`` over scale, or its norm where that serves as well; X (n, n) is blank."""
+    n, size = W.shape[1] - 1, 0.0
+    for i in range(whole.shape[0]):
+        for j in range(n):
+            size += (whole[i, j] / scale) ** 2
+    for i in range(rows):
+        # the square of the greatest singular value is between ‖whole‖_F² / n and that: which one seldom matters
+        gain = dot(W, i, W, i, first, n) / (tolerance * tolerance)
+        if 0.99 * size <= n * gain and gain <= 1.01 * size:
+            # it is the greatest singular value of wholeᵀ whole, of which this matrix keeps all digits
+            for a in range(whole.shape[0]):
+                for b in range(n):
+                    for j in range(n):
+                        X[b, j] += (whole[a, b] / scale) * (whole[a, j] / scale)
+            return math.sqrt(orthogonalise(X, n, START, n))
+    return math.sqrt(size)
+
+
+@inner
 def shorten(W: Array, rows: int, first: int, tolerance: float, whole: Array, scratch: Scratch) -> int:
     """Make the first rows of :func:`pseudoinverse` orthogonal and drop those too short; how many are left."""
-    n = W.shape[1] - 1
+    n, scale, left = W.shape[1] - 1, 0.0, 0
     # the squares of very small numbers would vanish
-    scale = size = 0.0
     for i in range(whole.shape[0]):
         for j in range(n):
             scale = max(scale, abs(whole[i, j]))
@@ -87,23 +117,7 @@ def shorten(W: Array, rows: int, first: int, tolerance: float, whole: Array, scr
             W[i, j] /= scale
     largest = orthogonalise(W, rows, first, n)
     if first > 0:
-        for i in range(whole.shape[0]):
-            for j in range(n):
-                size += (whole[i, j] / scale) ** 2
-        # the square of the greatest singular value is between ‖whole‖_F² / n and that: which one seldom matters
-        largest = math.sqrt(size)
-        for i in range(rows):
-            gain = dot(W, i, W, i, first, n) / (tolerance * tolerance)
-            if 0.99 * size <= n * gain and gain <= 1.01 * size:
-                # it is the greatest singular value of wholeᵀ whole, of which this matrix keeps all digits
-                X = blank(scratch, n, n)
-                for a in range(whole.shape[0]):
-                    for b in range(n):
-                        for j in range(n):
-                            X[b, j] += (whole[a, b] / scale) * (whole[a, j] / scale)
-                largest = math.sqrt(orthogonalise(X, n, START, n))
-                break
-    left = 0
+        largest = largest_of_whole(W, rows, first, tolerance, whole, scale, blank(scratch, n, n))
     for i in range(rows):
         kept = math.sqrt(dot(W, i, W, i, first, n)) > tolerance * largest
         for j in range(first, n + 1):
@@ -115,46 +129,36 @@ def shorten(W: Array, rows: int, first: int, tolerance: float, whole: Array, scr
 
 
 @inner
+def triangular(W: Array, first: int, F: Array, S: Array) -> None:
+    """[M | b] ← [R | Qᵀb] of the QR in F and S, with Qᵀb in S[WORK]."""
+    p = F.shape[0]
+    for i in range(W.shape[0]):
+        for j in range(p):
+            W[i, first + j] = F[j, i] if i < j else 0.0
+        if i < p:
+            W[i, first + i] = 1.0 / S[0, i]
+            W[i, first + p] = S[WORK, i]
+
+
+@inner
 def pseudoinverse(
     W: Array, first: int, certain: float, tolerance: float, whole: Array, Y: Array, row: int, scratch: Scratch
 ) -> tuple[Array, Array, int, float]:
-    """Solve y ← M† b for W = [· | M | b], M beginning with the column ``first``, and y being Y[row, first:].
+    """Solve y ← M† b for W = [· | M | b] (k, n + 1), M beginning with the column ``first``; y is Y[row, first:].
 
     QR of M (k, p), or of Mᵀ where it has more columns than rows. Unless that proves full rank, the rows of [M | b], or
     of [R | Qᵀb] where k ≥ p, are turned until those of M are orthogonal. Those that are too short are dropped: they are
     left zero. The others have full rank, and the same M† b.
 
-    Parameters
-    ----------
-    W
-        (k, n + 1); used up. M is unchanged if its rank is full for certain, and otherwise replaced by a matrix with
-        the same MᵀM up to a factor, apart from the singular values that were dropped.
-    first
-        Of n columns.
-    certain
-        M has full rank for certain if its least singular value exceeds this times the Frobenius norm of ``whole``.
-    tolerance
-        Singular values below this fraction of the largest one of ``whole`` count as zero.
-    whole
-        (k', n) or more columns, of which n count: W where ``first`` is 0.
-    Y
-        Rows of n entries.
-    scratch
-        What is given back is taken from it.
+    W is used up: M stays if its rank is full for certain, its least singular value above ``certain`` times ‖whole‖_F,
+    and is otherwise replaced by a matrix with the same MᵀM up to a factor, apart from singular values below the
+    ``tolerance`` times the largest one of ``whole`` (k', n), which is W where ``first`` is 0.
 
-    Returns
-    -------
-    tuple
-        F, S and the rank; where this is less than p, its number of columns of Q of :func:`factor` span the rows of M.
-        Then, where F and S are the QR of M, a lower bound of its least singular value; 0 where they are not.
+    Returns F, S and the rank; where this is less than p, its number of columns of Q of :func:`factor` span the rows of
+    M. Then, where F and S are the QR of M, a lower bound of its least singular value; 0 where they are not.
     """
     k, n = W.shape[0], W.shape[1] - 1
-    p = n - first
-    rows, tall = k, k >= p
-    size = 0.0
-    for i in range(whole.shape[0]):
-        size += dot(whole, i, whole, i, START, n)
-    size = math.sqrt(size)
+    p, rows, tall, size = n - first, k, k >= n - first, math.sqrt(squares(whole, n))
     S = matrix(scratch, S_ROWS, k if tall else p)
     for again in range(2):
         c = p if tall else rows
@@ -163,24 +167,17 @@ def pseudoinverse(
             for i in range(F.shape[1]):
                 F[j, i] = W[i, first + j] if tall else W[j, first + i]
         least = factor(F, S)
-        full = least > certain * size
         for i in range(p):
             S[WORK, i] = 0.0
         for i in range(rows):
             S[WORK, i] = W[i, n]
         if tall:
             apply_transposed(F, S, p, S, WORK)
-        if again == 1 or full:
+        if again == 1 or least > certain * size:
             break
         if tall:
-            for i in range(k):
-                for j in range(p):
-                    W[i, first + j] = F[j, i] if i < j else 0.0
-                if i < p:
-                    W[i, first + i] = 1.0 / S[0, i]
-                    W[i, n] = S[WORK, i]
-        rows = shorten(W, c, first, tolerance, whole, scratch)
-        tall = False
+            triangular(W, first, F, S)
+        rows, tall = shorten(W, c, first, tolerance, whole, scratch), False
     if tall:
         solve_upper(F, S, p, S, WORK)
     else:
@@ -197,46 +194,26 @@ def resolve(
 ) -> tuple[int, Array, Array, float]:
     """q̈ ← A₁†b₁ + (A₂(I − A₁†A₁))†(b₂ − A₂A₁†b₁), eq. (15); with q̈₀ all of it for q̈ − q̈₀, b₁ − A₁q̈₀ and b₂ − A₂q̈₀.
 
-    Parameters
-    ----------
-    A1
-        (b, n + 1), b ≥ 0: [A₁ | b₁]; used up. Without rows this is q̈₀ + A₂†(b₂ − A₂q̈₀).
-    A2, b2
-        (k, n) and (k,), k ≥ 0.
-    tolerance
-        Singular values below this fraction of the largest one count as zero.
-    rest
-        q̈₀ (n,), or (0,) for zero.
-    qdd
-        (n,) output.
-    scratch
-        What is given back is taken from it.
-
-    Returns
-    -------
-    tuple
-        The rank of A₁; and F, S and the bound of :func:`pseudoinverse` for what it leaves of A₂: all, without A₁.
+    ``A1`` (b, n + 1) is [A₁ | b₁], b ≥ 0, and used up; ``A2``, ``b2`` are (k, n) and (k,); ``rest`` is q̈₀ (n,) or (0,).
+    Singular values below the tolerance times the largest one count as zero. Returns the rank of A₁; and F, S and the
+    bound of :func:`pseudoinverse` for what it leaves of A₂: all, without A₁.
     """
-    n = qdd.size
-    k = A2.shape[0]
+    n, k = qdd.size, A2.shape[0]
     W: Array = matrix(scratch, k, n + 1)
-    Y, F, S, rank = blank(scratch, WORK, n), W, W, START
-    G, T, least = W, W, 0.0
-    if rest.size > 0:
-        for i in range(A1.shape[0]):
-            for j in range(n):
-                A1[i, n] -= A1[i, j] * rest[j]
+    Y, F, S, rank, G, T, least = blank(scratch, WORK, n), W, W, START, W, W, 0.0
+    for i in range(A1.shape[0] if rest.size > 0 else 0):
+        for j in range(n):
+            A1[i, n] -= A1[i, j] * rest[j]
     if A1.shape[0] > 0:
         F, S, rank, _ = pseudoinverse(A1, START, CERTAIN * tolerance, tolerance, A1, Y, START, scratch)
     if rank < n:
         for i in range(k):
-            left = b2[i]
+            W[i, n] = b2[i]
             for j in range(n):
                 W[i, j] = A2[i, j]
-                left -= A2[i, j] * Y[0, j]
+                W[i, n] -= A2[i, j] * Y[0, j]
             for j in range(rest.size):
-                left -= A2[i, j] * rest[j]
-            W[i, n] = left
+                W[i, n] -= A2[i, j] * rest[j]
             if rank > 0:
                 apply_transposed(F, S, rank, W, i)
         whole = A2 if rank > 0 else W
@@ -253,35 +230,17 @@ def resolve(
 def bring(F: Array, S: Array, least: float, A: Array, tolerance: float, qdd: Array, scratch: Scratch) -> bool:
     """Bring x = J†b to A x = d with the least change of ‖J x − b‖: x ← x + R⁻¹ (A R⁻¹)† (d − A x), with J = Q R.
 
-    Where J has full column rank, :func:`resolve` of A before J comes to the same.
-
-    Parameters
-    ----------
-    F, S, least
-        Those of J: see :func:`resolve`.
-    A
-        (b, n + 1): [A | d].
-    tolerance
-        Singular values below this fraction of the largest one count as zero.
-    qdd
-        (n,) x, J†b before.
-    scratch
-        For use here.
-
-    Returns
-    -------
-    bool
-        False, and nothing done, unless J and A have full rank for certain, A fewer rows than columns, and J†b is not
-        much larger than the answer.
+    Where J has full column rank, :func:`resolve` of A before J comes to the same. F, S and ``least`` are those of J of
+    :func:`resolve`; ``A`` (b, n + 1) is [A | d]. Returns False, with nothing done, unless J and A have full rank for
+    certain, A fewer rows than columns, and J†b is not much larger than the answer.
     """
     n, b = qdd.size, A.shape[0]
     if b >= n or least == 0.0:
         return False
-    L, T = matrix(scratch, b, n), matrix(scratch, S_ROWS, n)
-    size = 0.0
+    L, T, size = matrix(scratch, b, n), matrix(scratch, S_ROWS, n), 0.0
     for i in range(b):
+        copy(L, i, A, i, n)
         for j in range(n):
-            L[i, j] = A[i, j]
             size += A[i, j] * A[i, j]
         solve_lower(F, S, n, L, i)
     if not factor(L, T) * least > max(CERTAIN * tolerance, WELL) * math.sqrt(size):

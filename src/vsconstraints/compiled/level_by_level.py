@@ -9,6 +9,7 @@ from .compiler import compiled
 from .least_residual import least_residual
 from .least_violation import least_violation
 from .levels import CENTER, ORIGIN
+from .linear import copy_vector
 
 VECTOR, MATRIX = "float64[::1]", "float64[:, ::1]"
 
@@ -25,11 +26,9 @@ def track_best(
     G: Array, center: Array, E: Array, walls: Array, sides: Array, x: Array, active: BoolArray, tolerance: float
 ) -> bool:
     """See :func:`.least_residual`: from x (n,), with the task's minimiser ``center`` (n,)."""
-    n = x.size
-    C, X = np.zeros((int(ORIGIN), n)), np.empty((1, n))
-    for j in range(n):
-        C[CENTER, j], X[0, j] = center[j], x[j]
+    C, X = np.zeros((int(ORIGIN), x.size)), np.empty((1, x.size))
+    copy_vector(C[CENTER], center)
+    copy_vector(X[0], x)
     proved: bool = least_residual(G, C, E, walls, sides, X, active, tolerance)
-    for j in range(n):
-        x[j] = X[0, j]
+    copy_vector(x, X[0])
     return proved

@@ -7,12 +7,13 @@ import math
 import numpy as np
 
 from ..rows import Array, BoolArray
-from ..rows.tolerances import MET, MISSED, NEGLIGIBLE, RELAXED, SIGNIFICANT, STRICT
+from ..rows.tolerances import DEPENDENT, MET, MISSED, NEGLIGIBLE, RELAXED, SIGNIFICANT, STRICT
 from .compiler import inner
-from .least_distance import MULTIPLIER, NEW, SCALE
+from .least_distance import MULTIPLIER, NEW, POINT, SCALE
+from .least_squares import CERTAIN, pseudoinverse
 from .least_violation import GREATEST, LEAST
-from .linear import S_ROWS, START, add, constant, copy, dot
-from .scratch import blank
+from .linear import S_ROWS, START, add, apply, away, constant, copy, dot, length, squares
+from .scratch import blank, matrix
 from .structures import Scratch
 
 CHECKED = 1e-5
@@ -22,35 +23,13 @@ ROUNDED = 1e-13
 """What rounding leaves of the gradient, as a fraction of its terms."""
 
 CENTER, ORIGIN, OFFSET, ROWS_OF_X = constant(5), constant(6), constant(7), constant(8)
-"""Rows of the work space behind those of :func:`nearest`: J†b, a point, and the way to it; and how many there are."""
+"""Rows of the work space X (8, n) behind those of :func:`nearest`: J†b, a point, and the way to it; their number."""
 
 
 @inner
-def metric(G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array, scratch: Scratch) -> None:
-    """Levels 2 and 3, ½‖G (offset + Z y)‖² / ‖G‖² + ½ damping ‖offset + Z y‖², as ½‖R y + r‖² up to a constant.
-
-    Householder QR of the rows √damping I above those of G Z / ‖G‖: the reflection of column j leaves all of the former
-    but the j-th alone, so that the work grows with the square of the number of columns.
-
-    Parameters
-    ----------
-    G
-        (k, n) or more columns: the task, without what counts as its null space.
-    Z
-        (p, n): an orthonormal basis by columns, or none: the identity.
-    X
-        (8, n), with the row ``OFFSET``.
-    R, S
-        (p + 1, p) and (3, p) outputs: R by columns with r as the last one, and the inverses of the diagonal.
-    scratch
-        For use here.
-    """
-    k, n, p = G.shape[0], X.shape[1], R.shape[1]
-    reduced = Z.shape[0] > 0
-    B = blank(scratch, p + 1, k)
-    size = 0.0
-    for i in range(k):
-        size += dot(G, i, G, i, START, n)
+def stack(G: Array, damping: float, Z: Array, X: Array, R: Array, B: Array) -> None:
+    """√damping [Z | offset] to the columns of R and, below it, G [Z | offset] / ‖G‖ to those of B (p + 1, k)."""
+    k, n, p, size, reduced = G.shape[0], X.shape[1], R.shape[1], squares(G, X.shape[1]), Z.shape[0] > 0
     for j in range(p + 1):
         for i in range(p):
             R[j, i] = 0.0
@@ -59,50 +38,51 @@ def metric(G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array, scr
         elif reduced:
             for i in range(p):
                 R[p, i] = math.sqrt(damping) * dot(Z, i, X, OFFSET, START, n)
-        if size > 0.0:
-            for i in range(k):
-                if j < p:
-                    B[j, i] = (dot(G, i, Z, j, START, n) if reduced else G[i, j]) / math.sqrt(size)
-                else:
-                    B[j, i] = dot(G, i, X, OFFSET, START, n) / math.sqrt(size)
+        for i in range(k if size > 0.0 else START):
+            if j < p:
+                B[j, i] = (dot(G, i, Z, j, START, n) if reduced else G[i, j]) / math.sqrt(size)
+            else:
+                B[j, i] = dot(G, i, X, OFFSET, START, n) / math.sqrt(size)
+
+
+@inner
+def metric(G: Array, damping: float, Z: Array, X: Array, R: Array, S: Array, scratch: Scratch) -> None:
+    """Levels 2 and 3, ½‖G (offset + Z y)‖² / ‖G‖² + ½ damping ‖offset + Z y‖², as ½‖R y + r‖² up to a constant.
+
+    Householder QR of the rows √damping I above those of G Z / ‖G‖: the reflection of column j leaves all of the former
+    but the j-th alone, so that the work grows with the square of the number of columns. ``G`` (k, n) or wider is the
+    task, without what counts as its null space; ``Z`` (p, n) an orthonormal basis, or none: the identity. Outputs are
+    ``R`` (p + 1, p), by columns with r as the last one, and in ``S`` (3, p) the inverses of the diagonal.
+    """
+    k, p = G.shape[0], R.shape[1]
+    B = blank(scratch, p + 1, k)
+    stack(G, damping, Z, X, R, B)
     for j in range(p):
-        length = math.sqrt(R[j, j] * R[j, j] + dot(B, j, B, j, START, k))
-        head = R[j, j] + length
+        size = math.sqrt(R[j, j] * R[j, j] + dot(B, j, B, j, START, k))
+        head = R[j, j] + size
         for other in range(j + 1, p + 1):
-            scale = (head * R[other, j] + dot(B, j, B, other, START, k)) / (length * head)
+            scale = (head * R[other, j] + dot(B, j, B, other, START, k)) / (size * head)
             R[other, j] -= scale * head
             add(B, other, -scale, B, j, START, k)
-        R[j, j] = -length
-        S[0, j] = -1.0 / length
+        R[j, j] = -size
+        S[0, j] = -1.0 / size
 
 
 @inner
 def settle(walls: Array, sides: Array, weights: Array, box: Array, X: Array, relaxed: Array, violation: Array) -> Array:
-    """What every point that violates least has in common with a given one: rows A of equalities, as [A | 0].
+    """What every point that violates least has in common with X[ORIGIN], which does: rows A of equalities, as [A | 0].
 
-    Parameters
-    ----------
-    walls, sides
-        (w, n) and (w,).
-    weights
-        (m,) of level 1; the rows of the box, from m on, have none.
-    box
-        (2, n) least and greatest x.
-    X
-        (8, n): its row ``ORIGIN`` is a point that violates least.
-    relaxed, violation
-        (w,) and (m,) outputs: sides that the point meets, with a little room, since the rows may leave a set without
-        interior; and what it exceeds the given ones by, where that is more than rounding.
+    Rows ``walls`` (w, n) from m on, those of the box, have no ``weights`` (m,). Writes ``relaxed`` (w,), sides that the
+    point meets, with a little room, since the rows may leave a set without interior; and ``violation`` (m,), what it
+    exceeds the ``sides`` by, where that is more than rounding.
     """
     w, n = walls.shape
     m = weights.size
     A, pull = np.zeros((m + n, n + 1)), np.zeros((S_ROWS, n))
-    length = math.sqrt(dot(X, ORIGIN, X, ORIGIN, START, n))
-    at = 0
+    size, at = length(X, ORIGIN, n), 0
     for i in range(w):
-        value = dot(walls, i, X, ORIGIN, START, n)
-        size = math.sqrt(dot(walls, i, walls, i, START, n))
-        room = size * length + abs(sides[i])
+        value, norm = dot(walls, i, X, ORIGIN, START, n), length(walls, i, n)
+        room = norm * size + abs(sides[i])
         relaxed[i] = max(sides[i], value) + RELAXED * room
         if i < m and value - sides[i] > SIGNIFICANT * room:
             violation[i] = value - sides[i]
@@ -110,7 +90,7 @@ def settle(walls: Array, sides: Array, weights: Array, box: Array, X: Array, rel
                 force = walls[i, j] * weights[i] * weights[i] * violation[i]
                 pull[0, j] += force
                 pull[1, j] += abs(force)
-                A[at, j] = walls[i, j] / size
+                A[at, j] = walls[i, j] / norm
             at += 1
     # where the violations pull a coordinate against the box, every point that violates least has it at that bound
     for j in range(n):
@@ -122,60 +102,48 @@ def settle(walls: Array, sides: Array, weights: Array, box: Array, X: Array, rel
 
 
 @inner
-def optimal(
-    G: Array, damping: float, Z: Array, walls: Array, sides: Array, rows: Array, X: Array, point: Array
-) -> bool:
-    """Whether this is the minimiser of levels 2 and 3, by its optimality conditions, on the rows as they were given.
-
-    With the gradient g, the multipliers μ and the rows a, its cost exceeds the least one by no more than
-    ‖Z ᵀ(g + Σ μ a)‖² / (2 damping), if the rows with a multiplier are at their bounds.
-
-    Parameters
-    ----------
-    G, damping, Z
-        As for :func:`metric`.
-    walls, sides, rows
-        (w, n), (w,), and what :func:`nearest` made of them.
-    X
-        (8, n), with the row ``CENTER``; its row ``NEW`` is for use here.
-    point
-        (1, n) the answer.
-    """
-    k, n, w, p = G.shape[0], point.shape[1], walls.shape[0], Z.shape[0]
-    size = cost = away = 0.0
+def gradient(G: Array, damping: float, X: Array, point: Array) -> tuple[float, float]:
+    """Write that of levels 2 and 3 at a point to X[NEW]; the size of the cost there, and of the terms of the point."""
+    n, size = point.shape[1], squares(G, point.shape[1])
+    cost = far = terms = 0.0
     for j in range(n):
         X[NEW, j] = 0.0
-    for i in range(k):
-        size += dot(G, i, G, i, START, n)
-    for i in range(k):
-        along = 0.0
-        for j in range(n):
-            along += G[i, j] * (point[0, j] - X[CENTER, j])
+    for i in range(G.shape[0]):
+        along = away(G, i, point, START, X, CENTER)
         along = along / size if size > 0.0 else 0.0
         cost += along * along * size
         add(X, NEW, along, G, i, START, n)
     for j in range(n):
         way = point[0, j] - X[CENTER, j]
-        away += way * way
+        far += way * way
         X[NEW, j] += damping * way
-    cost = math.sqrt(cost + damping * away)
-    terms = 0.0
-    for j in range(n):
         terms += abs(point[0, j]) + abs(X[CENTER, j])
-    loose = 0.0
-    for i in range(w):
+    return math.sqrt(cost + damping * far), terms
+
+
+@inner
+def optimal(
+    G: Array, damping: float, Z: Array, walls: Array, sides: Array, rows: Array, X: Array, point: Array
+) -> bool:
+    """Whether ``point`` (1, n) minimises levels 2 and 3, by its optimality conditions, on the rows as they were stated.
+
+    With the gradient g, the multipliers μ and the rows a, its cost exceeds the least one by no more than
+    ‖Z ᵀ(g + Σ μ a)‖² / (2 damping), if the rows with a multiplier are at their bounds. G, damping and Z are those of
+    :func:`metric`, ``rows`` what :func:`nearest` made of the walls.
+    """
+    n, p = point.shape[1], Z.shape[0]
+    cost, terms = gradient(G, damping, X, point)
+    loose = rest = 0.0
+    for i in range(walls.shape[0]):
         if rows[MULTIPLIER, i] > 0.0 and rows[SCALE, i] > 0.0:
             force = rows[MULTIPLIER, i] * rows[SCALE, i]
             add(X, NEW, force, walls, i, START, n)
-            room = sides[i] - dot(walls, i, point, START, START, n)
-            length = math.sqrt(dot(walls, i, walls, i, START, n))
-            terms += force * length
-            loose += force * max(0.0, abs(room) - ROUNDED * (length * terms + abs(sides[i])))
-    rest = 0.0
-    if p > 0:
-        for d in range(p):
-            rest += dot(X, NEW, Z, d, START, n) ** 2
-    else:
+            room, norm = sides[i] - dot(walls, i, point, START, START, n), length(walls, i, n)
+            terms += force * norm
+            loose += force * max(0.0, abs(room) - ROUNDED * (norm * terms + abs(sides[i])))
+    for d in range(p):
+        rest += dot(X, NEW, Z, d, START, n) ** 2
+    if p == 0:
         rest = dot(X, NEW, X, NEW, START, n)
     return math.sqrt(rest) <= CHECKED * math.sqrt(damping) * cost + ROUNDED * terms and loose <= CHECKED * cost * cost
 
@@ -183,29 +151,24 @@ def optimal(
 @inner
 def damped(G: Array, X: Array, point: Array) -> bool:
     """Whether the damping may have cost the point a residual that level 2 by itself does not have."""
-    n = point.shape[1]
-    size = residual = away = length = 0.0
+    n, residual, far, size = point.shape[1], 0.0, 0.0, 0.0
     for i in range(G.shape[0]):
-        along = 0.0
-        for j in range(n):
-            along += G[i, j] * (point[0, j] - X[CENTER, j])
+        along = away(G, i, point, START, X, CENTER)
         residual += along * along
-        size += dot(G, i, G, i, START, n)
     for j in range(n):
-        away += (point[0, j] - X[CENTER, j]) ** 2
-        length += point[0, j] ** 2
-    return math.sqrt(residual) > math.sqrt(size) * (STRICT * math.sqrt(away) + MET * math.sqrt(length))
+        far += (point[0, j] - X[CENTER, j]) ** 2
+        size += point[0, j] ** 2
+    return math.sqrt(residual) > math.sqrt(squares(G, n)) * (STRICT * math.sqrt(far) + MET * math.sqrt(size))
 
 
 @inner
 def meets(walls: Array, sides: Array, violation: Array, point: Array) -> bool:
     """Whether the point meets all rows but the violated ones, and the box: whatever rounding did on a long way."""
     n = point.shape[1]
-    length = math.sqrt(dot(point, START, point, START, START, n))
+    size = length(point, START, n)
     for i in range(violation.size):
-        size = math.sqrt(dot(walls, i, walls, i, START, n))
-        excess = dot(walls, i, point, START, START, n) - sides[i]
-        if violation[i] == 0.0 and not excess <= MISSED * (size * length + abs(sides[i])) + NEGLIGIBLE * size:
+        norm, excess = length(walls, i, n), dot(walls, i, point, START, START, n) - sides[i]
+        if violation[i] == 0.0 and not excess <= MISSED * (norm * size + abs(sides[i])) + NEGLIGIBLE * norm:
             return False
     return True
 
@@ -214,29 +177,65 @@ def meets(walls: Array, sides: Array, violation: Array, point: Array) -> bool:
 def with_room(walls: Array, sides: Array, point: Array) -> None:
     """Make the sides some that the point meets, with room for rounding."""
     n = point.shape[1]
-    length = math.sqrt(dot(point, START, point, START, START, n))
+    size = length(point, START, n)
     for i in range(walls.shape[0]):
         if sides[i] < math.inf:
-            size = math.sqrt(dot(walls, i, walls, i, START, n))
-            sides[i] = max(sides[i], dot(walls, i, point, START, START, n)) + MET * (size * length + abs(sides[i]))
+            room = MET * (length(walls, i, n) * size + abs(sides[i]))
+            sides[i] = max(sides[i], dot(walls, i, point, START, START, n)) + room
 
 
 @inner
 def join(E: Array, walls: Array, held: BoolArray, G: Array) -> Array:
     """Rows of E, the walls that are held, and the task, of unit norm, as [A | 0]."""
-    n = walls.shape[1]
-    A = np.zeros((E.shape[0] + walls.shape[0] + G.shape[0], n + 1))
-    at, size = E.shape[0], 0.0
+    n, at, size = walls.shape[1], E.shape[0], math.sqrt(squares(G, walls.shape[1]))
+    A = np.zeros((at + walls.shape[0] + G.shape[0], n + 1))
     for i in range(at):
         copy(A, i, E, i, n)
     for i in range(walls.shape[0]):
         if held[i]:
-            add(A, at, 1.0 / math.sqrt(dot(walls, i, walls, i, START, n)), walls, i, START, n)
+            add(A, at, 1.0 / length(walls, i, n), walls, i, START, n)
             at += 1
-    for i in range(G.shape[0]):
-        size += dot(G, i, G, i, START, n)
-    for i in range(G.shape[0]):
-        if size > 0.0:
-            add(A, at, 1.0 / math.sqrt(size), G, i, START, n)
-            at += 1
+    for i in range(G.shape[0] if size > 0.0 else START):
+        add(A, at, 1.0 / size, G, i, START, n)
+        at += 1
     return A[:at]
+
+
+@inner
+def start_from(X: Array, point: Array, box: Array, qdd: Array) -> None:
+    """Make the point, brought into the box, the origin of what follows, and the answer if nothing does."""
+    for j in range(qdd.size):
+        X[ORIGIN, j] = qdd[j] = min(max(point[0, j], box[LEAST, j]), box[GREATEST, j])
+        X[OFFSET, j] = qdd[j] - X[CENTER, j]
+
+
+@inner
+def find_freedom(equal: Array, X: Array, from_center: bool, scratch: Scratch) -> tuple[Array, int]:
+    """An orthonormal basis (p, n) of what equalities [A | 0] leave, and p; none, and p = n, where there are none.
+
+    Then the origin may be the center, which is taken if that is asked for.
+    """
+    n = X.shape[1]
+    if equal.shape[0] == 0:
+        for j in range(n if from_center else START):
+            X[ORIGIN, j], X[OFFSET, j] = X[CENTER, j], 0.0
+        return matrix(scratch, START, n), n
+    F, T, rank, _ = pseudoinverse(equal, START, CERTAIN * DEPENDENT, DEPENDENT, equal, X, POINT, scratch)
+    p = n - rank
+    Z = blank(scratch, p, n)
+    for d in range(p):
+        Z[d, rank + d] = 1.0
+        apply(F, T, rank, Z, d)
+    return Z, p
+
+
+@inner
+def place(Z: Array, p: int, box: Array, X: Array, point: Array) -> None:
+    """Write origin + Z y, with y of X[POINT], to the point, in the box."""
+    n = X.shape[1]
+    for j in range(n):
+        point[0, j] = X[POINT, j] if p == n else 0.0
+    for d in range(p if p < n else START):
+        add(point, START, X[POINT, d], Z, d, START, n)
+    for j in range(n):
+        point[0, j] = min(max(X[ORIGIN, j] + point[0, j], box[LEAST, j]), box[GREATEST, j])

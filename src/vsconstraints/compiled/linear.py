@@ -24,7 +24,7 @@ START, ONE, WORK, S_ROWS = constant(0), constant(1), constant(2), constant(3)
 """The first column, or row; the next; the row of S of :func:`factor` that is free; and how many it has."""
 
 LARGE = 1e280
-"""Squares beyond this are for the definition."""
+"""Squares beyond this are not for compiled laws."""
 
 
 @in_place
@@ -47,10 +47,7 @@ def in_range(X: Array) -> bool:
     """Whether every row of X is finite, and far from where squares leave the range of floating point, or zero."""
     wrong = 0
     for i in range(X.shape[0]):
-        squared = 0.0
-        for j in range(X.shape[1]):
-            squared += X[i, j] * X[i, j]
-        wrong |= out_of_range(squared)
+        wrong |= out_of_range(dot(X, i, X, i, START, X.shape[1]))
     return wrong == 0
 
 
@@ -60,6 +57,30 @@ def dot(X: Array, i: int, Y: Array, j: int, first: int, last: int) -> float:
     total = 0.0
     for a in range(first, last):
         total += X[i, a] * Y[j, a]
+    return total
+
+
+@in_place
+def length(X: Array, i: int, last: int) -> float:
+    """‖X[i]‖ up to entry ``last``."""
+    return math.sqrt(dot(X, i, X, i, START, last))
+
+
+@in_place
+def squares(X: Array, last: int) -> float:
+    """‖X‖² (Frobenius) of the columns up to ``last``."""
+    total = 0.0
+    for i in range(X.shape[0]):
+        total += dot(X, i, X, i, START, last)
+    return total
+
+
+@in_place
+def away(G: Array, i: int, X: Array, row: int, C: Array, center: int) -> float:
+    """Σ Gᵢ (x − c) of the rows X[row] and C[center], as many entries as X has."""
+    total = 0.0
+    for j in range(X.shape[1]):
+        total += G[i, j] * (X[row, j] - C[center, j])
     return total
 
 
@@ -78,28 +99,28 @@ def copy(X: Array, i: int, Y: Array, j: int, last: int) -> None:
 
 
 @in_place
+def copy_vector(x: Array, y: Array) -> None:
+    """X ← y."""
+    for j in range(x.size):
+        x[j] = y[j]
+
+
+@in_place
 def reflect(F: Array, S: Array, j: int, X: Array, row: int) -> None:
     """Reflect a row of X by the j-th reflection of :func:`factor`."""
-    last = F.shape[1]
-    scale = 0.0
-    for i in range(j, last):
-        scale += F[j, i] * X[row, i]
-    scale *= S[1, j]
-    for i in range(j, last):
+    scale = dot(F, j, X, row, j, F.shape[1]) * S[1, j]
+    for i in range(j, F.shape[1]):
         X[row, i] -= scale * F[j, i]
 
 
 @in_place
 def make_reflection(F: Array, S: Array, j: int) -> None:
     """Turn F[j], which the reflections before have been applied to, into the j-th column of R and its reflection."""
-    squared = 0.0
-    for i in range(j, F.shape[1]):
-        squared += F[j, i] * F[j, i]
-    size = math.sqrt(squared)
-    away = math.copysign(size, F[j, j])
-    F[j, j] += away
-    # 1 / away is beta F[j, j], without another division
-    beta = 1.0 / (away * F[j, j]) if size > 0.0 else 0.0
+    size = math.sqrt(dot(F, j, F, j, j, F.shape[1]))
+    outward = math.copysign(size, F[j, j])
+    F[j, j] += outward
+    # 1 / outward is beta F[j, j], without another division
+    beta = 1.0 / (outward * F[j, j]) if size > 0.0 else 0.0
     S[0, j] = -beta * F[j, j] if size > 0.0 else math.inf
     S[1, j] = beta
 
@@ -113,7 +134,7 @@ def apply_transposed(F: Array, S: Array, c: int, X: Array, row: int) -> None:
 
 @in_place
 def apply(F: Array, S: Array, c: int, X: Array, row: int) -> None:
-    """Apply x ← Q x, Q being the first c reflections of :func:`factor` and x a row of X."""
+    """Apply x ← Q x, likewise."""
     for j in range(c - 1, -1, -1):
         reflect(F, S, j, X, row)
 
@@ -129,7 +150,7 @@ def solve_upper(F: Array, S: Array, c: int, X: Array, row: int) -> None:
 
 @in_place
 def solve_lower(F: Array, S: Array, c: int, X: Array, row: int) -> None:
-    """Solve x ← R⁻ᵀ x for the first c columns of R of :func:`factor`, x being the beginning of a row of X."""
+    """Solve x ← R⁻ᵀ x, likewise."""
     for j in range(c):
         total = X[row, j]
         for i in range(j):
@@ -142,12 +163,8 @@ def factor(F: Array, S: Array) -> float:
     """Householder QR in place of the (r, c) matrix whose columns are the rows of F (c, r), c ≤ r.
 
     Entry i < j of F[j] becomes R[i, j], and the rest of F[j] the vector v of the reflection I − beta v vᵀ. S (3, r)
-    gets the inverses of the diagonal of R, and beta; its last row is used up.
-
-    Returns
-    -------
-    float
-        A lower bound of the least singular value: 1/‖R⁻¹‖_F.
+    gets the inverses of the diagonal of R, and beta; its last row is used up. Returns 1/‖R⁻¹‖_F, a lower bound of the
+    least singular value.
     """
     c, r = F.shape
     # columns to the right do not wait for each other, nor do entries of a row of R⁻¹: the processor overlaps them
@@ -155,10 +172,7 @@ def factor(F: Array, S: Array) -> float:
         make_reflection(F, S, j)
         beta = S[1, j]
         for other in range(j + 1, c):
-            scale = 0.0
-            for i in range(j, r):
-                scale += F[j, i] * F[other, i]
-            scale *= beta
+            scale = dot(F, j, F, other, j, r) * beta
             for i in range(j, r):
                 F[other, i] -= scale * F[j, i]
     total = 0.0

@@ -7,10 +7,10 @@ from . import entry
 from .compiler import IN_PLACE, compiled
 
 ONE, TWO, THREE = "float64[::1]", "float64[:, ::1]", "float64[:, :, ::1]"
-GIVEN = "float64[:, :], float64[:, :], float64[:, :, :], float64[:], float64[:]"
-"""What models make may be parts of larger arrays."""
+# what models make may be parts of larger arrays
+ANY = "float64[:, :], float64[:, :], float64[:, :, :], float64[:], float64[:]"
 
-linearise = entry(compiled(f"void({GIVEN}, {TWO}, {THREE})", IN_PLACE)(plans.linearise))
+linearise = entry(compiled(f"void({ANY}, {TWO}, {THREE})", IN_PLACE)(plans.linearise))
 exceed = entry(compiled(f"void({TWO}, {THREE}, float64[:], {TWO}, {TWO}, {ONE}, {TWO}, {TWO})", IN_PLACE)(plans.exceed))
 differentiate = entry(
     compiled(f"void(int64[::1], {THREE}, float64[:], {TWO}, {TWO}, {ONE}, {TWO}, {ONE})", IN_PLACE)(plans.differentiate)

@@ -1,4 +1,4 @@
-"""What compiled resolvers share: what they may be given, tracking alone, and what is remembered."""
+"""What compiled resolvers share: what they may be given, tracking alone, the demands, and what is remembered."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from ..rows import Array
 from ..rows.checks import FARTHEST, ROUNDING
 from .compiler import in_place, inner
 from .laws import write_rates
-from .linear import START, dot, finite, in_range, out_of_range
+from .linear import START, copy_vector, dot, finite, in_range, out_of_range
 from .parts import call_int_pointer
-from .structures import Answer, LawArrays, RowArrays, TaskArrays
+from .structures import NEEDS_PYTHON, Answer, LawArrays, RowArrays, TaskArrays
 
 
 @in_place
@@ -21,25 +21,24 @@ def valid(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> 
     """
     phi, Lf, gain, scale = rows.phi, rows.Lf, rows.switching_gain, rows.scale
     m, n = law.asked.size, answer.qdd.size
-    if (
-        phi.size != m
-        or rows.Lg.shape[0] != m
-        or Lf.size != m
-        or gain.size != m
-        or scale.size != m
-        or answer.acted.size != m
-    ):
+    if phi.size != m or rows.Lg.shape[0] != m or Lf.size != m or gain.size != m or scale.size != m:
         return False
     if n <= 0 or task.J.shape[1] != n or rows.Lg.shape[1] != n or task.b.size != task.J.shape[0]:
         return False
-    wrong = 0
+    wrong = answer.acted.size != m
     for i in range(m):
         law.squared[i] = dot(rows.Lg, i, rows.Lg, i, START, n)
         wrong |= out_of_range(law.squared[i])
         wrong |= not ((abs(phi[i]) < math.inf) & (abs(Lf[i]) < math.inf))
         wrong |= phi[i] / FARTHEST > scale[i]
         wrong |= not ((gain[i] > 0.0) & (gain[i] < math.inf) & (scale[i] > 0.0) & (scale[i] < math.inf))
-    return wrong == 0 and in_range(task.J) and finite(task.b)
+    return not wrong and in_range(task.J) and finite(task.b)
+
+
+@in_place
+def measurable(law: LawArrays, rows: RowArrays, task: TaskArrays, answer: Answer) -> bool:
+    """Likewise, with outputs for slack and iterations."""
+    return answer.slack.size == rows.phi.size and answer.iterations.size > 0 and valid(law, rows, task, answer)
 
 
 @inner
@@ -54,11 +53,17 @@ def rates(law: LawArrays, rows: RowArrays, qdd: Array) -> Array:
     return tracked
 
 
+@inner
+def demanded(address: int, law: LawArrays, rows: RowArrays, qdd: Array, purpose: int) -> bool:
+    """Write what rows ask for to ``law.asked``, with tracking alone in q̈ where used; False if one is no number."""
+    code: int = call_int_pointer(law.demand, (address, rows, rates(law, rows, qdd), purpose, law.after, law.asked))
+    return code == 0
+
+
 @in_place
 def tell_alone(answer: Answer) -> None:
     """Say that q̈, as it is now, is what tracking alone commands."""
-    for j in range(answer.alone.size):
-        answer.alone[j] = answer.qdd[j]
+    copy_vector(answer.alone, answer.qdd)
 
 
 @in_place
@@ -69,22 +74,24 @@ def follow_alone(law: LawArrays, task: TaskArrays, answer: Answer) -> None:
 
 
 @in_place
-def remember(law: LawArrays, rows: RowArrays, qdd: Array) -> None:
-    """Keep what the demand gave back, and L_gφ q̈ of the answer."""
+def finished(law: LawArrays, rows: RowArrays, qdd: Array, code: int) -> int:
+    """The code of an answer, of which what the demand gave back and L_gφ q̈ are kept; or ``NEEDS_PYTHON``."""
+    if not checkable(law, rows, qdd):
+        return NEEDS_PYTHON
     write_rates(rows.Lg, qdd, law.last_rates)
     for i in range(law.after.shape[0]):
         for j in range(law.after.shape[1]):
             law.memory[i, j] = law.after[i, j]
+    return code
 
 
 @in_place
 def checkable(law: LawArrays, rows: RowArrays, qdd: Array) -> bool:
     """Whether the accelerations are finite, and :func:`.beyond_rounding` has nothing to say."""
-    size = 0.0
+    size, wrong = 0.0, 0
     for j in range(qdd.size):
         size += qdd[j] * qdd[j]
     size *= ROUNDING * ROUNDING
-    wrong = 0
     for i in range(rows.phi.size):
         wrong |= not (law.squared[i] * size <= rows.switching_gain[i] * rows.switching_gain[i])
     return wrong == 0 and size < math.inf

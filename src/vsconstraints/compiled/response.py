@@ -1,7 +1,6 @@
 """How tracking answers to a reference that stands still.
 
-One loop, of a pair with :mod:`vsconstraints.controllers.response`, which says what is predicted:
-``test_responses_alike_in_both_forms`` in ``tests/test_goal_governor.py`` holds them together.
+A pair with :mod:`vsconstraints.controllers.response`: ``test_responses_alike_in_both_forms`` compares them.
 """
 
 from __future__ import annotations
@@ -26,25 +25,11 @@ def respond(
 ) -> int:
     """Write the least −σ of each row by its scale to ``least`` (m,), and leave the step as it is at rest.
 
-    Parameters
-    ----------
-    parts
-        (4,) addresses: of the functions that evaluate a step and that track, and of the step; and 0.
-    numbers
-        (4,) time now, time at which it stands still [s], rank tolerance, and how many steps of Newton end at rest.
-    state
-        (3, n) q and q̇ now, and scratch for q̈.
-    reference
-        (k,) s_ref less the feature's value at the goal.
-    work
-        Scratch: of tracking, and k more.
-    periods
-        (N,) how long each acceleration is held [s].
-
-    Returns
-    -------
-    int
-        0, or 1 where a state cannot be evaluated.
+    ``parts`` (4,) are addresses of the functions that evaluate a step and that track, and of the step; and 0.
+    ``numbers`` (4,) are the time now, the time at which it stands still [s], the rank tolerance, and how many steps of
+    Newton end at rest. ``state`` (3, n) has q and q̇ now, and scratch for q̈. ``reference`` (k,) is s_ref less the
+    feature's value at the goal, ``work`` scratch: of tracking, and k more. ``periods`` (N,) says how long each
+    acceleration lasts [s]. Returns 0, or 1 where a state cannot be evaluated.
     """
     step, b, scratch = load_step(parts[2]), work[: len(reference)], Scratch(work[len(reference) :], parts[3:])
     options, rows, task = step.options[0], step.rows, step.task

@@ -13,11 +13,14 @@ from ..rows.tolerances import MET, STRICT, ZERO_GRADIENT
 from .compiler import compiled, in_place, inner
 from .laws import RESOLVER, load_law, within
 from .least_squares import resolve
-from .linear import START, copy
+from .linear import ONE, START, away, constant, copy, copy_vector, length, squares
 from .parts import call_int_pointer
-from .resolving import checkable, follow_alone, rates, remember, valid
+from .resolving import demanded, finished, follow_alone, measurable
 from .scratch import blank, emptied, matrix
 from .structures import INCOMPATIBLE, NEEDS_PYTHON, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
+
+BEST, NONE, TRACKING, WHOLE, ROWS_OF_X = START, ONE, constant(2), constant(3), constant(4)
+"""Rows of the work space: the best q̈ yet, that at s = 0, that which tracks, and that at s = 1."""
 
 
 class Critical(NamedTuple):
@@ -29,33 +32,24 @@ class Critical(NamedTuple):
 
 
 @in_place
-def left(W: Array, i: int, qdd: Array, length: float) -> float:
+def left(W: Array, i: int, X: Array, row: int, size: float) -> float:
     """What a bound leaves, side − w q̈, 0 within rounding of its terms; W (w, n + 1) is [W | sides]."""
-    n = qdd.size
+    n = X.shape[1]
     rest = W[i, n]
     for j in range(n):
-        rest -= W[i, j] * qdd[j]
-    return 0.0 if abs(rest) <= MET * (length + abs(W[i, n])) else rest
+        rest -= W[i, j] * X[row, j]
+    return 0.0 if abs(rest) <= MET * (size + abs(W[i, n])) else rest
 
 
 @in_place
-def norm(x: Array) -> float:
-    """‖x‖."""
-    squared = 0.0
-    for j in range(x.size):
-        squared += x[j] * x[j]
-    return math.sqrt(squared)
-
-
-@in_place
-def critical(W: Array, held: BoolArray, whole: Array, none: Array) -> Critical:
+def critical(W: Array, held: BoolArray, X: Array) -> Critical:
     """Which bound is, between the accelerations at s = 1 and at s = 0; ``most`` is infinite if none is exceeded."""
-    of_whole, of_none = norm(whole), norm(none)
+    of_whole, of_none = length(X, WHOLE, X.shape[1]), length(X, NONE, X.shape[1])
     chosen, most, least = -1, math.inf, 0.0
     for i in range(W.shape[0]):
         if held[i]:
             continue
-        at_one, at_zero = left(W, i, whole, of_whole), left(W, i, none, of_none)
+        at_one, at_zero = left(W, i, X, WHOLE, of_whole), left(W, i, X, NONE, of_none)
         if at_one < 0.0:
             lasting = at_zero / (at_zero - at_one) if at_zero > at_one else -math.inf
             if chosen < 0 or lasting < most:
@@ -66,18 +60,15 @@ def critical(W: Array, held: BoolArray, whole: Array, none: Array) -> Critical:
 
 
 @inner
-def missed(J: Array, qdd: Array, tracking: Array) -> bool:
-    """Whether J has more than rounding of the way from the command that tracks."""
-    residual = gains = away = 0.0
-    for j in range(qdd.size):
-        away += (qdd[j] - tracking[j]) ** 2
+def missed(J: Array, X: Array) -> bool:
+    """Whether J has more than rounding of the way from the command that tracks to the whole one."""
+    n, residual, far = X.shape[1], 0.0, 0.0
+    for j in range(n):
+        far += (X[WHOLE, j] - X[TRACKING, j]) ** 2
     for i in range(J.shape[0]):
-        along = 0.0
-        for j in range(qdd.size):
-            along += J[i, j] * (qdd[j] - tracking[j])
-            gains += J[i, j] * J[i, j]
+        along = away(J, i, X, WHOLE, X, TRACKING)
         residual += along * along
-    return math.sqrt(residual) > STRICT * math.sqrt(gains) * math.sqrt(away)
+    return math.sqrt(residual) > STRICT * math.sqrt(squares(J, n)) * math.sqrt(far)
 
 
 @inner
@@ -86,9 +77,8 @@ def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) 
 
     A row that no acceleration influences is none, or zero.
     """
-    c, bound, (m, n) = law.asked, law.options[1], rows.Lg.shape
+    c, bound, (m, n), at = law.asked, law.options[1], rows.Lg.shape, START
     W = blank(scratch, m + 2 * n, n + 1)
-    at = START
     for i in range(m):
         size = math.sqrt(law.squared[i])
         influenced = size > ZERO_GRADIENT * rows.scale[i]
@@ -111,72 +101,63 @@ def bounds(law: LawArrays, rows: RowArrays, acted: BoolArray, scratch: Scratch) 
 def saturation(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.resolvers.Saturation`.
 
-    Its options are those of the hierarchy, and 1 if it scales.
-
-    Returns
-    -------
-    int
-        ``SOLVED``, or ``NEEDS_PYTHON`` where input is refused, or numbers leave the range; that of the hierarchy, where
-        it has to answer.
+    Its options are those of the hierarchy, and 1 if it scales. ``SOLVED``, or ``NEEDS_PYTHON`` where input is refused,
+    or numbers leave the range; the code of the hierarchy, where it has to answer.
     """
     law = load_law(address)
-    if not valid(law, rows, task, answer) or answer.slack.size != rows.phi.size or answer.iterations.size == 0:
+    if not measurable(law, rows, task, answer):
         return NEEDS_PYTHON
-    tolerance, J, b, qdd, acted = law.options[0], task.J, task.b, answer.qdd, answer.acted
-    m, n, scratch = rows.phi.size, qdd.size, emptied(law)
+    tolerance, J, b, rest, acted = law.options[0], task.J, task.b, task.rest, answer.acted
+    n, scratch = answer.qdd.size, emptied(law)
     follow_alone(law, task, answer)
-    if call_int_pointer(law.demand, (address, rows, rates(law, rows, qdd), BOUND, law.after, law.asked)):
+    if not demanded(address, law, rows, answer.qdd, BOUND):
         return NEEDS_PYTHON
     W = bounds(law, rows, acted, scratch)
     held = np.zeros(W.shape[0], np.bool_)
     kept, saturated, A = held.copy(), matrix(scratch, n + 1, n + 1), matrix(scratch, n + 1, n + 1)
-    X, nothing = blank(scratch, 3, n), blank(scratch, 1, b.size)[0]
-    best, none, tracking = X[0], X[1], X[2]
-    for j in range(n):
-        tracking[j] = qdd[j]
+    X, nothing = blank(scratch, ROWS_OF_X, n), blank(scratch, 1, b.size)[0]
+    copy_vector(X[TRACKING], answer.qdd)
+    copy_vector(X[WHOLE], answer.qdd)
     count, largest, taken = 0, -1.0, scratch.taken[0]
-    if task.rest.size > 0:
-        call_int_pointer(law.track, (scratch, J, nothing, tolerance, task.rest, none))
+    if rest.size > 0:
+        call_int_pointer(law.track, (scratch, J, nothing, tolerance, rest, X[NONE]))
     while True:
-        at, most, least = critical(W, held, qdd, none)
-        if at < 0:
+        bound, most, least = critical(W, held, X)
+        if bound < 0:
             break
         if max(least, largest) <= most and most > largest:
             largest = most
             for i in range(held.size):
                 kept[i] = held[i]
             for j in range(n):
-                best[j] = none[j] + most * (qdd[j] - none[j])
-        held[at] = True
-        copy(saturated, count, W, at, n + 1)
+                X[BEST, j] = X[NONE, j] + most * (X[WHOLE, j] - X[NONE, j])
+        held[bound] = True
+        copy(saturated, count, W, bound, n + 1)
         count += 1
-        # both use up what they are given
+        # what is used up is copied
         for i in range(count):
             copy(A, i, saturated, i, n + 1)
         scratch.taken[0] = taken
-        rank = resolve(A[:count], J, b, tolerance, task.rest, qdd, scratch)[0]
-        if rank < count or (law.options[4] != 0.0 and missed(J, qdd, tracking)):
-            if largest < 0.0:
-                if law.otherwise == 0:
-                    return INCOMPATIBLE
-                code: int = call_int_pointer(law.otherwise, (address, rows, task, answer))
-                return code
-            for j in range(n):
-                qdd[j] = best[j]
-            held = kept
-            break
+        rank = resolve(A[:count], J, b, tolerance, rest, X[WHOLE], scratch)[0]
+        if rank < count or (law.options[4] != 0.0 and missed(J, X)):
+            if largest >= 0.0:
+                copy(X, WHOLE, X, BEST, n)
+                held = kept
+                break
+            if law.otherwise == 0:
+                return INCOMPATIBLE
+            code: int = call_int_pointer(law.otherwise, (address, rows, task, answer))
+            return code
         for i in range(count):
             copy(A, i, saturated, i, n + 1)
         scratch.taken[0] = taken
-        resolve(A[:count], J, nothing, tolerance, task.rest, none, scratch)
+        resolve(A[:count], J, nothing, tolerance, rest, X[NONE], scratch)
+    copy_vector(answer.qdd, X[WHOLE])
     at = 0
-    for i in range(m):
+    for i in range(acted.size):
         answer.slack[i] = 0.0
         if acted[i]:
             acted[i] = held[at]
             at += 1
-    if not checkable(law, rows, qdd):
-        return NEEDS_PYTHON
     answer.iterations[0] = 0
-    remember(law, rows, qdd)
-    return SOLVED
+    return finished(law, rows, answer.qdd, SOLVED)

@@ -11,8 +11,7 @@ from .compiler import FLOAT, INT, MATRIX, VECTOR, compiled, in_place, signature
 from .laws import RESOLVER, SCRATCH, load_law
 from .least_squares import bring, resolve
 from .linear import START
-from .parts import call_int_pointer
-from .resolving import checkable, follow_alone, rates, remember, tell_alone, valid
+from .resolving import checkable, demanded, finished, follow_alone, tell_alone, valid
 from .scratch import emptied, matrix
 from .structures import NEEDS_PYTHON, RANK_LOSS, SOLVED, Answer, LawArrays, RowArrays, Scratch, TaskArrays
 
@@ -20,8 +19,7 @@ from .structures import NEEDS_PYTHON, RANK_LOSS, SOLVED, Answer, LawArrays, RowA
 @in_place
 def gather(law: LawArrays, rows: RowArrays, acted: BoolArray, least: float, A: Array) -> int:
     """Copy the rows that act and have φ ≥ least, with their demands, divided by their lengths; their number."""
-    n = rows.Lg.shape[1]
-    at = START
+    n, at = rows.Lg.shape[1], START
     for i in range(rows.phi.size):
         if acted[i] and rows.phi[i] >= least:
             length = math.sqrt(law.squared[i])
@@ -37,11 +35,8 @@ def gather(law: LawArrays, rows: RowArrays, acted: BoolArray, least: float, A: A
 def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.resolvers.Priority`; its option is the rank tolerance.
 
-    Returns
-    -------
-    int
-        ``SOLVED``; ``RANK_LOSS`` where rows with φ ≥ 0 have lost full row rank, with the answer in the least-squares
-        sense; or ``NEEDS_PYTHON`` where input is refused, and where numbers leave the range.
+    ``SOLVED``; ``RANK_LOSS`` where rows with φ ≥ 0 have lost full row rank, with the answer in the least-squares sense;
+    or ``NEEDS_PYTHON`` where input is refused, and where numbers leave the range.
     """
     law = load_law(address)
     if not valid(law, rows, task, answer):
@@ -55,7 +50,7 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
     if tracked:
         _, F, S, least = resolve(A[:0], J, b, tolerance, rest, qdd, scratch)
         tell_alone(answer)
-    if call_int_pointer(law.demand, (address, rows, rates(law, rows, qdd), EQUAL, law.after, law.asked)):
+    if not demanded(address, law, rows, qdd, EQUAL):
         return NEEDS_PYTHON
     for i in range(m):
         acted[i] = law.asked[i] != math.inf
@@ -69,10 +64,7 @@ def priority(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) ->
         unused = matrix(scratch, 1, n)[0]
         if reached == acting or resolve(A[:reached], J, b, tolerance, rest, unused, scratch)[0] < reached:
             return RANK_LOSS if checkable(law, rows, qdd) else NEEDS_PYTHON
-    if not checkable(law, rows, qdd):
-        return NEEDS_PYTHON
-    remember(law, rows, qdd)
-    return SOLVED
+    return finished(law, rows, qdd, SOLVED)
 
 
 @compiled(signature(INT, SCRATCH, MATRIX, VECTOR, FLOAT, VECTOR, VECTOR), from_python=False)
@@ -106,20 +98,13 @@ def pushed(law: LawArrays, rows: RowArrays, acted: BoolArray, z: Array) -> bool:
 def additive(address: int, rows: RowArrays, task: TaskArrays, answer: Answer) -> int:
     """See :class:`vsconstraints.controllers.resolvers.Additive`; its option is the rank tolerance.
 
-    Returns
-    -------
-    int
-        ``SOLVED``, or ``NEEDS_PYTHON`` where input is refused, and where numbers leave the range.
+    ``SOLVED``, or ``NEEDS_PYTHON`` where input is refused, and where numbers leave the range.
     """
     law = load_law(address)
     if not valid(law, rows, task, answer):
         return NEEDS_PYTHON
-    qdd = answer.qdd
     follow_alone(law, task, answer)
-    if call_int_pointer(law.demand, (address, rows, rates(law, rows, qdd), PUSH, law.after, law.asked)):
+    if not demanded(address, law, rows, answer.qdd, PUSH):
         return NEEDS_PYTHON
-    pushed(law, rows, answer.acted, qdd)
-    if not checkable(law, rows, qdd):
-        return NEEDS_PYTHON
-    remember(law, rows, qdd)
-    return SOLVED
+    pushed(law, rows, answer.acted, answer.qdd)
+    return finished(law, rows, answer.qdd, SOLVED)

@@ -1,7 +1,7 @@
 """What a constraint is, and how its value and gradient become rows.
 
 A constraint gives σ ≤ 0 and ∂σ/∂y in the coordinates y it is about: marker pixels, robot points or joints. The
-chain rule to joint space is here for all constraints, and compiled in :mod:`vsconstraints.compiled.constraint_rows`:
+chain rule to joint space is in :mod:`vsconstraints.compiled.constraint_rows`, and here for own constraints in NumPy:
 
     φ = σ + K σ̇,  σ̇ = g·ẏ,  L_gφ = K g J,  L_fφ = g·ẏ + K (g·J̇q̇ + ẏᵀ H ẏ),   g = ∂σ/∂y, H = ∂²σ/∂y²
 """
@@ -22,8 +22,7 @@ from ..rows import Array, IntArray
 from ..rows.readable import amount, enumerated, in_one_line
 from ..vision.motion import Motion
 from ..vision.scene import PointMotion, Scene, State
-from . import by_formula
-from .by_formula import Form, Formula, Frame
+from .by_formula import ByFormula, Form, curvature_by_differences, demand_own_curvature
 from .meshes import Mesh
 
 FOLLOWING = ("sigma", "gradient", "curvature", "rows", "relative", "chain_rule")
@@ -41,22 +40,10 @@ class RowBlock(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """Coordinates over time, for scoring: T samples.
+    """Coordinates at T samples, for scoring.
 
-    Attributes
-    ----------
-    t
-        (T,) time [s].
-    q, qd
-        (T, n) joint coordinates and speeds.
-    pixels
-        (T, m, 2) markers from the image's centre [px].
-    points
-        (T, k, 3) the scene's robot points in the base frame [m].
-    image_size
-        (W, H) of the image [px].
-    scene
-        In which it is; None if nothing is asked that needs it.
+    Times t (T,) [s], q and q̇ (T, n), markers (T, m, 2) from the image's centre [px], the scene's robot points (T, k, 3)
+    in the base frame [m], (W, H) of the image [px], and the scene, None if nothing is asked that needs it.
     """
 
     t: Array
@@ -77,17 +64,18 @@ class Constraint(ABC):
         First part of the labels, for example ``"fov"``.
     unit
         Natural unit of its clearance.
-    K
-        Approach time constant of eq. (19) [s].
-    switching_gain
-        u⁺ of eq. (11) [units of φ per second].
+    K, switching_gain
+        Approach time constant of eq. (19) [s], and u⁺ of eq. (11) [units of φ per second].
     scale
         Size of the allowed range in units of φ, for laws that need one: 1 for normalised constraints.
+    points
+        Robot points whose motion the rows need.
     """
 
     kind: ClassVar[str]
     unit: ClassVar[str]
     scale: float = 1.0
+    points: Sequence[RobotPoint] = ()
 
     def __init__(self, *, K: float, switching_gain: float) -> None:
         for name, value in (("K", K), ("switching_gain", switching_gain)):
@@ -103,11 +91,6 @@ class Constraint(ABC):
         facts += ["moving"] if said.get("motion") is not None else []
         name = said.get("name")
         return f"<{type(self).__name__} {self.kind}{f' {name}' if name else ''}: {', '.join(facts)}>"
-
-    @property
-    def points(self) -> tuple[RobotPoint, ...]:
-        """Robot points whose motion the rows need."""
-        return ()
 
     @abstractmethod
     def labels(self, scene: Scene) -> tuple[str, ...]:
@@ -134,15 +117,7 @@ class Constraint(ABC):
         return ""
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
-        """What the compiled step needs to make the rows itself; None if they are made in NumPy.
-
-        Parameters
-        ----------
-        scene
-            In which the constraint is.
-        points
-            Where this constraint's robot points stand among the scene's.
-        """
+        """What the compiled step needs to make the rows itself, as :meth:`rows`; None if they are made in NumPy."""
         return None
 
     def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
@@ -172,38 +147,22 @@ class Constraint(ABC):
         """Rows from σ, σ̇, ∂σ/∂q (r, n), and σ̈ when q̈ = 0 (eqs. 17 to 19)."""
         return RowBlock(sigma, sigma + self.K * sigma_dot, self.K * gradient, sigma_dot + self.K * drift)
 
-    def chain_rule(self, sigma: Array, gradient: Array, curvature: Array, motion: PointMotion) -> RowBlock:
-        """Rows from σ (r,), g (r, d), ẏᵀHẏ (r,) and the motion of the coordinates y (r, d)."""
-        along = (gradient[:, None, :] @ motion.J)[:, 0, :]
-        drift = (gradient * motion.drift).sum(axis=1) + curvature
-        return self.block(sigma, (gradient * motion.velocity).sum(axis=1), along, drift)
 
-
-class PositionConstraint(Constraint):
+class PositionConstraint(ByFormula, Constraint):
     """σ as a function of coordinates y: what own constraints derive from, through a subclass.
 
-    A :attr:`formula` says all about it, for arrays and for the compiled step. A subclass that gives :meth:`sigma` and
-    :meth:`gradient` instead may compute anything; its rows are made in NumPy, beside the compiled ones.
-
-    What it forbids may move (section 5.4): see :meth:`moving`.
+    A formula says all about it, for arrays and for the compiled step: see :class:`.ByFormula`. A subclass that gives
+    :meth:`sigma` and :meth:`gradient` instead may compute anything; its rows are made in NumPy, beside the compiled
+    ones. What it forbids may move (section 5.4): see :meth:`moving`.
 
     Attributes
     ----------
-    formula, curvature_formula, parameters, frame
-        See :class:`vsconstraints.constraints.by_formula.ByFormula`.
     margin
         σ is the formula's value plus this.
     motion
         How what it forbids moves; None if it stands still.
     """
 
-    coordinates: int
-    """Number of coordinates d of y."""
-
-    formula: Formula | None = None
-    curvature_formula: Formula | None = None
-    parameters: tuple[float, ...] = ()
-    frame: Frame | None = None
     margin: float = 0.0
     motion: Motion | None = None
 
@@ -211,7 +170,7 @@ class PositionConstraint(Constraint):
         super().__init__(K=K, switching_gain=switching_gain)
         if self.formula is None and type(self).sigma is PositionConstraint.sigma:
             raise ConfigurationError(f"{self.kind} needs a formula, or sigma and gradient")
-        by_formula.demand_own_curvature(type(self))
+        demand_own_curvature(type(self))
 
     def formula_form(self, rows: str, which: Sequence[int] | IntArray) -> Form | None:
         """The compiled form of rows of that kind for these markers or points, if the formula says all."""
@@ -224,12 +183,7 @@ class PositionConstraint(Constraint):
         """The same constraint, with what it forbids displaced by d(t): σ(y − d(t)).
 
         φ = σ + K σ̇ and L_fφ then contain ∂σ/∂t = −g·ḋ and what follows from it, if the motion is known; otherwise only
-        σ knows where the thing is.
-
-        Raises
-        ------
-        InvalidInput
-            if the motion has not as many coordinates as y.
+        σ knows where the thing is. Raises InvalidInput if the motion has not as many coordinates as y.
         """
         if motion.size != self.coordinates:
             raise InvalidInput(f"{self.kind} moves by {self.coordinates} coordinates, not {motion.size}")
@@ -252,11 +206,7 @@ class PositionConstraint(Constraint):
 
     def sigma(self, y: Array) -> Array:
         """(...) σ at coordinates y (..., d): positive where forbidden."""
-        return by_formula.value(self, y) + self.margin
-
-    def gradient(self, y: Array) -> Array:
-        """(..., d) ∂σ/∂y at coordinates y (..., d)."""
-        return by_formula.gradient(self, y)
+        return self.value(y) + self.margin
 
     def curvature(self, y: Array, velocity: Array) -> Array:
         """(...) ẏᵀ H ẏ; by central differences of the gradient along the velocity unless something better is known.
@@ -264,8 +214,15 @@ class PositionConstraint(Constraint):
         Only L_fφ depends on it, which the sliding-mode law does not use.
         """
         if self.formula is not None and self.says("formula", ("gradient",)):
-            return by_formula.curvature(self, y, velocity)
-        return by_formula.curvature_by_differences(self.gradient, y, velocity)
+            return super().curvature(y, velocity)
+        return curvature_by_differences(self.gradient, y, velocity)
+
+    def chain_rule(self, motion: PointMotion) -> RowBlock:
+        """Rows from the motion of the coordinates y (r, d) relative to what is forbidden."""
+        y, gradient = motion.position, self.gradient(motion.position)
+        along = (gradient[:, None, :] @ motion.J)[:, 0, :]
+        drift = (gradient * motion.drift).sum(axis=1) + self.curvature(y, motion.velocity)
+        return self.block(self.sigma(y), (gradient * motion.velocity).sum(axis=1), along, drift)
 
 
 def to_first_order(value: Array, gradient: Array) -> Array:
@@ -281,10 +238,11 @@ def demand_margin(margin: float, kind: str) -> float:
     return float(margin)
 
 
-def demand_positive(value: object, what: str) -> None:
-    """Raise InvalidInput unless ``value`` is a positive finite number."""
+def demand_positive(value: object, what: str) -> float:
+    """The value as a float; raises InvalidInput unless it is a positive finite number."""
     if not (isinstance(value, Real) and 0.0 < float(value) < np.inf):
         raise InvalidInput(f"{what} must be a positive number, not {shown(value)}")
+    return float(value)
 
 
 def demand_numbers(numbers: Sequence[int], what: str) -> tuple[int, ...]:

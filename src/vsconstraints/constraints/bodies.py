@@ -22,16 +22,9 @@ from .meshes import convex
 
 @dataclass(frozen=True)
 class Body:
-    """Convex solids that move together.
+    """Convex solids that move together, each with its placement in the frame of the joint that moves them.
 
-    Attributes
-    ----------
-    name
-        Used in labels.
-    joint
-        Index of the joint in the robot's model that moves it; 0 if it stands still in the base frame.
-    parts
-        Solids, each with its placement in the joint's frame.
+    The name is used in labels; the joint is an index of the robot's model, 0 if the body stands still in the base.
     """
 
     name: str
@@ -55,26 +48,20 @@ def link_bodies(robot: Robot, link_radius: float | None = None) -> tuple[Body, .
     """One body for each link, from base to tip.
 
     Without ``link_radius`` from the URDF's collision geometry, made convex (see :func:`convex`). With it capsules of
-    that radius [m] around the straight lines between the joints' origins.
-
-    Raises
-    ------
-    ConfigurationError
-        if there is no collision geometry and no radius, or a mesh cannot be read.
+    that radius [m] around the straight lines between the joints' origins. Raises ConfigurationError if there is no
+    collision geometry and no radius, or a mesh cannot be read.
     """
     if link_radius is None:
         return _hulls(_Links.of(robot))
     demand_positive(link_radius, "radius of the links")
-    found = {}
+    bodies = {}
     for segment in segments(robot):
         if segment.length > FIXED:
-            turn = pin.Quaternion.FromTwoVectors(
-                np.array([0.0, 0.0, 1.0]), (segment.end - segment.start) / segment.length
-            ).matrix()
-            placement = pin.SE3(turn, 0.5 * (segment.start + segment.end))
-            capsule = coal.Capsule(link_radius, segment.length)
-            found[segment.link] = Body(segment.link, segment.joint, ((placement, capsule),))
-    return tuple(found.values())
+            along = (segment.end - segment.start) / segment.length
+            turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along).matrix()
+            part = pin.SE3(turn, 0.5 * (segment.start + segment.end)), coal.Capsule(link_radius, segment.length)
+            bodies[segment.link] = Body(segment.link, segment.joint, (part,))
+    return tuple(bodies.values())
 
 
 @dataclass(frozen=True)
@@ -94,13 +81,11 @@ class _Links:
             return cls((), (), (), (), robot)
         try:
             changed = source.path.stat().st_mtime_ns
-            files = [
-                (source.path, changed),
-                *((mesh, mesh.stat().st_mtime_ns) for mesh in _meshes(source.path, source.package_dirs, changed)),
-            ]
+            paths = source.path, *_meshes(source.path, source.package_dirs, changed)
+            files = tuple((path, path.stat().st_mtime_ns) for path in paths)
         except OSError:  # gone, which is said where it is read
-            files = []
-        return cls(tuple(files), source.package_dirs, robot.joint_names, tuple(source.positions.tolist()), robot)
+            files = ()
+        return cls(files, source.package_dirs, robot.joint_names, tuple(source.positions.tolist()), robot)
 
 
 @lru_cache(maxsize=16)
@@ -114,10 +99,10 @@ def _hulls(links: _Links) -> tuple[Body, ...]:
     """The collision geometry of links, made convex: read once, since reading takes as long as a run."""
     robot = links.robot
     parts: dict[str, tuple[int, list[tuple[pin.SE3, coal.CollisionGeometry]]]] = {}
-    for found in robot.collision_geometry().geometryObjects:
-        link = robot.model.frames[found.parentFrame].name
-        solid = convex(found.geometry, found.name)
-        parts.setdefault(link, (int(found.parentJoint), []))[1].append((pin.SE3(found.placement), solid))
+    for solid in robot.collision_geometry().geometryObjects:
+        link = robot.model.frames[solid.parentFrame].name
+        part = pin.SE3(solid.placement), convex(solid.geometry, solid.name)
+        parts.setdefault(link, (int(solid.parentJoint), []))[1].append(part)
     return tuple(Body(link, joint, tuple(solids)) for link, (joint, solids) in parts.items())
 
 
@@ -138,6 +123,5 @@ def disabled_pairs(srdf: str | Path) -> frozenset[frozenset[str]]:
         root = ElementTree.parse(srdf).getroot()
     except (OSError, ElementTree.ParseError) as error:
         raise ConfigurationError(f"{str(srdf)!r} cannot be read as an SRDF: {error}") from error
-    return frozenset(
-        frozenset((pair.get("link1", ""), pair.get("link2", ""))) for pair in root.iter("disable_collisions")
-    )
+    pairs = root.iter("disable_collisions")
+    return frozenset(frozenset((pair.get("link1", ""), pair.get("link2", ""))) for pair in pairs)

@@ -8,7 +8,7 @@ import contourpy
 import numpy as np
 
 from ..compiled import load
-from ..formulas import polylines
+from ..formulas.polylines import prepared
 from ..rows import Array
 
 STEP = 1.0
@@ -17,58 +17,44 @@ STEP = 1.0
 MAX_GRID_POINTS = 8000
 """Grid points a side at most; the grid is coarser for curves that come from farther away."""
 
-SPACING = 0.25
-"""Greatest distance between the vertices of a polyline [px]."""
-
-ACCURACY = 1e-3
-"""How far a polyline may be from the curve between its vertices [px]."""
+SPACING, ACCURACY = 0.25, 1e-3
+"""Greatest distance between the vertices of a polyline, and of it from the curve between them [px]."""
 
 AROUND = 1.25
 """How far around the image a curve is looked for, relative to the image's half size."""
 
+OfPoints = Callable[[Array], Array]
+
 
 def zero_lines(
-    sigma: Callable[[Array], Array],
-    gradient: Callable[[Array], Array],
+    sigma: OfPoints,
+    gradient: OfPoints,
     grid: Callable[[Array, Array], Array],
     image_size: tuple[float, float],
     displacements: Array | None = None,
 ) -> list[Array]:
-    """Polylines (p, 2) along σ = 0 in and around the image, their vertices moved onto the curve [px].
+    """Polylines (p, 2) along σ = 0 in and around the image (W, H), their vertices moved onto the curve [px].
 
-    A curve that moves is looked for wherever it gets into the image.
-
-    Parameters
-    ----------
-    sigma, gradient
-        σ (...) and ∂σ/∂(u, v) (..., 2) at pixels (..., 2) from the image's centre.
-    grid
-        σ (b, a) on a grid of u (a,) and v (b,).
-    image_size
-        (W, H) [px].
-    displacements
-        (k, 2) of the curve [px]; none if it stands still. The lines are where it is without them.
+    σ (...) and ∂σ/∂(u, v) (..., 2) are those at pixels (..., 2) from the image's centre, ``grid`` σ (b, a) on u (a,)
+    and v (b,). A curve that moves is looked for wherever its ``displacements`` (k, 2) [px] bring it into the image; the
+    lines are where it is without them.
     """
     half = 0.5 * AROUND * np.asarray(image_size)
     moved = np.zeros((1, 2)) if displacements is None else displacements
     low, high = -half - moved.max(axis=0), half - moved.min(axis=0)
     counts = np.minimum(np.ceil((high - low) / STEP), MAX_GRID_POINTS).astype(int) + 1
     u, v = (np.linspace(a, b, count) for a, b, count in zip(low, high, counts, strict=True))
-    lines = contourpy.contour_generator(*_cut_out(u, v, grid(u, v))).lines(0.0)
+    values = grid(u, v)
+    # the part in which σ = 0 is, all cells with a corner where σ > 0: less is faster to follow
+    columns, rows = (np.flatnonzero((values > 0.0).any(axis=axis)) for axis in (0, 1))
+    if len(columns):
+        across, down = (slice(max(at[0] - 1, 0), at[-1] + 2) for at in (columns, rows))
+        u, v, values = u[across], v[down], values[down, across]
+    lines = contourpy.contour_generator(u, v, values).lines(0.0)
     return [_refined(_onto_curve(np.asarray(line), sigma, gradient), sigma, gradient) for line in lines]
 
 
-def _cut_out(u: Array, v: Array, sigma: Array) -> tuple[Array, Array, Array]:
-    """The part of a grid in which σ = 0 is, all cells with a corner where σ > 0: less is faster to follow."""
-    outside = sigma > 0.0
-    found = [np.flatnonzero(outside.any(axis=axis)) for axis in (0, 1)]
-    if not len(found[0]):
-        return u, v, sigma
-    columns, rows = (slice(max(at[0] - 1, 0), at[-1] + 2) for at in found)
-    return u[columns], v[rows], sigma[rows, columns]
-
-
-def _refined(line: Array, sigma: Callable[[Array], Array], gradient: Callable[[Array], Array]) -> Array:
+def _refined(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
     """Halve segments whose middle is off the curve, until none is or they are as short as :data:`ACCURACY`.
 
     Where the curve is straight, points are added so that the nearest vertex is next to the nearest point.
@@ -85,7 +71,7 @@ def _refined(line: Array, sigma: Callable[[Array], Array], gradient: Callable[[A
     return np.stack([np.interp(dense, along, line[:, i]) for i in (0, 1)], axis=1)
 
 
-def _onto_curve(line: Array, sigma: Callable[[Array], Array], gradient: Callable[[Array], Array]) -> Array:
+def _onto_curve(line: Array, sigma: OfPoints, gradient: OfPoints) -> Array:
     """Three Newton steps along the gradient; none longer than half the grid's, so that corners stay in place."""
     for _ in range(3):
         g = gradient(line)
@@ -97,28 +83,16 @@ def _onto_curve(line: Array, sigma: Callable[[Array], Array], gradient: Callable
 
 
 class Polylines:
-    """Polylines, and the distance of points to them.
-
-    Parameters
-    ----------
-    lines
-        (p, 2) vertices of each [px].
-    """
+    """Polylines of vertices (p, 2) [px], and the distance of points to them."""
 
     def __init__(self, lines: Sequence[Array]) -> None:
         self.lines = tuple(lines)
-        self._prepared = polylines.prepared(lines) if lines else None
+        self._prepared = prepared(lines) if lines else None
 
     def distance(self, points: Array) -> Array:
-        """(...) distance of points (..., 2) to the nearest polyline [px]; infinite if there is none.
-
-        All segments near a point count, not only those at the nearest vertex: in a concave corner another may be
-        nearer.
-        """
+        """(...) distance of points (..., 2) to the nearest polyline [px]; infinite if there is none."""
         flat = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
         nearest, found = np.empty(len(flat), dtype=np.int64), np.full(len(flat), np.inf)
         if self._prepared is not None:
-            stride = points.shape[-2] if points.ndim > 2 else 1
-            search = (load("polylines") or polylines).search
-            search(flat, self._prepared, stride, nearest, found)
+            load("polylines").search(flat, self._prepared, points.shape[-2] if points.ndim > 2 else 1, nearest, found)
         return found.reshape(points.shape[:-1])

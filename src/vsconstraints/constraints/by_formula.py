@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,57 +17,22 @@ Formula = Callable[..., Any]
 Frame = tuple[Array, Array]
 """R (d, d), whose columns are the axes, and origin t (d,)."""
 
-TURNED: dict[int, Formula] = {2: turned_in_image, 3: turned}
-TURNED_BACK: dict[int, Formula] = {2: turned_back_in_image, 3: turned_back}
-DIFFERENCES: dict[int, Formula] = {2: differences_in_image, 3: differences_in_space}
-"""By the number of coordinates."""
-
-
-class ByFormula(Protocol):
-    """Says all about a function of d coordinates; see :mod:`vsconstraints.formulas` for what formulas may contain.
-
-    Attributes
-    ----------
-    coordinates
-        d: 2 in the image, 3 in space.
-    formula
-        Elementwise: value and its d derivatives, from the d coordinates in the frame, then the parameters.
-    curvature_formula
-        Elementwise: ẏᵀ H ẏ, from coordinates, parameters and d velocities; if None it is taken by differences.
-    parameters
-        Floats.
-    frame
-        In which the formula is written; None if that is the one of the coordinates.
-    """
-
-    coordinates: int
-    formula: Formula | None
-    curvature_formula: Formula | None
-    parameters: tuple[float, ...]
-    frame: Frame | None
+IN_FRAME: dict[int, tuple[Formula, Formula, Formula]] = {
+    2: (turned_in_image, turned_back_in_image, differences_in_image),
+    3: (turned, turned_back, differences_in_space),
+}
+"""R x, Rᵀ x and differences of a gradient, by the number of coordinates."""
 
 
 class Form(NamedTuple):
-    """What the compiled step needs to know of a constraint.
+    """What the compiled step needs to know of a constraint: rows of :mod:`vsconstraints.compiled.constraint_rows`.
 
-    Attributes
-    ----------
-    rows
-        Which function of :mod:`vsconstraints.compiled.constraint_rows` makes such rows.
-    formulas
-        Elementwise functions that it makes them of.
-    parameters
-        Of the formulas.
-    which
-        (r,) for each row the number of the marker, or of the robot point in the scene, counted from 0.
-    frame, margin, motion
-        See :class:`vsconstraints.constraints.base.PositionConstraint`.
-    gradients, offsets
-        Of linear rows: (r, n) and (r,).
+    ``which`` (r,) are the numbers of the markers or of the scene's robot points, counted from 0; ``gradients`` (r, n)
+    and ``offsets`` (r,) those of linear rows; the others see :class:`ByFormula`.
     """
 
     rows: str
-    formulas: tuple[Callable[..., Any] | None, ...] = ()
+    formulas: tuple[Formula | None, ...] = ()
     parameters: tuple[float, ...] = ()
     which: Sequence[int] | IntArray | int = 0
     frame: Frame | None = None
@@ -77,40 +42,74 @@ class Form(NamedTuple):
     offsets: Array | float = 0.0
 
 
+class ByFormula:
+    """A function of d coordinates y by an elementwise formula: see :mod:`vsconstraints.formulas`.
+
+    Attributes
+    ----------
+    coordinates
+        d: 2 in the image, 3 in space.
+    formula
+        Value and its d derivatives, from the d coordinates in the frame, then the parameters.
+    curvature_formula
+        ẏᵀ H ẏ, from coordinates, parameters and d velocities; by differences if None.
+    parameters
+        Floats.
+    frame
+        In which the formula is written; None if that is the one of the coordinates.
+    """
+
+    coordinates: int
+    formula: Formula | None = None
+    curvature_formula: Formula | None = None
+    parameters: tuple[float, ...] = ()
+    frame: Frame | None = None
+
+    def value(self, y: Array) -> Array:
+        """(...) value at y (..., d)."""
+        return np.broadcast_to(self.evaluated(*np.moveaxis(y, -1, 0))[0], y.shape[:-1])
+
+    def gradient(self, y: Array) -> Array:
+        """(..., d) ∂value/∂y at y (..., d)."""
+        slope = self.evaluated(*np.moveaxis(y, -1, 0))[1:]
+        if self.frame is not None:
+            slope = IN_FRAME[self.coordinates][0](self.frame[0], slope)
+        return np.stack([np.broadcast_to(entry, y.shape[:-1]) for entry in slope], axis=-1)
+
+    def curvature(self, y: Array, velocity: Array) -> Array:
+        """(...) ẏᵀ H ẏ at y (..., d) with velocities (..., d)."""
+        x, v = self._local(tuple(np.moveaxis(y, -1, 0))), self._turned_back(tuple(np.moveaxis(velocity, -1, 0)))
+        if self.curvature_formula is None:
+            bent = IN_FRAME[self.coordinates][2](self.formula, self.parameters, x, v)
+        else:
+            bent = self.curvature_formula(*x, *self.parameters, *v)
+        return np.broadcast_to(bent, y.shape[:-1])
+
+    def evaluated(self, *y: Array) -> tuple[Any, ...]:
+        """Value and derivatives along the axes of the frame, at d coordinates of shapes that go together."""
+        assert self.formula is not None
+        values: tuple[Any, ...] = self.formula(*self._local(y), *self.parameters)
+        return values
+
+    def _local(self, y: Sequence[Array]) -> tuple[Array, ...]:
+        if self.frame is None:
+            return tuple(y)
+        return self._turned_back([along - origin for along, origin in zip(y, self.frame[1], strict=True)])
+
+    def _turned_back(self, x: Sequence[Array]) -> tuple[Array, ...]:
+        return tuple(x) if self.frame is None else IN_FRAME[self.coordinates][1](self.frame[0], x)
+
+
 def demand_own_curvature(kind: type) -> None:
     """Raise ConfigurationError if a class gives a formula of its own but inherits another one's curvature."""
-    giver = {
-        name: next((c for c in kind.__mro__ if name in vars(c)), object) for name in ("formula", "curvature_formula")
-    }
-    own, inherited = giver["formula"], giver["curvature_formula"]
+    own, inherited = (
+        next((c for c in kind.__mro__ if name in vars(c)), object) for name in ("formula", "curvature_formula")
+    )
     if own is not inherited and issubclass(own, inherited) and vars(inherited).get("curvature_formula") is not None:
         raise ConfigurationError(
             f"{own.__name__} has a formula of its own, but the curvature_formula of {inherited.__name__}: give its own "
             "too, or None"
         )
-
-
-def value(part: ByFormula, y: Array) -> Array:
-    """(...) value at coordinates y (..., d)."""
-    return np.broadcast_to(evaluated(part, *np.moveaxis(y, -1, 0))[0], y.shape[:-1])
-
-
-def gradient(part: ByFormula, y: Array) -> Array:
-    """(..., d) ∂value/∂y at coordinates y (..., d)."""
-    slope = evaluated(part, *np.moveaxis(y, -1, 0))[1:]
-    if part.frame is not None:
-        slope = TURNED[part.coordinates](part.frame[0], slope)
-    return np.stack([np.broadcast_to(entry, y.shape[:-1]) for entry in slope], axis=-1)
-
-
-def curvature(part: ByFormula, y: Array, velocity: Array) -> Array:
-    """(...) ẏᵀ H ẏ at coordinates y (..., d) with velocities (..., d)."""
-    x, v = _local(part, tuple(np.moveaxis(y, -1, 0))), _turned_back(part, tuple(np.moveaxis(velocity, -1, 0)))
-    if part.curvature_formula is None:
-        bent = DIFFERENCES[part.coordinates](part.formula, part.parameters, x, v)
-    else:
-        bent = part.curvature_formula(*x, *part.parameters, *v)
-    return np.broadcast_to(bent, y.shape[:-1])
 
 
 def curvature_by_differences(gradient: Callable[[Array], Array], y: Array, velocity: Array) -> Array:
@@ -119,8 +118,7 @@ def curvature_by_differences(gradient: Callable[[Array], Array], y: Array, veloc
     def function(*x: Array) -> tuple[Array, ...]:
         return np.empty(0), *np.moveaxis(gradient(np.stack(x, axis=-1)), -1, 0)
 
-    d = y.shape[-1]
-    bent: Array = DIFFERENCES[d](function, (), np.moveaxis(y, -1, 0), np.moveaxis(velocity, -1, 0))
+    bent: Array = IN_FRAME[y.shape[-1]][2](function, (), np.moveaxis(y, -1, 0), np.moveaxis(velocity, -1, 0))
     return bent
 
 
@@ -129,22 +127,3 @@ def differences_along(gradient: Callable[[Array], Array], q: Array, qd: Array, l
     step = length / max(float(np.sqrt(qd @ qd)), TINY)
     change: Array = (gradient(q + step * qd) - gradient(q - step * qd)) @ qd / (2.0 * step)
     return change
-
-
-def evaluated(part: ByFormula, *y: Array) -> tuple[Any, ...]:
-    """Value and derivatives along the axes of the frame, at d coordinates of shapes that go together."""
-    assert part.formula is not None
-    found: tuple[Any, ...] = part.formula(*_local(part, y), *part.parameters)
-    return found
-
-
-def _local(part: ByFormula, y: Sequence[Array]) -> tuple[Array, ...]:
-    """Coordinates in the frame."""
-    if part.frame is None:
-        return tuple(y)
-    return _turned_back(part, [along - origin for along, origin in zip(y, part.frame[1], strict=True)])
-
-
-def _turned_back(part: ByFormula, x: Sequence[Array]) -> tuple[Array, ...]:
-    """Coordinates of vectors along the axes of the frame."""
-    return tuple(x) if part.frame is None else TURNED_BACK[part.coordinates](part.frame[0], x)

@@ -26,6 +26,8 @@ TOLERANCES = (1e-9, 1e-6, 1e-4)
 STEP = 3e-5
 """How far q moves along q̇ for the differences of a gradient [rad or m]."""
 
+Placed = tuple[coal.CollisionGeometry, coal.Transform3s]
+
 
 class BodyDistance(Constraint):
     """Margin − d ≤ 0 for pairs of bodies, one row each, with d the signed distance of a pair as coal computes it.
@@ -41,10 +43,8 @@ class BodyDistance(Constraint):
         Whose bodies these are.
     pairs
         Bodies, first and second of each row.
-    margin
-        Safety margin [m].
-    length
-        Characteristic length [m].
+    margin, length
+        Safety margin, and characteristic length [m].
     K, switching_gain
         Approach time constant [s] and u⁺ [m/s].
     """
@@ -62,14 +62,11 @@ class BodyDistance(Constraint):
         length: float,
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
-        demand_positive(length, f"length of {self.kind}")
-        self.robot, self.pairs = robot, tuple(pairs)
-        self.margin, self.length = demand_margin(margin, self.kind), float(length)
-        self.scale = self.length
+        self.scale = self.length = demand_positive(length, f"length of {self.kind}")
+        self.robot, self.pairs, self.margin = robot, tuple(pairs), demand_margin(margin, self.kind)
         self._model, self._data = robot.model, robot.model.createData()
-        # bodies without repetition, and their numbers in each pair
-        self._bodies: list[Body] = []
-        self._numbers = [tuple(self._number(body) for body in pair) for pair in self.pairs]
+        # bodies without repetition, by identity since solids of coal cannot be compared
+        self._bodies = {id(body): body for pair in self.pairs for body in pair}
         # joint j moves a body if the body's own joint comes after it
         moves = [[np.arange(robot.n) < body.joint for body in pair] for pair in self.pairs]
         self._motion = np.array([second * 1.0 - first * 1.0 for first, second in moves])
@@ -101,13 +98,7 @@ class BodyDistance(Constraint):
         return differences_along(self.gradient, q, qd, STEP)
 
     def rows(self, state: State, points: slice) -> RowBlock:
-        """Rows from the distances and their gradients in joint space.
-
-        Raises
-        ------
-        SceneError
-            if coal finds no distance between two bodies.
-        """
+        """Rows from the distances and their gradients; raises SceneError if coal finds no distance of two bodies."""
         q, qd = state.robot.q, state.robot.qd
         distance, g = self._measure(q)
         return self.block(self.margin - distance, g @ qd, g, self.curvature(q, qd))
@@ -120,37 +111,24 @@ class BodyDistance(Constraint):
         """The same length for every pair."""
         return np.full(len(self.pairs), self.length)
 
-    def _number(self, body: Body) -> int:
-        """Where a body stands among all, to which it is added; solids of coal cannot be compared."""
-        for i, other in enumerate(self._bodies):
-            if body is other:
-                return i
-        self._bodies.append(body)
-        return len(self._bodies) - 1
-
     def _measure(self, q: Array) -> tuple[Array, Array]:
         """Distances (r,) and the gradients of σ (r, n)."""
         J = np.asarray(pin.computeJointJacobians(self._model, self._data, q)).reshape(6, -1)
-        placed: list[list[tuple[coal.CollisionGeometry, coal.Transform3s]]] = []
-        for body in self._bodies:
-            at = self._data.oMi[body.joint]
-            placed.append([(solid, _transform(at * placement)) for placement, solid in body.parts])
+        placed: dict[int, list[Placed]] = {}
+        for key, body in self._bodies.items():
+            poses = [(solid, self._data.oMi[body.joint] * placement) for placement, solid in body.parts]
+            placed[key] = [(solid, coal.Transform3s(pose.rotation, pose.translation)) for solid, pose in poses]
         distances, wrenches = np.empty(len(self.pairs)), np.empty((len(self.pairs), 6))
-        for i, (first, second) in enumerate(self._numbers):
+        for i, (first, second) in enumerate(self.pairs):
             distances[i], n, p = min(
-                (self._nearest(a, b, i) for a in placed[first] for b in placed[second]), key=lambda x: x[0]
+                (self._nearest(a, b, i) for a in placed[id(first)] for b in placed[id(second)]), key=lambda x: x[0]
             )
             # n · (v + ω × p) for a twist (v, ω) at the base frame's origin
             wrenches[i, :3] = n
             wrenches[i, 3:] = p[1] * n[2] - p[2] * n[1], p[2] * n[0] - p[0] * n[2], p[0] * n[1] - p[1] * n[0]
         return distances, -(wrenches @ J) * self._motion
 
-    def _nearest(
-        self,
-        a: tuple[coal.CollisionGeometry, coal.Transform3s],
-        b: tuple[coal.CollisionGeometry, coal.Transform3s],
-        row: int,
-    ) -> tuple[float, Array, Array]:
+    def _nearest(self, a: Placed, b: Placed, row: int) -> tuple[float, Array, Array]:
         """Signed distance, direction from a to b, and the point of a nearest to b."""
         for request in self._requests:
             result = coal.DistanceResult()
@@ -180,10 +158,8 @@ class Collision(BodyDistance):
         Names of the bodies concerned; all if not given.
     K, switching_gain
         Approach time constant [s] and u⁺ [m/s].
-    margin
-        Safety margin [m].
-    length
-        Characteristic length [m].
+    margin, length
+        Safety margin, and characteristic length [m].
     """
 
     kind = "collision"
@@ -207,24 +183,13 @@ class Collision(BodyDistance):
                 f"{self.kind}: {robot.name} has no body that a joint moves: does its URDF have collision "
                 "geometry? With link_radius, links are capsules"
             )
-        super().__init__(
-            robot,
-            [(body, obstacle) for body in chosen],
-            K=K,
-            switching_gain=switching_gain,
-            margin=margin,
-            length=length,
-        )
+        pairs = [(body, obstacle) for body in chosen]
+        super().__init__(robot, pairs, K=K, switching_gain=switching_gain, margin=margin, length=length)
 
     def meshes(self, t: float, reach: float = np.inf) -> list[Mesh]:
         """Those of the obstacle's solids."""
-        _, obstacle = self.pairs[0]
-        found = [(placement, mesh_of(solid, reach)) for placement, solid in obstacle.parts]
-        return [
-            mesh.moved(Pose(np.array(placement.rotation), np.array(placement.translation)))
-            for placement, mesh in found
-            if mesh is not None
-        ]
+        parts = [(at, mesh_of(solid, reach)) for at, solid in self.pairs[0][1].parts]
+        return [mesh.moved(Pose(np.array(at.rotation), np.array(at.translation))) for at, mesh in parts if mesh]
 
     def pair_label(self, first: Body, second: Body) -> str:
         """For example ``collision[table, forearm_link]``."""
@@ -249,10 +214,8 @@ class SelfCollision(BodyDistance):
         Path of an SRDF file.
     K, switching_gain
         Approach time constant [s] and u⁺ [m/s].
-    margin
-        Safety margin [m].
-    length
-        Characteristic length [m].
+    margin, length
+        Safety margin, and characteristic length [m].
     """
 
     kind = "self-collision"
@@ -305,7 +268,3 @@ def _named(bodies: dict[str, Body], name: str, kind: str) -> Body:
     if name not in bodies:
         raise unknown_name(f"body in {kind}", name, bodies)
     return bodies[name]
-
-
-def _transform(placement: pin.SE3) -> coal.Transform3s:
-    return coal.Transform3s(placement.rotation, placement.translation)

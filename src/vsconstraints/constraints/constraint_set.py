@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import ConfigurationError, InvalidInput
 from ..robots.kinematics import RobotPoint
@@ -27,12 +26,8 @@ class ConstraintSet:
 
     Attributes
     ----------
-    scene
-        In which they are.
-    labels
-        m names, unique.
-    kinds, units
-        (m,) what each row is about, and the natural unit of its clearance.
+    labels, kinds, units
+        (m,) unique names, what each row is about, and the natural unit of its clearance.
     switching_gain, scale, K
         (m,) u⁺, scale and approach time constant of each row.
     approach_time
@@ -47,7 +42,7 @@ class ConstraintSet:
     """
 
     def __init__(self, constraints: Sequence[Constraint], scene: Scene) -> None:
-        self.constraints = tuple(constraints)
+        self.constraints, self.scene = tuple(constraints), scene
         if robot_points(self.constraints) != scene.points:
             raise ConfigurationError("build the scene with points=robot_points(constraints)")
         labels = [constraint.labels(scene) for constraint in self.constraints]
@@ -62,19 +57,16 @@ class ConstraintSet:
         self._points = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         self.kinds = tuple(c.kind for c, k in zip(self.constraints, counts, strict=True) for _ in range(k))
         self.units = tuple(unit for constraint in self.constraints for unit in constraint.units(scene))
-        self.switching_gain = np.repeat([c.switching_gain for c in self.constraints], counts).astype(np.float64)
-        self.scale = np.repeat([c.scale for c in self.constraints], counts).astype(np.float64)
         self.K = np.repeat([c.K for c in self.constraints], counts).astype(np.float64)
         directly = np.repeat([isinstance(c, SpeedConstraint) for c in self.constraints], counts).astype(np.bool_)
-        self.approach_time = np.where(directly, 0.0, self.K)
-        self.characteristic_length = np.concatenate(
-            [np.empty(0), *(constraint.characteristic_length(scene) for constraint in self.constraints)]
-        )
         # shared by the rows of every step, and with what is scored: no controller may change them, nor allow itself to
-        self.switching_gain = _unchangeable(self.switching_gain)
-        self.scale = _unchangeable(self.scale)
-        self.approach_time = _unchangeable(self.approach_time)
-        self.scene, self._n = scene, scene.robot.n
+        self.approach_time = _unchangeable(np.where(directly, 0.0, self.K))
+        self.switching_gain, self.scale = (
+            _unchangeable(np.repeat([getattr(c, name) for c in self.constraints], counts).astype(np.float64))
+            for name in ("switching_gain", "scale")
+        )
+        lengths = [constraint.characteristic_length(scene) for constraint in self.constraints]
+        self.characteristic_length = np.concatenate([np.empty(0), *lengths])
 
     @in_one_line
     def __repr__(self) -> str:
@@ -82,23 +74,17 @@ class ConstraintSet:
         return f"<ConstraintSet: {counted(len(self.labels), 'row')} ({enumerated(kinds, 8)})>"
 
     def rows(self, state: State) -> tuple[Rows, Array]:
-        """The rows now, and σ (m,) of each.
-
-        Raises
-        ------
-        InvalidInput
-            if a constraint gives blocks of the wrong shape; names the constraint.
-        """
+        """The rows now, and σ (m,) of each; raises InvalidInput that names a constraint of the wrong shape."""
+        n, m = self.scene.robot.n, len(self.labels)
         if not self.constraints:
-            return Rows.none(self._n), np.empty(0)
+            return Rows.none(n), np.empty(0)
         blocks = [c.rows(state, at) for c, at in zip(self.constraints, self._points, strict=True)]
         try:
             sigma, phi, Lg, Lf = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
         except ValueError as error:
-            raise misshapen(self.constraints, self._counts, blocks, self._n) from error
-        m = len(self.labels)
-        if not (sigma.shape == phi.shape == Lf.shape == (m,) and Lg.shape == (m, self._n)):
-            raise misshapen(self.constraints, self._counts, blocks, self._n)
+            raise misshapen(self.constraints, self._counts, blocks, n) from error
+        if not (sigma.shape == phi.shape == Lf.shape == (m,) and Lg.shape == (m, n)):
+            raise misshapen(self.constraints, self._counts, blocks, n)
         K = self.approach_time
         sigma_dot = np.where(K > 0.0, (phi - sigma) / np.where(K > 0.0, K, 1.0), Lf)
         return Rows(phi, Lg, Lf, self.switching_gain, self.labels, self.scale, sigma, sigma_dot, K), sigma
@@ -117,9 +103,15 @@ class ConstraintSet:
 
         NaN in the rows of a constraint that cannot say it: an own one that raises, or gives another shape.
         """
-        T = len(trace.q)
-        parts = [_known(c.clearance, trace, at, (T, r)) for c, r, at in self.blocks()]
-        return np.concatenate([np.empty((T, 0)), *parts], axis=1)
+        parts = [np.empty((len(trace.q), 0))]
+        for constraint, r, at in self.blocks():
+            try:
+                clearance = np.asarray(constraint.clearance(trace, at), dtype=np.float64)
+            except Exception:  # what an own constraint raises here must not cost the run that was simulated
+                clearance = np.empty(0)
+            shape = len(trace.q), r
+            parts.append(clearance if clearance.shape == shape else np.full(shape, np.nan))
+        return np.concatenate(parts, axis=1)
 
     def sampling_band(self, Ts: float) -> Array:
         """(m,) how far outside sampling with ``Ts`` [s] alone puts each row, in its natural unit."""
@@ -144,14 +136,6 @@ def shapes_of(r: int, n: int) -> list[tuple[int, ...]]:
     return [(r,), (r,), (r, n), (r,)]
 
 
-def _known(clearance: Callable[[Trace, slice], Array], trace: Trace, points: slice, shape: tuple[int, ...]) -> Array:
-    try:
-        found = np.asarray(clearance(trace, points), dtype=np.float64)
-    except Exception:  # what an own constraint raises here must not cost the run that was simulated
-        return np.full(shape, np.nan)
-    return found if found.shape == shape else np.full(shape, np.nan)
-
-
-def _unchangeable(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unchangeable(values: Array) -> Array:
     """The same numbers in memory that NumPy refuses to make writable."""
     return np.ndarray(values.shape, values.dtype, values.tobytes())

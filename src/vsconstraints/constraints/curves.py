@@ -1,9 +1,7 @@
 """Implicit closed curves in the image that enclose an obstacle: value > 0 inside, 0 on the curve, < 0 outside.
 
 A shape is defined about its own origin; :class:`Curve` shifts and rotates it. Angles turn u towards v: seen on an
-image whose v points down, positive is clockwise.
-
-The constraint to stay out of one, where an obstacle hides markers, is :class:`Occlusion`: section 4.3.3.
+image whose v points down, positive is clockwise. To stay out of one is :class:`Occlusion`: section 4.3.3.
 """
 
 from __future__ import annotations
@@ -16,38 +14,16 @@ import numpy as np
 from ..errors import ConfigurationError, InvalidInput
 from ..formulas import curves as formulas
 from ..robots.geometry import Vector2, vector
-from ..rows import Array
-from . import by_formula
-from .by_formula import Formula, Frame
+from .by_formula import ByFormula, Formula, demand_own_curvature
 from .image_constraint import ImageConstraint
 
 
-class Shape:
-    """An implicit curve about its own origin, in pixels: see :class:`vsconstraints.constraints.by_formula.ByFormula`.
-
-    Attributes
-    ----------
-    name
-        For labels and scenario files.
-    radius
-        Characteristic length [px].
-    """
+class Shape(ByFormula):
+    """An implicit curve about its own origin, in pixels, with a name for labels and files and a radius [px]."""
 
     name: ClassVar[str]
     radius: float
     coordinates = 2
-    formula: Formula | None = None
-    curvature_formula: Formula | None = None
-    parameters: tuple[float, ...] = ()
-    frame: Frame | None = None
-
-    def value(self, p: Array) -> Array:
-        """(...) value at pixels p (..., 2) from the shape's origin."""
-        return by_formula.value(self, p)
-
-    def gradient(self, p: Array) -> Array:
-        """(..., 2) ∂value/∂p."""
-        return by_formula.gradient(self, p)
 
 
 class Circle(Shape):
@@ -108,7 +84,7 @@ SHAPES: dict[str, type[Shape]] = {shape.name: shape for shape in (Circle, Hypere
 """Shapes by the name scenario files use."""
 
 
-class Curve:
+class Curve(ByFormula):
     """A shape put somewhere in the image.
 
     Parameters
@@ -124,26 +100,14 @@ class Curve:
     coordinates = 2
 
     def __init__(self, shape: Shape, centre_px: Vector2 = (0.0, 0.0), rotation: float = 0.0) -> None:
-        by_formula.demand_own_curvature(type(shape))
+        demand_own_curvature(type(shape))
         self.shape, self.centre = shape, vector(centre_px, 2, f"centre of {shape.name}")
         if not np.isfinite(rotation):
             raise InvalidInput(f"rotation of {shape.name} must be finite")
         self.rotation = float(rotation)
         c, s = np.cos(rotation), np.sin(rotation)
-        self.frame: Frame | None = (np.array([[c, -s], [s, c]]), self.centre)
+        self.frame = np.array([[c, -s], [s, c]]), self.centre
         self.formula, self.curvature_formula, self.parameters = shape.formula, shape.curvature_formula, shape.parameters
-
-    def value(self, pixels: Array) -> Array:
-        """(...) value at pixels (..., 2) from the image's centre."""
-        return by_formula.value(self, pixels)
-
-    def gradient(self, pixels: Array) -> Array:
-        """(..., 2) ∂value/∂(u, v)."""
-        return by_formula.gradient(self, pixels)
-
-    def curvature(self, pixels: Array, velocity: Array) -> Array:
-        """(...) ẏᵀ H ẏ at pixels y (..., 2) from the image's centre that move with ẏ (..., 2)."""
-        return by_formula.curvature(self, pixels, velocity)
 
 
 def _positive(value: float, what: str) -> float:

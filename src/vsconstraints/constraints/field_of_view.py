@@ -10,9 +10,9 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..formulas import curves as formulas
+from ..formulas.lenses import MODELS
 from ..rows import Array
 from ..vision.camera import Camera
-from ..vision.distortion import MODELS
 from .base import Trace, demand_positive
 from .by_formula import Formula
 from .image_constraint import ImageConstraint
@@ -68,19 +68,25 @@ class FieldOfView(ImageConstraint):
             raise ConfigurationError(
                 f"the fov margin must leave a part of the image: 0 ≤ margin < 1, or 0 ≤ margin_px < {half.min():g}"
             )
-        demand_positive(n, "n of fov")
+        self.n = demand_positive(n, "n of fov")
         if n < 2.0:
             raise ConfigurationError(f"n of fov must be 2 or more for a smooth boundary, not {n}")
-        self.n = float(n)
         self.parameters = (*self.half_size.tolist(), self.n)
         super().__init__(K=K, switching_gain=switching_gain, length=float(self.half_size.min()), markers=markers)
         self._camera = camera
         self._on_sensor: FieldOfView | None = None
-        if camera.distortion is not None:
-            self._demand_inverse(half)
-            self._on_sensor = copy(self)
-            self.formula, self.curvature_formula = MODELS[camera.distortion.model].superellipse, None
-            self.parameters = (*self.parameters, *camera.eye)
+        if camera.distortion is None:
+            return
+        if not self._invertible(self.half_size):
+            enough = next((m for m in np.arange(1.0, half.min()) if self._invertible(half - m)), None)
+            remedy = "no margin is enough" if enough is None else f"margin_px = {enough:g} is enough"
+            raise ConfigurationError(
+                f"the lens cannot be inverted in all of the image that fov leaves, only up to {camera.reach_px:.0f} "
+                f"px from the principal point: {remedy}"
+            )
+        self._on_sensor = copy(self)
+        self.formula, self.curvature_formula = MODELS[camera.distortion.model].superellipse, None
+        self.parameters = (*self.parameters, *camera.eye)
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """Distance to the hyperellipse [px], on the sensor."""
@@ -94,18 +100,7 @@ class FieldOfView(ImageConstraint):
             return super().boundary(image_size, t)
         return [self._camera.undistort(line) for line in self._on_sensor.boundary(self._camera.size_px, t)]
 
-    def _demand_inverse(self, half: Array) -> None:
-        """Raise ConfigurationError that says which margin would do, unless the lens can be inverted on the boundary."""
-        if self._inverse(self.half_size):
-            return
-        enough = next((m for m in np.arange(1.0, half.min()) if self._inverse(half - m)), None)
-        remedy = "no margin is enough" if enough is None else f"margin_px = {enough:g} is enough"
-        raise ConfigurationError(
-            f"the lens cannot be inverted in all of the image that fov leaves, only up to {self._camera.reach_px:.0f} "
-            f"px from the principal point: {remedy}"
-        )
-
-    def _inverse(self, half: Array) -> bool:
+    def _invertible(self, half: Array) -> bool:
         """Whether the lens can be inverted on the hyperellipse of these half axes."""
         assert self._camera.distortion is not None
         turn = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)

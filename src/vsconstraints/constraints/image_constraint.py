@@ -12,7 +12,6 @@ import numpy as np
 from ..errors import ConfigurationError
 from ..rows import Array
 from ..vision.scene import PointMotion, Scene, State
-from . import by_formula
 from .base import PositionConstraint, RowBlock, Trace, demand_numbers, demand_positive
 from .boundary import Polylines, zero_lines
 from .by_formula import Form
@@ -37,8 +36,7 @@ class ImageConstraint(PositionConstraint):
 
     def __init__(self, *, K: float, switching_gain: float, length: float, markers: Sequence[int] | None = None) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
-        demand_positive(length, f"length of {self.kind}")
-        self.length = float(length)
+        self.length = demand_positive(length, f"length of {self.kind}")
         self.markers = None if markers is None else demand_numbers(markers, f"markers of {self.kind}")
         self._at: slice | Array = slice(None) if self.markers is None else np.array(self.markers) - 1
 
@@ -61,13 +59,9 @@ class ImageConstraint(PositionConstraint):
 
     def rows(self, state: State, points: slice) -> RowBlock:
         """Chain rule from pixels to joints (eqs. 21 and 22)."""
-        image = state.pixels
-        if self.markers is not None:
-            at = self._at
-            image = PointMotion(image.position[at], image.J[at], image.velocity[at], image.drift[at])
-        motion = self.relative(image, state)
-        y = motion.position
-        return self.chain_rule(self.sigma(y), self.gradient(y), self.curvature(y, motion.velocity), motion)
+        image, at = state.pixels, self._at
+        motion = PointMotion(image.position[at], image.J[at], image.velocity[at], image.drift[at])
+        return self.chain_rule(self.relative(motion, state))
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """Rows of the formula for the markers concerned."""
@@ -86,14 +80,27 @@ class ImageConstraint(PositionConstraint):
         """
         return list(self._lines(image_size, t).lines)
 
+    def characteristic_length(self, scene: Scene) -> Array:
+        """The same length for every marker."""
+        return np.full(len(self.labels(scene)), self.length)
+
     def _lines(self, image_size: tuple[float, float], t: Array | None = None) -> Polylines:
-        """The same: found anew each time where nobody knows what σ depends on."""
+        """The curve: found anew each time where nobody knows what σ depends on."""
         moved = None if self.motion is None or t is None or not len(t) else self.motion.displacement(t)
         if not self._known:
-            return _found(self, image_size, moved)
+            return self.found(image_size, moved)
+        corners: tuple[tuple[float, ...], ...] = ()
+        if moved is not None:  # in halves of the image outwards: the same for nearly the same times
+            half = 0.5 * np.asarray(image_size)
+            ends = np.floor(moved.min(axis=0) / half) * half, np.ceil(moved.max(axis=0) / half) * half
+            corners = tuple(tuple(end.tolist()) for end in ends)
         place = None if self.frame is None else tuple(tuple(part.ravel().tolist()) for part in self.frame)
         said = self.formula, self.parameters, self.margin, place
-        return _outline(_Curve(tuple(image_size), _corners(image_size, moved), said, self))
+        return _outline(_Curve(tuple(image_size), corners, said, self))
+
+    def found(self, image_size: tuple[float, float], moved: Array | None) -> Polylines:
+        """The curve wherever it is in the image with these displacements (k, 2)."""
+        return Polylines(zero_lines(self.sigma, self.gradient, self._on_grid, image_size, moved))
 
     @property
     def _known(self) -> bool:
@@ -104,24 +111,15 @@ class ImageConstraint(PositionConstraint):
         """(b, a) σ on a grid of u (a,) and v (b,): what depends on one of them only is computed as often."""
         if not self._known:
             return self.sigma(np.stack(np.meshgrid(u, v), axis=-1))
-        value: Array = by_formula.evaluated(self, u[None, :], v[:, None])[0]
-        return np.broadcast_to(value, (len(v), len(u))) + self.margin
-
-    def characteristic_length(self, scene: Scene) -> Array:
-        """The same length for every marker."""
-        return np.full(len(self.labels(scene)), self.length)
-
-
-Corners = tuple[tuple[float, ...], ...]
-"""The least and the greatest displacement of a curve [px]; none of one that stands still."""
+        return np.broadcast_to(self.evaluated(u[None, :], v[:, None])[0], (len(v), len(u))) + self.margin
 
 
 @dataclass(frozen=True, slots=True)
 class _Curve:
-    """A constraint, of which two are the same if their curves are: where they are looked for, and what is said of σ."""
+    """Where a curve is looked for, displaced between two corners, and what is said of σ: equal if the curves are."""
 
     image_size: tuple[float, ...]
-    corners: Corners
+    corners: tuple[tuple[float, ...], ...]
     said: tuple[Any, ...]
     constraint: ImageConstraint = field(compare=False)
 
@@ -130,17 +128,4 @@ class _Curve:
 def _outline(curve: _Curve) -> Polylines:
     """The curve of a constraint, which is kept: finding one takes as long as a thousand control steps."""
     W, H = curve.image_size
-    return _found(curve.constraint, (W, H), np.array(curve.corners) if curve.corners else None)
-
-
-def _corners(image_size: tuple[float, float], moved: Array | None) -> Corners:
-    """Displacements (N, 2), in halves of the image outwards: where a curve is looked for at nearly the same times."""
-    if moved is None:
-        return ()
-    half = 0.5 * np.asarray(image_size)
-    ends = np.floor(moved.min(axis=0) / half) * half, np.ceil(moved.max(axis=0) / half) * half
-    return tuple(tuple(end.tolist()) for end in ends)
-
-
-def _found(constraint: ImageConstraint, image_size: tuple[float, float], moved: Array | None) -> Polylines:
-    return Polylines(zero_lines(constraint.sigma, constraint.gradient, constraint._on_grid, image_size, moved))
+    return curve.constraint.found((W, H), np.array(curve.corners) if curve.corners else None)

@@ -18,25 +18,48 @@ from .joint_constraint import JointConstraint, SpeedConstraint
 
 
 class OfJoints:
-    """What rows on single joints share: one row for each joint's upper side, then one for each lower side.
-
-    Attributes
-    ----------
-    joints
-        Numbers of the joints concerned, counted from 1.
-    prismatic_unit
-        Instead of ``unit`` for prismatic joints.
-    """
+    """Rows on single joints, ``joints`` by their numbers: one for each upper side, then one for each lower side."""
 
     kind: ClassVar[str]
     unit: ClassVar[str]
     prismatic_unit: ClassVar[str]
 
-    def _select(self, joints: tuple[int, ...], margin: float, upper: Array, lower: Array, n: int) -> None:
-        """Keep the joints, the margin, and the gradient: ``upper`` in the upper rows and −``lower`` in the others."""
+    def _select(
+        self,
+        robot: Robot,
+        joints: Sequence[int] | None,
+        margin: float,
+        lower: tuple[ArrayLike | None, Array],
+        upper: tuple[ArrayLike | None, Array],
+    ) -> None:
+        """Keep the joints concerned with their finite limits, given ones (first) or the robot's (second)."""
+        if joints is None:
+            given = lower[0] is not None or upper[0] is not None
+            limited = np.isfinite(lower[1]) & np.isfinite(upper[1])
+            numbers = tuple(range(1, robot.n + 1)) if given else tuple(int(i) + 1 for i in np.flatnonzero(limited))
+        else:
+            numbers = demand_numbers(joints, f"joints of {self.kind}")
+            if max(numbers) > robot.n:
+                raise ConfigurationError(f"joints of {self.kind} are numbers from 1 to {robot.n}, not {list(numbers)}")
+        if not numbers:
+            raise ConfigurationError(f"{robot.name} has no limits for {self.kind}: give lower and upper")
+        self.joints, self._at, limits = numbers, np.array(numbers) - 1, []
+        for side, (own, robots) in (("lower", lower), ("upper", upper)):
+            limit = robots[self._at] if own is None else limit_array(own, f"{side} of {self.kind}")
+            if limit.shape != (len(numbers),) or not np.isfinite(limit).all():
+                raise ConfigurationError(
+                    f"{side} of {self.kind} must be a finite number for each of the joints {list(numbers)}, not {limit}"
+                )
+            limits.append(limit)
+        self.lower, self.upper = limits
+        if (self.lower >= self.upper).any():
+            raise ConfigurationError(f"lower of {self.kind} must be below upper: {self.lower} and {self.upper}")
         if not 0.0 <= margin < 1.0:
             raise ConfigurationError(f"margin of {self.kind} must be in [0, 1), not {margin}")
-        self.joints, self.margin, self._at = joints, float(margin), np.array(joints) - 1
+        self.margin = float(margin)
+
+    def _set_gradient(self, n: int, upper: Array, lower: Array) -> None:
+        """Keep the gradient: ``upper`` in the upper rows and −``lower`` in the others."""
         chosen = np.eye(n, dtype=np.bool_)[self._at]
         self._gradient: Array = np.concatenate([np.where(chosen, a[:, None], 0.0) for a in (upper, -lower)])
 
@@ -91,9 +114,9 @@ class JointRange(OfJoints, JointConstraint):
         margin: float = 0.0,
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
-        numbers, low, high = select_limits(robot, joints, (lower, robot.q_min), (upper, robot.q_max), self.kind)
-        self.mid, self.half = 0.5 * (low + high), 0.5 * (high - low)
-        self._select(numbers, margin, 1.0 / self.half, 1.0 / self.half, robot.n)
+        self._select(robot, joints, margin, (lower, robot.q_min), (upper, robot.q_max))
+        self.mid, self.half = 0.5 * (self.lower + self.upper), 0.5 * (self.upper - self.lower)
+        self._set_gradient(robot.n, 1.0 / self.half, 1.0 / self.half)
 
     def sigma(self, q: Array) -> Array:
         """Eq. (25), one row for each side."""
@@ -103,46 +126,6 @@ class JointRange(OfJoints, JointConstraint):
     def characteristic_length(self, scene: Scene) -> Array:
         """Half the allowed range [rad or m]."""
         return np.tile(self.half * (1.0 - self.margin), 2)
-
-
-def select_limits(
-    robot: Robot,
-    joints: Sequence[int] | None,
-    lower: tuple[ArrayLike | None, Array],
-    upper: tuple[ArrayLike | None, Array],
-    kind: str,
-) -> tuple[tuple[int, ...], Array, Array]:
-    """Numbers of the joints concerned and their finite limits, given ones (first) or the robot's (second)."""
-    if joints is None:
-        given = lower[0] is not None or upper[0] is not None
-        limited = np.isfinite(lower[1]) & np.isfinite(upper[1])
-        numbers = tuple(range(1, robot.n + 1)) if given else tuple(int(i) + 1 for i in np.flatnonzero(limited))
-    else:
-        numbers = demand_numbers(joints, f"joints of {kind}")
-        if max(numbers) > robot.n:
-            raise ConfigurationError(f"joints of {kind} are numbers from 1 to {robot.n}, not {list(numbers)}")
-    if not numbers:
-        raise ConfigurationError(f"{robot.name} has no limits for {kind}: give lower and upper")
-    at = np.array(numbers) - 1
-    limits = []
-    for side, (own, robots) in (("lower", lower), ("upper", upper)):
-        limit = robots[at] if own is None else limit_array(own, f"{side} of {kind}")
-        if limit.shape != (len(numbers),) or not np.isfinite(limit).all():
-            raise ConfigurationError(
-                f"{side} of {kind} must be a finite number for each of the joints {list(numbers)}, not {limit}"
-            )
-        limits.append(limit)
-    if (limits[0] >= limits[1]).any():
-        raise ConfigurationError(f"lower of {kind} must be below upper: {limits[0]} and {limits[1]}")
-    return numbers, limits[0], limits[1]
-
-
-def limit_array(value: ArrayLike, what: str) -> Array:
-    """``value`` as a float array; raises ConfigurationError that names ``what`` if it is none."""
-    try:
-        return np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ConfigurationError(f"{what} must be numbers, not {shown(value)}") from None
 
 
 class JointSpeed(OfJoints, SpeedConstraint):
@@ -179,16 +162,13 @@ class JointSpeed(OfJoints, SpeedConstraint):
         margin: float = 0.0,
     ) -> None:
         super().__init__(switching_gain=switching_gain)
-        if lower is None and upper is not None:
-            lower = -limit_array(upper, "upper of speed")
-        numbers, self.lower, self.upper = select_limits(
-            robot, joints, (lower, robot.qd_min), (upper, robot.qd_max), self.kind
-        )
+        given = -limit_array(upper, "upper of speed") if lower is None and upper is not None else lower
+        self._select(robot, joints, margin, (given, robot.qd_min), (upper, robot.qd_max))
         if (self.lower >= 0.0).any() or (self.upper <= 0.0).any():
             raise ConfigurationError(
                 f"speed limits must be lower < 0 < upper, so that the arm can rest: {self.lower} and {self.upper}"
             )
-        self._select(numbers, margin, 1.0 / self.upper, -1.0 / self.lower, robot.n)
+        self._set_gradient(robot.n, 1.0 / self.upper, -1.0 / self.lower)
 
     def phi(self, qd: Array) -> Array:
         """Eq. (28), one row for each side."""
@@ -198,3 +178,11 @@ class JointSpeed(OfJoints, SpeedConstraint):
     def characteristic_length(self, scene: Scene) -> Array:
         """The allowed speed [rad/s or m/s]."""
         return np.concatenate((self.upper, -self.lower)) * (1.0 - self.margin)
+
+
+def limit_array(value: ArrayLike, what: str) -> Array:
+    """``value`` as a float array; raises ConfigurationError that names ``what`` if it is none."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ConfigurationError(f"{what} must be numbers, not {shown(value)}") from None

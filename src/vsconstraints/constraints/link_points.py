@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +14,7 @@ from ..robots.kinematics import RobotPoint
 from ..robots.robot import Robot
 from ..rows import Array
 from .base import demand_positive
-from .surfaces import surface
+from .meshes import surface
 
 MAX_POINTS = 60
 """Points along a link: each is a row, and covering its surface takes the square of their number."""
@@ -22,18 +22,15 @@ MAX_POINTS = 60
 FIXED = 1e-9
 """A point that no joint moves faster than this [m per rad or m] does not move."""
 
+Points = dict[str, tuple[Array, float]]
+"""By link: points (k, 3) in its frame, and how far its surface is from them [m]."""
 
-@dataclass(frozen=True)
-class LinkPoints:
-    """Characteristic points of a robot's links.
 
-    Attributes
-    ----------
-    points
-        The points, link by link.
-    enlargement
-        [m] no point of a link's surface is farther from the nearest characteristic point, so that obstacles enlarged
-        by it keep the whole links out; except around points that were left out because nothing moves them.
+class LinkPoints(NamedTuple):
+    """Characteristic points of a robot's links, link by link.
+
+    No point of a link's surface is farther than the enlargement [m] from the nearest one, so that obstacles enlarged by
+    it keep the whole links out; except around points that were left out because nothing moves them.
     """
 
     points: tuple[RobotPoint, ...]
@@ -72,20 +69,19 @@ def link_points(
     """
     demand_positive(spacing, "spacing of points along the links")
     if link_radius is None:
-        found = _along_geometry(robot, spacing)
+        along = _along_geometry(robot, spacing)
     else:
         demand_positive(link_radius, "radius of the links")
-        found = _along_segments(robot, spacing, link_radius, links)
+        along = _along_segments(robot, spacing, link_radius, links)
+    for link in links or ():
+        if link not in along:
+            raise unknown_name(f"link with characteristic points of {robot.name}", link, along)
     if links is not None:
-        for link in links:
-            if link not in found:
-                raise unknown_name(f"link with characteristic points of {robot.name}", link, found)
-        found = {link: found[link] for link in found if link in links}
+        along = {link: along[link] for link in along if link in links}
     points: list[RobotPoint] = []
     enlargement = 0.0
-    for link, (offsets, reach) in found.items():
-        own = [RobotPoint(link, (float(x), float(y), float(z))) for x, y, z in offsets]
-        own = [point for point in own if _moves(robot, point)]
+    for link, (offsets, reach) in along.items():
+        own = [point for point in _points(link, offsets) if _moves(robot, point)]
         if own:
             enlargement = max(enlargement, reach)
         points += [
@@ -93,8 +89,12 @@ def link_points(
             for i, point in enumerate(own, start=1)
         ]
     if not points:
-        raise ConfigurationError(f"no joint of {robot.name} moves a point of the links {', '.join(found) or 'it has'}")
+        raise ConfigurationError(f"no joint of {robot.name} moves a point of the links {', '.join(along) or 'it has'}")
     return LinkPoints(tuple(points), enlargement)
+
+
+def _points(link: str, offsets: Array) -> list[RobotPoint]:
+    return [RobotPoint(link, (float(x), float(y), float(z))) for x, y, z in offsets]
 
 
 def _moves(robot: Robot, point: RobotPoint) -> bool:
@@ -111,23 +111,11 @@ def _demand_few(link: str, length: float, spacing: float) -> None:
         )
 
 
-# --- capsules around the lines between the joints ---
+class Segment(NamedTuple):
+    """The straight part of a link between two joints' origins, from start to end (3,) [m] in the axes of its joint.
 
-
-@dataclass(frozen=True)
-class Segment:
-    """The straight part of a link between two joints' origins, in the axes of its joint.
-
-    Attributes
-    ----------
-    link
-        Name of a frame that moves with it.
-    joint
-        Index of the joint that moves it.
-    start, end
-        (3,) [m].
-    shared
-        Whether the start is also the end of the link before, in every configuration.
+    The link is a frame that moves with it, the joint the index of the one that moves it; ``shared`` is whether the
+    start is also the end of the link before, in every configuration.
     """
 
     link: str
@@ -146,20 +134,16 @@ def segments(robot: Robot) -> Iterator[Segment]:
     """The straight lines between joints' origins, from base to tip; the last ends at the tip."""
     model = robot.model
     tip = model.frames[robot.frame_id("tip")]
-    before = False
     for joint in range(1, model.njoints):
         last = joint == model.njoints - 1
         end = np.array(tip.placement.translation if last else model.jointPlacements[joint + 1].translation)
         link = next((f.name for f in model.frames if f.parentJoint == joint and f.type == pin.FrameType.BODY), tip.name)
         slides = model.joints[joint].shortname().startswith("JointModelP")
-        yield Segment(link, joint, np.zeros(3), end, before and not slides)
-        before = True
+        yield Segment(link, joint, np.zeros(3), end, joint > 1 and not slides)
 
 
-def _along_segments(
-    robot: Robot, spacing: float, radius: float, links: Sequence[str] | None
-) -> dict[str, tuple[Array, float]]:
-    found: dict[str, tuple[Array, float]] = {}
+def _along_segments(robot: Robot, spacing: float, radius: float, links: Sequence[str] | None) -> Points:
+    along: Points = {}
     # whether the last point of a wanted link is also the first of the next one, and so needs no second point
     covered = False
     for segment in segments(robot):
@@ -170,41 +154,32 @@ def _along_segments(
         count = int(np.ceil(segment.length / spacing - 1e-9))
         parts = np.arange(1 if covered else 0, count + 1) / count
         covered = links is None or segment.link in links
-        frame = robot.model.frames[robot.model.getFrameId(segment.link)]
-        inverse = frame.placement.inverse()
-        ends = [np.asarray(inverse.act(point)) for point in (segment.start, segment.end)]
-        gap = segment.length / count
-        reach = float(np.hypot(radius, 0.5 * gap))
-        found[segment.link] = (ends[0] + parts[:, None] * (ends[1] - ends[0]), reach)
-    return found
+        inverse = robot.model.frames[robot.model.getFrameId(segment.link)].placement.inverse()
+        start, end = (np.asarray(inverse.act(point)) for point in (segment.start, segment.end))
+        reach = float(np.hypot(radius, 0.5 * (segment.length / count)))
+        along[segment.link] = (start + parts[:, None] * (end - start), reach)
+    return along
 
 
-# --- collision geometry ---
-
-
-def _along_geometry(robot: Robot, spacing: float) -> dict[str, tuple[Array, float]]:
+def _along_geometry(robot: Robot, spacing: float) -> Points:
     patches: dict[str, list[tuple[Array, float]]] = {}
-    model = robot.model
     for body in robot.collision_geometry().geometryObjects:
         if body.parentJoint == 0:
             continue
-        frame = model.frames[body.parentFrame]
+        frame = robot.model.frames[body.parentFrame]
         placement = frame.placement.inverse() * body.placement
         R, t = np.array(placement.rotation), np.array(placement.translation)
         body.geometry.computeLocalAABB()
         _demand_few(frame.name, float(np.max(body.geometry.aabb_local.max_ - body.geometry.aabb_local.min_)), spacing)
         corners, slack = surface(body.geometry, 0.5 * spacing)
         patches.setdefault(frame.name, []).append((corners @ R.T + t, slack))
-    return {link: _moving_slices(robot, link, own, spacing) for link, own in patches.items()}
-
-
-def _moving_slices(robot: Robot, link: str, patches: list[tuple[Array, float]], spacing: float) -> tuple[Array, float]:
-    """The fewest slices of a link whose middles all move, since a wrist's may stand where its axes meet."""
-    for more in range(3):
-        found = _slices(patches, spacing, more)
-        if all(_moves(robot, RobotPoint(link, (float(x), float(y), float(z)))) for x, y, z in found[0]):
-            return found
-    return _slices(patches, spacing, 0)
+    along: Points = {}
+    for link, own in patches.items():
+        # the fewest slices whose middles all move, since a wrist's may stand where its axes meet
+        options = (_slices(own, spacing, more) for more in range(3))
+        moving = (each for each in options if all(_moves(robot, point) for point in _points(link, each[0])))
+        along[link] = next(moving, None) or _slices(own, spacing, 0)
+    return along
 
 
 def _slices(patches: list[tuple[Array, float]], spacing: float, more: int) -> tuple[Array, float]:

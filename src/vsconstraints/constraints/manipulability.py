@@ -68,15 +68,13 @@ class Manipulability(Constraint):
         part: Part = "pose",
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
-        demand_positive(minimum, "minimum of manipulability")
-        demand_positive(minimum if scale is None else scale, "scale of manipulability")
+        self.minimum = demand_positive(minimum, "minimum of manipulability")
+        self.w_scale = demand_positive(minimum if scale is None else scale, "scale of manipulability")
         if part not in get_args(Part):
             raise unknown_name("part of manipulability", part, get_args(Part))
-        self.robot, self.part = robot, part
-        self.minimum, self.w_scale = float(minimum), float(minimum if scale is None else scale)
-        self._rows, self._evaluate = ROWS_OF[part], robot.evaluator()
+        self.robot, self.part, self._rows, self._evaluate = robot, part, ROWS_OF[part], robot.evaluator()
         rng = np.random.default_rng(0)
-        if max(measure(self._jacobian(q)) for q in rng.uniform(-1.0, 1.0, (8, robot.n))) < 1e-12:
+        if self._measure(rng.uniform(-1.0, 1.0, (8, robot.n))).max() < 1e-12:
             raise ConfigurationError(
                 f"manipulability of {robot.name} is zero in every configuration: its {robot.n} joints do not move "
                 f"the {part} of the tip in enough directions; choose another part ({', '.join(get_args(Part))})"
@@ -86,43 +84,28 @@ class Manipulability(Constraint):
         """``manipulability``, and the part if it is not the pose."""
         return (self.kind if self.part == "pose" else f"{self.kind}[{self.part}]",)
 
-    def gradient(self, J: Array) -> Array:
-        """(n,) ∂w/∂q from the tip's Jacobian J (6, n) in the tip's frame."""
-        return self._derivatives(J, np.zeros(J.shape[1]))[1]
-
     def rows(self, state: State, points: slice) -> RowBlock:
         """One row, from the tip's Jacobian."""
-        qd, factor = state.robot.qd, -1.0 / self.w_scale
-        w, slope, bent = self._derivatives(state.robot.J, qd)
-        g = factor * slope[None, :]
-        return self.block(np.array([(self.minimum - w) / self.w_scale]), g @ qd, g, np.array([factor * bent]))
-
-    def _derivatives(self, J: Array, qd: Array) -> tuple[float, Array, float]:
-        directions = range(6)[self._rows]
-        found: tuple[float, Array, float] = load("manipulability_rows").derivatives(
-            J, qd, directions.start, len(directions)
-        )
-        return found
+        qd, factor, at = state.robot.qd, -1.0 / self.w_scale, self._rows
+        measured = load("manipulability_rows").derivatives(state.robot.J, qd, at.start, at.stop - at.start)
+        w, g, bent = measured[0], factor * measured[1][None, :], factor * measured[2]
+        return self.block(np.array([(self.minimum - w) / self.w_scale]), g @ qd, g, np.array([bent]))
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """The row that compiled code makes from the tip's Jacobian, by a decomposition of its own."""
-        directions = range(6)[self._rows]
-        numbers = self.minimum, self.w_scale, directions.start, len(directions)
+        at = self._rows
+        numbers = self.minimum, self.w_scale, at.start, at.stop - at.start
         return Form("manipulability_rows", parameters=numbers) if type(self) is Manipulability else None
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """(w − w_min) / w_scale."""
-        w = np.array([measure(self._jacobian(q)) for q in trace.q]).reshape(-1, 1)
-        return (w - self.minimum) / self.w_scale
+        return (self._measure(trace.q) - self.minimum) / self.w_scale
 
     def characteristic_length(self, scene: Scene) -> Array:
         """1: w_scale in units of itself."""
         return np.ones(1)
 
-    def _jacobian(self, q: Array) -> Array:
-        return self._evaluate(q, np.zeros_like(q)).J[self._rows]
-
-
-def measure(J: Array) -> float:
-    """Product of the singular values of J (r, n)."""
-    return float(svd(J, full_matrices=False)[1].prod())
+    def _measure(self, q: Array) -> Array:
+        """(N, 1) product of the singular values at q (N, n)."""
+        jacobians = [self._evaluate(x, np.zeros_like(x)).J[self._rows] for x in q]
+        return np.array([float(svd(J, full_matrices=False)[1].prod()) for J in jacobians]).reshape(-1, 1)

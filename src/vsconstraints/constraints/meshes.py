@@ -1,4 +1,4 @@
-"""Triangle meshes: what pictures draw of a constraint in space, and what hides markers in rendered images."""
+"""Solids of coal as triangle meshes, convex solids and patches: for pictures, occluders, distances and link points."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..robots.geometry import Pose
 from ..rows import Array, IntArray
 
 SIDES = 32
-"""Of the prism that stands for a cylinder."""
+"""Of the prism that stands for a cylinder, and facets into which a cylinder's side is cut."""
 
 BALL_POINTS = 300
 """On a sphere: their convex hull is 1 % smaller."""
@@ -48,8 +48,14 @@ def mesh_of(geometry: coal.CollisionGeometry, reach: float = np.inf) -> Mesh | N
         triangles = [tuple(geometry.tri_indices(k)[j] for j in range(3)) for k in range(geometry.num_tris)]
         return Mesh(np.array(geometry.vertices()), np.array(triangles, dtype=np.int64).reshape(-1, 3))
     if isinstance(geometry, coal.Halfspace):
+        if not np.isfinite(reach):
+            return None
         normal = np.array(geometry.n)
-        return square(reach, normal, geometry.d * normal)
+        x = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+        x /= np.linalg.norm(x)
+        y, point = np.cross(normal, x), geometry.d * normal
+        corners = [point + reach * (a * x + b * y) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
     points = hull_points(geometry)
     return None if points is None else hull(points)
 
@@ -90,36 +96,25 @@ def convex(geometry: coal.CollisionGeometry, name: str) -> coal.CollisionGeometr
         corners = np.asarray(geometry.vertices())
     else:
         return geometry
-    points = coal.StdVec_Vec3s()
-    for corner in corners:
-        points.append(corner)
     try:
-        return coal.Convex.convexHull(points, True, "Qt")
+        return _hull(corners)
     except (RuntimeError, ValueError):
         raise ConfigurationError(f"{name} has no convex hull: are its corners in one plane?") from None
 
 
 def hull(points: Array) -> Mesh:
     """The convex hull of points (V, 3), all of which stay."""
+    solid = _hull(points)
+    number = {tuple(point): i for i, point in enumerate(points.tolist())}
+    own = np.array([number[tuple(point)] for point in np.asarray(solid.points()).tolist()])
+    return Mesh(points, own[np.array([[solid.polygons(k)[j] for j in range(3)] for k in range(solid.num_polygons)])])
+
+
+def _hull(points: Array) -> coal.CollisionGeometry:
     every = coal.StdVec_Vec3s()
     for point in points:
         every.append(point)
-    made = coal.Convex.convexHull(every, True, "Qt")
-    number = {tuple(point): i for i, point in enumerate(points.tolist())}
-    own = np.array([number[tuple(point)] for point in np.asarray(made.points()).tolist()])
-    triangles = [[made.polygons(k)[j] for j in range(3)] for k in range(made.num_polygons)]
-    return Mesh(points, own[np.array(triangles)])
-
-
-def square(reach: float, normal: Array, point: Array) -> Mesh | None:
-    """A square of half side ``reach`` [m] around a point (3,) of a plane; None if that is not finite."""
-    if not np.isfinite(reach):
-        return None
-    x = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    x /= np.linalg.norm(x)
-    y = np.cross(normal, x)
-    corners = [point + reach * (a * x + b * y) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
+    return coal.Convex.convexHull(every, True, "Qt")
 
 
 def traced(depth: Callable[[Array], Array]) -> Mesh | None:
@@ -144,3 +139,62 @@ def _ball() -> Mesh:
     z, turn = 1.0 - 2.0 * k / BALL_POINTS, np.pi * (1.0 + np.sqrt(5.0)) * k
     around = np.sqrt(1.0 - z * z)
     return hull(np.stack([around * np.cos(turn), around * np.sin(turn), z], axis=1))
+
+
+def surface(geometry: coal.CollisionGeometry, longest: float) -> tuple[Array, float]:
+    """Patches (p, c, 3), each the hull of c corners, and a distance [m] within which they cover the surface.
+
+    Triangles of a mesh are used as they are, cylinders are cut into facets, everything else into the boxes around it;
+    edges longer than ``longest`` [m] are divided.
+    """
+    if isinstance(geometry, coal.BVHModelBase):
+        mesh = mesh_of(geometry)
+        assert mesh is not None
+        return _divided(mesh.points[mesh.triangles], longest), 0.0
+    if isinstance(geometry, coal.Sphere):
+        return np.zeros((1, 1, 3)), float(geometry.radius)
+    if isinstance(geometry, coal.Cylinder):
+        slack = geometry.radius * (1.0 - float(np.cos(np.pi / SIDES)))
+        return _divided(_cylinder(geometry.radius, geometry.halfLength), longest), slack
+    if isinstance(geometry, coal.Capsule):
+        z = np.linspace(-geometry.halfLength, geometry.halfLength, 2 + int(2.0 * geometry.halfLength / longest))
+        line = np.stack((np.zeros_like(z), np.zeros_like(z), z), axis=1)
+        return np.stack((line[:-1], line[1:]), axis=1), float(geometry.radius)
+    geometry.computeLocalAABB()
+    box = geometry.aabb_local
+    low, high = np.array(box.min_), np.array(box.max_)
+    steps = [np.linspace(a, b, 1 + max(1, int(np.ceil((b - a) / longest)))) for a, b in zip(low, high, strict=True)]
+    # the lower or the upper end of every step, along each axis: the eight corners of all cells
+    ends = [(step[:-1], step[1:]) for step in steps]
+    corners = [
+        np.stack(np.meshgrid(*(pair[i] for pair, i in zip(ends, corner, strict=True)), indexing="ij"), axis=-1)
+        for corner in np.ndindex(2, 2, 2)
+    ]
+    return np.stack([corner.reshape(-1, 3) for corner in corners], axis=1), 0.0
+
+
+def _cylinder(radius: float, half: float) -> Array:
+    """(t, 3, 3) triangles between corners on a cylinder's rims and its ends' centres."""
+    angle = 2.0 * np.pi / SIDES * np.arange(SIDES + 1)
+    rim = radius * np.stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)), axis=1)
+    up = np.array([0.0, 0.0, half])
+    low, high, centre = rim - up, rim + up, np.zeros((SIDES, 3))
+    facets = (low[:-1], low[1:], high[:-1]), (low[1:], high[1:], high[:-1])
+    ends = (low[:-1], low[1:], centre - up), (high[:-1], high[1:], centre + up)
+    return np.concatenate([np.stack(corners, axis=1) for corners in (*facets, *ends)])
+
+
+def _divided(corners: Array, longest: float) -> Array:
+    """The same triangles (t, 3, 3) with those halved, again and again, that have an edge longer than ``longest``."""
+    done = []
+    while len(corners):
+        edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        long = edges.max(axis=1) > longest
+        done.append(corners[~long])
+        corners, edges = corners[long], edges[long]
+        # turned so that the longest edge is from the first to the second corner
+        order = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(corners, order[:, :, None], axis=1).transpose(1, 0, 2)
+        middle = 0.5 * (a + b)
+        corners = np.concatenate((np.stack((a, middle, c), axis=1), np.stack((middle, b, c), axis=1)))
+    return np.concatenate(done)

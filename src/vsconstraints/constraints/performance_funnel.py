@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
 from ..errors import ConfigurationError
 from ..formulas.features import pose_error
 from ..formulas.tracking import funnel, goal_at
-from ..rows import Array, IntArray
+from ..rows import Array
 from ..vision.features import CameraPose, Goal
 from ..vision.scene import Scene, State
 from .base import Constraint, RowBlock, Trace, demand_numbers, demand_positive
@@ -19,6 +20,7 @@ POSE = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 """Components of a camera pose's error, in the frame of the goal's camera."""
 
 
+@dataclass(eq=False, repr=False)
 class PerformanceFunnel(Constraint):
     """Every component of the error to the goal stays in a funnel that narrows with time.
 
@@ -34,10 +36,10 @@ class PerformanceFunnel(Constraint):
         The task's.
     K, switching_gain
         Approach time constant [s] and u⁺ [1/s].
-    final
-        ρ∞/ρ₀, above 0 and at most 1.
     decay
         l [1/s]; K l must be below 1, or φ would be positive with no error at all.
+    final
+        ρ∞/ρ₀, above 0 and at most 1.
     translation_m, rotation_rad
         ρ₀ of the components of (t, θu) of eq. (44) [m], [rad]; no rows of those that are None.
     feature_px
@@ -54,54 +56,50 @@ class PerformanceFunnel(Constraint):
     kind = "funnel"
     unit = "px"
 
-    def __init__(
-        self,
-        goals: Sequence[Goal],
-        *,
-        K: float,
-        switching_gain: float,
-        decay: float,
-        final: float,
-        translation_m: float | None = None,
-        rotation_rad: float | None = None,
-        feature_px: float | None = None,
-        markers: Sequence[int] | None = None,
-    ) -> None:
-        super().__init__(K=K, switching_gain=switching_gain)
-        sizes = {"translation_m": translation_m, "rotation_rad": rotation_rad, "feature_px": feature_px}
-        for name, value in (("decay", decay), ("final", final), *sizes.items()):
-            if value is not None:
-                demand_positive(value, f"{name} of {self.kind}")
-        if final > 1.0 or K * decay >= 1.0:
+    goals: Sequence[Goal]
+    _: KW_ONLY
+    K: float
+    switching_gain: float
+    decay: float
+    final: float
+    translation_m: float | None = None
+    rotation_rad: float | None = None
+    feature_px: float | None = None
+    markers: Sequence[int] | None = None
+
+    def __post_init__(self) -> None:
+        super().__init__(K=self.K, switching_gain=self.switching_gain)
+        for name in ("decay", "final", "translation_m", "rotation_rad", "feature_px"):
+            if getattr(self, name) is not None:
+                setattr(self, name, demand_positive(getattr(self, name), f"{name} of {self.kind}"))
+        if self.final > 1.0 or self.K * self.decay >= 1.0:
             raise ConfigurationError(
                 f"{self.kind} must not widen, nor narrow faster than rows approach their boundary: final is at most 1 "
-                f"and decay below 1/K = {1.0 / K:g} 1/s, not {final:g} and {decay:g} 1/s"
+                f"and decay below 1/K = {1.0 / self.K:g} 1/s, not {self.final:g} and {self.decay:g} 1/s"
             )
-        self.of_image = feature_px is not None
-        if self.of_image == (translation_m is not None or rotation_rad is not None):
+        self.of_image = self.feature_px is not None
+        if self.of_image == (self.translation_m is not None or self.rotation_rad is not None):
             raise ConfigurationError(
                 f"{self.kind} is about the image or about the camera's pose: give feature_px, or translation_m, "
                 "rotation_rad or both"
             )
-        if not goals:
+        if not self.goals:
             raise ConfigurationError(f"{self.kind} is about the error to a goal, and there is none")
-        if not self.of_image and any(goal.camera is None for goal in goals):
+        if not self.of_image and any(goal.camera is None for goal in self.goals):
             raise ConfigurationError(f"{self.kind} of the camera's pose needs goals with one; give feature_px")
-        if markers is not None and not self.of_image:
+        if self.markers is not None and not self.of_image:
             raise ConfigurationError(f"markers of {self.kind} go with feature_px")
-        self.goals, self.decay, self.final = tuple(goals), float(decay), float(final)
-        self.markers = None if markers is None else demand_numbers(markers, f"markers of {self.kind}")
-        if feature_px is not None:
-            numbers = self.markers or range(1, len(goals[0].pixels) + 1)
-            self._at = [2 * (i - 1) + c for i in numbers for c in (0, 1)]
-            half = [feature_px] * len(self._at)
-        else:
-            width = [translation_m] * 3 + [rotation_rad] * 3
-            self._at = [i for i, one in enumerate(width) if one is not None]
-            half = [one for one in width if one is not None]
-        self.start: Array = np.array(half + half, dtype=np.float64)
-        self._side = np.repeat([1.0, -1.0], len(half)) / self.start
-        self._both = self._at + self._at
+        if self.markers is not None:
+            self.markers = demand_numbers(self.markers, f"markers of {self.kind}")
+        width: list[float | None] = [self.translation_m] * 3 + [self.rotation_rad] * 3
+        at = [i for i, size in enumerate(width) if size is not None]
+        if self.of_image:
+            numbers = self.markers or range(1, len(self.goals[0].pixels) + 1)
+            at = [2 * (i - 1) + c for i in numbers for c in (0, 1)]
+            width = [self.feature_px] * (max(at) + 1)
+        self._at, self._both, self._begins = at, at + at, [goal.from_time for goal in self.goals]
+        self.start: Array = np.array([width[i] for i in self._both], dtype=np.float64)
+        self._side = np.repeat([1.0, -1.0], len(at)) / self.start
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
         """All upper rows, then all lower ones: ``funnel[x].upper``, ``funnel[marker 1 u].lower``."""
@@ -118,7 +116,7 @@ class PerformanceFunnel(Constraint):
 
     def rows(self, state: State, points: slice) -> RowBlock:
         """From the error and its derivatives, and those of the funnel."""
-        goal, seen = self.goals[self._goal(state.t)], state.pixels
+        goal, seen = self.goals[goal_at(self._begins, state.t)], state.pixels
         error: Array
         J: Array
         velocity: Array
@@ -143,20 +141,25 @@ class PerformanceFunnel(Constraint):
             goal.pixels.ravel() if self.of_image or goal.camera is None else np.append(goal.camera.R, goal.camera.t)
             for goal in self.goals
         ]
-        begins = [goal.from_time for goal in self.goals]
-        numbers = (self.final, self.decay, float(len(begins)), *begins, *np.concatenate(wanted).tolist())
+        numbers = self.final, self.decay, float(len(wanted)), *self._begins, *np.concatenate(wanted).tolist()
         rows = "image_funnel_rows" if self.of_image else "pose_funnel_rows"
         return Form(rows, parameters=numbers, which=self._both, offsets=self._side)
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """ρ ∓ eᵢ [px, m or rad]."""
-        which = np.array([self._goal(t) for t in trace.t], dtype=np.int64)
+        which = np.array([goal_at(self._begins, t) for t in trace.t], dtype=np.int64)
+        error: Array = np.zeros((len(which), 6))
         if self.of_image:
             error = (trace.pixels - np.array([goal.pixels for goal in self.goals])[which]).reshape(len(which), -1)
+        elif trace.scene is None:
+            raise ConfigurationError(f"clearances of {self.kind} of the camera's pose need the trace's scene")
         else:
-            error = self._pose_errors(trace, which)
-        began = np.array([goal.from_time for goal in self.goals])[which]
-        width, _, _ = funnel(trace.t - began, self.final, self.decay)
+            for k, i in enumerate(which):
+                camera, wanted = trace.scene.camera_pose(trace.q[k], float(trace.t[k])), self.goals[i].camera
+                assert wanted is not None
+                _, t, w = pose_error(wanted.R, wanted.t, camera.R, camera.t, np.zeros(3), False)
+                error[k] = (*t, *w)
+        width, _, _ = funnel(trace.t - np.array(self._begins)[which], self.final, self.decay)
         clearance: Array = self.start * (width[:, None] - self._side * error[:, self._both])
         return clearance
 
@@ -171,18 +174,3 @@ class PerformanceFunnel(Constraint):
             for i in np.flatnonzero(sigma >= 0.0)
         ]
         return f"the start is outside its funnel: {'; '.join(outside)}" if outside else ""
-
-    def _goal(self, t: float) -> int:
-        return goal_at([goal.from_time for goal in self.goals], t)
-
-    def _pose_errors(self, trace: Trace, which: IntArray) -> Array:
-        """(T, 6) errors of the camera's pose."""
-        if trace.scene is None:
-            raise ConfigurationError(f"clearances of {self.kind} of the camera's pose need the trace's scene")
-        errors = np.zeros((len(which), 6))
-        for k, i in enumerate(which):
-            camera, wanted = trace.scene.camera_pose(trace.q[k], float(trace.t[k])), self.goals[i].camera
-            assert wanted is not None
-            _, t, w = pose_error(wanted.R, wanted.t, camera.R, camera.t, np.zeros(3), False)
-            errors[k] = (*t, *w)
-        return errors

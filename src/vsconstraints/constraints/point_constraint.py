@@ -44,30 +44,21 @@ class PointConstraint(PositionConstraint):
         name: str = "",
     ) -> None:
         super().__init__(K=K, switching_gain=switching_gain)
-        demand_positive(length, f"length of {self.kind}")
         if not points:
             raise ConfigurationError(f"{self.kind} needs at least one robot point")
-        self.length, self.name = float(length), name
-        self.scale = self.length
-        self._points = tuple(points)
-
-    @property
-    def points(self) -> tuple[RobotPoint, ...]:
-        """The points concerned."""
-        return self._points
+        self.scale = self.length = demand_positive(length, f"length of {self.kind}")
+        self.name, self.points = name, tuple(points)
 
     def labels(self, scene: Scene) -> tuple[str, ...]:
         """One row per point."""
         prefix = f"{self.name}, " if self.name else ""
-        return tuple(f"{self.kind}[{prefix}{point.label}]" for point in self._points)
+        return tuple(f"{self.kind}[{prefix}{point.label}]" for point in self.points)
 
     def rows(self, state: State, points: slice) -> RowBlock:
         """Chain rule from Cartesian positions to joints (eqs. 30 and 31)."""
-        robot = state.robot
-        J = robot.point_J[points]
-        motion = self.relative(PointMotion(robot.points[points], J, J @ robot.qd, robot.point_drift[points]), state)
-        y = motion.position
-        return self.chain_rule(self.sigma(y), self.gradient(y), self.curvature(y, motion.velocity), motion)
+        robot, J = state.robot, state.robot.point_J[points]
+        motion = PointMotion(robot.points[points], J, J @ robot.qd, robot.point_drift[points])
+        return self.chain_rule(self.relative(motion, state))
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """Rows of the formula for the points concerned."""
@@ -93,4 +84,4 @@ class PointConstraint(PositionConstraint):
 
     def characteristic_length(self, scene: Scene) -> Array:
         """The same length for every point."""
-        return np.full(len(self._points), self.length)
+        return np.full(len(self.points), self.length)

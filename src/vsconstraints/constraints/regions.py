@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import coal
 import numpy as np
@@ -14,7 +15,7 @@ from ..robots.geometry import Pose, Vector3, vector
 from ..robots.kinematics import RobotPoint
 from ..rows import Array
 from .base import demand_margin, demand_positive
-from .meshes import Mesh, mesh_of, square, traced
+from .meshes import Mesh, mesh_of, traced
 from .point_constraint import PointConstraint
 
 
@@ -59,8 +60,15 @@ class ForbiddenRegion(PointConstraint):
         self.pose, self.margin = pose, demand_margin(margin, f"a {self.kind}")
 
     def mesh(self, reach: float = np.inf) -> Mesh | None:
-        """Its surface in its own frame, traced from the frame's origin; regions whose shape is known give it."""
-        return traced(lambda points: self.sigma(self.pose.act(points)) - self.margin)
+        """Its surface in its own frame: of its solid, or traced from the frame's origin where none is known."""
+        solid = self.solid()
+        if solid is None:
+            return traced(lambda points: self.sigma(self.pose.act(points)) - self.margin)
+        return mesh_of(solid, reach)
+
+    def solid(self) -> coal.CollisionGeometry | None:
+        """What it is in its own frame; None if that is not known."""
+        return None
 
     @property
     def pose(self) -> Pose:
@@ -73,63 +81,30 @@ class ForbiddenRegion(PointConstraint):
         self.frame = pose.R, pose.t
 
 
-class RegionAroundAxis(ForbiddenRegion):
-    """A region of a radius around the axis from one point to another, which is the z axis of its frame.
+@dataclass(kw_only=True, eq=False, repr=False)
+class KnownRegion(ForbiddenRegion):
+    """A region whose parameters are those of its formula; see :class:`.ForbiddenRegion` for the ones all have."""
 
-    Parameters
-    ----------
-    start, end
-        (3,) ends of the axis in the base frame [m].
-    radius
-        [m].
-    K, switching_gain, margin, points, name
-        As of every :class:`.ForbiddenRegion`.
-    """
+    K: float
+    switching_gain: float
+    margin: float = 0.0
+    points: Sequence[RobotPoint] = (RobotPoint(),)
+    name: str = ""
 
-    def __init__(
-        self,
-        *,
-        start: Vector3,
-        end: Vector3,
-        radius: float,
-        K: float,
-        switching_gain: float,
-        margin: float = 0.0,
-        points: Sequence[RobotPoint] = (RobotPoint(),),
-        name: str = "",
-    ) -> None:
-        demand_positive(radius, f"radius of a {self.kind}")
-        self.start, self.end = vector(start, 3, f"start of a {self.kind}"), vector(end, 3, f"end of a {self.kind}")
-        along = self.end - self.start
-        size = float(np.sqrt(along @ along))
-        if size < SMALL:
-            raise ConfigurationError(f"start and end of a {self.kind} must be different points, not both {self.start}")
-        pose = Pose(frame_along(along / size), 0.5 * (self.start + self.end))
-        self.radius = float(radius)
-        self.parameters = self.radius, 0.5 * size
-        super().__init__(
-            pose, length=self.half_width, K=K, switching_gain=switching_gain, margin=margin, points=points, name=name
+    def place(self, R: Array, t: Array, length: float, *parameters: float) -> None:
+        """Put the region somewhere: axes R and origin t of its frame, its characteristic length, its parameters."""
+        self.parameters = parameters
+        gains = {"K": self.K, "switching_gain": self.switching_gain}
+        ForbiddenRegion.__init__(
+            self, Pose(R, t), length=length, margin=self.margin, points=self.points, name=self.name, **gains
         )
 
-    @property
-    def half_width(self) -> float:
-        """Half of the least width [m], the characteristic length."""
-        return self.radius
 
-
-def frame_along(z: Array) -> Array:
-    """A rotation matrix whose third column is the unit vector ``z`` (3,)."""
-    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    x /= np.sqrt(x @ x)
-    return np.stack((x, np.cross(z, x), z), axis=1)
-
-
-class ForbiddenSphere(ForbiddenRegion):
+@dataclass(kw_only=True, eq=False, repr=False)
+class ForbiddenSphere(KnownRegion):
     """Robot points stay out of a sphere.
 
-    r − ‖p − c‖ + margin ≤ 0 (eqs. 47 and 48) for any robot points.
-
-    At the very centre, where every direction leads out, the gradient is that of leaving along +z.
+    r − ‖p − c‖ + margin ≤ 0 (eqs. 47 and 48). At the very centre the gradient is that of leaving along +z.
 
     Parameters
     ----------
@@ -144,37 +119,20 @@ class ForbiddenSphere(ForbiddenRegion):
     kind = "sphere"
     formula = staticmethod(formulas.sphere)
     curvature_formula = staticmethod(formulas.sphere_curvature)
+    centre: Vector3
+    radius: float
 
-    def __init__(
-        self,
-        *,
-        centre: Vector3,
-        radius: float,
-        K: float,
-        switching_gain: float,
-        margin: float = 0.0,
-        points: Sequence[RobotPoint] = (RobotPoint(),),
-        name: str = "",
-    ) -> None:
-        demand_positive(radius, "radius of a sphere")
-        self.radius = float(radius)
-        self.parameters = (self.radius,)
-        pose = Pose(np.eye(3), vector(centre, 3, "centre of a sphere"))
-        super().__init__(
-            pose, length=self.radius, K=K, switching_gain=switching_gain, margin=margin, points=points, name=name
-        )
+    def __post_init__(self) -> None:
+        self.radius = demand_positive(self.radius, "radius of a sphere")
+        self.place(np.eye(3), vector(self.centre, 3, "centre of a sphere"), self.radius, self.radius)
 
-    @property
-    def centre(self) -> Array:
-        """(3,) in the base frame [m]."""
-        return self.pose.t
-
-    def mesh(self, reach: float = np.inf) -> Mesh | None:
-        """See :meth:`.PointConstraint.mesh`."""
-        return mesh_of(coal.Sphere(self.radius))
+    def solid(self) -> coal.CollisionGeometry:
+        """A sphere."""
+        return coal.Sphere(self.radius)
 
 
-class ForbiddenBox(ForbiddenRegion):
+@dataclass(kw_only=True, eq=False, repr=False)
+class ForbiddenBox(KnownRegion):
     """Robot points stay out of a box, also a turned one.
 
     Inside, where several faces are equally near, the way out is along the first of the box's axes; at the centre
@@ -182,10 +140,8 @@ class ForbiddenBox(ForbiddenRegion):
 
     Parameters
     ----------
-    centre
-        (3,) in the base frame [m].
-    size
-        (3,) lengths of its edges [m].
+    centre, size
+        (3,) in the base frame, and lengths of its edges [m].
     rpy
         (3,) roll, pitch, yaw of its axes in the base frame [rad].
     K, switching_gain, margin, points, name
@@ -195,36 +151,24 @@ class ForbiddenBox(ForbiddenRegion):
     kind = "box"
     formula = staticmethod(formulas.box)
     curvature_formula = staticmethod(formulas.box_curvature)
+    centre: Vector3
+    size: Vector3
+    rpy: Vector3 = (0.0, 0.0, 0.0)
 
-    def __init__(
-        self,
-        *,
-        centre: Vector3,
-        size: Vector3,
-        K: float,
-        switching_gain: float,
-        rpy: Vector3 = (0.0, 0.0, 0.0),
-        margin: float = 0.0,
-        points: Sequence[RobotPoint] = (RobotPoint(),),
-        name: str = "",
-    ) -> None:
-        self.size = vector(size, 3, "size of a box")
-        if (self.size <= 0.0).any():
-            raise ConfigurationError(f"size of a box must be three positive lengths, not {self.size}")
-        half = 0.5 * self.size
-        self.parameters = tuple(half.tolist())
-        pose = Pose(Pose.from_xyz_rpy((0.0, 0.0, 0.0), rpy).R, vector(centre, 3, "centre of a box"))
-        length = float(half.min())
-        super().__init__(
-            pose, length=length, K=K, switching_gain=switching_gain, margin=margin, points=points, name=name
-        )
+    def __post_init__(self) -> None:
+        size = vector(self.size, 3, "size of a box")
+        if (size <= 0.0).any():
+            raise ConfigurationError(f"size of a box must be three positive lengths, not {size}")
+        half, R = 0.5 * size, Pose.from_xyz_rpy((0.0, 0.0, 0.0), self.rpy).R
+        self.place(R, vector(self.centre, 3, "centre of a box"), float(half.min()), *half.tolist())
 
-    def mesh(self, reach: float = np.inf) -> Mesh | None:
-        """See :meth:`.PointConstraint.mesh`."""
-        return mesh_of(coal.Box(*self.size))
+    def solid(self) -> coal.CollisionGeometry:
+        """A box."""
+        return coal.Box(*self.size)
 
 
-class ForbiddenHalfSpace(ForbiddenRegion):
+@dataclass(kw_only=True, eq=False, repr=False)
+class ForbiddenHalfSpace(KnownRegion):
     """Robot points stay on one side of a plane: above a table, before a wall.
 
     Margin − n·(p − a) ≤ 0: points stay on the side of a plane that its normal n points to.
@@ -244,73 +188,84 @@ class ForbiddenHalfSpace(ForbiddenRegion):
     kind = "half-space"
     formula = staticmethod(formulas.half_space)
     curvature_formula = staticmethod(formulas.half_space_curvature)
+    point: Vector3
+    normal: Vector3
+    length: float = 0.1
 
-    def __init__(
-        self,
-        *,
-        point: Vector3,
-        normal: Vector3,
-        K: float,
-        switching_gain: float,
-        margin: float = 0.0,
-        length: float = 0.1,
-        points: Sequence[RobotPoint] = (RobotPoint(),),
-        name: str = "",
-    ) -> None:
-        n = vector(normal, 3, "normal of a half-space")
+    def __post_init__(self) -> None:
+        n = vector(self.normal, 3, "normal of a half-space")
         size = float(np.sqrt(n @ n))
         if size < SMALL:
             raise ConfigurationError(f"normal of a half-space must have a direction, not {n}")
-        self.point, self.normal = vector(point, 3, "point of a half-space"), n / size
-        pose = Pose(frame_along(self.normal), self.point)
-        super().__init__(
-            pose, length=length, K=K, switching_gain=switching_gain, margin=margin, points=points, name=name
-        )
+        self.place(frame_along(n / size), vector(self.point, 3, "point of a half-space"), self.length)
 
-    def mesh(self, reach: float = np.inf) -> Mesh | None:
-        """See :meth:`.PointConstraint.mesh`."""
-        return square(reach, np.array([0.0, 0.0, 1.0]), np.zeros(3))
+    def solid(self) -> coal.CollisionGeometry:
+        """What is below z = 0."""
+        return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
+
+
+@dataclass(kw_only=True, eq=False, repr=False)
+class RegionAroundAxis(KnownRegion):
+    """A region of a radius around the axis from one point to another, which is the z axis of its frame."""
+
+    start: Vector3
+    end: Vector3
+    radius: float
+
+    def __post_init__(self) -> None:
+        self.radius = demand_positive(self.radius, f"radius of a {self.kind}")
+        start, end = (vector(getattr(self, name), 3, f"{name} of a {self.kind}") for name in ("start", "end"))
+        along = end - start
+        size = float(np.sqrt(along @ along))
+        if size < SMALL:
+            raise ConfigurationError(f"start and end of a {self.kind} must be different points, not both {start}")
+        width = min(self.radius, 0.5 * size) if self.kind == "cylinder" else self.radius
+        self.place(frame_along(along / size), 0.5 * (start + end), width, self.radius, 0.5 * size)
 
 
 class ForbiddenCylinder(RegionAroundAxis):
     """Robot points stay out of a cylinder with flat ends.
 
-    Margin − d(p) ≤ 0 for a cylinder with flat ends.
-
     Inside, where side and end are equally near, the way out is through the side; on the axis it is a fixed direction
     across it; in the middle of a flat cylinder, through the end.
 
-    See :class:`.RegionAroundAxis` for the parameters.
+    Parameters
+    ----------
+    start, end
+        (3,) ends of the axis in the base frame [m].
+    radius
+        [m].
+    K, switching_gain, margin, points, name
+        As of every :class:`.ForbiddenRegion`.
     """
 
     kind = "cylinder"
     formula = staticmethod(formulas.cylinder)
     curvature_formula = staticmethod(formulas.cylinder_curvature)
 
-    @property
-    def half_width(self) -> float:
-        """Half of the least width [m], the characteristic length."""
-        return min(self.parameters)
-
-    def mesh(self, reach: float = np.inf) -> Mesh | None:
-        """See :meth:`.PointConstraint.mesh`."""
-        return mesh_of(coal.Cylinder(self.radius, 2.0 * self.parameters[1]))
+    def solid(self) -> coal.CollisionGeometry:
+        """A cylinder."""
+        return coal.Cylinder(self.radius, 2.0 * self.parameters[1])
 
 
 class ForbiddenCapsule(RegionAroundAxis):
     """Robot points stay out of a cylinder with round ends.
 
-    Radius + margin − ‖p − nearest point of a segment‖ ≤ 0: a pipe with round ends.
-
-    On the segment, where every direction across it leads out, the gradient is that of leaving along a fixed one.
-
-    See :class:`.RegionAroundAxis` for the parameters.
+    Radius + margin − ‖p − nearest point of a segment‖ ≤ 0: a pipe with round ends. On the segment the gradient is that
+    of leaving along a fixed direction across it. Parameters are those of :class:`ForbiddenCylinder`.
     """
 
     kind = "capsule"
     formula = staticmethod(formulas.capsule)
     curvature_formula = staticmethod(formulas.capsule_curvature)
 
-    def mesh(self, reach: float = np.inf) -> Mesh | None:
-        """See :meth:`.PointConstraint.mesh`."""
-        return mesh_of(coal.Capsule(self.radius, 2.0 * self.parameters[1]))
+    def solid(self) -> coal.CollisionGeometry:
+        """A capsule."""
+        return coal.Capsule(self.radius, 2.0 * self.parameters[1])
+
+
+def frame_along(z: Array) -> Array:
+    """A rotation matrix whose third column is the unit vector ``z`` (3,)."""
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    x /= np.sqrt(x @ x)
+    return np.stack((x, np.cross(z, x), z), axis=1)

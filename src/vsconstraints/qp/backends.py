@@ -1,12 +1,14 @@
-"""QP solvers by name: DAQP and ProxQP called directly, all others through qpsolvers."""
+"""QP solvers by name, DAQP and ProxQP called directly, all others through qpsolvers; and chains of them."""
 
 from __future__ import annotations
 
 import warnings
+from collections import Counter
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import metadata
 from importlib.util import find_spec
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +21,8 @@ from .solver import Answer, Infeasible, QPSolver, require
 class DaqpSolver(QPSolver):
     """A dual active-set method in C: exact, the fastest on small problems, and without memory between calls.
 
+    Called directly: importing qpsolvers takes longer than everything else that the law ``predictive`` needs.
+
     Reference: Arnström, Bemporad, Axehill, "A dual active-set solver for embedded quadratic programming using
     recursive LDLᵀ updates", IEEE Transactions on Automatic Control, 2022.
     """
@@ -27,11 +31,9 @@ class DaqpSolver(QPSolver):
     tolerance = 1e-8
     recognises_infeasibility = True
 
-    attempts: ClassVar[tuple[dict[str, float], ...]] = (
-        {"primal_tol": 1e-9},
-        {"primal_tol": 1e-9, "sing_tol": 1e-14},
-        {"primal_tol": 1e-7, "sing_tol": 1e-14},
-    )
+    attempts: tuple[dict[str, float], ...] = (
+        {"primal_tol": 1e-9}, {"primal_tol": 1e-9, "sing_tol": 1e-14}, {"primal_tol": 1e-7, "sing_tol": 1e-14},
+    )  # fmt: skip
     """Settings, tried in this order until DAQP has an answer.
 
     Its default ``primal_tol`` lets rows be exceeded by 1e-6. But where rows are nearly parallel the solution is far
@@ -44,10 +46,9 @@ class DaqpSolver(QPSolver):
 
     def attempt(self, P: Array, q: Array, G: Array, h: Array) -> Answer:
         """Ask DAQP."""
-        m = h.size
-        data = np.ascontiguousarray(P), q, np.ascontiguousarray(G), h, np.full(m, -1e30)
+        data = np.ascontiguousarray(P), q, np.ascontiguousarray(G), h, np.full(h.size, -1e30)
         for settings in self.attempts:
-            x, _, flag, info = self._solve(*data, np.zeros(m, dtype=np.int32), **settings)
+            x, _, flag, info = self._solve(*data, np.zeros(h.size, dtype=np.int32), **settings)
             if flag == 1:
                 return Answer(np.asarray(x), np.asarray(info["lam"]), int(info["iterations"]))
         if flag == -1:
@@ -58,12 +59,9 @@ class DaqpSolver(QPSolver):
 class ProxqpSolver(QPSolver):
     """A proximal augmented Lagrangian method in C++, started afresh at every call.
 
-    A kept solver object answers false infeasibility, or takes a quarter of a second when nothing has changed;
-    a fresh one costs little more than a warm start at this size. The default threshold of its infeasibility
-    test is far too loose for rows of mixed scale, and only the native object lets it be tightened.
-
-    Repeating a call repeats the answer to rounding, not bit by bit as with the other solvers: measured, one in ten
-    differs by up to 1e-14, however its input is aligned.
+    A kept solver object answers false infeasibility, or takes a quarter of a second when nothing has changed. The
+    default threshold of its infeasibility test is far too loose for rows of mixed scale, and only the native object
+    lets it be tightened. Repeating a call repeats the answer to rounding, not bit by bit.
 
     Reference: Bambade, El-Kazdadi, Taylor, Carpentier, "ProxQP: yet another quadratic programming solver for
     robotics and beyond", Robotics: Science and Systems, 2022.
@@ -72,48 +70,32 @@ class ProxqpSolver(QPSolver):
     name = "proxqp"
     tolerance = 1e-7
 
-    accuracy: ClassVar[float] = 1e-9
-    """Absolute accuracy asked of the solver (primal and dual residual)."""
-
     def __init__(self) -> None:
         self._proxqp = require("proxsuite", "proxqp", "pip install proxsuite").proxqp
 
     def attempt(self, P: Array, q: Array, G: Array, h: Array) -> Answer:
         """Ask ProxQP."""
-        proxqp = self._proxqp
         scaled = equilibrate(P, q, G, h)
-        problem = proxqp.dense.QP(q.size, 0, h.size)
-        settings = problem.settings
-        settings.eps_abs = settings.eps_rel = self.accuracy
+        problem = self._proxqp.dense.QP(q.size, 0, h.size)
+        settings, results = problem.settings, problem.results
+        settings.eps_abs = settings.eps_rel = 1e-9
         settings.eps_primal_inf = settings.eps_dual_inf = 1e-12
         # problems it can solve take far less; the defaults let the others take seconds
         settings.max_iter = settings.max_iter_in = 100
         settings.default_mu_in = 1e-5
         settings.compute_timings = False
-        settings.initial_guess = proxqp.InitialGuess.NO_INITIAL_GUESS
+        settings.initial_guess = self._proxqp.InitialGuess.NO_INITIAL_GUESS
         problem.init(scaled.P, scaled.q, None, None, scaled.G, np.full(h.size, -1e20), scaled.h)
         problem.solve()
-        results = problem.results
-        if results.info.status != proxqp.QPSolverOutput.PROXQP_SOLVED:
+        if results.info.status != self._proxqp.QPSolverOutput.PROXQP_SOLVED:
             raise SolverError(f"proxqp gave up with {results.info.status.name}")
         return Answer(*scaled.original(results.x, results.z), int(results.info.iter))
 
 
 class Settings(NamedTuple):
-    """How a solver is asked through qpsolvers.
+    """How a solver is asked through qpsolvers: its own options, the accuracy measured with them, what to tell pip.
 
-    Attributes
-    ----------
-    options
-        What it must be told to be accurate enough.
-    tolerance
-        Accuracy that it was measured to reach; the check decides.
-    install
-        What to tell pip.
-    exact
-        Whether it recognises rows that contradict each other, quickly and reliably.
-    equilibrated
-        Whether it does better on programs that are equilibrated.
+    ``exact``: it recognises rows that contradict each other; ``equilibrated``: it does better on such programs.
     """
 
     options: dict[str, Any] = {}  # noqa: RUF012 (a default that nobody changes)
@@ -155,31 +137,21 @@ class QpsolversSolver(QPSolver):
     def attempt(self, P: Array, q: Array, G: Array, h: Array) -> Answer:
         """Ask the solver, in the matrix form that it takes."""
         qpsolvers = require("qpsolvers", self.name, f"pip install qpsolvers {self.name}")
-        matrix: Any = np.ascontiguousarray
-        if self.name not in qpsolvers.dense_solvers:
-            matrix = import_module("scipy.sparse").csc_matrix
+        dense = self.name in qpsolvers.dense_solvers
+        matrix: Any = np.ascontiguousarray if dense else import_module("scipy.sparse").csc_matrix
         scaled = equilibrate(P, q, G, h) if self._settings.equilibrated else None
-        data = scaled[:4] if scaled else (P, q, G, h)
+        P, q, G, h = scaled[:4] if scaled else (P, q, G, h)
         with warnings.catch_warnings():
-            # qpsolvers warns of what the solver reports; here that is read from the solution instead.
+            # qpsolvers warns of what the solver reports; here that is read from the solution instead
             warnings.simplefilter("ignore")
-            solution = qpsolvers.solve_problem(
-                qpsolvers.Problem(matrix(data[0]), data[1], matrix(data[2]), data[3]),
-                solver=self.name,
-                **self._settings.options,
-            )
+            problem = qpsolvers.Problem(matrix(P), q, matrix(G), h)
+            solution = qpsolvers.solve_problem(problem, solver=self.name, **self._settings.options)
         if not solution.found or solution.x is None or solution.z is None:
             raise (Infeasible if self._settings.exact else SolverError)(f"{self.name} found no solution")
         x, multipliers = np.asarray(solution.x, dtype=np.float64), np.asarray(solution.z, dtype=np.float64)
-        if scaled:
-            return Answer(*scaled.original(x, multipliers), _iterations(solution.extras))
-        return Answer(x, multipliers, _iterations(solution.extras))
-
-
-def _iterations(extras: dict[str, Any]) -> int:
-    """How often the solver iterated, where qpsolvers tells."""
-    found = extras.get("iterations", getattr(extras.get("info"), "iter", 0))
-    return int(np.ravel(found if found is not None else 0)[0])
+        count = solution.extras.get("iterations", getattr(solution.extras.get("info"), "iter", 0))
+        count = int(np.ravel(count if count is not None else 0)[0])
+        return Answer(*scaled.original(x, multipliers), count) if scaled else Answer(x, multipliers, count)
 
 
 NATIVE: dict[str, type[QPSolver]] = {"daqp": DaqpSolver, "proxqp": ProxqpSolver}
@@ -196,22 +168,67 @@ def solver_names() -> tuple[str, ...]:
 
 
 def make_solver(name: str) -> QPSolver:
-    """Create the solver of this name.
-
-    Raises
-    ------
-    ConfigurationError
-        if the name is not known, or if the solver's package cannot be imported.
-    """
+    """Create the solver of this name; ConfigurationError if it is not known or its package cannot be imported."""
     if name in NATIVE:
         return NATIVE[name]()
-    if name in SETTINGS and SETTINGS[name].install:
-        return QpsolversSolver(name)
-    names = solver_names()  # only now: it imports every solver that qpsolvers finds
-    if name not in names:
+    # the names of the others are asked for last: that imports every solver that qpsolvers finds
+    if not (name in SETTINGS and SETTINGS[name].install) and name not in (names := solver_names()):
         if name in (metadata("qpsolvers").get_all("Provides-Extra") or ()):
             raise ConfigurationError(
                 f'the solver {name!r} is not installed. Install it with: pip install "qpsolvers[{name}]"'
             )
         raise unknown_name("QP solver", name, names)
     return QpsolversSolver(name)
+
+
+FALLBACKS = ("daqp", "proxqp", "osqp", *(("quadprog",) if find_spec("quadprog") else ()))
+"""Who is asked, in this order, when the solver that was asked for has failed.
+
+Three are installed with the package, so that the order is the same on every machine; quadprog comes last, where a user
+has installed it.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """An answer that has passed the check, the solver that gave it, and what failed before, empty if nothing did."""
+
+    answer: Answer
+    solver: str
+    fallback: str = ""
+
+
+class SolverChain:
+    """The solver that was asked for, ``preferred``, and :data:`FALLBACKS` behind it.
+
+    ``failures`` counts, by name, the problems known to be feasible that a solver left without a verified answer.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.preferred = make_solver(name)
+        self.failures: Counter[str] = Counter()
+        self._solvers = {self.preferred.name: self.preferred}
+
+    def solve(self, P: Array, q: Array, G: Array, h: Array) -> Verified:
+        """Minimise ½xᵀPx + qᵀx subject to Gx ≤ h, rows that are known to be compatible.
+
+        Raises InvalidInput if a number is not finite, without calling a solver, and SolverError, with what each of them
+        did, if none gives an answer that passes the check.
+        """
+        failed: list[str] = []
+        for name in dict.fromkeys((self.preferred.name, *FALLBACKS)):
+            try:
+                if name not in self._solvers:
+                    self._solvers[name] = make_solver(name)
+                return Verified(self._solvers[name].solve(P, q, G, h), name, "; ".join(failed))
+            except (SolverError, ConfigurationError) as error:
+                # Infeasible too, which is wrong here; and a fallback whose package is broken on this machine
+                self.failures[name] += 1
+                failed.append(str(error))
+        raise SolverError("no solver gave an answer that passes the check: " + "; ".join(failed))
+
+    def reset(self) -> None:
+        """Forget warm starts and counts."""
+        self.failures.clear()
+        for solver in self._solvers.values():
+            solver.reset()

@@ -1,7 +1,4 @@
-"""Singular values of matrices that may have left the range of floating point.
-
-LAPACK's iterations were measured never to end on an infinity.
-"""
+"""Singular values of matrices that may have left the range of floating point, on which LAPACK may never end."""
 
 from __future__ import annotations
 
@@ -14,13 +11,7 @@ from ..rows import Array
 
 
 def svd(A: Array, *, full_matrices: bool = True) -> tuple[Array, Array, Array]:
-    """U, s and Vᵀ of :func:`numpy.linalg.svd`.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        if A, or one of its singular values, is not finite; or if they are not found.
-    """
+    """U, s and Vᵀ of :func:`numpy.linalg.svd`; LinAlgError if a number is not finite, or none are found."""
     if np.isfinite(A).all():
         U, s, Vt = np.linalg.svd(A, full_matrices=full_matrices)
         if np.isfinite(s).all():

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InvalidInput, SolverError
 from ..rows import Array, IntArray
-from .chain import SolverChain, Verified
+from .backends import SolverChain, Verified
 from .decomposition import lapack
 from .scaling import Scaled, scale
 from .solver import QPSolver
@@ -31,7 +31,6 @@ NEGLIGIBLE = 1e-9
 
 GAP = 1e-6
 """Fraction of the least penalised cost by which an answer may exceed it."""
-
 
 Stated = tuple[IntArray, Array]
 """Which rows (r,), and their gradients (r, n)."""
@@ -64,13 +63,7 @@ class Penalised(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """½‖v‖² with v = Lᵀ(x − center).
-
-    Attributes
-    ----------
-    center, L
-        (n,), and (n, n) regular, of which the lower triangle counts.
-    """
+    """½‖v‖² with v = Lᵀ(x − center), of the center (n,) and the lower triangle of L (n, n), which is regular."""
 
     center: Array
     L: Array
@@ -86,26 +79,25 @@ class Cost(NamedTuple):
         return x
 
 
+class _Best(NamedTuple):
+    """The best v (n,) under some rows, their multipliers, slack (g,), and by what each of all may be exceeded."""
+
+    v: Array
+    multipliers: Array
+    slack: Array
+    allowed: Array | float
+    verified: Verified
+
+
+_Solve = Callable[[Scaled, IntArray], _Best]
+
+
 def penalised(cost: Cost, rows: ManyRows, weights: Array, solvers: SolverChain, guess: IntArray) -> Penalised:
     """Minimise ½‖Lᵀ(x − center)‖² subject to A x ≤ c + s, where s is zero unless the rows contradict each other.
 
-    Parameters
-    ----------
-    cost
-        Center and L.
-    rows
-        A and c. By what a row of zeros is exceeded is slack.
-    weights
-        (g,) of slacks: Σ wᵢ sᵢ is what is least where rows contradict each other.
-    solvers
-        Who solves the QP.
-    guess
-        Rows that may hold the minimiser; where they do not, they take time and no more.
-
-    Raises
-    ------
-    SolverError
-        if no solver has an answer.
+    Then Σ wᵢ sᵢ with ``weights`` (g,) is least. By what a row of zeros is exceeded is slack. ``guess`` are rows that
+    may be at their bounds at the minimiser; where they are not, they take time and no more. SolverError if no solver
+    has an answer.
     """
     over, slack = rows.excess(cost.center), np.zeros(len(weights))
     # what is not a number is for the solver to refuse
@@ -116,69 +108,39 @@ def penalised(cost: Cost, rows: ManyRows, weights: Array, solvers: SolverChain, 
     asked = exceeded.copy()
     guess = guess[guess < len(asked)]
     asked[guess[over[guess] > -np.inf]] = True
-    which, A = rows.stated(np.flatnonzero(asked))
+    stated = which, _ = rows.stated(np.flatnonzero(asked))
     zero = exceeded.copy()
     zero[which] = False
     np.maximum.at(slack, rows.of(np.flatnonzero(zero)), over[zero])
     if not exceeded[which].any():
         return free
-    try:
-        if solvers.preferred.recognises_infeasibility:
-            try:
-                return _by_few(cost, rows, over, (which, A), _hard(solvers.preferred))._replace(slack=slack)
-            except SolverError:
-                pass  # incompatible rows or a failed solver: with slacks there is an answer
-        found = _with_slack(cost, rows, over, weights, (which, A), solvers)
-    except InvalidInput as error:
-        raise SolverError(f"beyond the range of floating point: {error}") from error
-    return found._replace(slack=np.maximum(slack, found.slack))
-
-
-def _with_slack(
-    cost: Cost, rows: ManyRows, over: Array, weights: Array, asked: Stated, solvers: SolverChain
-) -> Penalised:
     preferred, groups = solvers.preferred, rows.of(np.arange(len(over)))
-    if not preferred.recognises_infeasibility:
-        return _by_few(cost, rows, over, asked, _soft(solvers.solve, groups, weights, WEAK))
 
-    def alone(P: Array, q: Array, G: Array, h: Array) -> Verified:
+    def preferred_only(P: Array, q: Array, G: Array, h: Array) -> Verified:
         return Verified(preferred.solve(P, q, G, h), preferred.name)
 
-    try:
-        return _by_few(cost, rows, over, asked, _soft(alone, groups, weights, STRONG))
-    except SolverError:
-        # where this fails too, others were measured to fail as well, only later
-        return _by_few(cost, rows, over, asked, _soft(alone, groups, weights, WEAK))
+    attempts = [_soft(solvers.solve, groups, weights, WEAK)]
+    if preferred.recognises_infeasibility:
+        # incompatible rows or a failed solver: with slacks there is an answer; where that fails too, others were
+        # measured to fail as well, only later
+        attempts = [_hard(preferred), *(_soft(preferred_only, groups, weights, size) for size in (STRONG, WEAK))]
+    while True:
+        try:
+            found = _by_few(cost, rows, over, stated, attempts.pop(0))
+            return found._replace(slack=np.maximum(slack, found.slack) if len(found.slack) else slack)
+        except InvalidInput as error:
+            raise SolverError(f"beyond the range of floating point: {error}") from error
+        except SolverError:
+            if not attempts:
+                raise
 
 
-class _Found(NamedTuple):
-    """The best under some of the rows.
-
-    Attributes
-    ----------
-    v, multipliers, slack
-        (n,), of these rows, and (g,).
-    allowed
-        By what each of all rows may be exceeded.
-    verified
-        Who found it.
-    """
-
-    v: Array
-    multipliers: Array
-    slack: Array
-    allowed: Array | float
-    verified: Verified
-
-
-def _by_few(
-    cost: Cost, rows: ManyRows, over: Array, asked: Stated, best: Callable[[Scaled, IntArray], _Found]
-) -> Penalised:
-    """The minimiser under the rows that are asked for, and then those too that it exceeds, until there are none.
+def _by_few(cost: Cost, rows: ManyRows, over: Array, stated: Stated, best: _Solve) -> Penalised:
+    """The minimiser under the rows that are stated, and then those too that it exceeds, until there are none.
 
     What minimises under some of the rows and meets all minimises under all.
     """
-    which, A = asked
+    which, A = stated
     while True:
         problem = scale(cost.gradients(A), -over[which])
         found = best(problem, which)
@@ -190,23 +152,23 @@ def _by_few(
         which, A = np.concatenate((which, more[0])), np.concatenate((A, more[1]))
 
 
-def _hard(solver: QPSolver) -> Callable[[Scaled, IntArray], _Found]:
+def _hard(solver: QPSolver) -> _Solve:
     """Rows without slack."""
 
-    def best(problem: Scaled, which: IntArray) -> _Found:
+    def best(problem: Scaled, which: IntArray) -> _Best:
         n = problem.G.shape[1]
         answer = solver.solve(np.eye(n), np.zeros(n), problem.G, problem.h)
-        return _Found(answer.x, answer.multipliers, np.empty(0), 0.0, Verified(answer, solver.name))
+        return _Best(answer.x, answer.multipliers, np.empty(0), 0.0, Verified(answer, solver.name))
 
     return best
 
 
 def _soft(
     solve: Callable[[Array, Array, Array, Array], Verified], groups: IntArray, weights: Array, penalty: float
-) -> Callable[[Scaled, IntArray], _Found]:
+) -> _Solve:
     """Rows with the slacks of those that have one, by the groups of all."""
 
-    def best(problem: Scaled, which: IntArray) -> _Found:
+    def best(problem: Scaled, which: IntArray) -> _Best:
         of, (m, n) = groups[which], problem.G.shape
         soft = np.flatnonzero(of >= 0)
         present, column = np.unique(of[soft], return_inverse=True)
@@ -227,7 +189,7 @@ def _soft(
         s[s <= NEGLIGIBLE] = 0.0
         slack = np.zeros(len(weights) + 1)
         slack[present] = s * unit / weights[present]
-        return _Found(v, multipliers, slack[:-1], slack[groups], verified)
+        return _Best(v, multipliers, slack[:-1], slack[groups], verified)
 
     return best
 

@@ -12,11 +12,11 @@ import socket
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
-from typing import Literal, cast
+from typing import Literal, cast, get_args
 
 import numpy as np
 
@@ -31,7 +31,6 @@ from ..envelope import Envelope
 Fault = Literal["none", "stall", "drop", "jump", "refuse"]
 """What goes wrong: it never answers again, closes the connection, reports a wrong position, or stops by itself."""
 
-FAULTS: tuple[Fault, ...] = ("none", "stall", "drop", "jump", "refuse")
 READ, MOVE, HALT = "read", "move", "halt"
 
 JUMP = 0.5
@@ -52,45 +51,24 @@ MAX_LINE = 1 << 16
 
 @dataclass(frozen=True)
 class Behaviour:
-    """How the server behaves.
-
-    Attributes
-    ----------
-    fault, at
-        What goes wrong, and when by the arm's clock [s], which starts with the first setpoint.
-    simulated_time
-        Whether a setpoint lets its period pass; otherwise time is the system's.
-    """
+    """How the server behaves."""
 
     fault: Fault = "none"
-    at: float = 0.0
-    simulated_time: bool = False
+    at: float = 0.0  #: When that goes wrong by the arm's clock [s], which starts with the first setpoint.
+    simulated_time: bool = False  #: Whether a setpoint lets its period pass; otherwise time is the system's.
 
 
 class FakeArm:
     """Position is a cubic from one setpoint to the next, then coasts for a while, then the arm brakes.
 
-    That is its watchdog: an arm that it has braked accepts no more setpoints.
-
-    Parameters
-    ----------
-    q
-        (n,) where it stands.
-    envelope
-        Limits of the setpoints that it accepts, its own deceleration, and the period in which a setpoint is reached.
-    patience
-        Of its watchdog: see :data:`PATIENCE`.
-
-    Attributes
-    ----------
-    t
-        Its clock [s]; :meth:`advance` moves it.
-    stopped
-        Why it stopped by itself; empty if it has not.
+    That is its watchdog: an arm that it has braked accepts no more setpoints. It stands at ``q`` (n,); the envelope has
+    the limits of the setpoints that it accepts, its own deceleration, and the period in which a setpoint is reached.
     """
 
     def __init__(self, q: Array, envelope: Envelope, patience: float = PATIENCE) -> None:
-        self.limits, self.period, self.t, self.stopped = envelope, envelope.period, 0.0, ""
+        self.limits, self.period = envelope, envelope.period
+        self.t = 0.0  #: Its clock [s]; :meth:`advance` moves it.
+        self.stopped = ""  #: Why it stopped by itself; empty if it has not.
         self._begun, self._patience = -np.inf, max(patience, 10.0 * envelope.period)
         self._coasting = self._patience
         here: tuple[Array, Array] = np.array(q), np.zeros(len(q))
@@ -217,7 +195,7 @@ def in_thread(arm: FakeArm, behaviour: Behaviour) -> tuple[int, Callable[[], Non
 
 
 def in_process(arm: FakeArm, behaviour: Behaviour) -> tuple[int, Callable[[], None]]:
-    """Start a server in its own process, so that it takes no time from the loop; returns its port, and what ends it."""
+    """The same in its own process, so that it takes no time from the loop."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(theirs, arm, behaviour, multiprocessing.current_process().pid))
@@ -247,17 +225,10 @@ def _serve(connection: Connection, arm: FakeArm, behaviour: Behaviour, parent: i
 class LoopbackArm(Driver):
     """A fake arm behind a socket of this machine; options: time, fault, at, patience, off.
 
-    ``time``
-        ``real``: the server is a process of its own, and time is the system's. ``simulated``: a setpoint lets its
-        period pass, so that nothing depends on the speed of the machine.
-    ``fault``, ``at``
-        What goes wrong, see :data:`Fault`, and after how many seconds.
-    ``patience``
-        How long an answer may take [s].
-    ``off``
-        How far from the scenario's start it stands [rad or m].
-
-    With a port in the address, the server that listens there is used, and none is started.
+    With ``time=real`` the server is a process of its own, and time is the system's; with ``simulated`` a setpoint lets
+    its period pass, so that nothing depends on the speed of the machine. ``fault`` (:data:`Fault`) goes wrong after
+    ``at`` seconds, an answer may take ``patience`` [s], and the arm stands ``off`` [rad or m] from the scenario's
+    start. With a port in the address, the server that listens there is used.
     """
 
     real = False
@@ -270,7 +241,7 @@ class LoopbackArm(Driver):
         self._patience = address.number("patience", 0.1)
         if self._patience == 0.0:
             raise ConfigurationError("option patience of loopback must be positive: an answer takes some time")
-        fault = cast(Fault, address.choice("fault", FAULTS))
+        fault = cast(Fault, address.choice("fault", get_args(Fault)))
         behaviour = Behaviour(fault, address.number("at", 0.5), self.simulated_time)
         envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)
         self._arm = FakeArm(setup.q0 + address.number("off", 0.0), envelope), behaviour
@@ -283,20 +254,20 @@ class LoopbackArm(Driver):
         if port is None:
             port, self._end = (in_thread if self.simulated_time else in_process)(*self._arm)
         self._where = (self.address.host or "127.0.0.1", port)
-        self._connection = Connected(self._where, self._patience)
+        self._connection = Connected(self._where, self._patience, self.n)
+
+    def _ask(self, kind: str, *state: Array) -> Joints:
+        if self._connection is None:
+            raise ArmError("the connection to the arm is closed")
+        return self._connection.ask(kind, *state)
 
     def read(self) -> Joints:
         """Ask for the joints' state."""
-        return self._ask(READ, np.zeros(self.n), np.zeros(self.n))
+        return self._ask(READ)
 
     def send(self, q: Array, qd: Array) -> None:
         """Send a setpoint."""
         self._ask(MOVE, q, qd)
-
-    def _ask(self, kind: str, q: Array, qd: Array) -> Joints:
-        if self._connection is None:
-            raise ArmError("the connection to the arm is closed")
-        return self._connection.ask(kind, q, qd)
 
     def halt(self, deceleration: float) -> None:
         """Stop the arm through a separate connection, since the first one may not be answered."""
@@ -316,10 +287,10 @@ class LoopbackArm(Driver):
 
 
 class Connected:
-    """A connection to a server, whose answers may take ``patience`` [s]; raises ArmError where it fails."""
+    """A connection to the server of an arm of n joints, whose answers may take ``patience`` [s]; raises ArmError."""
 
-    def __init__(self, where: tuple[str, int], patience: float) -> None:
-        self.patience = patience
+    def __init__(self, where: tuple[str, int], patience: float, n: int) -> None:
+        self.patience, self._still = patience, (np.zeros(n), np.zeros(n))
         try:
             self._socket = socket.create_connection(where, max(patience, 1.0))
         except OSError as error:
@@ -328,10 +299,11 @@ class Connected:
         self._socket.settimeout(patience)
         self._lines = self._socket.makefile("rb")
 
-    def ask(self, kind: str, q: Array, qd: Array) -> Joints:
-        """Send a message and return the state that is answered."""
+    def ask(self, kind: str, *state: Array) -> Joints:
+        """Send a message, with q and q̇ (n,) if they matter, and return the state that is answered."""
+        message = json.dumps([kind, *(part.tolist() for part in state or self._still)])
         try:
-            self._socket.sendall(json.dumps([kind, q.tolist(), qd.tolist()]).encode() + b"\n")
+            self._socket.sendall(message.encode() + b"\n")
             line = self._lines.readline(MAX_LINE)
         except TimeoutError as error:
             raise ArmError(f"the arm has not answered within {1e3 * self.patience:g} ms") from error
@@ -352,8 +324,5 @@ class Connected:
 
 def halt(where: tuple[str, int], patience: float, n: int) -> None:
     """Stop the arm of n joints there; raises ArmError."""
-    connection = Connected(where, patience)
-    try:
-        connection.ask(HALT, np.zeros(n), np.zeros(n))
-    finally:
-        connection.close()
+    with closing(Connected(where, patience, n)) as connection:
+        connection.ask(HALT)

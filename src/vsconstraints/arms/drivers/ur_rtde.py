@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,9 +15,6 @@ from ...rows import Array
 from ...simulation import Setup
 from ..driver import Address, ArmError, Driver, Joints, Takes
 from ..envelope import Envelope
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 LEAST_PERIOD = 0.002
 """Of an e-Series arm; a CB3 arm has 0.008 [s]."""
@@ -50,13 +48,10 @@ STOPPED_BY = {
 class UrRtde(Driver):
     """An arm of Universal Robots at HOST, by the package ur-rtde; options: send, lookahead, gain.
 
-    ``send``
-        ``position`` (servoJ) or ``speed`` (speedJ).
-    ``lookahead``, ``gain``
-        Of servoJ: 0.03 to 0.2 s, and 100 to 2000. A longer one is smoother and later.
-
-    The order of the joints is that of the URDF: base, shoulder, elbow, wrist 1 to 3. Safety functions stay those of the
-    arm: this driver looks whether they have acted, and changes none of them.
+    ``send`` is ``position`` (servoJ) or ``speed`` (speedJ); servoJ has a ``lookahead`` of 0.03 to 0.2 s, the longer the
+    smoother and later, and a ``gain`` of 100 to 2000. The order of the joints is that of the URDF: base, shoulder,
+    elbow, wrist 1 to 3. Safety functions stay those of the arm: this driver looks whether they have acted, and changes
+    none of them.
 
     The arm's own watchdog is started before the first setpoint, and every setpoint is what it waits for: servoJ and
     speedJ are written to the register that it watches. The package's ``kickWatchdog`` writes there, too: *no command*,
@@ -102,61 +97,59 @@ class UrRtde(Driver):
 
         host, rate = self.address.host, 1.0 / self.period
         connecting = f"connect to {host}"
-        self._dashboard = self._tried(connecting, dashboard_client.DashboardClient, host)
-        self._tried(connecting, self._dashboard.connect)
-        self._receive = self._tried(connecting, rtde_receive.RTDEReceiveInterface, host, rate)
+        self._dashboard = _Interface(_tried(connecting, dashboard_client.DashboardClient, host))
+        _tried(connecting, self._dashboard.wrapped.connect)
+        self._receive = _Interface(_tried(connecting, rtde_receive.RTDEReceiveInterface, host, rate))
         self._demand_safe()
-        slider = float(self._tried("getTargetSpeedFraction", self._receive.getTargetSpeedFraction))
+        slider = float(self._receive.getTargetSpeedFraction())
         if slider < FULL:
             raise ArmError(
                 f"the arm's speed slider is at {100.0 * slider:.0f} %, with which it does not follow in time: set it "
                 "to 100 %, and slow down by the scenario's limits"
             )
-        self._control = self._tried(connecting, rtde_control.RTDEControlInterface, host, rate)
+        self._control = _Interface(_tried(connecting, rtde_control.RTDEControlInterface, host, rate))
 
     def begin(self) -> None:
         """Start the arm's watchdog: from now on it waits for setpoints.
 
         The first one, to stay, returns once the arm is ready for others.
         """
-        self._done("setWatchdog", self._tried("setWatchdog", self._control.setWatchdog, self._frequency))
+        _demand_taken("setWatchdog", self._control.setWatchdog(self._frequency))
         q = self.read().q
         self.send(q, np.zeros_like(q))
 
     def read(self) -> Joints:
         """Where the joints are."""
         receive = self._receive
-        if not self._tried("isConnected", receive.isConnected):
+        if not receive.isConnected():
             raise ArmError("the connection to the arm broke")
         self._demand_safe()
-        t = float(self._tried("getTimestamp", receive.getTimestamp))
+        t = float(receive.getTimestamp())
         since = self._seen[1] + 1 if t == self._seen[0] else 0
         self._seen = t, since
         if since * self.period > STALE:
             raise ArmError(f"the arm has said nothing new for {1e3 * since * self.period:.0f} ms")
-        q, qd = self._tried("getActualQ", receive.getActualQ), self._tried("getActualQd", receive.getActualQd)
-        return Joints(t, np.array(q), np.array(qd))
+        return Joints(t, np.array(receive.getActualQ()), np.array(receive.getActualQd()))
 
     def _demand_safe(self) -> None:
         """Raise ArmError where a safety function of the arm has acted."""
-        bits = int(self._tried("getSafetyStatusBits", self._receive.getSafetyStatusBits))
+        bits = int(self._receive.getSafetyStatusBits())
         acted = [name for bit, name in STOPPED_BY.items() if bits >> bit & 1]
         if acted:
             raise ArmError(f"the arm stopped by itself: {', '.join(acted)}")
 
     def send(self, q: Array, qd: Array) -> None:
         """Send a position or a speed; returns at once."""
-        control = self._control
         if self.takes == "position":
             # the second and third are not used by servoJ
-            sent = self._tried("servoJ", control.servoJ, q.tolist(), 0.0, 0.0, self.period, self._lookahead, self._gain)
+            taken = self._control.servoJ(q.tolist(), 0.0, 0.0, self.period, self._lookahead, self._gain)
+            _demand_taken("servoJ", taken)
         else:
-            sent = self._tried("speedJ", control.speedJ, qd.tolist(), self._acceleration, self.period)
-        self._done("servoJ" if self.takes == "position" else "speedJ", sent)
+            _demand_taken("speedJ", self._control.speedJ(qd.tolist(), self._acceleration, self.period))
 
     def halt(self, deceleration: float) -> None:
         """Stop the arm's program by its dashboard server: the arm then brakes by itself, as hard as it is set to."""
-        self._tried("stop", self._dashboard.stop)
+        self._dashboard.stop()
 
     def stopper(self) -> Callable[[], None]:
         """The same from another process, by a connection of its own."""
@@ -168,11 +161,9 @@ class UrRtde(Driver):
         self._control = self._receive = self._dashboard = None
         # whatever fails here, the other parts are closed, too
         if control is not None:
-            # of the tool [m/s²], as the package has it, or of the joints
-            by_position = self.takes == "position"
-            stop, how_hard = (control.servoStop, ()) if by_position else (control.speedStop, (self._acceleration,))
             with suppress(Exception):
-                stop(*how_hard)
+                # how hard, of the tool [m/s²] as the package has it, or of the joints
+                control.servoStop() if self.takes == "position" else control.speedStop(self._acceleration)
             with suppress(Exception):
                 control.stopScript()
         for part in (control, receive, dashboard):
@@ -180,26 +171,36 @@ class UrRtde(Driver):
                 with suppress(Exception):
                     part.disconnect()
 
-    @staticmethod
-    def _tried(what: str, call: Callable[..., Any], *arguments: Any) -> Any:
-        try:
-            return call(*arguments)
-        except Exception as error:  # the package raises what its C++ code throws
-            raise ArmError(f"{what}: {error}") from error
 
-    @staticmethod
-    def _done(what: str, accepted: object) -> None:
-        if accepted is False:
-            raise ArmError(f"the arm did not take {what}")
+class _Interface:
+    """An interface of the package, whose calls raise ArmError."""
+
+    def __init__(self, wrapped: Any) -> None:
+        self.wrapped = wrapped
+
+    def __getattr__(self, name: str) -> Any:
+        return partial(_tried, name, getattr(self.wrapped, name))
+
+
+def _tried(what: str, call: Callable[..., Any], *arguments: Any) -> Any:
+    try:
+        return call(*arguments)
+    except Exception as error:  # the package raises what its C++ code throws
+        raise ArmError(f"{what}: {error}") from error
+
+
+def _demand_taken(what: str, accepted: object) -> None:
+    if accepted is False:
+        raise ArmError(f"the arm did not take {what}")
 
 
 def stop_program(host: str) -> None:
     """Stop what an arm runs, which then brakes by itself; raises ArmError."""
     import dashboard_client
 
-    try:
+    def stop() -> None:
         dashboard = dashboard_client.DashboardClient(host)
         dashboard.connect()
         dashboard.stop()
-    except Exception as error:  # the package raises what its C++ code throws
-        raise ArmError(f"stop: {error}") from error
+
+    _tried("stop", stop)
