@@ -42,12 +42,7 @@ class SceneRenderer:
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        settings: ImageSettings,
-        constraints: Sequence[Constraint],
-        q0: Array,
-        seed: tuple[int, ...],
+        self, scene: Scene, settings: ImageSettings, constraints: Sequence[Constraint], q0: Array, seed: tuple[int, ...]
     ) -> None:
         self.scene, self.settings, self._constraints, self._seed = scene, settings, constraints, seed
         curves = [one for one in constraints if isinstance(one, Occlusion)]
