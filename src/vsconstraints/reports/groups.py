@@ -8,7 +8,7 @@ from typing import Any
 
 from ..comparisons.suite import BASELINE
 from ..controllers import CONTROLLERS, make_controller
-from ..controllers.demands import USES
+from ..controllers.demand import USES
 from .markdown import enumeration
 
 MAX_LAWS = 8
