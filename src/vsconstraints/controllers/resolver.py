@@ -21,7 +21,7 @@ from ..formulas.row import BOUND, EQUAL, PUSH, Row
 from ..qp import SolverChain
 from ..rows import Array, BoolArray, Command, Rows, Task
 from ..rows.checks import beyond_rounding
-from .compiled import NO_SLACK, CompiledLaw
+from .compiled import NO_SLACK, CompiledLaw, in_usual_layout
 from .demand import Demand
 from .least_norm import RANK_TOLERANCE, rank_loss
 from .ranges import Part, option, rank_tolerance
@@ -97,13 +97,17 @@ class Resolver(Part, ABC):
     def share(self, rows: Rows, task: Task, c: Array) -> Command | None:
         """The same by the compiled form alone; None if it has no answer."""
         demand, memory = (KnownPush if self.purpose == PUSH else Known)(), np.array(c[:, None], dtype=np.float64)
-        code, qdd, acted, slack, iterations = CompiledLaw(demand, self, rows.labels, memory=memory)(rows, task)
+        qdd, acted = np.full(task.J.shape[1], np.nan), np.zeros(len(c), dtype=np.bool_)
+        slack, count = np.zeros(len(c) if self.measures else 0), np.zeros(1, dtype=np.int64)
+        law = CompiledLaw(demand, self, rows.labels, memory=memory)
+        function, *arguments = law.call(*(in_usual_layout(rows, task) or (rows, task)))
+        code = function(*arguments, qdd, acted, slack, count)
         if code == RANK_LOSS:
             return rank_loss(rows, Command(qdd, "ok", acted, rows.labels), self.options[0])
         # what was computed, but cannot be checked, is refused with the rows that say so
         if code == NEEDS_PYTHON and np.isfinite(qdd).all() and beyond_rounding(rows, qdd):
             return Command(qdd, "ok", acted, rows.labels)
-        return self.command(code, qdd, acted, rows.labels, slack, iterations)
+        return self.command(code, qdd, acted, rows.labels, slack, int(count[0]))
 
     def tracks(self, demand: Demand) -> bool:
         """Whether what is asked of this demand depends on the tracking command."""
