@@ -10,7 +10,8 @@ from pathlib import Path
 
 from vsconstraints import __version__
 from vsconstraints.comparisons.runs.machine import git_commit, machine, package_versions
-from vsconstraints.reports.markdown import plain, table
+from vsconstraints.reports.markdown import Table as MarkdownTable
+from vsconstraints.reports.markdown import plain
 
 from .figures import draw
 from .part import Part, Table
@@ -65,7 +66,7 @@ def write(parts: Mapping[str, Part], failures: Mapping[str, str], out: Path, com
 
 
 def _table(one: Table) -> str:
-    return table(one.header, one.lines, one.text_columns)
+    return MarkdownTable(one.header, one.lines, one.text_columns)
 
 
 def _unit(parts: Mapping[str, Part]) -> str:

@@ -15,7 +15,7 @@ from vsconstraints.vision.scene import MINIMUM_DEPTH, Scene, interaction_matrix
 
 def project_from_corner(eye: Camera, points: Array) -> Array:
     """Pixels (m, 2) from the top left corner: the textbook's K [X Y Z]ᵀ, for points in the camera's frame."""
-    u0, v0 = (0.5 * eye.size[0], 0.5 * eye.size[1]) if eye.principal_point is None else eye.principal_point
+    u0, v0 = (0.5 * eye.size[0], 0.5 * eye.size[1]) if eye.principal_point_px is None else eye.principal_point_px
     K = np.array([[eye.focal[0], 0.0, u0], [0.0, eye.focal[1], v0], [0.0, 0.0, 1.0]])
     homogeneous = points @ K.T
     return homogeneous[:, :2] / homogeneous[:, 2:]
@@ -41,7 +41,7 @@ def test_pixels_are_those_of_the_intrinsic_matrix(eye: Camera) -> None:
 
 def test_pixels_count_from_the_images_centre_and_not_from_the_principal_point() -> None:
     eye = camera()
-    np.testing.assert_allclose(eye.pixels(np.zeros(2)), np.subtract(eye.principal_point, (320.0, 240.0)))
+    np.testing.assert_allclose(eye.pixels(np.zeros(2)), np.subtract(eye.principal_point_px, (320.0, 240.0)))
     np.testing.assert_allclose(eye.offset, [-9.5, 10.25])
     np.testing.assert_array_equal(Camera((1.0, 1.0), (640, 480)).offset, [0.0, 0.0])
     np.testing.assert_array_equal(eye.from_corner(np.array([0.0, 0.0])), [-320.0, -240.0])

@@ -26,8 +26,7 @@ from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.robots import READY_MADE
 from vsconstraints.scenarios.families import HALVES, Drawn, Family, Reason, families
-from vsconstraints.scenarios.families.distributions import DISTRIBUTIONS
-from vsconstraints.scenarios.families.drawing import Streams, drawn, merged, parsed
+from vsconstraints.scenarios.families.drawing import DISTRIBUTIONS, Streams, drawn, merged, parsed
 from vsconstraints.scenarios.families.family import summarised
 from vsconstraints.scenarios.families.placements import inverse_kinematics
 from vsconstraints.simulation import simulate

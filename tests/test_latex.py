@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsconstraints.reports.latex import latex, latex_tables, write_tables
-from vsconstraints.reports.markdown import bold, code, plain, table
+from vsconstraints.reports.markdown import Table, bold, code, plain
 
 BY_HAND = r"""\begin{tabular}{lrr}
 \toprule
@@ -25,7 +25,7 @@ sliding-mode & \textbf{0.5} & -- \\
 
 def test_a_table_by_hand() -> None:
     lines = [["sliding-mode", bold("0.5"), "–"], [code("my_law"), "(25.0)", "−1"]]
-    made = table(["controller", "depth [% of L]", "band [rad/s³]"], lines)
+    made = Table(["controller", "depth [% of L]", "band [rad/s³]"], lines)
     text = f"# Title\n\n## How it ended: 3 & 4\n\nWords.\n\n{made}\n"
     assert list(latex_tables(text)) == [("how-it-ended-3-4-1", BY_HAND)]
 
@@ -55,7 +55,7 @@ MEANT = re.compile(
 @given(st.text(st.sampled_from("abq01 _$&%#{}~^\\<>|*`[]()†φ²\u0308"), max_size=25))
 def test_no_text_becomes_a_command(text: str) -> None:
     """Whatever a name holds: without what is meant, nothing is left that LaTeX acts on."""
-    ((_, made),) = latex_tables(table(["x", "y"], [[plain(text), code(text or "a")]]))
+    ((_, made),) = latex_tables(Table(["x", "y"], [[plain(text), code(text or "a")]]))
     body = made.split("\\midrule\n")[1].split("\n\\bottomrule")[0]
     assert body.endswith(r" \\")
     cells = re.split(r"(?<!\\) & ", body.removesuffix(r" \\"))
@@ -66,7 +66,7 @@ def test_no_text_becomes_a_command(text: str) -> None:
 
 
 def test_each_table_has_a_file_and_old_ones_go(tmp_path: Path) -> None:
-    one = table(["a", "b"], [["1", "2"]])
+    one = Table(["a", "b"], [["1", "2"]])
     report = tmp_path / "report.md"
     report.write_text(f"# R\n\n{one}\n\n{one}\n\n## Größe φ\n\n{one}\n", encoding="utf-8")
     folder = write_tables(report)

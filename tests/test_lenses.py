@@ -11,17 +11,18 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from scenes import not_compiled
 from vsconstraints import Camera
 from vsconstraints.compiled import available, load
-from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import FieldOfView, Trace
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas import lenses
 from vsconstraints.rows import Array
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Setup, simulate
-from vsconstraints.vision.distortion import MODELS, Distortion
+from vsconstraints.vision.distortion import Distortion
 
 LENSES = {
     "barrel": Distortion("brown-conrady", (-0.3, 0.1, 1e-3, -5e-4)),
@@ -139,9 +140,11 @@ def test_derivatives_are_those_of_finite_differences(lens: Distortion) -> None:
     h, (reach, *coefficients) = 1e-6, lens.parameters
     for until in (reach, 0.3):
         for x, y in ((0.0, 0.0), (0.1, -0.2), (0.5, 0.3), (-0.4, 0.02)):
-            found = np.array(lenses.extended(MODELS[lens.model].lens, x, y, until, coefficients)[2:]).reshape(2, 2)
+            found = np.array(lenses.extended(lenses.MODELS[lens.model].lens, x, y, until, coefficients)[2:]).reshape(
+                2, 2
+            )
             ends = [
-                np.array(lenses.extended(MODELS[lens.model].lens, x + dx, y + dy, until, coefficients)[:2])
+                np.array(lenses.extended(lenses.MODELS[lens.model].lens, x + dx, y + dy, until, coefficients)[:2])
                 for dx, dy in ((h, 0.0), (-h, 0.0), (0.0, h), (0.0, -h))
             ]
             slopes = np.stack(((ends[0] - ends[1]), (ends[2] - ends[3])), axis=1) / (2.0 * h)
@@ -282,7 +285,7 @@ def test_a_run_that_meets_the_boundary_keeps_every_marker_on_the_sensor(name: st
 def test_measured_pixels_are_undistorted_before_the_law(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Told what is on the sensor, a step does as one without distortion does that is told ideal pixels."""
     if not compiled:
-        monkeypatch.setattr("vsconstraints.compiled.control_step.load", lambda name: None)
+        monkeypatch.setattr("vsconstraints.control.evaluator.Packed", not_compiled)
     lens = LENSES["barrel"]
     one, other = distorted("ur5-image", lens), distorted("ur5-image", None)
     eye, q, qd = one.scene.camera, one.q0, one.qd0 + 0.1
@@ -306,7 +309,7 @@ def test_a_measured_pixel_that_cannot_be_undistorted_is_refused(
     compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not compiled:
-        monkeypatch.setattr("vsconstraints.compiled.control_step.load", lambda name: None)
+        monkeypatch.setattr("vsconstraints.control.evaluator.Packed", not_compiled)
     setup = distorted("ur5-image", None)
     eye = replace(setup.scene.camera, distortion=Distortion("brown-conrady", (-2.0, 0.0, 0.0, 0.0)))
     scene = type(setup.scene)(setup.scene.robot, eye, setup.scene.markers)

@@ -30,7 +30,7 @@ from vsconstraints.reports import drawing, groups, report, write_report
 from vsconstraints.reports.best import Cell, comparable, marked
 from vsconstraints.reports.figures import FIGURES
 from vsconstraints.reports.groups import MAX_LAWS, grouped
-from vsconstraints.reports.markdown import code, plain, table
+from vsconstraints.reports.markdown import Table, code, plain
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.plots import Figure, looks
 from vsconstraints.reports.results import Results
@@ -882,7 +882,7 @@ def test_numbers_as_printed(text: str, expected: str) -> None:
 
 
 def test_tables_are_aligned_and_their_cells_safe() -> None:
-    text = table(["name", "q̈ [rad/s²]"], [["a|b", "1"], [code("x`y"), "10"]])
+    text = Table(["name", "q̈ [rad/s²]"], [["a|b", "1"], [code("x`y"), "10"]])
     lines = text.splitlines()
     # the accent of q̈ is a character of its own that takes no space
     assert len({len(line.replace("̈", "")) for line in lines}) == 1

@@ -12,7 +12,7 @@ from ..controllers import CONTROLLERS, make_controller
 from ..errors import ConfigurationError, VsconstraintsError, shown
 from ..plugins.classes import code_named, untrusted
 from ..scenarios import SHIPPED, Scenario
-from ..scenarios.reading import Table, checked, demand_table, made, parameters
+from ..scenarios.reading import Table, checked, demand_table, from_table, parameters
 from .experiment import demand_stored_names
 from .folder import stored_files
 from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS
@@ -168,7 +168,7 @@ def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
 def part(kind: type[Part], value: object, where: str) -> Part:
     """The entries of a table that readers need, as a dataclass; raises ConfigurationError for wrong ones."""
     table = demand_table(value, where)
-    found: Part = made(kind, {name: table[name] for name in parameters(kind) if name in table}, where)
+    found: Part = from_table(kind, {name: table[name] for name in parameters(kind) if name in table}, where)
     return found
 
 

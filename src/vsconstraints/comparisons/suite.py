@@ -14,7 +14,7 @@ from typing import Any
 from ..errors import ConfigurationError, VsconstraintsError, shown
 from ..plugins.classes import beside
 from ..scenarios import Scenario
-from ..scenarios.reading import Table, made
+from ..scenarios.reading import Table, from_table
 from ..scenarios.toml import read_toml
 from .experiment import Entries, Experiment, chosen_entries, demand_names, entries_of
 from .runs.spec import BASELINE, RunSpec
@@ -72,7 +72,7 @@ class Suite(Experiment):
             raise ConfigurationError(
                 f"{source} is a folder of results, not a suite: vsconstraints report {source} makes its report again"
             )
-        file: _File = made(_File, read_toml(source), source.name)
+        file: _File = from_table(_File, read_toml(source), source.name)
         scenarios = tuple(
             scenario
             for i, entry in enumerate(file.scenarios)
@@ -218,7 +218,7 @@ def _scenarios_of(value: object, where: str, folder: Path) -> list[Scenario]:
         raise ConfigurationError(
             f"{where} must be a name, a path, or a table with the key 'scenario', not {shown(value)}"
         )
-    variants: _Variants = made(_Variants, value, where)
+    variants: _Variants = from_table(_Variants, value, where)
     base = Scenario.load(variants.scenario, folder)
     for key, candidates in variants.each.items():
         if not isinstance(candidates, list) or not candidates:

@@ -7,9 +7,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from ..formulas.lenses import extended, newton
+from ..formulas.lenses import ACCURACY, INSIDE, ITERATIONS, MODELS, TOLERANCE, extended, newton
 from ..rows import Array
-from ..vision.distortion import ACCURACY, INSIDE, ITERATIONS, MODELS, TOLERANCE
 from .parts import address, make_part, to_fixed_tuple
 
 FIXED = 5

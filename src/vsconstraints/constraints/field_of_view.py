@@ -10,9 +10,9 @@ import numpy as np
 
 from ..errors import ConfigurationError
 from ..formulas import curves as formulas
+from ..formulas.lenses import MODELS
 from ..rows import Array
 from ..vision.camera import Camera
-from ..vision.distortion import MODELS
 from .base import Trace, demand_positive
 from .by_formula import Formula
 from .image_constraint import ImageConstraint

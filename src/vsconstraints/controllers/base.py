@@ -80,7 +80,7 @@ class Controller(ABC):
         """Forget everything kept between calls; ``period`` is the sampling period T_s [s] of those to come, if known.
 
         A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a
-        :class:`~vsconstraints.compiled.model.Model`, which gives rows and task at predicted states. Control steps and
+        :class:`~vsconstraints.control.model.Model`, which gives rows and task at predicted states. Control steps and
         simulations pass it; no other law has one made.
         """
 

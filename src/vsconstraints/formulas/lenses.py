@@ -7,7 +7,7 @@ A lens takes normalised coordinates (x, y) = (X/Z, Y/Z) and its coefficients, an
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,12 @@ from . import formula
 from .curves import superellipse
 
 Lens = Callable[..., tuple[Any, Any, Any, Any, Any, Any]]
+
+ITERATIONS, TOLERANCE, ACCURACY = 50, 1e-14, 1e-12
+"""Of Newton's method at most; the error in normalised coordinates at which it ends, and the one that is accepted."""
+
+INSIDE = 0.999
+"""Share of the reach within which it starts: there is a kink."""
 
 
 @formula
@@ -105,3 +111,18 @@ def superellipse_by_brown_conrady(u: Any, v: Any, a: Any, b: Any, n: Any, *eye: 
 def superellipse_by_fisheye(u: Any, v: Any, a: Any, b: Any, n: Any, *eye: Any) -> tuple[Any, Any, Any]:
     """:func:`superellipse_on_sensor` with that lens."""
     return superellipse_on_sensor(fisheye, (u, v), (a, b), n, eye)
+
+
+class LensModel(NamedTuple):
+    """A kind of lens: its formula, a superellipse on the sensor seen through it, how many coefficients it may have."""
+
+    lens: Lens
+    superellipse: Callable[..., Any]
+    counts: tuple[int, ...]
+
+
+MODELS = {
+    "brown-conrady": LensModel(brown_conrady, superellipse_by_brown_conrady, (4, 5, 8)),
+    "fisheye": LensModel(fisheye, superellipse_by_fisheye, (4,)),
+}
+"""By the names that scenario files use; coefficients that are not given are 0."""

@@ -14,7 +14,7 @@ from typing import Any
 from ..comparisons.runs.machine import git_commit, machine, package_versions
 from ..comparisons.tables import write_table
 from ..errors import VsconstraintsError
-from ..reports.markdown import bold, code, plain, table
+from ..reports.markdown import Table, bold, code, plain
 from ..reports.page import render, where, write_pages
 from ..reports.plots import PNG, Formats
 from ..scenarios import Scenario
@@ -96,7 +96,7 @@ def write_report(
         topics=TOPICS,
         summary=summary_table(result, numbered),
         claims={number: claims_table(result, group) for number, group in numbered.items()},
-        rules=table(["claim", "rule"], [[claim.key, plain(claim.rule)] for claim, _ in findings], text_columns=2),
+        rules=Table(["claim", "rule"], [[claim.key, plain(claim.rule)] for claim, _ in findings], text_columns=2),
         figures=FIGURES,
         missing=missing,
         formats=result.formats,
@@ -130,7 +130,7 @@ def summary_table(result: Reproduction, numbered: Mapping[int, Findings]) -> str
         counts = Counter(finding.verdict for _, finding in group)
         lines.append([f"[{number}. {TOPICS[number]}](#claim-{number})", *(str(counts[v] or "") for v in VERDICTS)])
     total = [bold(str(count)) if count else "" for count in result.counts.values()]
-    return table(["claims", *VERDICTS], [*lines, [bold("all"), *total]])
+    return Table(["claims", *VERDICTS], [*lines, [bold("all"), *total]])
 
 
 def claims_table(result: Reproduction, findings: Findings) -> str:
@@ -148,7 +148,7 @@ def claims_table(result: Reproduction, findings: Findings) -> str:
                 finding.verdict if finding.verdict == "holds" else bold(finding.verdict),
             ]
         )
-    return table(["", "where", "the paper says", "measured here", "verdict"], lines, text_columns=5)
+    return Table(["", "where", "the paper says", "measured here", "verdict"], lines, text_columns=5)
 
 
 def machine_table(result: Reproduction, command: Sequence[str]) -> str:
@@ -157,7 +157,7 @@ def machine_table(result: Reproduction, command: Sequence[str]) -> str:
     lines = [[name, plain(str(value))] for name, value in facts.items() if value]
     lines += [["command", code(" ".join(command))]] if command else []
     lines.append(["wall time [s]", f"{result.wall_time:.0f}"])
-    return table(["what", "value"], lines, text_columns=2)
+    return Table(["what", "value"], lines, text_columns=2)
 
 
 def reconstructed() -> str:
@@ -174,7 +174,7 @@ def reconstructed() -> str:
             for part in key.split("."):
                 value = value.get(part) if isinstance(value, dict) else None
             lines += [[name, key, code(toml_value(value))]] if value is not None else []
-    return table(["scenario", "key", "value"], lines, text_columns=3)
+    return Table(["scenario", "key", "value"], lines, text_columns=3)
 
 
 def toml_value(value: Any) -> str:

@@ -1,91 +1,38 @@
-"""A report's tables for LaTeX: read from its Markdown, so that both say the same."""
+"""A report's tables for LaTeX, from the same Markdown as its page."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..comparisons.runs.files import replaced
 from ..errors import StorageError
-from .markdown import cells_of
-from .page import details_of
+from .page import details_of, parser
+
+if TYPE_CHECKING:
+    from markdown_it.token import Token
 
 FOLDER = "tables"
 """Beside the report."""
 
-SPECIAL = {
-    **{char: f"\\{char}" for char in "&%$#_{}"},
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "\\": r"\textbackslash{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-    "|": r"\textbar{}",
-    "–": "--",
-    "†": r"\dag{}",
-    "‡": r"\ddag{}",
-    "…": r"\dots{}",
-    "✓": r"\checkmark{}",
+TEXT = r"& \& % \% $ \$ # \# _ \_ { \{ } \} ~ \textasciitilde{} ^ \textasciicircum{} \ \textbackslash{} < \textless{}"
+TEXT += r" > \textgreater{} | \textbar{} – -- † \dag{} ‡ \ddag{} … \dots{} ✓ \checkmark{}"
+MATHEMATICS = r"− - ± \pm × \times · \cdot ° ^\circ ≤ \le ≥ \ge ≈ \approx ≠ \ne ∞ \infty ∈ \in → \to ‖ \| √ \surd ² ^2"
+MATHEMATICS += r" ³ ^3 ⁺ ^+ ₛ _s α \alpha β \beta γ \gamma Δ \Delta δ \delta ε \varepsilon η \eta κ \kappa λ \lambda"
+MATHEMATICS += r" µ \mu μ \mu π \pi ρ \rho Σ \Sigma σ \sigma τ \tau φ \phi ψ \psi ω \omega"
+LATEX = dict(zip(TEXT.split()[::2], TEXT.split()[1::2], strict=True)) | {
+    char: rf"\ensuremath{{{name}}}"
+    for char, name in zip(MATHEMATICS.split()[::2], MATHEMATICS.split()[1::2], strict=True)
 }
 """What means something else in LaTeX, or is written otherwise."""
 
-MATHEMATICS = {
-    "−": "-",
-    "±": r"\pm",
-    "×": r"\times",
-    "·": r"\cdot",
-    "°": r"^\circ",
-    "≤": r"\le",
-    "≥": r"\ge",
-    "≈": r"\approx",
-    "≠": r"\ne",
-    "∞": r"\infty",
-    "∈": r"\in",
-    "→": r"\to",
-    "‖": r"\|",
-    "√": r"\surd",
-    "²": "^2",
-    "³": "^3",
-    "⁺": "^+",
-    "ₛ": "_s",
-    "α": r"\alpha",
-    "β": r"\beta",
-    "γ": r"\gamma",
-    "Δ": r"\Delta",
-    "δ": r"\delta",
-    "ε": r"\varepsilon",
-    "η": r"\eta",
-    "κ": r"\kappa",
-    "λ": r"\lambda",
-    "µ": r"\mu",
-    "μ": r"\mu",
-    "π": r"\pi",
-    "ρ": r"\rho",
-    "Σ": r"\Sigma",
-    "σ": r"\sigma",
-    "τ": r"\tau",
-    "φ": r"\phi",
-    "ψ": r"\psi",
-    "ω": r"\omega",
-}
 ACCENTS = {"\u0307": r"\.", "\u0308": r"\""}
 """Derivatives: combining characters behind their letter."""
 
-INLINE = re.compile(
-    r"""(?P<fence>`+)(?P<code>.+?)(?P=fence)
-      | \*\*(?P<bold>.+?)\*\*
-      | \*(?P<emphasis>.+?)\*
-      | \[(?P<link>[^\]]*)\]\([^)]*\)
-      | <(?P<tag>[^>]*)>
-      | \\(?P<escaped>[^\w\s]|_)
-      | &(?P<entity>lt|gt|amp);
-      | (?P<letter>\w)(?P<accent>[\u0307\u0308])
-      | (?P<char>.)""",
-    re.VERBOSE | re.DOTALL,
-)
-ENTITIES = {"lt": "<", "gt": ">", "amp": "&"}
+MARKS = {"strong_open": r"\textbf{", "em_open": r"\emph{", "strong_close": "}", "em_close": "}", "softbreak": " "}
 
 
 def write_tables(report: Path) -> Path:
@@ -93,11 +40,7 @@ def write_tables(report: Path) -> Path:
 
     Files are named by the heading above their table and its number there. Each is a ``tabular`` for
     ``\usepackage{booktabs}``, to be put into a ``table`` with a caption. Those of an earlier report are removed.
-
-    Raises
-    ------
-    StorageError
-        if they cannot be written.
+    Raises StorageError if they cannot be written.
     """
     folder = report.parent / FOLDER
     try:
@@ -115,50 +58,42 @@ def write_tables(report: Path) -> Path:
 
 def latex_tables(markdown: str) -> Iterator[tuple[str, str]]:
     """Names and texts of the tables of a text in Markdown, in their order."""
-    heading, block, count = "table", list[str](), Counter[str]()
-    for line in [*markdown.splitlines(), ""]:
-        if line.startswith("|"):
-            block.append(line)
-            continue
-        if len(block) > 1:
-            name = re.sub(r"[^a-z0-9]+", "-", heading.lower()).strip("-") or "table"
+    name, columns, cells, count = "table", "", list[str](), Counter[str]()
+    lines: list[str] = []
+    tokens = parser().parse(markdown)
+    for token, following in zip(tokens, [*tokens[1:], None], strict=True):
+        if token.type == "heading_open" and following:
+            name = re.sub(r"[^a-z0-9]+", "-", following.content.lower()).strip("-") or "table"
+        elif token.type in ("th_open", "td_open") and following:
+            columns += ("r" if "right" in str(token.attrGet("style")) else "l") if token.type == "th_open" else ""
+            cells.append(_inline(following))
+        elif token.type == "tr_close":
+            lines.append(" & ".join(cells) + r" \\")
+            cells = []
+        elif token.type == "table_close":
             count[name] += 1
-            yield f"{name}-{count[name]}", _table(block)
-        block = []
-        if line.startswith("#"):
-            heading = line.lstrip("#").strip()
+            parts = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", lines[0], r"\midrule", *lines[1:]]
+            yield f"{name}-{count[name]}", "\n".join([*parts, r"\bottomrule", r"\end{tabular}"]) + "\n"
+            columns, lines = "", []
 
 
 def latex(text: str) -> str:
-    """A text in Markdown as LaTeX: emphasis stays, of a link its text, and nothing of it is a command."""
-    return "".join(map(_piece, INLINE.finditer(text)))
+    """A line of Markdown as LaTeX: emphasis stays, of a link its text, and nothing of it is a command."""
+    return _inline(parser().parseInline(text)[0])
 
 
-def _piece(found: re.Match[str]) -> str:
-    part = found.groupdict()
-    for name, command in (("bold", "textbf"), ("emphasis", "emph")):
-        if part[name] is not None:
-            return f"\\{command}{{{latex(part[name])}}}"
-    if part["code"] is not None:
-        return f"\\texttt{{{_escaped(part['code'].strip())}}}"
-    if part["accent"] is not None:
-        return f"{ACCENTS[part['accent']]}{{{_escaped(part['letter'])}}}"
-    if part["link"] is not None:
-        return latex(part["link"])
-    if part["tag"] is not None:
-        return ""
-    return _escaped(part["escaped"] or ENTITIES.get(part["entity"] or "") or part["char"] or "")
+def _inline(token: Token) -> str:
+    parts = []
+    for child in token.children or []:
+        if child.type == "code_inline":
+            parts.append(rf"\texttt{{{_escaped(child.content.strip())}}}")
+        else:
+            parts.append(MARKS.get(child.type) or (_escaped(child.content) if child.type == "text" else ""))
+    return "".join(parts)
 
 
 def _escaped(text: str) -> str:
+    pieces = re.findall(r"(.)([\u0307\u0308]?)", text, re.DOTALL)
     return "".join(
-        f"\\ensuremath{{{MATHEMATICS[char]}}}" if char in MATHEMATICS else SPECIAL.get(char, char) for char in text
+        f"{ACCENTS[accent]}{{{LATEX.get(char, char)}}}" if accent else LATEX.get(char, char) for char, accent in pieces
     )
-
-
-def _table(block: Sequence[str]) -> str:
-    header, rule, *lines = ([cell.replace(r"\|", "|") for cell in cells_of(line)] for line in block)
-    columns = "".join("r" if mark.endswith(":") and not mark.startswith(":") else "l" for mark in rule)
-    body = [" & ".join(map(latex, line)) + r" \\" for line in lines]
-    parts = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", " & ".join(map(latex, header)) + r" \\", r"\midrule"]
-    return "\n".join([*parts, *body, r"\bottomrule", r"\end{tabular}"]) + "\n"

@@ -22,9 +22,11 @@ def number(value: float) -> str:
     if size == 0.0:
         return "0"
     if size < 1e-3 or size >= 1e6:
-        mantissa, exponent = f"{rounded:.2e}".split("e")
-        return _signed(f"{mantissa}e{int(exponent)}")
-    return _signed(f"{rounded:.{max(0, 2 - math.floor(math.log10(size)))}f}")
+        mantissa, exponent = f"{size:.2e}".split("e")
+        text = f"{mantissa}e{int(exponent)}"
+    else:
+        text = f"{size:.{max(0, 2 - math.floor(math.log10(size)))}f}"
+    return "−" * (rounded < 0.0) + text
 
 
 def error(value: float) -> str:
@@ -47,29 +49,25 @@ FORMATS: dict[str, Format] = {"number": number, "error": error, "percent": perce
 
 
 def of_length(tolerance: float) -> str:
-    """A tolerated depth, a fraction of the characteristic length, as text."""
+    """A tolerated depth, a fraction of the characteristic length L, as text."""
     return f"{100.0 * tolerance:g} % of L"
 
 
 def median(values: Sequence[float]) -> float:
-    """Median of the values that exist; NaN if none does."""
+    """Median of the finite values; NaN if there is none."""
     exist = [value for value in values if math.isfinite(value)]
     return float(np.median(exist)) if exist else math.nan
 
 
 def largest(values: Sequence[float]) -> float:
-    """Greatest of the values that exist; NaN if none does."""
+    """Greatest of the finite values; NaN if there is none."""
     return max((value for value in values if math.isfinite(value)), default=math.nan)
 
 
 def over_trials(values: Sequence[float], show: Format = number) -> str:
-    """One value as it is, several as ``median [least–greatest]`` if they differ as shown; a dash if none exists."""
+    """One value, or ``median [least–greatest]`` of several that differ as shown; a dash if none is finite."""
     exist = [value for value in values if math.isfinite(value)]
     middle = show(median(exist))
     if not exist or show(min(exist)) == show(max(exist)):
         return middle
     return f"{middle} [{show(min(exist))}–{show(max(exist))}]"
-
-
-def _signed(text: str) -> str:
-    return text.replace("-", "−", 1) if text.startswith("-") else text

@@ -19,9 +19,9 @@ from ..rows.readable import counted
 from .drawing import Drawn, add_replays, draw_all, draw_overview, remove_stale, scenario_jobs
 from .figures import DISTURBANCE, FIGURES
 from .groups import required_information
-from .markdown import bullets, code, enumeration, plain, table, tables
+from .markdown import Table, bullets, enumeration, plain
 from .numbers import DASH, number, of_length
-from .page import render, write_pages
+from .page import facts_table, render, write_pages
 from .plots import PNG, Formats
 from .results import DIVERGED, Results
 from .scenario import (
@@ -156,7 +156,7 @@ def report_text(results: Results, pictures: Pictures) -> str:
         groups=[group.listed for group in results.groups if group.listed],
         definitions=DEFINITIONS,
         options_table=options_table(results),
-        machine_table=facts_table(_machine(results)),
+        machine_table=_machine(results),
         tolerant=of_length(TOLERANT),
         negligible=of_length(NEGLIGIBLE),
         diverged=f"{100.0 * DIVERGED:g} %",
@@ -222,7 +222,7 @@ def options_table(results: Results) -> str:
         lines.append([name, kind, options or "defaults", information_text(required_information(name, entry)),
                       results.implementation(name) or DASH])  # fmt: skip
     header = ["controller", "type", "options", "required information", "implementation"]
-    return tables(header, lines, text_columns=5)
+    return Table(header, lines, text_columns=5)
 
 
 def information_text(required: Sequence[str] | None) -> str:
@@ -230,7 +230,7 @@ def information_text(required: Sequence[str] | None) -> str:
     return "see its code" if required is None else plain(", ".join(required)) or "none"
 
 
-def _machine(results: Results) -> dict[str, object]:
+def _machine(results: Results) -> str:
     manifest = results.stored.manifest
     lines = [line for line in results.stored.results if line["duration_s"] >= 0.0]
     compiled = sum(bool(line.get("compiled")) for line in lines)
@@ -239,37 +239,10 @@ def _machine(results: Results) -> dict[str, object]:
         names = [one for one in results.controllers if not all(line.get("compiled") for line in results.all_runs(one))]
         implementation = f"compiled in {compiled} of {len(lines)} runs; NumPy in some of {enumeration(names)}"
     wall, kept = manifest.get("wall_time_s"), manifest.get("stored_before") or 0
-    return {
-        **machine_facts(manifest),
-        **manifest.get("packages", {}),
+    facts = {
         "control step": implementation,
-        **command_facts(manifest),
         "seed": manifest.get("seed"),
         "wall time [s]": None if wall is None else number(float(wall)),
         "runs": f"{results.finished} of {results.planned}" + (f", {kept} of them stored before" if kept else ""),
     }
-
-
-def machine_facts(manifest: Mapping[str, Any]) -> dict[str, object]:
-    """Processor, cores, system and Python of a manifest."""
-    machine = manifest.get("machine", {})
-    return {name: machine.get(name) for name in ("processor", "cores", "system", "python")}
-
-
-def command_facts(manifest: Mapping[str, Any]) -> dict[str, object]:
-    """Version, commit, command and start time of a manifest."""
-    return {
-        "version": manifest.get("version"),
-        "git commit": manifest.get("git_commit"),
-        "command": code(" ".join(manifest["command"])) if manifest.get("command") else None,
-        "started": manifest.get("started"),
-    }
-
-
-def facts_table(facts: Mapping[str, object]) -> str:
-    """A table of facts by name; a command is Markdown already."""
-    lines = [
-        [plain(name), DASH if value in (None, "") else str(value) if name == "command" else plain(str(value))]
-        for name, value in facts.items()
-    ]
-    return table(["what", "value"], lines, text_columns=2)
+    return facts_table(manifest, **facts)

@@ -12,7 +12,7 @@ from ..comparisons.metrics import METRICS
 from ..comparisons.suite import BASELINE
 from ..scenarios import Scenario
 from .best import Cell, comparable, judged_by, marked, shown
-from .markdown import code, plain, tables
+from .markdown import Table, code, plain
 from .numbers import DASH, FORMATS, error, median, number, over_trials, percent
 from .results import Line, Results, reason_kind, tolerated, violated
 from .selection import lane_rows
@@ -115,7 +115,7 @@ def metric_table(results: Results, scenario: str, group: str) -> str:
             header.append(metric.header)
             columns.append(marked(cells, eligible, metric.better if ranked else None))
     lines = [list(line) for line in zip(*columns, strict=True)]
-    return tables(header, lines, first) if lines and (group == "outcome" or len(header) > first) else ""
+    return Table(header, lines, first) if lines and (group == "outcome" or len(header) > first) else ""
 
 
 def challenge_table(results: Results, scenario: str) -> str:
@@ -142,14 +142,14 @@ def challenge_table(results: Results, scenario: str) -> str:
         columns.append([*baseline, *cells])
     order = [*([BASELINE] if BASELINE in results.controllers else []), *names]
     lines = [[name, *cells] for name, *cells in zip(order, *columns, strict=True)]
-    return tables(["challenged rows", *header], lines)
+    return Table(["challenged rows", *header], lines)
 
 
 def usage_table(results: Results, scenario: str) -> str:
     """Usage of each row that limited the arm, and for how long; empty if none did."""
     labels = lane_rows(results, scenario)
     lines = [[name, *(_usage(results.rows(scenario, name, label)) for label in labels)] for name in results.competitors]
-    return tables(["rows that limited the arm", *map(code, labels)], lines) if labels else ""
+    return Table(["rows that limited the arm", *map(code, labels)], lines) if labels else ""
 
 
 def effort_table(results: Results, scenario: str) -> str:
@@ -161,7 +161,7 @@ def effort_table(results: Results, scenario: str) -> str:
     }
     shares = {label: own for label, own in shares.items() if any(share > 0.0 for lines in own for share in lines)}
     lines = [[name, *(over_trials(own[i], percent) for own in shares.values())] for i, name in enumerate(names)]
-    return tables(["required acceleration", *map(code, shares)], lines) if shares else ""
+    return Table(["required acceleration", *map(code, shares)], lines) if shares else ""
 
 
 def failure_table(results: Results, scenario: str, first_violations: Mapping[tuple[str, str], float]) -> str:
@@ -200,8 +200,8 @@ def failure_table(results: Results, scenario: str, first_violations: Mapping[tup
         return ""
     header = ["controller", "failure", "reason or row", "depth", "time [s]"]
     if results.trials > 1:
-        return tables([*header, "trials (first or worst)"], lines, 6)
-    return tables(header, [line[:-1] for line in lines], 5)
+        return Table([*header, "trials (first or worst)"], lines, 6)
+    return Table(header, [line[:-1] for line in lines], 5)
 
 
 def finer_unit(unit: str) -> tuple[str, float]:

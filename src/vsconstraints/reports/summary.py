@@ -13,7 +13,7 @@ from ..comparisons.suite import BASELINE
 from ..rows.readable import counted
 from ..simulation.start import UNSOLVABLE
 from .best import Better, Cell, judged_by, marked, shown
-from .markdown import bold, code, enumeration, tables
+from .markdown import Table, bold, code, enumeration
 from .numbers import DASH, FORMATS, count, largest, median, number, of_length
 from .results import Line, Results, clean, diverged, violated
 
@@ -127,7 +127,7 @@ def tolerance_table(results: Results) -> str:
     for name in results.competitors:
         depths = [line["violation_fraction"] for line in results.all_runs(name) if line["status"] == "converged"]
         lines.append([name, *(str(sum(depth <= tolerance for depth in depths)) for tolerance in TOLERANCES)])
-    return tables(["controller", *(f"{100.0 * one:g} %" for one in TOLERANCES)], lines) if lines else ""
+    return Table(["controller", *(f"{100.0 * one:g} %" for one in TOLERANCES)], lines) if lines else ""
 
 
 def violation_table(results: Results) -> str:
@@ -141,7 +141,7 @@ def violation_table(results: Results) -> str:
             where = enumeration(shortened_list([line["scenario"] for line in runs]))
             lines.append([name, str(len(runs)), depth, _deepest_row(results, worst), worst["scenario"], where])
     header = ["controller", "runs", "worst depth [% of L]", "row", "scenario", "violates a row in"]
-    return tables(header, lines, 6) if lines else ""
+    return Table(header, lines, 6) if lines else ""
 
 
 def _deepest_row(results: Results, run: Line) -> str:
@@ -159,7 +159,7 @@ def winner_table(results: Results) -> str:
     names = [name for name in results.competitors if any(name in one for one in won)]
     lines = [[name, *(enumeration(shortened_list(one.get(name, []))) or DASH for one in won)] for name in names]
     header = ["controller", *("{} [{}]".format(*metric.finding) for metric in metrics)]
-    return tables(header, lines, len(header)) if lines else ""
+    return Table(header, lines, len(header)) if lines else ""
 
 
 def _won(results: Results, metric: Metric) -> dict[str, list[str]]:
@@ -208,7 +208,7 @@ def outcome_table(results: Results) -> str:
     else:
         header = ["scenario", *names]
         lines = [[linked[one], *(_scored_outcome(results, one, name) for name in names)] for one in scenarios]
-    return tables(header, lines, len(header))
+    return Table(header, lines, len(header))
 
 
 def outcome(results: Results, scenario: str, controller: str) -> str:
@@ -294,4 +294,4 @@ def _count(value: int) -> Cell:
 
 def _table(names: Sequence[str], columns: Sequence[Column]) -> str:
     lines = [[name, *(texts[i] for _, texts in columns)] for i, name in enumerate(names)]
-    return tables(["controller", *(header for header, _ in columns)], lines)
+    return Table(["controller", *(header for header, _ in columns)], lines)

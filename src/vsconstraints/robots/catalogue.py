@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -25,20 +25,16 @@ def viper_s650() -> Robot:
 
     Ranges and speeds are that arm's, turned into the table's angles: (q₁, q₂, q₃ − π, −q₄, q₅, ·).
     """
-    return Robot.from_dh(
-        [
-            [0, 0.335, 0.075, -PI / 2],
-            [0, 0, 0.27, 0],
-            [0, 0, 0.09, PI / 2],
-            [0, -0.295, 0, -PI / 2],
-            [0, 0, 0, PI / 2],
-            [-PI / 2, -0.08, 0, PI],
-        ],
-        q_min=np.deg2rad([-170, -190, -209, -190, -120, -360]),
-        q_max=np.deg2rad([170, 45, 76, 190, 120, 360]),
-        qd_max=np.deg2rad([328, 300, 375, 375, 375, 600]),
-        name="6R (Viper s650)",
-    )
+    table = [
+        [0, 0.335, 0.075, -PI / 2],
+        [0, 0, 0.27, 0],
+        [0, 0, 0.09, PI / 2],
+        [0, -0.295, 0, -PI / 2],
+        [0, 0, 0, PI / 2],
+        [-PI / 2, -0.08, 0, PI],
+    ]
+    low, high = [-170, -190, -209, -190, -120, -360], [170, 45, 76, 190, 120, 360]
+    return _in_degrees(table, low, high, [328, 300, 375, 375, 375, 600], "6R (Viper s650)")
 
 
 def kuka_kr6() -> Robot:
@@ -46,20 +42,16 @@ def kuka_kr6() -> Robot:
 
     Ranges and speeds are that arm's, turned into the table's angles: (q₁, q₂ + π, q₃ − π/2, q₄, q₅, ·).
     """
-    return Robot.from_dh(
-        [
-            [0, -0.400, 0.025, PI / 2],
-            [0, 0, -0.455, 0],
-            [0, 0, -0.035, -PI / 2],
-            [0, -0.420, 0, PI / 2],
-            [0, 0, 0, -PI / 2],
-            [0, -0.080, 0, PI],
-        ],
-        q_min=np.deg2rad([-170, -10, -210, -185, -120, -350]),
-        q_max=np.deg2rad([170, 225, 66, 185, 120, 350]),
-        qd_max=np.deg2rad([360, 300, 360, 381, 388, 615]),
-        name="KUKA KR6 R900 sixx",
-    )
+    table = [
+        [0, -0.400, 0.025, PI / 2],
+        [0, 0, -0.455, 0],
+        [0, 0, -0.035, -PI / 2],
+        [0, -0.420, 0, PI / 2],
+        [0, 0, 0, -PI / 2],
+        [0, -0.080, 0, PI],
+    ]
+    low, high = [-170, -10, -210, -185, -120, -350], [170, 225, 66, 185, 120, 350]
+    return _in_degrees(table, low, high, [360, 300, 360, 381, 388, 615], "KUKA KR6 R900 sixx")
 
 
 def ur5() -> Robot:
@@ -90,33 +82,13 @@ def panda() -> Robot:
 def free_camera() -> Robot:
     """A camera that flies freely: three prismatic joints and a wrist of three revolute ones, without limits.
 
-    ===== ========== === === ===== =========
-    joint θ          d   a   α     kind
-    ===== ========== === === ===== =========
-    1     π/2        q₁  0   π/2   prismatic
-    2     π/2        q₂  0   π/2   prismatic
-    3     0          q₃  0   −π/2  prismatic
-    4     q₄         0   0   π/2   revolute
-    5     q₅ + π/2   0   0   π/2   revolute
-    6     q₆         0   0   0     revolute
-    ===== ========== === === ===== =========
-
     The axes of joints 1 to 3 are z, x and y of the base, so that the tip is at (q₂, q₃, q₁) [m], and it is turned by
     Rx(q₄) Ry(q₅) Rz(q₆) [rad]. Joint 6 turns about the tip's z axis, the optical axis of a camera mounted without
     offset. The wrist is singular where q₅, the tilt, is ±90°, and nowhere else.
     """
-    return Robot.from_dh(
-        [
-            [PI / 2, 0.0, 0.0, PI / 2],
-            [PI / 2, 0.0, 0.0, PI / 2],
-            [0.0, 0.0, 0.0, -PI / 2],
-            [0.0, 0.0, 0.0, PI / 2],
-            [PI / 2, 0.0, 0.0, PI / 2],
-            [0.0, 0.0, 0.0, 0.0],
-        ],
-        prismatic=[1, 2, 3],
-        name="free camera",
-    )
+    right = PI / 2
+    table = [[right, 0, 0, right], [right, 0, 0, right], [0, 0, 0, -right], [0, 0, 0, right], [right, 0, 0, right]]
+    return Robot.from_dh([*table, [0, 0, 0, 0]], prismatic=[1, 2, 3], name="free camera")
 
 
 READY_MADE: dict[str, Callable[[], Robot]] = {
@@ -134,6 +106,13 @@ def ready_made(name: str) -> Robot:
     if name not in READY_MADE:
         raise unknown_name("robot", name, READY_MADE)
     return READY_MADE[name]()
+
+
+def _in_degrees(
+    table: Sequence[Sequence[float]], low: Sequence[float], high: Sequence[float], speed: Sequence[float], name: str
+) -> Robot:
+    """The arm of a DH table with ranges [°] and speeds [°/s]."""
+    return Robot.from_dh(table, q_min=np.deg2rad(low), q_max=np.deg2rad(high), qd_max=np.deg2rad(speed), name=name)
 
 
 def _example_robot(path: str) -> Path:

@@ -18,21 +18,11 @@ from .geometry import Pose, skew, vector
 
 @dataclass(frozen=True)
 class RobotPoint:
-    """A point fixed to a link.
-
-    Attributes
-    ----------
-    link
-        Name of the link (a frame of the robot's model), or ``"tip"``.
-    offset
-        (3,) position in that link's frame [m].
-    name
-        What rows call it; the link's name if empty.
-    """
+    """A point fixed to a link: a frame of the robot's model, or ``"tip"``."""
 
     link: str = "tip"
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    name: str = ""
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: (3,) position in that link's frame [m].
+    name: str = ""  #: What rows call it; the link's name if empty.
 
     @property
     def label(self) -> str:
@@ -42,43 +32,22 @@ class RobotPoint:
 
 @dataclass(frozen=True, slots=True)
 class Kinematics:
-    """Where a robot is and how it moves, in one configuration.
+    """Where a robot with n joints is and how it moves, in one configuration, with k of its points."""
 
-    Attributes
-    ----------
-    q, qd
-        (n,) joint coordinates [rad or m] and speeds.
-    tip
-        Pose of the tip in the base frame.
-    J
-        (6, n) Jacobian of the tip's twist (v, ω), expressed in the tip frame: ᵉJₑ.
-    drift
-        (6,) J̇ q̇, the derivative of that twist when q̈ = 0.
-    points, point_J, point_drift
-        (k, 3) positions, (k, 3, n) Jacobians and (k, 3) J̇ q̇ of the requested points, in the base frame.
-    """
-
-    q: Array
-    qd: Array
-    tip: Pose
-    J: Array
-    drift: Array
-    points: Array
-    point_J: Array
-    point_drift: Array
+    q: Array  #: (n,) [rad or m].
+    qd: Array  #: (n,).
+    tip: Pose  #: In the base frame.
+    J: Array  #: (6, n) Jacobian of the tip's twist (v, ω), expressed in the tip frame: ᵉJₑ.
+    drift: Array  #: (6,) J̇ q̇, the derivative of that twist when q̈ = 0.
+    points: Array  #: (k, 3) in the base frame [m].
+    point_J: Array  #: (k, 3, n)
+    point_drift: Array  #: (k, 3) J̇ q̇.
 
 
 class KinematicsEvaluator:
-    """Evaluates the kinematics of a model for a fixed set of points; call it with ``q`` and ``qd`` (n,).
+    """Evaluates the kinematics of a model for fixed points, on the frames with these numbers.
 
-    Parameters
-    ----------
-    model, data
-        Pinocchio's; the data is overwritten by every call.
-    tip
-        Number of the tip's frame.
-    points, frames
-        The points, and the numbers of the frames of their links.
+    Pinocchio's data is overwritten by every call.
     """
 
     def __init__(

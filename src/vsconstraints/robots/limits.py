@@ -33,32 +33,19 @@ class Ranged(Protocol):
 class ActuatorLimits:
     """Limits of a robot's actuators, the same in both directions.
 
-    Attributes
-    ----------
-    acceleration
-        Of |q̈| [rad/s² or m/s²].
-    jerk
-        Of |q̈ − q̈_last| / T_s [rad/s³ or m/s³].
-    effort
-        Of torques or forces [Nm or N]: of a URDF, the file's. An arm with mass saturates there; a kinematic model
-        cannot tell what accelerations they leave.
-    ranges
-        Whether the box also keeps every joint such that it can stop within its range, and keeps its speed. Rows of
-        joint ranges and speeds have nothing left to do then.
-    known
-        Whether the control is told. If not, only the robot has these limits.
-
-    Raises
-    ------
-    ConfigurationError
-        if a limit is not a positive number, or ranges are to be kept by accelerations without a limit.
+    Raises ConfigurationError if a limit is not a positive number, or ranges are to be kept by accelerations without a
+    limit.
     """
 
-    acceleration: PerJoint = None
-    jerk: PerJoint = None
+    acceleration: PerJoint = None  #: Of |q̈| [rad/s² or m/s²].
+    jerk: PerJoint = None  #: Of |q̈ − q̈_last| / T_s [rad/s³ or m/s³].
+    #: Of torques or forces [Nm or N]: of a URDF, the file's. An arm with mass saturates there; a kinematic model cannot
+    #: tell what accelerations they leave.
     effort: PerJoint = None
+    #: Whether the box also keeps every joint such that it can stop within its range, and keeps its speed. Rows of joint
+    #: ranges and speeds have nothing left to do then.
     ranges: bool = False
-    known: bool = True
+    known: bool = True  #: Whether the control knows them. If not, only the robot has these limits.
 
     def __post_init__(self) -> None:
         for name in ("acceleration", "jerk", "effort"):
@@ -81,12 +68,7 @@ class ActuatorLimits:
     def arrays(self, robot: Ranged, period: float | None) -> JointLimits:
         """What formulas take, for a robot sampled with T_s [s].
 
-        Raises
-        ------
-        ConfigurationError
-            if there is not one limit for each joint.
-        InvalidInput
-            if the sampling period is not a positive number.
+        Raises ConfigurationError if there is not one limit for each joint, and InvalidInput if T_s is not positive.
         """
         if period is None or not 0.0 < period < math.inf:
             raise InvalidInput(f"limits of actuators need the sampling period in seconds, period=..., not {period}")

@@ -20,15 +20,9 @@ DEPTH = 3
 def mesh_folders(urdf: Path, package_dirs: Sequence[str | Path] | None, environment: Mapping[str, str]) -> list[Path]:
     """Folders that packages are looked for in, the first first.
 
-    Parameters
-    ----------
-    urdf
-        The URDF file.
-    package_dirs
-        Folders of packages, or packages; all folders above the file if None.
-    environment
-        Variables: every ``PREFIX/share`` of ``AMENT_PREFIX_PATH`` follows, and the folders of ``ROS_PACKAGE_PATH`` with
-        those in them that hold packages.
+    These are ``package_dirs`` of packages, or packages, all folders above the file if None; then, by the variables of
+    the environment, every ``PREFIX/share`` of ``AMENT_PREFIX_PATH`` and the folders of ``ROS_PACKAGE_PATH`` with those
+    in them that hold packages.
     """
     given = urdf.resolve().parents if package_dirs is None else package_dirs
     shares = [Path(prefix) / "share" for prefix in _paths(environment, "AMENT_PREFIX_PATH")]
@@ -74,10 +68,7 @@ Purpose = Literal["collision", "visual"]
 def with_whole_paths(text: str, urdf: Path, folders: Sequence[str | Path], purpose: Purpose = "collision") -> str:
     """The XML of a URDF with the paths of the files in the place of the names of meshes that are for that purpose.
 
-    Raises
-    ------
-    ConfigurationError
-        that names the mesh, its link and what can be done, where there is no such file.
+    Raises ConfigurationError that names the mesh, its link and what can be done, where there is no such file.
     """
     root = ElementTree.fromstring(text)
     for link in root.iter("link"):

@@ -13,22 +13,8 @@ class OrderFilter:
     The discontinuous q̈_c of a sliding mode becomes a continuous q̇_c and a smooth q_c, which position-controlled arms
     take.
 
-    Parameters
-    ----------
-    q, qd
-        (n,) where the robot stands, and how fast it moves, when the control begins.
-    Ts
-        Sampling time [s].
-
-    Attributes
-    ----------
-    q, qd
-        (n,) q_c and q̇_c now.
-
-    Raises
-    ------
-    InvalidInput
-        if a number is not finite, the sizes differ, or the sampling time is not positive.
+    It begins where the robot stands, q (n,), and how fast it moves, q̇ (n,); T_s [s]. Now it has come to :attr:`q`, q_c,
+    and :attr:`qd`, q̇_c. Raises InvalidInput if a number is not finite, sizes differ, or T_s is not positive.
     """
 
     def __init__(self, q: object, qd: object, Ts: float) -> None:

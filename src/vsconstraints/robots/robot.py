@@ -27,23 +27,9 @@ DhRow = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
 class Robot:
     """A serial arm with n joints, each revolute or prismatic.
 
-    Build one with :meth:`from_dh` or :meth:`from_urdf`, or take a ready-made one from
-    :mod:`vsconstraints.robots.catalogue`.
-
-    Attributes
-    ----------
-    name
-        For reports.
-    joint_names
-        n names, from base to tip.
-    q_min, q_max
-        (n,) joint ranges [rad or m]; infinite where there is none.
-    qd_min, qd_max
-        (n,) joint speed limits [rad/s or m/s]; infinite where there is none.
-    source
-        The URDF file it was read from; None for other robots.
-    limits
-        What its actuators can do, as far as that is known; it counts where a control step or a scenario takes it.
+    Build one with :meth:`from_dh` or :meth:`from_urdf`, or take one from :mod:`vsconstraints.robots.catalogue`. Ranges
+    ``q_min`` and ``q_max`` (n,) [rad or m] and speeds ``qd_min`` and ``qd_max`` (n,) are infinite where there is no
+    limit.
     """
 
     def __init__(
@@ -64,15 +50,14 @@ class Robot:
         ]
         if wrong:
             raise ConfigurationError(f"limits of {name} must be lower ≤ upper and a positive speed: {'; '.join(wrong)}")
-        self.model = model
-        self.name = name
-        self.source = source
-        self.joint_names: tuple[str, ...] = tuple(model.names[1:])
+        self.model, self.name, self._tip_frame = model, name, tip_frame
+        self.source = source  #: The URDF file it was read from; None for other robots.
+        self.joint_names: tuple[str, ...] = tuple(model.names[1:])  #: From base to tip.
         self.q_min, self.q_max = q_min, q_max
         self.qd_min, self.qd_max = -qd_max, qd_max
-        self._tip_frame = tip_frame
         for limit in ("acceleration", "jerk", "effort"):
             limits.of_joint(limit, self.n)
+        #: What its actuators can do, as far as that is known; it counts where a control step or a scenario takes it.
         self.limits = limits
         # scratch memory of the model's algorithms; every result is copied out of it
         self._data = model.createData()
@@ -129,10 +114,8 @@ class Robot:
             Numbers of the prismatic joints, counted from 1.
         q_min, q_max, qd_max
             (n,) limits; infinite if not given.
-        name
-            For reports.
-        limits
-            What the actuators can do.
+        name, limits
+            For reports, and what the actuators can do.
 
         Raises
         ------
@@ -157,7 +140,7 @@ class Robot:
         package_dirs: Sequence[str | Path] | None = None,
         limits: ActuatorLimits = NO_LIMITS,
     ) -> Robot:
-        """From a URDF file; joint ranges, speeds and efforts are the file's.
+        """From a URDF file; joint ranges, speeds and efforts are the file's, ``limits`` what is known beside them.
 
         Parameters
         ----------
@@ -173,8 +156,6 @@ class Robot:
         package_dirs
             Folders that ``package://`` paths of meshes start from; all folders above the file if not given. Those that
             ``AMENT_PREFIX_PATH`` and ``ROS_PACKAGE_PATH`` name follow them.
-        limits
-            What the actuators can do beside the file's efforts.
 
         Raises
         ------
@@ -191,10 +172,7 @@ class Robot:
     def collision_geometry(self) -> pin.GeometryModel:
         """The collision geometry of the URDF's links, in this robot's model; read anew by every call.
 
-        Raises
-        ------
-        ConfigurationError
-            if the robot is not from a URDF file, or a mesh cannot be read; the message names the file.
+        Raises ConfigurationError if the robot is not from a URDF file, or a mesh cannot be read, which it names.
         """
         if self.source is None:
             raise ConfigurationError(
@@ -232,23 +210,10 @@ class Robot:
     def jacobian(
         self, q: ArrayLike, link: str = "tip", offset: Sequence[float] = (0.0, 0.0, 0.0), axes: str = "base"
     ) -> Array:
-        """(6, n) Jacobian of the twist (v, ω) of a point fixed to a link.
+        """(6, n) Jacobian at ``q`` (n,) of the twist (v, ω) of a point fixed to a link.
 
-        Parameters
-        ----------
-        q
-            (n,) joint coordinates.
-        link
-            Name of the link, or ``"tip"``.
-        offset
-            (3,) the point in the link's frame [m].
-        axes
-            Whose axes v and ω are expressed in: ``"base"`` or ``"tip"``.
-
-        Raises
-        ------
-        ConfigurationError, InvalidInput
-            if the link or the axes are unknown, or a shape is wrong.
+        ``offset`` (3,) is the point in the link's frame [m], and v and ω are in ``"base"`` or ``"tip"`` axes. Raises
+        ConfigurationError or InvalidInput if the link or the axes are unknown, or a shape is wrong.
         """
         return self._twist(q, np.zeros(self.n), link, offset, axes)[0]
 
@@ -260,15 +225,7 @@ class Robot:
         offset: Sequence[float] = (0.0, 0.0, 0.0),
         axes: str = "base",
     ) -> Array:
-        """(6,) J̇ q̇ of :meth:`jacobian`, exactly: the derivative of that twist when q̈ = 0.
-
-        Parameters
-        ----------
-        q, qd
-            (n,) joint coordinates and speeds.
-        link, offset, axes
-            As for :meth:`jacobian`.
-        """
+        """(6,) J̇ q̇ of :meth:`jacobian` at ``q`` and ``qd`` (n,), exactly: the derivative of that twist when q̈ = 0."""
         return self._twist(q, qd, link, offset, axes)[1]
 
     def _twist(self, q: ArrayLike, qd: ArrayLike, link: str, offset: Sequence[float], axes: str) -> tuple[Array, Array]:
@@ -303,13 +260,7 @@ class Robot:
 
 
 def _read_dh(dh: Sequence[DhRow], prismatic: Sequence[int], name: str) -> tuple[pin.Model, int]:
-    """The model of a table, and the number of its tip's frame; see :meth:`Robot.from_dh`.
-
-    Raises
-    ------
-    InvalidInput
-        if the table has a wrong shape or is not of numbers.
-    """
+    """The model of a table, and the number of its tip's frame; raises as :meth:`Robot.from_dh`."""
     try:
         rows = np.array(dh, dtype=np.float64)
     except (TypeError, ValueError) as error:

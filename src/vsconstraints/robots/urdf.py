@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -31,23 +31,13 @@ OF_GRIPPERS = ("finger", "gripper", "jaw", "claw", "thumb", "knuckle")
 
 @dataclass(frozen=True)
 class UrdfSource:
-    """Where a robot's links come from, for what is read only when asked for: their collision geometry.
+    """Where a robot's links come from, for what is read only when asked for: their collision geometry."""
 
-    Attributes
-    ----------
-    path
-        The URDF file.
-    package_dirs
-        Folders that ``package://`` paths of meshes start from, those of the environment among them.
-    model, locked, positions
-        The file's model, the joints of it that are locked, and its coordinates then.
-    """
-
-    path: Path
-    package_dirs: tuple[str, ...]
-    model: pin.Model
-    locked: tuple[int, ...]
-    positions: Array
+    path: Path  #: The URDF file.
+    package_dirs: tuple[str, ...]  #: Folders that ``package://`` paths of meshes start from, with the environment's.
+    model: pin.Model  #: The whole file's.
+    locked: tuple[int, ...]  #: Joints of it that are locked.
+    positions: Array  #: Its coordinates then.
 
 
 class UrdfArm(NamedTuple):
@@ -99,23 +89,20 @@ def read_urdf(
                 f"joint {joint_name!r} of {source.name} mimics another one and moves the tip: "
                 "every joint of an arm must be driven by itself; lock it with locked={…}"
             )
-    speed = np.array(model.upperVelocityLimit)
-    # a URDF whose limit element has no velocity, or 0, sets no limit
-    speed[(speed <= 0.0) | (speed >= UNBOUNDED)] = np.inf
+    # a URDF whose limit element has no velocity or effort, or 0, sets no limit
+    speed, effort = (
+        np.where((limit <= 0.0) | (limit >= UNBOUNDED), np.inf, limit)
+        for limit in (np.array(model.upperVelocityLimit), np.array(model.effortLimit))
+    )
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
     lower[lower <= -UNBOUNDED], upper[upper >= UNBOUNDED] = -np.inf, np.inf
-    effort = np.array(model.effortLimit)
-    effort[(effort <= 0.0) | (effort >= UNBOUNDED)] = np.inf
     return UrdfArm(model, model.getFrameId(tip), lower, upper, speed, origin, effort)
 
 
 def link_geometry(source: UrdfSource, purpose: Purpose = "collision") -> pin.GeometryModel:
     """The geometry of a URDF's links that is for a purpose, in the reduced model's frames.
 
-    Raises
-    ------
-    ConfigurationError
-        if a mesh is not there or cannot be read; the message names it.
+    Raises ConfigurationError that names a mesh if it is not there or cannot be read.
     """
     text = with_whole_paths(_urdf_file(source.path).text, source.path, source.package_dirs, purpose)
     kind = pin.GeometryType.COLLISION if purpose == "collision" else pin.GeometryType.VISUAL
@@ -209,25 +196,14 @@ class Mimic(NamedTuple):
 
 
 class UrdfFile(NamedTuple):
-    """What a URDF file says of an arm.
+    """What a URDF file says of an arm."""
 
-    Attributes
-    ----------
-    text
-        Its links and joints as XML. Every joint has a limit, and a continuous joint is a revolute one without bounds,
-        so that it has one coordinate.
-    mimics
-        How joints follow others, by their names.
-    links
-        Names of the links, in the file's order.
-    parent
-        By the name of a link, that of the one that carries it.
-    """
-
+    #: Its links and joints as XML. Every joint has a limit, and a continuous joint is a revolute one without bounds, so
+    #: that it has one coordinate.
     text: str
-    mimics: Mapping[str, Mimic]
-    links: tuple[str, ...]
-    parent: Mapping[str, str]
+    mimics: Mapping[str, Mimic]  #: How joints follow others, by their names.
+    links: tuple[str, ...]  #: Their names, in the file's order.
+    parent: Mapping[str, str]  #: By the name of a link, that of the one that carries it.
 
     def above(self, link: str) -> list[str]:
         """A link and those that carry it, up to the base."""
@@ -245,18 +221,14 @@ class UrdfFile(NamedTuple):
 def _urdf_file(path: Path) -> UrdfFile:
     """What a file says of an arm: without namespaces, and without what is for simulators, drivers and controllers.
 
-    Raises
-    ------
-    ConfigurationError
-        if the file is missing, cannot be read, is no URDF, or is one only after xacro has made it one.
+    Raises ConfigurationError if the file is missing, cannot be read, is no URDF, or needs xacro to become one.
     """
     if not path.is_file():
         raise ConfigurationError(f"no URDF file at {str(path)!r}")
     try:
-        content = path.read_bytes()
+        return _completed(path, path.read_bytes())
     except OSError as error:
         raise ConfigurationError(f"{str(path)!r} cannot be read: {error}") from error
-    return _completed(path, content)
 
 
 @lru_cache(maxsize=16)
@@ -289,7 +261,7 @@ def _completed(path: Path, content: bytes) -> UrdfFile:
     except RecursionError as error:
         raise ConfigurationError(f"{str(path)!r} cannot be read as a URDF: {error}") from error
     links = tuple(link.get("name", "") for link in root.findall("link"))
-    parent = {_of(joint, "child"): _of(joint, "parent") for joint in root.findall("joint")}
+    parent = {_link(joint, "child"): _link(joint, "parent") for joint in root.findall("joint")}
     return UrdfFile(text, _mimics(root), links, parent)
 
 
@@ -308,8 +280,8 @@ def _mimics(root: ElementTree.Element) -> dict[str, Mimic]:
     return found
 
 
-def _of(joint: ElementTree.Element, what: str) -> str:
-    named = joint.find(what)
+def _link(joint: ElementTree.Element, role: str) -> str:
+    named = joint.find(role)
     return "" if named is None else named.get("link", "")
 
 
@@ -319,19 +291,11 @@ def _plain(tag: object) -> str:
 
 
 def _unexpanded(root: ElementTree.Element) -> bool:
-    """Whether something is left for xacro to do."""
-    tags = (str(element.tag) for element in root.iter())
-    return any(tag.startswith("{") and "xacro" in tag.partition("}")[0] for tag in tags) or any(
-        "${" in text or "$(" in text for text in _arm_texts(root)
-    )
-
-
-def _arm_texts(root: ElementTree.Element) -> Iterator[str]:
-    """The attributes of what describes the arm; elsewhere such texts may be a shell's."""
-    for element in root:
-        if _plain(element.tag) in OF_URDF:
-            for inner in element.iter():
-                yield from inner.attrib.values()
+    """Whether something is left for xacro to do in what describes the arm; elsewhere such texts may be a shell's."""
+    if any("xacro" in str(element.tag).rpartition("}")[0] for element in root.iter()):
+        return True
+    parts = (inner for part in root if _plain(part.tag) in OF_URDF for inner in part.iter())
+    return any("${" in text or "$(" in text for inner in parts for text in inner.attrib.values())
 
 
 def _complete_limit(joint: ElementTree.Element, file: str) -> None:

@@ -20,21 +20,18 @@ from ..robots.robot import Robot
 from ..rows import Array
 from ..simulation import Setup, Tolerances
 from ..simulation.disturbances import Disturbances
-from ..simulation.dynamics import PLANTS, ArmDynamics
+from ..simulation.dynamics import PLANTS
 from ..simulation.plant import Actuation
 from ..simulation.sensing import believed_camera
 from ..vision.camera import Camera
 from ..vision.features import FEATURES
-from ..vision.images.settings import SENSORS, ImageSettings
+from ..vision.images.settings import SENSORS
 from ..vision.motion import Motion, TargetMotion
 from ..vision.scene import Scene
 from ..vision.tracking import TrackingGains, VisualTask
 from .constraint_types import make_constraint
-from .reading import Table, checked, chosen, demand_table, made, split
+from .reading import Table, checked, chosen, demand_table, from_table, split
 from .views import make_camera, make_goal
-
-OF_ROBOT = "robot"
-"""Where a scenario takes its limits of actuators from the robot."""
 
 
 @dataclass(frozen=True)
@@ -74,12 +71,8 @@ def build(
 
     Parameters
     ----------
-    tables
-        What the file says.
-    where
-        Name of the scenario, for messages.
-    folder
-        What paths in the scenario are relative to.
+    tables, where, folder
+        What the file says, the scenario's name for messages, and what paths in it are relative to.
     deviation
         What draws the numbers in [−1, 1], one per joint, that the start deviates by, times ``start_deviation``.
     seed
@@ -90,22 +83,20 @@ def build(
     ConfigurationError, InvalidInput
         for unknown keys and unusable values; the message names them.
     """
-    file: File = made(File, tables, where)
-    robot = _robot(file.robot, f"{where}.robot", folder)
-    camera = make_camera(file.camera, f"{where}.camera", folder)
-    markers, motion = _target(file.target, f"{where}.target")
+    file: File = from_table(File, tables, where)
+    bare = build_scene(tables, where, folder)
+    robot, camera = bare.robot, bare.camera
     q0 = robot.configuration(file.q0, "q0")
     qd0 = robot.configuration([0.0] * robot.n if file.qd0 is None else file.qd0, "qd0")
     if deviation is not None:
         q0 = q0 + file.start_deviation * deviation.uniform(-1.0, 1.0, robot.n)
     disturbances = _disturbances(file.disturbances, f"{where}.disturbances", seed)
-    bare = Scene(robot, camera, markers, (), motion)
     task = _task(file.task, f"{where}.task", bare, believed_camera(camera, disturbances))
     constraints = [
         make_constraint(table, f"{where}.constraints[{i}]", robot, camera, folder, task.goals)
         for i, table in enumerate(file.constraints)
     ]
-    scene = Scene(robot, camera, markers, robot_points(constraints), motion)
+    scene = Scene(robot, camera, bare.markers, robot_points(constraints), bare.motion)
     return Setup(
         scene,
         ConstraintSet(constraints, scene),
@@ -120,8 +111,8 @@ def build(
         file.actuation,
         file.on_hidden_markers,
         _limits(file.limits, robot, f"{where}.limits"),
-        _plant(file.plant, f"{where}.plant"),
-        _images(file.sensor, f"{where}.sensor"),
+        _by_type(file.plant, PLANTS, f"{where}.plant"),
+        _by_type({"type": file.sensor} if isinstance(file.sensor, str) else file.sensor, SENSORS, f"{where}.sensor"),
     )
 
 
@@ -137,52 +128,28 @@ def build_scene(tables: Table, where: str, folder: Path) -> Scene:
 
 
 def _limits(value: str | Table | None, robot: Robot, where: str) -> ActuatorLimits:
+    """What the file says, or those of the robot."""
     if value is None:
         return NO_LIMITS
     if not isinstance(value, str):
-        limits: ActuatorLimits = made(ActuatorLimits, value, where)
-        return limits
-    if value != OF_ROBOT:
-        raise unknown_name(where, value, [OF_ROBOT, "a table"])
+        return from_table(ActuatorLimits, value, where)
+    if value != "robot":
+        raise unknown_name(where, value, ["robot", "a table"])
     return robot.limits
 
 
-def _plant(table: Table | None, where: str) -> ArmDynamics | None:
-    if table is None:
-        return None
-    values = dict(table)
-    dynamics: ArmDynamics = made(chosen(values, "type", PLANTS, where), values, where)
-    return dynamics
-
-
-def _images(value: str | Table | None, where: str) -> ImageSettings | None:
-    """What a ``sensor`` says, which is its type, or a table with it."""
-    if value is None:
-        return None
-    values = {"type": value} if isinstance(value, str) else dict(value)
-    settings: ImageSettings = made(chosen(values, "type", SENSORS, where), values, where)
-    return settings
+def _by_type(table: Table | None, candidates: Any, where: str) -> Any:
+    """What a table's ``type`` names, made from its other keys."""
+    values = dict(table or {})
+    return None if table is None else from_table(chosen(values, "type", candidates, where), values, where)
 
 
 def _robot(value: str | Table, where: str, folder: Path) -> Robot:
     if isinstance(value, str):
         return ready_made(value)
     if "urdf" in value:
-        robot: Robot = made(Robot.from_urdf, value, where, {"folder": folder})
-        return robot
-    return made(Robot.from_dh, value, where)
-
-
-def _target(table: Table, where: str) -> tuple[Array, TargetMotion | None]:
-    of_markers, of_motion = split(table, where, _square_target if "square" in table else _markers, _moving)
-    markers = made(_square_target if "square" in table else _markers, of_markers, where)
-    if "motion" not in of_motion:
-        return markers, None
-    at = f"{where}.motion"
-    of_translation, of_turn = split(of_motion["motion"], at, Motion, Turn)
-    turn: Turn = made(Turn, of_turn, at)
-    centre = markers.mean(axis=0) if turn.centre is None else np.array(turn.centre)
-    return markers, TargetMotion(made(Motion, of_translation, at), np.array(turn.angular_velocity), centre)
+        return from_table(Robot.from_urdf, value, where, {"folder": folder})
+    return from_table(Robot.from_dh, value, where)
 
 
 @dataclass(frozen=True)
@@ -191,14 +158,6 @@ class Turn:
 
     angular_velocity: Vector3 = (0.0, 0.0, 0.0)
     centre: Vector3 | None = None
-
-
-def _moving(motion: Table) -> None:
-    """The further key of a target."""
-
-
-def _markers(markers: Annotated[Sequence[Vector3], msgspec.Meta(min_length=1)]) -> Array:
-    return np.array(markers)
 
 
 @dataclass(frozen=True)
@@ -210,6 +169,27 @@ class Square:
     rpy: Vector3 = (0.0, 0.0, 0.0)
 
 
+def _target(table: Table, where: str) -> tuple[Array, TargetMotion | None]:
+    make = _square_target if "square" in table else _markers
+    of_markers, of_motion = split(table, where, make, _moving)
+    markers = from_table(make, of_markers, where)
+    if not of_motion:
+        return markers, None
+    at = f"{where}.motion"
+    of_translation, of_turn = split(of_motion["motion"], at, Motion, Turn)
+    turn = from_table(Turn, of_turn, at)
+    centre = markers.mean(axis=0) if turn.centre is None else np.array(turn.centre)
+    return markers, TargetMotion(from_table(Motion, of_translation, at), np.array(turn.angular_velocity), centre)
+
+
+def _moving(motion: Table) -> None:
+    """The further key of a target."""
+
+
+def _markers(markers: Annotated[Sequence[Vector3], msgspec.Meta(min_length=1)]) -> Array:
+    return np.array(markers)
+
+
 def _square_target(square: Square) -> Array:
     demand_positive(square.side, "side of a square target")
     corners = 0.5 * square.side * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
@@ -219,15 +199,16 @@ def _square_target(square: Square) -> Array:
 def _task(table: Table, where: str, scene: Scene, camera: Camera) -> VisualTask:
     values = dict(table)
     feature = chosen(values, "feature", FEATURES, where)
-    of_feature, of_gains, of_task = split(values, where, feature, TrackingGains, VisualTask, given=["feature", "gains"])
-    goals = [
-        make_goal(goal, f"{where}.goals[{i}]", scene, camera)
-        for i, goal in enumerate(checked(of_task.pop("goals", []), list[Any], where, "goals"))
-    ]
-    gains = made(TrackingGains, of_gains, where)
-    return made(
-        VisualTask, of_task, where, {"feature": made(feature, of_feature, where), "goals": goals, "gains": gains}
+    of_feature, of_gains, of_task = split(
+        values, where, feature, TrackingGains, VisualTask, without=["feature", "gains"]
     )
+    goals = checked(of_task.pop("goals", []), list[Any], where, "goals")
+    context = {
+        "feature": from_table(feature, of_feature, where),
+        "goals": [make_goal(goal, f"{where}.goals[{i}]", scene, camera) for i, goal in enumerate(goals)],
+        "gains": from_table(TrackingGains, of_gains, where),
+    }
+    return from_table(VisualTask, of_task, where, context)
 
 
 def _disturbances(table: Table, where: str, seed: tuple[int, ...]) -> Disturbances:
@@ -236,4 +217,4 @@ def _disturbances(table: Table, where: str, seed: tuple[int, ...]) -> Disturbanc
     for key in ("acceleration", "distortion_factor"):
         if isinstance(values.get(key), int | float):
             values[key] = [values[key]]
-    return made(Disturbances, values, where, {"seed": seed})
+    return from_table(Disturbances, values, where, {"seed": seed})

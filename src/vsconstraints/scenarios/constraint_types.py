@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from inspect import Parameter
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -44,13 +45,13 @@ from ..vision.camera import Camera
 from ..vision.features import Goal
 from ..vision.motion import Motion
 from .reading import (
-    Given,
+    Context,
     Table,
     checked,
     chosen,
     demand_known,
     demand_table,
-    made,
+    from_table,
     parameters,
     placed,
     split,
@@ -74,25 +75,27 @@ CONSTRAINTS: dict[str, Callable[..., Constraint]] = {
 }
 """What makes a constraint of each type that scenario files know; others are named as ``module:Class``."""
 
-GIVEN = ("robot", "camera", "folder", "goals")
-"""Arguments of constraints that are no keys of their tables."""
-
 
 def make_constraint(
     table: object, where: str, robot: Robot, camera: Camera, folder: Path, goals: Sequence[Goal] = ()
 ) -> Constraint:
     """The constraint that a table describes; raises ConfigurationError for unknown types and keys."""
     values = demand_table(table, where)
-    motion = made(Motion, values.pop("motion"), f"{where}.motion") if "motion" in values else None
+    motion = from_table(Motion, values.pop("motion"), f"{where}.motion") if "motion" in values else None
     kind = values.get("type")
     own = isinstance(kind, str) and ":" in kind
     if own:
         make: Callable[..., Constraint] = imported_class(values.pop("type"), Constraint, folder)
     else:
         make = chosen(values, "type", CONSTRAINTS, where, others=["module:Class"])
-    given = {"robot": robot, "camera": camera, "folder": folder, "goals": goals}
+    context = {"robot": robot, "camera": camera, "folder": folder, "goals": goals}
+    if not takes_any(make):
+        demand_known(values, ["type", "motion", *keys(make)], where)
     try:
-        constraint = _made(make, values, where, given)
+        arguments = {name: value for name, value in context.items() if name not in values}
+        for step in _steps(make):
+            arguments |= step.take(values, where, context)
+        constraint = from_table(make, values, where, arguments)
     except VsconstraintsError:
         raise
     except (Exception, SystemExit) as error:  # an own constraint may fail in any way
@@ -108,78 +111,70 @@ def make_constraint(
     return constraint.moving(motion)
 
 
-def keys(make: Callable[..., Constraint]) -> dict[str, Any]:
+def keys(make: Callable[..., Constraint]) -> dict[str, Parameter]:
     """The keys of a constraint's table, with their annotations and defaults as parameters."""
-    makes = [make, *(one for step in _steps(make).values() for one in step.makes)]
-    found = {name: key for one in makes for name, key in parameters(one).items()}
-    for name, step in _steps(make).items():
-        if not step.required:
-            found[name] = found[name].replace(default=())
-    return {name: key for name, key in found.items() if name not in GIVEN}
-
-
-def _made(make: Callable[..., Constraint], table: Table, where: str, given: Given) -> Constraint:
-    """The constraint, after the steps for those of its arguments that a table says in other words."""
-    if not takes_any(make):
-        demand_known(table, ["type", "motion", *keys(make)], where)
-    arguments = {name: value for name, value in given.items() if name not in table}
-    for step in _steps(make).values():
-        arguments |= step.take(table, where, given)
-    return made(make, table, where, arguments)
+    own = {
+        name: key.replace(default=()) if key.annotation in STEPS and not STEPS[key.annotation].required else key
+        for name, key in parameters(make).items()
+    }
+    further = [key for step in _steps(make) for made in step.makes for key in parameters(made).values()]
+    found = own | {key.name: key for key in further if key.name not in own}
+    return {name: key for name, key in found.items() if name not in ("robot", "camera", "folder", "goals")}
 
 
 class Step(NamedTuple):
     """How an argument of another type is made: what takes keys out of a table, and what declares further keys."""
 
-    take: Callable[[Table, str, Given], dict[str, Any]]
+    take: Callable[[Table, str, Context], dict[str, Any]]
     makes: tuple[Callable[..., Any], ...] = ()
     required: bool = True
 
 
-def _steps(make: Callable[..., Constraint]) -> dict[str, Step]:
-    found = {name: STEPS.get(parameter.annotation) for name, parameter in parameters(make).items()}
-    return {name: step for name, step in found.items() if step is not None}
+def _steps(make: Callable[..., Constraint]) -> list[Step]:
+    annotations = [parameter.annotation for parameter in parameters(make).values()]
+    return [STEPS[annotation] for annotation in annotations if annotation in STEPS]
 
 
-def _curve(table: Table, where: str, given: Given) -> dict[str, Any]:
+def _curve(table: Table, where: str, context: Context) -> dict[str, Any]:
     """The keys of a curve's shape, and where it is."""
     curve, at = _inner(table, "curve", where)
     kind = chosen(curve, "shape", SHAPES, at)
-    of_shape, of_curve = split(curve, at, kind, Curve, given=["shape"])
-    return {"curve": made(Curve, of_curve, at, {"shape": made(kind, of_shape, at)})}
+    of_shape, of_curve = split(curve, at, kind, Curve, without=["shape"])
+    return {"curve": from_table(Curve, of_curve, at, {"shape": from_table(kind, of_shape, at)})}
 
 
-def _points(table: Table, where: str, given: Given) -> dict[str, Any]:
+def _points(table: Table, where: str, context: Context) -> dict[str, Any]:
     """Robot points that a list names, or along the links: obstacles are enlarged for these."""
     points = table.pop("points", [])
     if isinstance(points, str) and points != "links":
         raise ConfigurationError(f'{where}: points must be a list of tables, or "links", not {shown(points)}')
     if not isinstance(points, str):
         return {"points": tuple(checked(points, Sequence[RobotPoint], where, "points")) or (RobotPoint(),)}
-    own = {key: table.pop(key) for key in parameters(link_points) if key in table}
-    along = made(link_points, own, where, given)
-    margin = checked(table.pop("margin", 0.0), float, where, "margin")
-    return {"points": along.points, "margin": margin + along.enlargement}
+    along = from_table(link_points, _taken(table, link_points), where, context)
+    return {
+        "points": along.points,
+        "margin": checked(table.pop("margin", 0.0), float, where, "margin") + along.enlargement,
+    }
 
 
-def _bodies(table: Table, where: str, given: Given) -> dict[str, Any]:
-    """The links' own bodies, if there are any, and the given ones."""
-    robot = given["robot"]
+def _bodies(table: Table, where: str, context: Context) -> dict[str, Any]:
+    """The links' own bodies, if there are any, and those of the table."""
+    robot = context["robot"]
     bodies = []
-    for i, one in enumerate(checked(table.pop("bodies", []), list[Any], where, "bodies")):
+    for i, body in enumerate(checked(table.pop("bodies", []), list[Any], where, "bodies")):
         at = f"{where}.bodies[{i}]"
-        solid, pose, (link, name) = _solid(demand_table(one, at), at, given, attached)
+        solid, pose, (link, name) = _solid(demand_table(body, at), at, context, attached)
         bodies.append(attached_body(robot, link, solid, pose, name))
-    own = {key: table.pop(key) for key in parameters(link_bodies) if key in table}
+    own = _taken(table, link_bodies)
     if not bodies or own or robot.source is not None:
-        bodies = [*made(link_bodies, own, where, given), *bodies]
+        bodies = [*from_table(link_bodies, own, where, context), *bodies]
     return {"bodies": tuple(bodies)}
 
 
-def _obstacle(table: Table, where: str, given: Given) -> dict[str, Any]:
+def _obstacle(table: Table, where: str, context: Context) -> dict[str, Any]:
     """A solid that stands still."""
     obstacle, at = _inner(table, "obstacle", where)
-    solid, pose, _ = _solid(obstacle, at, given, _nothing)
+    solid, pose, _ = _solid(obstacle, at, context, lambda: None)
     return {"obstacle": fixed_body(checked(table.pop("name", ""), str, where, "name"), solid, pose)}
 
 
@@ -188,23 +183,24 @@ def attached(link: str = "tip", name: str = "") -> tuple[str, str]:
     return link, name
 
 
-def _nothing() -> None:
-    """What else an obstacle's table says."""
-
-
 def named(name: str = "") -> str:
     """The name of an obstacle."""
     return name
 
 
 def _solid(
-    table: Table, where: str, given: Given, further: Callable[..., Any]
+    table: Table, where: str, context: Context, further: Callable[..., Any]
 ) -> tuple[coal.CollisionGeometry, Pose, Any]:
     """A solid, its pose, and what else is made of a table."""
     kind = chosen(table, "shape", SOLIDS, where)
     of_solid, of_pose, rest = split(table, where, kind, placed, further)
-    solid = made(kind, of_solid, where, {"folder": given["folder"]})
-    return solid, made(placed, of_pose, where), made(further, rest, where)
+    solid = from_table(kind, of_solid, where, {"folder": context["folder"]})
+    return solid, from_table(placed, of_pose, where), from_table(further, rest, where)
+
+
+def _taken(table: Table, make: Callable[..., Any]) -> Table:
+    """The keys of what is made, out of a table."""
+    return {key: table.pop(key) for key in parameters(make) if key in table}
 
 
 def _inner(table: Table, key: str, where: str) -> tuple[Table, str]:
@@ -213,11 +209,11 @@ def _inner(table: Table, key: str, where: str) -> tuple[Table, str]:
     return demand_table(table.pop(key), f"{where}.{key}"), f"{where}.{key}"
 
 
+Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+
+
 def _half_space() -> coal.CollisionGeometry:
     return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
-
-
-Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 
 
 def _box(size: Annotated[Sequence[Positive], msgspec.Meta(min_length=3, max_length=3)]) -> coal.CollisionGeometry:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -24,53 +24,41 @@ from ..vision.motion import Motion
 Table = dict[str, Any]
 """A table of a file, by its keys."""
 
-Given = Mapping[str, Any]
+Context = Mapping[str, Any]
 """Arguments that are known besides those of a table: the robot, the camera, the folder of files."""
 
-NOTHING: Given = types.MappingProxyType({})
+NOTHING: Context = types.MappingProxyType({})
 UNIONS = (Union, types.UnionType)
 
 Made = TypeVar("Made")
 
 
-def made(make: Callable[..., Made], table: object, where: str, given: Given = NOTHING) -> Made:
-    """What ``make`` makes with the values of a table, each checked against its parameter's annotation.
+def from_table(make: Callable[..., Made], table: object, where: str, context: Context = NOTHING) -> Made:
+    """What a class or function makes with the values of a table, each checked against its parameter's annotation.
 
-    Parameters
-    ----------
-    make
-        A class or function; its parameters are the table's keys.
-    table
-        What the file says; its values may be NumPy's, too.
-    where
-        File and table, for messages.
-    given
-        Arguments that files do not give.
-
-    Raises
-    ------
-    ConfigurationError
-        for keys that are unknown (it names those there are) or missing, and for values that do not fit.
+    ``where`` is the file and the table, for messages; ``context`` has arguments that files do not say. Values may be
+    NumPy's. Raises ConfigurationError for keys that are unknown (it names those there are) or missing, and for values
+    that do not fit.
     """
     keys, values = parameters(make), demand_table(table, where)
-    known = [name for name in keys if name not in given]
+    known = [name for name in keys if name not in context]
     arguments = {name: value for name, value in values.items() if name not in known}
     if not takes_any(make):
         demand_known(values, known, where)
     for name, parameter in keys.items():
-        if name in given:
-            arguments[name] = given[name]
+        if name in context:
+            arguments[name] = context[name]
         elif name in values:
-            arguments[name] = checked(values[name], parameter.annotation, where, name, given)
+            arguments[name] = checked(values[name], parameter.annotation, where, name, context)
         elif parameter.default is inspect.Parameter.empty:
             raise ConfigurationError(f"{where}: the key {name!r} is missing")
     return make(**arguments)
 
 
-def split(table: object, where: str, *makes: Callable[..., Any], given: Iterable[str] = ()) -> list[Table]:
+def split(table: object, where: str, *makes: Callable[..., Any], without: Iterable[str] = ()) -> list[Table]:
     """One table as several, one for each of what is made of it; a key that none of them has is refused."""
     values = demand_table(table, where)
-    known = [[name for name in parameters(make) if name not in given] for make in makes]
+    known = [[name for name in parameters(make) if name not in without] for make in makes]
     demand_known(values, [name for names in known for name in names], where)
     return [{name: values[name] for name in names if name in values} for names in known]
 
@@ -92,13 +80,13 @@ def _signature(make: Callable[..., Any]) -> tuple[Mapping[str, inspect.Parameter
         signature = inspect.signature(make, eval_str=True)
     except NameError:  # somebody's own annotations may name what is there for type checkers only
         signature = inspect.signature(make)
-    every = signature.parameters.items()
     named = {
         name: parameter.replace(annotation=Any) if isinstance(parameter.annotation, str) else parameter
-        for name, parameter in every
+        for name, parameter in signature.parameters.items()
         if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
     }
-    return types.MappingProxyType(named), any(one.kind is one.VAR_KEYWORD for _, one in every)
+    any_key = any(parameter.kind is parameter.VAR_KEYWORD for parameter in signature.parameters.values())
+    return types.MappingProxyType(named), any_key
 
 
 def demand_table(value: object, where: str) -> Table:
@@ -119,16 +107,15 @@ def demand_known(table: Table, known: Iterable[str], where: str) -> None:
 def chosen(table: Table, key: str, candidates: Mapping[str, Any], where: str, others: Sequence[str] = ()) -> Any:
     """Take a key out of a table whose value names one of some candidates, and return that one."""
     if key not in table:
-        raise ConfigurationError(
-            f"{where}: the key {key!r} is missing; it is one of {', '.join((*candidates, *others))}"
-        )
+        names = ", ".join((*candidates, *others))
+        raise ConfigurationError(f"{where}: the key {key!r} is missing; it is one of {names}")
     name = checked(table.pop(key), str, where, key)
     if name not in candidates:
         raise unknown_name(f"{key} in {where}", name, [*candidates, *others])
     return candidates[name]
 
 
-def checked(value: object, kind: Any, where: str, key: str, given: Given = NOTHING) -> Any:
+def checked(value: object, kind: Any, where: str, key: str, context: Context = NOTHING) -> Any:
     """The value of a key as what its annotation ``kind`` says; raises ConfigurationError that names key and value.
 
     What neither a file can hold nor a table describes is left to whoever takes the value.
@@ -137,90 +124,34 @@ def checked(value: object, kind: Any, where: str, key: str, given: Given = NOTHI
         return value
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
-    try:
-        said = _said(kind)
-    except TypeError:  # somebody's own annotation may be anything, also what cannot be kept
-        said = _said.__wrapped__(kind)
-    for option in said.options:
-        if option.made:
-            if not option.several:
-                return _part(option.part, value, f"{where}.{key}", given)
+    for option in _options(kind):
+        several = get_origin(option) is Sequence
+        part = get_args(option)[0] if several else option
+        if part in (Pose, Motion) or is_dataclass(part):
+            make: Callable[..., Any] = placed if part is Pose else part
+            inner = {"folder": context["folder"]} if "folder" in context else NOTHING
+            if not several:
+                return from_table(make, value, f"{where}.{key}", inner)
             tables = checked(value, list[Any], where, key)
-            return [_part(option.part, table, f"{where}.{key}[{i}]", given) for i, table in enumerate(tables)]
-        if option.words and isinstance(value, str) and value not in option.words:
-            raise unknown_name(f"{key} in {where}", value, option.words)
-    if said.path:
-        return given["folder"] / checked(value, str, where, key)
-    if said.paths:
-        return [given["folder"] / one for one in checked(value, list[str], where, key)]
-    if said.raw is None:
+            return [from_table(make, table, f"{where}.{key}[{i}]", inner) for i, table in enumerate(tables)]
+        if get_origin(option) is Literal and isinstance(value, str) and value not in get_args(option):
+            raise unknown_name(f"{key} in {where}", value, get_args(option))
+        if option is Path:
+            return context["folder"] / checked(value, str, where, key)
+        if several and Path in get_args(part):
+            return [context["folder"] / path for path in checked(value, list[str], where, key)]
+    try:
+        whole, raw = _of_files(kind)
+    except TypeError:  # somebody's own annotation may be anything, also what cannot be kept
+        whole, raw = _of_files.__wrapped__(kind)
+    if whole is None:
         return value
     try:
-        return msgspec.convert(value if said.raw else _finite(value), said.kind)
+        return msgspec.convert(value if raw else _finite(value), whole)
     except FloatingPointError as error:
         raise ConfigurationError(f"{where}: {key} must be finite, and less than 1e308") from error
     except msgspec.ValidationError as error:
         raise ConfigurationError(f"{where}: {key} must be {_words(kind)}, not {shown(value)}") from error
-
-
-class _Option(NamedTuple):
-    """One of the types that an annotation allows.
-
-    Attributes
-    ----------
-    part, several, made
-        What is made of a table, or of each of several, if that is so.
-    words
-        The only strings; any, if there are none.
-    """
-
-    part: Any
-    several: bool
-    made: bool
-    words: tuple[Any, ...]
-
-
-class _Said(NamedTuple):
-    """What an annotation says of a value.
-
-    Attributes
-    ----------
-    options
-        Each type that it allows.
-    path, paths
-        Whether it is one of a file, or several.
-    kind, raw
-        What files may hold, for msgspec, and whether it is checked further where it is read; None of what they cannot.
-    """
-
-    options: tuple[_Option, ...]
-    path: bool
-    paths: bool
-    kind: Any
-    raw: bool | None
-
-
-@lru_cache(maxsize=512)
-def _said(kind: Any) -> _Said:
-    """What an annotation says: kept, since there are few, and taking one apart takes longer than to read a value."""
-    every = get_args(kind) if get_origin(kind) in UNIONS else (kind,)
-    allowed = [one for one in every if get_origin(one) is not np.ndarray]
-    options = []
-    for option in allowed:
-        several = get_origin(option) is Sequence
-        part = get_args(option)[0] if several else option
-        words = get_args(option) if get_origin(option) is Literal else ()
-        options.append(_Option(part, several, part in (Pose, Motion) or is_dataclass(part), words))
-    paths = any(get_origin(one) is Sequence and Path in get_args(get_args(one)[0]) for one in allowed)
-    raw = any(Any in get_args(one) for one in allowed) if all(map(_of_files, allowed)) else None
-    whole = None if raw is None else Union[tuple(allowed)]  # noqa: UP007
-    return _Said(tuple(options), Path in allowed, paths, whole, raw)
-
-
-def _part(part: Any, table: object, where: str, given: Given) -> Any:
-    return made(
-        placed if part is Pose else part, table, where, {"folder": given["folder"]} if "folder" in given else NOTHING
-    )
 
 
 def placed(xyz: Vector3 = (0.0, 0.0, 0.0), rpy: Vector3 = (0.0, 0.0, 0.0)) -> Pose:
@@ -228,14 +159,26 @@ def placed(xyz: Vector3 = (0.0, 0.0, 0.0), rpy: Vector3 = (0.0, 0.0, 0.0)) -> Po
     return Pose.from_xyz_rpy(xyz, rpy)
 
 
-def _of_files(kind: Any) -> bool:
+def _options(kind: Any) -> list[Any]:
+    """Each type that an annotation allows in files."""
+    options = get_args(kind) if get_origin(kind) in UNIONS else (kind,)
+    return [option for option in options if get_origin(option) is not np.ndarray]
+
+
+@lru_cache(maxsize=512)
+def _of_files(kind: Any) -> tuple[Any, bool]:
+    """What files may hold, for msgspec, None if an annotation allows anything else; and whether it is checked later."""
+    options = _options(kind)
+    whole = Union[tuple(options)] if all(map(_plain, options)) else None  # noqa: UP007
+    return whole, any(Any in get_args(option) for option in options)
+
+
+def _plain(kind: Any) -> bool:
     """Whether a type is one of the values that files hold."""
-    origin = get_origin(kind)
-    if origin in (Annotated, tuple, list, dict, Sequence, Mapping):
-        return all(
-            _of_files(one) for one in get_args(kind) if one is not Ellipsis and not isinstance(one, msgspec.Meta)
-        )
-    return origin is Literal or kind in (float, int, str, bool, dict, list, Any, types.NoneType)
+    if get_origin(kind) in (Annotated, tuple, list, dict, Sequence, Mapping):
+        inner = (part for part in get_args(kind) if part is not Ellipsis and not isinstance(part, msgspec.Meta))
+        return all(map(_plain, inner))
+    return get_origin(kind) is Literal or kind in (float, int, str, bool, dict, list, Any, types.NoneType)
 
 
 def _finite(value: Any) -> Any:
@@ -245,8 +188,8 @@ def _finite(value: Any) -> Any:
     if isinstance(value, float | int) and not -1e308 <= value <= 1e308:
         raise FloatingPointError
     if isinstance(value, list | tuple):
-        return [_finite(one) for one in value]
-    return {key: _finite(one) for key, one in value.items()} if isinstance(value, dict) else value
+        return [_finite(inner) for inner in value]
+    return {key: _finite(inner) for key, inner in value.items()} if isinstance(value, dict) else value
 
 
 _NAMES = {
@@ -265,8 +208,7 @@ _NAMES = {
 def _words(kind: Any, several: bool = False) -> str:
     origin, inner = get_origin(kind), get_args(kind)
     if origin in UNIONS:
-        names = [_words(one) for one in inner if one is not types.NoneType and get_origin(one) is not np.ndarray]
-        return " or ".join(names)
+        return " or ".join(_words(option) for option in _options(kind) if option is not types.NoneType)
     if origin is Annotated and inner[0] is float:
         return "positive numbers" if several else "a positive number"
     if origin is Annotated:

@@ -20,7 +20,7 @@ from ..plugins.classes import IN_SESSION, beside, code_named, module_files, untr
 from ..robots.meshes import mesh_files, mesh_folders
 from ..simulation import Setup
 from .build import build
-from .toml import file_named, override, read_toml
+from .toml import file_named, merged, override, read_toml
 from .views import without_replaced
 
 SHIPPED = Path(__file__).parent
@@ -41,24 +41,19 @@ def shipped_scenarios() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Scenario:
-    """One scenario.
+    """One scenario: its name, which is its file's without the ending, and what the file says, overrides applied.
 
-    Attributes
-    ----------
-    name
-        The file's name without its ending.
-    tables
-        What the file says, overrides applied.
-    folder
-        What paths in it are relative to.
-    trusted
-        Whether code that it names as ``module:Class`` may run: not where it was read from a folder of results.
+    Paths in ``tables`` are relative to ``folder``. Code that it names as ``module:Class`` may run if it is ``trusted``,
+    which it is not where it was read from a folder of results.
     """
 
     name: str
     tables: dict[str, Any]
     folder: Path = Path()
     trusted: bool = True
+
+    why_here: ClassVar[str] = "a constraint of it is defined in this session"
+    """Why it can run in this process only, where that is so."""
 
     def __repr__(self) -> str:
         return f"<Scenario {self.name}: {shown(self.title)}>"
@@ -80,8 +75,8 @@ class Scenario:
         ConfigurationError
             if there is none of that name, or the file cannot be read.
         """
-        path = _file(str(name_or_path), base)
-        return cls(path.stem, _tables(path), path.parent)
+        path = file_named("scenario", str(name_or_path), SHIPPED, shipped_scenarios(), base)
+        return cls(path.stem, _extended(path), path.parent)
 
     def with_override(self, key: str, value: object, base: Path | None = None) -> Scenario:
         """The same scenario with a dotted key such as ``task.Kp0`` set to another value.
@@ -89,8 +84,7 @@ class Scenario:
         Files in the value are relative to ``base``, or to the scenario's own folder if it is None.
         """
         tables = copy.deepcopy(self.tables)
-        if base is not None:
-            value = _from_base(key.rpartition(".")[2], value, base)
+        value = value if base is None else _from_base(key.rpartition(".")[2], value, base)
         override(tables, key, value, self.name)
         return replace(self, tables=tables)
 
@@ -116,29 +110,21 @@ class Scenario:
         kinds = (str(table.get("type", "")) for table in constraints if isinstance(table, dict))
         return tuple(kind for kind in kinds if ":" in kind)
 
-    why_here: ClassVar[str] = "a constraint of it is defined in this session"
-    """Why it runs in this process alone, where it does."""
-
     @property
     def in_session(self) -> bool:
-        """Whether a constraint of it is defined in this process alone: in a notebook."""
+        """Whether a constraint of it is defined in this process only: in a notebook."""
         return any(part.startswith(f"{IN_SESSION}:") for part in self.own_parts)
 
     @property
     def files(self) -> tuple[Path, ...]:
         """Files besides its own that the scenario names: URDF and its meshes, those of obstacles, SRDF, own modules."""
-        named = [self.folder / text for text in _texts(self.tables)]
-        found = [file for file in named if _is_file(file)]
-        urdfs = [file for file in found if file.suffix.lower() in (".urdf", ".xml")]
-        meshes = [mesh for file in urdfs for mesh in mesh_files(file, self._mesh_folders(file))]
-        return (*found, *meshes, *module_files(self.own_parts if self.trusted else (), self.folder))
-
-    def _mesh_folders(self, urdf: Path) -> list[Path]:
-        """Where the meshes of a URDF of this scenario are looked for."""
+        files = [path for path in (self.folder / text for text in _texts(self.tables)) if _mode(path, stat.S_ISREG)]
         robot = self.tables.get("robot")
-        said = robot.get("package_dirs") if isinstance(robot, dict) else None
-        given = [self.folder / one for one in said if isinstance(one, str)] if isinstance(said, list) else None
-        return mesh_folders(urdf, given, os.environ)
+        packages = robot.get("package_dirs") if isinstance(robot, dict) else None
+        at = [self.folder / path for path in packages if isinstance(path, str)] if isinstance(packages, list) else None
+        urdfs = [file for file in files if file.suffix.lower() in (".urdf", ".xml")]
+        meshes = [mesh for file in urdfs for mesh in mesh_files(file, mesh_folders(file, at, os.environ))]
+        return (*files, *meshes, *module_files(self.own_parts if self.trusted else (), self.folder))
 
     def setup(self, trial: int = 0, seed: int = 0) -> Setup:
         """What is simulated.
@@ -174,11 +160,15 @@ def demand_data(what: str, tables: dict[str, Any], folder: Path) -> None:
     if code := list(code_named(tables)):
         raise untrusted(what, code)
     for text in _texts(tables):
-        mode = stat.S_IFREG
-        with suppress(OSError, ValueError):  # a text that is no path
-            mode = (folder / text).stat().st_mode
-        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        if _mode(folder / text, lambda mode: not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))):
             raise ConfigurationError(f"{what} names {shown(text)}, which is neither a file nor a folder")
+
+
+def _mode(path: Path, test: Any) -> bool:
+    """Whether there is something at a path, and its mode is one of those."""
+    with suppress(OSError, ValueError):  # a text that is no path
+        return bool(test(path.stat().st_mode))
+    return False
 
 
 def _from_base(key: str, value: object, base: Path) -> object:
@@ -190,48 +180,27 @@ def _from_base(key: str, value: object, base: Path) -> object:
     return [_from_base(key, inner, base) for inner in value] if isinstance(value, list) else value
 
 
-def _file(name: str, base: Path | None) -> Path:
-    return file_named("scenario", name, SHIPPED, shipped_scenarios(), base)
-
-
-def _tables(path: Path) -> dict[str, Any]:
+def _extended(path: Path) -> dict[str, Any]:
     """What a file says, over what the one that it extends says, and so on."""
-    files, parts = [path], [_read(path)]
+    files, parts = [path], [read_toml(path)]
     while "extends" in parts[-1]:
-        name = parts[-1].pop("extends")
+        name, last = parts[-1].pop("extends"), files[-1]
         if not isinstance(name, str):
-            raise ConfigurationError(
-                f"{files[-1]}: extends must be the name or the path of a scenario, not {shown(name)}"
-            )
-        file = _file(name, files[-1].parent)
-        files.append(file)
-        parts.append(_read(file))
-        if any(file.samefile(other) for other in files[:-1]):
+            raise ConfigurationError(f"{last}: extends must be the name or the path of a scenario, not {shown(name)}")
+        files.append(file_named("scenario", name, SHIPPED, shipped_scenarios(), last.parent))
+        parts.append(read_toml(files[-1]))
+        if any(files[-1].samefile(other) for other in files[:-1]):
             raise ConfigurationError(f"scenarios extend each other in a circle: {' extends '.join(map(str, files))}")
         if len(files) > MAX_EXTENDED:
             raise ConfigurationError(
                 f"{path} extends a file that extends another, and so on: more than {MAX_EXTENDED} in all"
             )
     tables = parts.pop()
-    while parts:
-        over = parts.pop()
+    for over in reversed(parts):
         if isinstance(tables.get("camera"), dict) and isinstance(over.get("camera"), dict):
             tables["camera"] = without_replaced(tables["camera"], over["camera"])
-        tables = _merged(tables, over)
+        tables = merged(tables, over)
     return tables
-
-
-def _read(path: Path) -> dict[str, Any]:
-    return read_toml(path)
-
-
-def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    """Tables over others: tables in them are merged, everything else is replaced."""
-    merged = dict(under)
-    for key, value in over.items():
-        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
-        merged[key] = _merged(merged[key], value) if both else value
-    return merged
 
 
 def _texts(value: object) -> Iterator[str]:
@@ -241,10 +210,3 @@ def _texts(value: object) -> Iterator[str]:
     elif isinstance(value, (dict, list)):
         for inside in value.values() if isinstance(value, dict) else value:
             yield from _texts(inside)
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a text that is no path
-        return False

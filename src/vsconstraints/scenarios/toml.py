@@ -27,8 +27,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file; raises ConfigurationError that names the file if it cannot be read."""
     try:
         str(path.absolute()).encode()  # results name it, in UTF-8
-        # a byte order mark is what some editors begin files with
-        text = path.read_bytes().decode("utf-8-sig")
+        text = path.read_bytes().decode("utf-8-sig")  # some editors begin files with a byte order mark
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"cannot read {os.fspath(path)}: {error}") from error
     return parse_toml(text, os.fspath(path))
@@ -49,8 +48,7 @@ def file_named(what: str, name: str, shipped: Path, names: Sequence[str], base: 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
     """The tables of a TOML text; raises ConfigurationError that names ``where``.
 
-    What TOML leaves to its readers is refused, too: integers of more than 64 bits, and more than :data:`MAX_DEPTH`
-    levels.
+    Also refused are integers of more than 64 bits, and more than :data:`MAX_DEPTH` levels.
     """
     too_deep = f"{where}: tables and lists lie in each other more than {MAX_DEPTH} levels deep"
     try:
@@ -63,7 +61,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         raise ConfigurationError(f"{where}: {error}") from error
     level: list[Any] = [tables]
     for _ in range(MAX_DEPTH + 1):
-        level = [inner for one in level for inner in (one.values() if isinstance(one, dict) else one)]
+        level = [value for outer in level for value in (outer.values() if isinstance(outer, dict) else outer)]
         for value in level:
             if isinstance(value, int) and not -(2**63) <= value < 2**63:
                 raise ConfigurationError(f"{where}: integers have at most 64 bits, not {value.bit_length()}")
@@ -90,6 +88,15 @@ def override(table: dict[str, Any], key: str, value: object, where: str) -> None
         at[last] = value
     else:
         raise ConfigurationError(f"{where}: {key!r} does not lead to a table")
+
+
+def merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """Tables over others: tables in them are merged, everything else is replaced."""
+    result = dict(under)
+    for key, value in over.items():
+        both = isinstance(value, dict) and isinstance(result.get(key), dict)
+        result[key] = merged(result[key], value) if both else value
+    return result
 
 
 def _child(at: Any, name: str, where: str) -> Any:

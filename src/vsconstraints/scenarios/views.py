@@ -13,13 +13,12 @@ import numpy as np
 
 from ..errors import ConfigurationError, InvalidInput, SceneError, shown
 from ..robots.geometry import Pose, Vector2, Vector3
-from ..rows import Array
 from ..simulation.sensing import shown_to
 from ..vision.camera import Camera
 from ..vision.features import Goal
 from ..vision.references import MinimumJerk
 from ..vision.scene import MINIMUM_DEPTH, Scene
-from .reading import Table, demand_known, demand_table, made, parameters
+from .reading import Table, demand_known, demand_table, from_table, parameters
 
 Vector4 = Annotated[Sequence[float], msgspec.Meta(min_length=4, max_length=4)]
 Matrix4 = Annotated[Sequence[Vector4], msgspec.Meta(min_length=4, max_length=4)]
@@ -27,6 +26,9 @@ Matrix4 = Annotated[Sequence[Vector4], msgspec.Meta(min_length=4, max_length=4)]
 
 CALIBRATED = ("focal_px", "principal_point_px", "distortion")
 """Keys that a calibration file stands for; it says the size, too, which may be given to be checked."""
+
+SHORT = {"mount": "tip_in_camera", "fixed": "camera_in_base"}
+"""Shorter words for two of the keys that say where a camera is."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +41,6 @@ class Places:
     base_in_camera: Table | None = None
     mount: Table | None = None
     fixed: Table | None = None
-
-
-SHORT = {"mount": "tip_in_camera", "fixed": "camera_in_base"}
-"""Shorter words for two of them."""
 
 
 def pose_from(
@@ -84,34 +82,29 @@ def without_replaced(under: Table, over: Table) -> Table:
 def make_camera(table: Table, where: str, folder: Path) -> Camera:
     """The camera that a table describes; paths in it are relative to ``folder``.
 
-    Raises
-    ------
-    ConfigurationError, InvalidInput
-        for unknown keys and unusable values; the message names them.
+    Raises ConfigurationError or InvalidInput, which name them, for unknown keys and unusable values.
     """
-    values = demand_table(table, where)
-    places = parameters(Places)
+    values, places = demand_table(table, where), parameters(Places)
     demand_known(values, {**parameters(Camera), **parameters(Camera.from_calibration), **places}, where)
-    given: dict[str, Any] = {key: values.pop(key) for key in places if key in values}
-    if given.keys() == {"mount", "fixed"}:
+    mounts: dict[str, Any] = {key: values.pop(key) for key in places if key in values}
+    if mounts.keys() == {"mount", "fixed"}:
         raise ConfigurationError(
             f"{where}: a camera is mounted on the robot or fixed in space: give mount or fixed, not both"
         )
-    if len(given) > 1:
-        raise ConfigurationError(f"{where}: one key says where a camera is, not {' and '.join(given)}")
+    if len(mounts) > 1:
+        raise ConfigurationError(f"{where}: one key says where a camera is, not {' and '.join(mounts)}")
     if "calibration" in values:
         twice = [key for key in CALIBRATED if key in values]
         if twice:
             raise ConfigurationError(f"{where}: the calibration says {' and '.join(twice)}: give one of the two")
-        camera: Camera = made(Camera.from_calibration, values, where, {"folder": folder})
+        camera = from_table(Camera.from_calibration, values, where, {"folder": folder})
     else:
-        camera = made(Camera, values, where)
-    for key, pose in given.items():
+        camera = from_table(Camera, values, where)
+    for key, pose in mounts.items():
         try:
-            place = made(pose_from, pose, f"{where}.{key}")
+            camera = camera.mounted(**{SHORT.get(key, key): from_table(pose_from, pose, f"{where}.{key}")})
         except InvalidInput as error:
             raise ConfigurationError(f"{where}.{key}: {error}") from error
-        camera = camera.mounted(**{SHORT.get(key, key): place})
     return camera
 
 
@@ -130,8 +123,8 @@ class GoalTable:
 
 def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal:
     """A goal as the control knows it: shown to the real camera, turned into coordinates by the believed one."""
-    goal: GoalTable = made(GoalTable, table, where)
-    factor = goal.tolerance_factor
+    goal = from_table(GoalTable, table, where)
+    factor, q, camera, depth = goal.tolerance_factor, None, None, None
     if not (np.isfinite(factor) and factor > 0.0):
         raise ConfigurationError(f"{where}: tolerance_factor must be positive, not {factor}")
     kinds = [key for key in ("camera_at_q", "camera_pose", "markers_px") if getattr(goal, key) is not None]
@@ -141,42 +134,27 @@ def make_goal(table: object, where: str, scene: Scene, believed: Camera) -> Goal
         )
     reference = None if goal.reach_in is None else MinimumJerk(goal.reach_in)
     if goal.markers_px is not None:
-        return _image_goal(goal, goal.markers_px, where, scene, believed, reference)
-    if goal.depth_m is not None:
+        m, depth = len(scene.markers), None if goal.depth_m is None else np.array(goal.depth_m)
+        if len(goal.markers_px) != m:
+            raise ConfigurationError(f"{where}: markers_px must be {m} × 2 numbers, not {shown(goal.markers_px)}")
+        if depth is not None and len(depth) != m:
+            raise ConfigurationError(f"{where}: depth_m must be {m} numbers, not {shown(goal.depth_m)}")
+        if depth is not None and (depth < MINIMUM_DEPTH).any():
+            raise ConfigurationError(f"{where}: depth_m must be at least {MINIMUM_DEPTH} m, not {depth}")
+        try:
+            pixels = scene.camera.undistort(np.array(goal.markers_px))
+        except InvalidInput as error:
+            raise ConfigurationError(f"{where}: markers_px: {error}") from error
+    elif goal.depth_m is not None:
         raise ConfigurationError(f"{where}: depth_m goes with markers_px, not with {kinds[0]}")
-    q: Array | None = None
-    if goal.camera_pose is not None:
-        camera = made(Pose.from_xyz_rpy, goal.camera_pose, f"{where}.camera_pose")
     else:
-        q = scene.robot.configuration(goal.camera_at_q, f"{where}: camera_at_q")
-        camera = scene.camera_pose(q)
-    try:
-        pixels, depth = scene.project(camera), scene.depth(camera)
-    except SceneError as error:
-        raise ConfigurationError(f"{where}: at the goal, {error}") from error
+        if goal.camera_pose is not None:
+            camera = from_table(Pose.from_xyz_rpy, goal.camera_pose, f"{where}.camera_pose")
+        else:
+            q = scene.robot.configuration(goal.camera_at_q, f"{where}: camera_at_q")
+            camera = scene.camera_pose(q)
+        try:
+            pixels, depth = scene.project(camera), scene.depth(camera)
+        except SceneError as error:
+            raise ConfigurationError(f"{where}: at the goal, {error}") from error
     return Goal(goal.from_time, pixels, shown_to(scene.camera, believed, pixels), camera, depth, reference, q, factor)
-
-
-def _image_goal(
-    goal: GoalTable,
-    markers_px: Sequence[Vector2],
-    where: str,
-    scene: Scene,
-    believed: Camera,
-    reference: MinimumJerk | None,
-) -> Goal:
-    """A goal that is given by where the markers are in the image."""
-    m, depth = len(scene.markers), None if goal.depth_m is None else np.array(goal.depth_m)
-    if len(markers_px) != m:
-        raise ConfigurationError(f"{where}: markers_px must be {m} × 2 numbers, not {shown(markers_px)}")
-    if depth is not None and len(depth) != m:
-        raise ConfigurationError(f"{where}: depth_m must be {m} numbers, not {shown(goal.depth_m)}")
-    if depth is not None and (depth < MINIMUM_DEPTH).any():
-        raise ConfigurationError(f"{where}: depth_m must be at least {MINIMUM_DEPTH} m, not {depth}")
-    try:
-        pixels = scene.camera.undistort(np.array(markers_px))
-    except InvalidInput as error:
-        raise ConfigurationError(f"{where}: markers_px: {error}") from error
-    normalised = shown_to(scene.camera, believed, pixels)
-    factor = goal.tolerance_factor
-    return Goal(goal.from_time, pixels, normalised, depth=depth, reference=reference, tolerance_factor=factor)

@@ -44,8 +44,8 @@ def implausible(scene: Scene, task: VisualTask, Ts: float) -> list[str]:
         focal = " and ".join(dict.fromkeys(f"{F:.4g}" for F in camera.focal))
         doubts.append(f"the camera's field of view is {view.max():.0f}°: is the focal length {focal} in mm, not px?")
     width, height = camera.size
-    if camera.principal_point is not None and width != height:
-        u, v = camera.principal_point
+    if camera.principal_point_px is not None and width != height:
+        u, v = camera.principal_point_px
         as_given, swapped = (
             np.hypot(2.0 * u / w - 1.0, 2.0 * v / h - 1.0) for w, h in ((width, height), (height, width))
         )

@@ -1,10 +1,8 @@
 """Calibration files of cameras: OpenCV's (``cv::FileStorage``) and ROS's (camera_info), both YAML.
 
-OpenCV is not needed to read them. Both count pixels by their centres; :class:`.Camera` counts their
-edges, half a pixel more.
-
-Files come from anywhere: of YAML only tables, lists and texts are read, whatever their tags say, and within bounds.
-Messages name file and place, and show none of what another file than a calibration may hold.
+OpenCV is not needed to read them. Both count pixels by their centres; :class:`.Camera` counts their edges, half a pixel
+more. Files come from anywhere: of YAML only tables, lists and texts are read, whatever their tags say, and within
+bounds. Messages name file and place, and show none of what another file than a calibration may hold.
 """
 
 from __future__ import annotations
@@ -13,9 +11,8 @@ import math
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +23,9 @@ from .distortion import Distortion
 
 ROS_MODELS = {"plumb_bob": "brown-conrady", "rational_polynomial": "brown-conrady", "equidistant": "fisheye"}
 """Values of ``distortion_model``, and what they are called here."""
+
+FISHEYE = {"0": "brown-conrady", "false": "brown-conrady", "1": "fisheye", "true": "fisheye"}
+"""Values of ``fisheye_model``, likewise."""
 
 NAMES = {
     "width": ("image_width", "width"),
@@ -47,21 +47,14 @@ EMPTY = ("", "~", "null")
 MAX_SHOWN = 30
 """Characters of a value that a message shows."""
 
+Calibrated = Mapping[str, Any]
+"""The table of a file."""
 
-@dataclass(frozen=True)
-class Calibration:
-    """What a calibration file says of a camera.
 
-    Attributes
-    ----------
-    size_px
-        (W, H) of the images that it was calibrated with.
-    focal_px
-        (F_u, F_v).
-    principal_point_px
-        From the top left corner, counted by pixels' edges.
-    distortion
-        None if the file has no coefficients, or only zeros.
+class Calibration(NamedTuple):
+    """What a calibration file says of a camera: (W, H), (F_u, F_v), and the principal point by pixels' edges [px].
+
+    The distortion is None if the file has no coefficients, or only zeros.
     """
 
     size_px: tuple[float, float]
@@ -73,14 +66,10 @@ class Calibration:
 def read_calibration(path: str | Path, model: str | None = None, size: Vector2 | None = None) -> Calibration:
     """What a file of OpenCV or ROS says.
 
-    Where a file does not say how large images were, as those of OpenCV's stereo sample do not, they are of this
-    ``size`` (2,) [px].
-
-    Where a file says neither ``distortion_model``, as ROS's do, nor ``fisheye_model``, as those of OpenCV's sample
-    do, its lens is of this ``model`` of :class:`.Distortion`: Brown and Conrady's if it is
-    None, as ROS has it.
-
-    ROS's rectification and projection matrices are not used: they are about images that have been rectified.
+    ``size`` (2,) [px] and ``model`` of :class:`.Distortion` are what holds where a file does not say how large images
+    were, as those of OpenCV's stereo sample do not, nor ``distortion_model`` (ROS) or ``fisheye_model`` (OpenCV's
+    sample); Brown and Conrady's if None, as ROS has it. ROS's rectification and projection matrices are not used: they
+    are about images that have been rectified.
 
     Raises
     ------
@@ -90,8 +79,11 @@ def read_calibration(path: str | Path, model: str | None = None, size: Vector2 |
     """
     where = os.fspath(path)
     table = _table(Path(path), where)
-    size = _size(table, where, size)
-    _demand_whole(table, size, where)
+    if size is not None and not any(key in table for what in ("width", "height") for key in NAMES[what]):
+        side = float(size[0]), float(size[1])
+    else:
+        side = _number(table, "width", where), _number(table, "height", where)
+    _demand_whole(table, side, where)
     K = _matrix(table, "K", where)
     if K.shape != (9,) or K[[1, 3, 6, 7]].any() or K[8] != 1.0 or (K[[0, 4]] <= 0.0).any():
         given = shown(K.tolist()) if K.shape == (9,) else f"{len(K)} numbers"
@@ -99,23 +91,23 @@ def read_calibration(path: str | Path, model: str | None = None, size: Vector2 |
             f"{where}: {_key(table, 'K', where)} must be [F_u, 0, c_x, 0, F_v, c_y, 0, 0, 1], not {given}"
         )
     principal_point = float(K[2]) + 0.5, float(K[5]) + 0.5
-    if not all(0.0 < c < side for c, side in zip(principal_point, size, strict=True)):
+    if not all(0.0 < c < length for c, length in zip(principal_point, side, strict=True)):
         raise ConfigurationError(
-            f"{where}: the principal point ({K[2]:g}, {K[5]:g}) lies outside an image of {size[0]:g} × {size[1]:g} px: "
+            f"{where}: the principal point ({K[2]:g}, {K[5]:g}) lies outside an image of {side[0]:g} × {side[1]:g} px: "
             "is the matrix one for another image size?"
         )
-    return Calibration(size, (float(K[0]), float(K[4])), principal_point, _distortion(table, where, model))
+    return Calibration(side, (float(K[0]), float(K[4])), principal_point, _distortion(table, where, model))
 
 
-def _table(path: Path, where: str) -> Mapping[str, Any]:
+def _table(path: Path, where: str) -> Calibrated:
     import yaml  # only where there is such a file
 
+    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     try:
         text = _text(path)
-        _demand_plain(text)
+        _demand_plain(yaml, yaml.parse(text, Loader=loader))
         # a message that was printed ends with "---", after which comes nothing
-        documents = yaml.load_all(text, Loader=getattr(yaml, "CBaseLoader", yaml.BaseLoader))
-        table = next((one for one in documents if one), None)
+        table = next((document for document in yaml.load_all(text, Loader=loader) if document), None)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         place = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
@@ -138,12 +130,10 @@ def _text(path: Path) -> str:
     return re.sub(r"(?m)^%YAML.*$", "", data.decode("utf-8"))
 
 
-def _demand_plain(text: str) -> None:
+def _demand_plain(yaml: Any, events: Iterator[Any]) -> None:
     """Raise ValueError for deep nesting, a key that is there twice, and aliases, by which a small file can be huge."""
-    import yaml
-
     depth, nodes, keys = 0, 0, set[str]()
-    for event in yaml.parse(text, Loader=getattr(yaml, "CBaseLoader", yaml.BaseLoader)):
+    for event in events:
         place = f"line {event.start_mark.line + 1}"
         if isinstance(event, yaml.DocumentStartEvent):
             nodes, keys = 0, set()
@@ -167,26 +157,19 @@ def _said(value: object) -> str:
     return "a table" if isinstance(value, Mapping) else "a list" if isinstance(value, list) else "empty"
 
 
-def _key(table: Mapping[str, Any], what: str, where: str) -> str:
+def _key(table: Calibrated, what: str, where: str) -> str:
     """The key by which a file has something; raises ConfigurationError that names those it could have."""
-    found = next((key for key in NAMES[what] if key in table), None)
-    if found is None:
+    key = next((name for name in NAMES[what] if name in table), None)
+    if key is None:
         first, *others = NAMES[what]
         raise ConfigurationError(
             f"{where}: the key {first!r} is missing; {' or '.join(others)} would be taken too"
             + (". Or say size_px = [WIDTH, HEIGHT] beside it" if what in ("width", "height") else "")
         )
-    return found
+    return key
 
 
-def _size(table: Mapping[str, Any], where: str, told: Vector2 | None) -> tuple[float, float]:
-    """(W, H) as the file has it, or else as it was told."""
-    if told is not None and not any(key in table for what in ("width", "height") for key in NAMES[what]):
-        return float(told[0]), float(told[1])
-    return _number(table, "width", where), _number(table, "height", where)
-
-
-def _demand_whole(table: Mapping[str, Any], size: tuple[float, float], where: str) -> None:
+def _demand_whole(table: Calibrated, size: tuple[float, float], where: str) -> None:
     """Raise ConfigurationError where ROS's camera delivers other images than it was calibrated with."""
     whole = {"binning_x": 1.0, "binning_y": 1.0}
     part = {"x_offset": 0.0, "y_offset": 0.0, "width": size[0], "height": size[1]}
@@ -212,7 +195,7 @@ def _float(value: object) -> float:
         return math.nan
 
 
-def _number(table: Mapping[str, Any], what: str, where: str) -> float:
+def _number(table: Calibrated, what: str, where: str) -> float:
     key = _key(table, what, where)
     value = _float(table[key])
     if not 0.0 < value <= MAX_SIDE:
@@ -220,7 +203,7 @@ def _number(table: Mapping[str, Any], what: str, where: str) -> float:
     return value
 
 
-def _matrix(table: Mapping[str, Any], what: str, where: str) -> Array:
+def _matrix(table: Calibrated, what: str, where: str) -> Array:
     """(rows × columns,) the numbers of a matrix, or of a list."""
     key = _key(table, what, where)
     value = table[key]
@@ -240,17 +223,28 @@ def _matrix(table: Mapping[str, Any], what: str, where: str) -> Array:
 def _flat(data: object) -> Iterator[object]:
     """What a list, or a list of lists, holds; nothing where there is nothing."""
     if isinstance(data, list):
-        for one in data:
-            yield from _flat(one)
+        for entry in data:
+            yield from _flat(entry)
     elif data not in EMPTY:
         yield data
 
 
-def _distortion(table: Mapping[str, Any], where: str, told: str | None) -> Distortion | None:
-    values = _matrix(table, "D", where)
-    model = _model(table, where) or told or "brown-conrady"
-    if told not in (None, model):
-        raise ConfigurationError(f"{where} is of the distortion model {model}, not {told}")
+def _distortion(table: Calibrated, where: str, wanted: str | None) -> Distortion | None:
+    values, model = _matrix(table, "D", where), wanted or "brown-conrady"
+    for key, names in (("distortion_model", ROS_MODELS), ("fisheye_model", FISHEYE)):
+        value = table.get(key)
+        if key == "distortion_model" and key in table:
+            if not isinstance(value, str) or len(value) > MAX_SHOWN:
+                raise ConfigurationError(f"{where}: distortion_model must be a name, not {_said(value)}")
+            if value not in names:
+                raise unknown_name(f"distortion_model in {where}", value, names)
+        elif key in table and (not isinstance(value, str) or value.lower() not in names):
+            raise ConfigurationError(f"{where}: fisheye_model must be 0 or 1, not {_said(value)}")
+        if isinstance(value, str):
+            model = names.get(value) or names[value.lower()]
+            break
+    if wanted not in (None, model):
+        raise ConfigurationError(f"{where} is of the distortion model {model}, not {wanted}")
     if model == "brown-conrady":
         if not values.any():
             return None
@@ -261,21 +255,3 @@ def _distortion(table: Mapping[str, Any], where: str, told: str | None) -> Disto
         return Distortion(model, values.tolist())  # type: ignore[arg-type]
     except InvalidInput as error:
         raise ConfigurationError(f"{where}: {error}") from error
-
-
-def _model(table: Mapping[str, Any], where: str) -> str | None:
-    """Which lens a file says that it is about; None if it does not say."""
-    if "distortion_model" in table:
-        name = table["distortion_model"]
-        if not isinstance(name, str) or len(name) > MAX_SHOWN:
-            raise ConfigurationError(f"{where}: distortion_model must be a name, not {_said(name)}")
-        if name not in ROS_MODELS:
-            raise unknown_name(f"distortion_model in {where}", name, ROS_MODELS)
-        return ROS_MODELS[name]
-    if "fisheye_model" in table:
-        said = {"0": "brown-conrady", "false": "brown-conrady", "1": "fisheye", "true": "fisheye"}
-        value = table["fisheye_model"]
-        if not isinstance(value, str) or value.lower() not in said:
-            raise ConfigurationError(f"{where}: fisheye_model must be 0 or 1, not {_said(value)}")
-        return said[value.lower()]
-    return None

@@ -30,9 +30,6 @@ Count = Literal["edges", "centres"]
 class Camera:
     """A pinhole camera, with or without distortion of its lens, carried by the end-effector or fixed in space.
 
-    Pixel coordinates (u, v) are measured from the centre of the image, u to the right and v down, as in eq. (20);
-    :meth:`from_corner` converts those measured from the top left corner.
-
     Where there is distortion, pixels are *ideal*: those of a pinhole of the same focal lengths and principal point, in
     which straight lines are straight. :meth:`undistort` makes them of pixels on the *sensor*, :meth:`distort` those of
     them; without distortion the two are the same.
@@ -90,20 +87,9 @@ class Camera:
     ) -> Camera:
         """From a calibration file, in YAML, of OpenCV (``cv::FileStorage``) or ROS (camera_info).
 
-        Parameters
-        ----------
-        calibration
-            The file.
-        size_px
-            Width and height of the images that are used, if it is to be checked that they are those calibrated with,
-            or the file does not say.
-        distortion_model
-            For files that do not say which lens their coefficients are of; ``brown-conrady`` if None.
-
-        Raises
-        ------
-        ConfigurationError
-            if the file cannot be used, or is one for another image size.
+        ``size_px`` is the size of the images that are used, to be checked, or if the file does not say it;
+        ``distortion_model`` which lens coefficients are of if the file does not say, ``brown-conrady`` if None. Raises
+        ConfigurationError if the file cannot be used, or is one for another image size.
         """
         found = read_calibration(calibration, distortion_model, size_px)
         if size_px is not None and tuple(size_px) != found.size_px:
@@ -130,10 +116,8 @@ class Camera:
             as R_cam2gripper and t_cam2gripper.
         tip_in_camera
             ᶜMₑ, its inverse: :attr:`mount`.
-        camera_in_base
-            Where a camera that is fixed in space is in the robot's base frame: :attr:`fixed`.
-        base_in_camera
-            Its inverse.
+        camera_in_base, base_in_camera
+            Where a camera that is fixed in space is in the robot's base frame, :attr:`fixed`, or its inverse.
 
         Raises
         ------
@@ -156,11 +140,6 @@ class Camera:
     def size(self) -> tuple[float, float]:
         """:attr:`size_px`."""
         return self.size_px
-
-    @property
-    def principal_point(self) -> tuple[float, float] | None:
-        """:attr:`principal_point_px`."""
-        return self.principal_point_px
 
     @property
     def offset(self) -> Array:
@@ -214,10 +193,7 @@ class Camera:
     def undistort(self, pixels: Array) -> Array:
         """(..., 2) ideal pixels of those on the sensor, both from the image's centre; what is NaN stays so.
 
-        Raises
-        ------
-        InvalidInput
-            if one is where the lens cannot be inverted.
+        Raises InvalidInput if one is where the lens cannot be inverted.
         """
         if self.distortion is None:
             return pixels

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
+from ..compiled import load
 from ..errors import InvalidInput, shown, unknown_name
-from ..formulas import lenses
+from ..formulas.lenses import ACCURACY, MODELS, extended
 from ..rows import Array, BoolArray
 
 MAX_STRETCH = 100.0
@@ -18,35 +19,6 @@ MAX_STRETCH = 100.0
 
 MAX_RADIUS = 100.0
 """Radius in normalised coordinates up to which that is looked for: 89.4° from the axis."""
-
-ITERATIONS, TOLERANCE, ACCURACY = 50, 1e-14, 1e-12
-"""Of Newton's method at most; the error in normalised coordinates at which it ends, and the one that is accepted."""
-
-INSIDE = 0.999
-"""Share of the reach within which it starts: there is a kink."""
-
-
-class LensModel(NamedTuple):
-    """A kind of lens: adding one takes two formulas in :mod:`vsconstraints.formulas.lenses`, and its line below.
-
-    Attributes
-    ----------
-    lens, superellipse
-        Its formula, and that of a superellipse on the sensor seen through it.
-    counts
-        How many coefficients it may have; those that are not given are 0.
-    """
-
-    lens: Callable[..., Any]
-    superellipse: Callable[..., Any]
-    counts: tuple[int, ...]
-
-
-MODELS = {
-    "brown-conrady": LensModel(lenses.brown_conrady, lenses.superellipse_by_brown_conrady, (4, 5, 8)),
-    "fisheye": LensModel(lenses.fisheye, lenses.superellipse_by_fisheye, (4,)),
-}
-"""By the names that scenario files use."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +77,7 @@ class Distortion:
         """
         x, y = np.moveaxis(np.asarray(normalised, dtype=np.float64), -1, 0)
         reach, *coefficients = self.parameters
-        X, Y, *_ = lenses.extended(MODELS[self.model].lens, x, y, reach, coefficients)
+        X, Y, *_ = extended(MODELS[self.model].lens, x, y, reach, coefficients)
         return np.stack((X, Y), axis=-1)
 
     def remove(self, distorted: Array) -> tuple[Array, BoolArray]:
@@ -113,26 +85,15 @@ class Distortion:
 
         It is not beyond :attr:`reach`. What is NaN stays so.
         """
-        image = np.moveaxis(np.asarray(distorted, dtype=np.float64), -1, 0)
-        lens, (reach, *coefficients) = MODELS[self.model].lens, self.parameters
+        image = np.asarray(distorted, dtype=np.float64)
+        flat = np.ascontiguousarray(image).reshape(-1, 2)
+        ideal = np.empty_like(flat)
+        eye = np.array((1.0, 1.0, 0.0, 0.0, *self.parameters))
+        load("lenses").through(self.model)(eye, flat, ideal, True)
         with np.errstate(all="ignore"):
-            return _removed(lens, image, reach, coefficients)
-
-
-def _removed(lens: lenses.Lens, image: Array, reach: float, coefficients: Sequence[float]) -> tuple[Array, BoolArray]:
-    """As :meth:`Distortion.remove`, of (2, ...): Newton's method; compiled in :mod:`vsconstraints.compiled.lenses`."""
-    x, y = image * np.minimum(1.0, INSIDE * reach / np.maximum(np.hypot(*image), INSIDE * reach))
-    dx, dy, off = lenses.newton(lens, (x, y), image, reach, coefficients)
-    for _ in range(ITERATIONS):
-        if not (off > TOLERANCE).any():
-            break
-        ahead = x + dx, y + dy
-        then_dx, then_dy, then_off = lenses.newton(lens, ahead, image, reach, coefficients)
-        # a step that leads away is tried again by half
-        nearer = then_off < off
-        x, y, off = (np.where(nearer, a, b) for a, b in zip((*ahead, then_off), (x, y, off), strict=True))
-        dx, dy = np.where(nearer, then_dx, 0.5 * dx), np.where(nearer, then_dy, 0.5 * dy)
-    return np.stack((x, y), axis=-1), ~(off > ACCURACY) & ~(np.hypot(x, y) > reach)
+            off = np.abs(self.apply(ideal) - flat).max(axis=1) > ACCURACY
+        certain = ~off & ~(np.hypot(ideal[:, 0], ideal[:, 1]) > self.reach)
+        return ideal.reshape(image.shape), certain.reshape(image.shape[:-1])
 
 
 def _filled(distortion: Distortion) -> tuple[float, ...]:

@@ -50,12 +50,7 @@ class Motion:
             raise InvalidInput(f"frequency must be zero or more and phase finite, not {frequency} and {phase}")
         if self.amplitude.any() and frequency == 0.0:
             raise InvalidInput("an amplitude needs a frequency, else nothing moves")
-        self.rate, self.phase, self.known = TURN * float(frequency), float(phase), bool(known)
-
-    @property
-    def size(self) -> int:
-        """Number of coordinates k."""
-        return len(self.velocity)
+        self.size, self.rate, self.phase, self.known = size, TURN * float(frequency), float(phase), bool(known)
 
     def displacement(self, t: Array | float) -> Array:
         """(..., k) d at times (...)."""
@@ -102,6 +97,5 @@ class TargetMotion:
 
     def pose(self, t: float) -> Pose:
         """Pose of the target's frame in the base frame."""
-        moved = self.translation.displacement(t)
-        R, position = target_pose(t, self.angular_velocity, self.centre, moved)
+        R, position = target_pose(t, self.angular_velocity, self.centre, self.translation.displacement(t))
         return Pose(np.array(R), np.array(position))

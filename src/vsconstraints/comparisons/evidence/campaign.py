@@ -12,7 +12,7 @@ from ...errors import ConfigurationError, shown, unknown_name
 from ...plugins.provenance import digest
 from ...scenarios import Scenario
 from ...scenarios.families import HALVES, SHIPPED, Family
-from ...scenarios.reading import Table, demand_known, demand_table, made
+from ...scenarios.reading import Table, demand_known, demand_table, from_table
 from ...scenarios.toml import read_toml
 from ..experiment import Entries, Experiment, chosen_entries, demand_names, entries_of
 from ..runs.files import plain
@@ -123,7 +123,7 @@ class Campaign(Experiment):
         """
         source = SHIPPED_CAMPAIGNS.get(str(path or "evidence"), Path(path or ""))
         folder = source.parent if path else Path()
-        file: _File = made(_File, read_toml(source), source.name)
+        file: _File = from_table(_File, read_toml(source), source.name)
         controllers = entries_of(file.controllers, f"{source.name}.controllers", folder)
         if file.tuned:
             tables, name = read_toml(folder / file.tuned), Path(file.tuned).name

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError
 from ...scenarios.families import Drawn
-from ...scenarios.reading import made
+from ...scenarios.reading import from_table
 from ..record import RunRecord
 from ..runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed
 from ..runs.folder import MANIFEST, Keep, Kinds, kept_lines
@@ -44,7 +44,7 @@ class Facts:
     def of(cls, path: Path) -> Facts:
         """The footer of a shard's part; raises ConfigurationError if it cannot be read."""
         try:
-            facts: Facts = made(cls, parquet.facts_of(path), "its footer")
+            facts: Facts = from_table(cls, parquet.facts_of(path), "its footer")
         except ConfigurationError as error:
             if str(path) in str(error):
                 raise

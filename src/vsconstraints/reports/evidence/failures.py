@@ -12,7 +12,7 @@ from ...rows.readable import counted
 from ..drawing import picture
 from ..figures import FIGURES, View
 from ..groups import MAX_LAWS
-from ..markdown import code, enumeration, plain, table
+from ..markdown import Table, code, enumeration, plain
 from ..numbers import DASH, number
 from ..plots import Figure
 from ..results import reason_kind
@@ -47,7 +47,7 @@ def failure_table(dataset: Dataset) -> str:
         every = [*named, ("others", rest)] if rest else named
         texts = [f"{kind} {percentage(n / len(bad), 0)} %" for kind, n in every]
         lines.append([law, f"{len(bad)} of {len(own)}", "; ".join(texts) or DASH])
-    return table(["law", "runs without success", "how"], lines, 3)
+    return Table(["law", "runs without success", "how"], lines, 3)
 
 
 def _failure_kind(status: str, violated: str, reason: str) -> str:
@@ -75,7 +75,7 @@ def example_table(dataset: Dataset) -> str:
         for name, run in zip(("typical", "worst"), example_failures(dataset, law) or (), strict=False):
             where = f"{run['family']} {run['scene']}, {run['condition']}"
             lines.append([law, name, where, str(run["status"]), _reason(dataset, run)])
-    return table(["law", "failure", "scene", "status", "reason"], lines, 5) if lines else ""
+    return Table(["law", "failure", "scene", "status", "reason"], lines, 5) if lines else ""
 
 
 def _reason(dataset: Dataset, run: Any) -> str:

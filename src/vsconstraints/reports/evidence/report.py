@@ -17,9 +17,8 @@ from ...rows.readable import counted
 from ..drawing import picture
 from ..markdown import plain
 from ..numbers import DASH, number, of_length
-from ..page import render, write_pages
+from ..page import facts_table, render, write_pages
 from ..plots import PNG, Figure, Formats
-from ..report import command_facts, facts_table, machine_facts
 from . import tables
 from .dataset import Dataset
 from .failures import TRACKS, example_table, failure_table, replay_example, scene_figures, worst_figure
@@ -146,7 +145,7 @@ def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total
         context[name] = part(dataset)
     on_written(len(parts), len(parts))
     report = dataset.folder / "report.md"
-    text = render("evidence.md", dataset=dataset, machine_table=facts_table(_machine(dataset)), **context)
+    text = render("evidence.md", dataset=dataset, machine_table=_machine(dataset), **context)
     try:
         write_pages(report, text)
         with replaced(dataset.folder / CLAIMS) as file:
@@ -269,16 +268,14 @@ def _picture(dataset: Dataset, figure: Figure, shown: Any, laws: Sequence[str]) 
     return picture(figure, dataset.folder / "figures", dataset.formats, shown, laws) if dataset.figures else ""
 
 
-def _machine(dataset: Dataset) -> dict[str, object]:
+def _machine(dataset: Dataset) -> str:
     manifest, configuration = dataset.manifest, dataset.configuration
     wall, runs = manifest.get("wall_time_s"), len(dataset.evidence.runs)
     per_second = manifest.get("runs_per_s") or (runs / wall if wall else None)
-    return {
-        **machine_facts(manifest),
-        "packages": ", ".join(f"{name} {version}" for name, version in manifest.get("packages", {}).items()),
-        **command_facts(manifest),
+    facts = {
         "half, seed": f"{configuration.get('half', DASH)}, {configuration.get('seed', DASH)}",
         "wall time [s]": None if wall is None else number(float(wall)),
         "runs": str(runs),
         "runs per second": None if per_second is None else number(float(per_second)),
     }
+    return facts_table(manifest, **facts)

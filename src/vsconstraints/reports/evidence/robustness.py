@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from ...comparisons.statistics import detectable, simultaneous
 from ...rows.readable import counted
-from ..markdown import bold, enumeration, table
+from ..markdown import Table, bold, enumeration
 from ..numbers import DASH
 from .dataset import SCENE, Dataset
 from .findings import Finding
@@ -200,7 +200,7 @@ def power_table(dataset: Dataset) -> str:
         cells = [*map(str, (*counts, excluded)), measure.margin_text, f"{power.scenes:g}", power.text]
         lines.append([f"{measure.words}, {power.condition}", *cells])
     header = ["", "hold", "reversed", "inconclusive", "reversal excluded", "margin", "scenes", "detectable from"]
-    return table(header, lines) if lines else ""
+    return Table(header, lines) if lines else ""
 
 
 def conclusion_tables(dataset: Dataset) -> dict[str, str]:
@@ -214,7 +214,7 @@ def conclusion_tables(dataset: Dataset) -> dict[str, str]:
             each = [own.get((*pair, condition)) for condition in others]
             before = next(one.first.text(measure) for one in each if one is not None)
             lines.append([*pair, before, *map(_cell, each)])
-        tables[measure.title] = table(["better", "worse", first, *others], lines, 2) if lines else ""
+        tables[measure.title] = Table(["better", "worse", first, *others], lines, 2) if lines else ""
     return tables
 
 

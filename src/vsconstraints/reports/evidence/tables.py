@@ -16,7 +16,7 @@ from ...comparisons.metrics import TOLERANCES, TOLERANT
 from ...comparisons.statistics import rate
 from ...errors import ConfigurationError, one_line
 from ...rows.readable import counted
-from ..markdown import bold, enumeration, plain, table
+from ..markdown import Table, bold, enumeration, plain
 from ..numbers import DASH, median, number, of_length
 from ..report import information_text
 from .dataset import Dataset
@@ -73,7 +73,7 @@ def headline_table(dataset: Dataset, rankings: Sequence[Ranking], numbers: Seque
         columns["variation [rad/s³]"] = [number(line["variation"]) for line in numbers]
     columns["call [µs]"] = [number(line["call"]) for line in numbers]
     lines = [list(line) for line in zip(*columns.values(), strict=True)]
-    return table(list(columns), lines, 2 if room >= 1 else 1)
+    return Table(list(columns), lines, 2 if room >= 1 else 1)
 
 
 def success_cells(ranked: Ranking, laws: Sequence[str]) -> list[str]:
@@ -111,7 +111,7 @@ def selection_table(dataset: Dataset) -> str:
             cells.append(DASH if best is None else _names_cell(best.laws))
         lines.append([condition_text(condition), *cells])
     header += [aim for aim, _ in AIMS]
-    return table(header, lines, len(header)) if lines else ""
+    return Table(header, lines, len(header)) if lines else ""
 
 
 def _front_cell(ranked: Ranking) -> str:
@@ -133,7 +133,7 @@ def success_table(dataset: Dataset, condition: str) -> str:
         endings = [str(int(statuses.isin(ending).sum())) for ending in FAILED_STATUSES]
         cells = *success_cells(ranked, [law]), *success_cells(tolerant, [law]), _violation_cell(dataset, kept, law)
         lines.append([law, *cells, *endings])
-    return table(["law", "success", f"at {of_length(TOLERANT)}", "violated", *map(" or ".join, FAILED_STATUSES)], lines)
+    return Table(["law", "success", f"at {of_length(TOLERANT)}", "violated", *map(" or ".join, FAILED_STATUSES)], lines)
 
 
 def tolerance_table(dataset: Dataset, condition: str) -> str:
@@ -143,7 +143,7 @@ def tolerance_table(dataset: Dataset, condition: str) -> str:
     for law in ranking(dataset, condition).laws:
         shares = [percentage(float((least[law].astype(float) <= each).mean()), 1) for each in TOLERANCES]
         lines.append([law, *shares, _violation_cell(dataset, kept, law)])
-    return table(["law", *(f"{100.0 * each:g} %" for each in TOLERANCES), f"violated at {of_length(TOLERANT)}"], lines)
+    return Table(["law", *(f"{100.0 * each:g} %" for each in TOLERANCES), f"violated at {of_length(TOLERANT)}"], lines)
 
 
 def family_tables(dataset: Dataset, condition: str) -> str:
@@ -164,7 +164,7 @@ def family_tables(dataset: Dataset, condition: str) -> str:
                     elif law in one.laws:
                         cells[k] = _violation_cell(dataset, one, law)
                 lines.append([law, *cells])
-            parts.append(f"{what} in each family, in per cent:\n\n{table(['law', *names.tolist()], lines)}")
+            parts.append(f"{what} in each family, in per cent:\n\n{Table(['law', *names.tolist()], lines)}")
     return "\n\n".join(parts)
 
 
@@ -184,7 +184,7 @@ def quality_table(dataset: Dataset, condition: str) -> str:
         lines.append([law, str(variation.scenes), _difference(variation), _difference(settling),
                       _difference(space, 100.0)])  # fmt: skip
     first = f"{condition_text(condition)}, against {ranked.leader}"
-    return table([first, "scenes", "variation, ×", "settling, + s", "utilization, + %"], lines)
+    return Table([first, "scenes", "variation, ×", "settling, + s", "utilization, + %"], lines)
 
 
 def _difference(pair: PairVerdict, factor: float = 1.0) -> str:
@@ -211,7 +211,7 @@ def information_table(dataset: Dataset) -> str:
         cells = [DASH if kind == law else plain(kind), text or "defaults", information_text(dataset.required[law])]
         call = median([float(value) for value in own["step_time_median_us"]])
         lines.append([law, *cells, _implementation(own["compiled"].astype(bool)), number(call)])
-    return table(["law", "type", "options", "required information", "implementation", "call [µs]"], lines, 5)
+    return Table(["law", "type", "options", "required information", "implementation", "call [µs]"], lines, 5)
 
 
 def _implementation(compiled: pd.Series) -> str:
@@ -232,7 +232,7 @@ def tuning_table(dataset: Dataset) -> str:
                 cells = ranked.shares[law].cell, ranked.shares[name].cell
                 difference = pair.difference.cell if pair.distinguishable else f"≈ {pair.difference.cell}"
                 lines.append([condition_text(condition), law, *cells, difference])
-    return table(["condition", "law", "default", "tuned", "difference"], lines, 2) if lines else ""
+    return Table(["condition", "law", "default", "tuned", "difference"], lines, 2) if lines else ""
 
 
 def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
@@ -259,7 +259,7 @@ def fronts_table(dataset: Dataset, evaluations: pd.DataFrame) -> str:
         options = plain(str(chosen["options"].iloc[0]).strip("{}").replace('"', "")) if len(chosen) else DASH
         feasible = int(own["feasible"].astype(bool).sum())
         lines.append([law, str(len(own)), str(feasible), _volume(volumes, law), options or "default"])
-    return table(["law", "evaluations", "feasible", "hypervolume", "chosen setting"], lines)
+    return Table(["law", "evaluations", "feasible", "hypervolume", "chosen setting"], lines)
 
 
 def _read(path: Path, columns: set[str]) -> pd.DataFrame:
@@ -297,7 +297,7 @@ def scenes_table(dataset: Dataset) -> str:
         known = own["share_to_hold"].astype(float).dropna()
         beyond = Share.of(rate((known > 1.0).to_numpy())).cell if len(known) else DASH
         lines.append([family, str(int(own["found"].sum())), str(attempts), _reasons(rejected, attempts), beyond])
-    return table(["family", "scenes", "attempts", "rejected, in % of the attempts", "beyond limits [%]"], lines)
+    return Table(["family", "scenes", "attempts", "rejected, in % of the attempts", "beyond limits [%]"], lines)
 
 
 def _reasons(rejected: Counter[str], attempts: int) -> str:

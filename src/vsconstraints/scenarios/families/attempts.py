@@ -18,11 +18,10 @@ from ...rows import Array
 from ...simulation import RunScores, Setup, score_run
 from ...simulation.image_sensor import ImageSensor
 from ...simulation.occluders import LinesOfSight
-from ...vision.scene import Scene
 from ..build import build_scene
-from ..reading import Table, made
+from ..reading import Table, from_table
 from .drawing import Placed
-from .placements import Ends, inverse_kinematics, tip_of
+from .placements import PLACEMENTS, Ends, Place, inverse_kinematics, tip_of
 
 CLEAR = 1e-3
 """Least σ, or φ of speeds, relative to its range, from which on tracking alone violates a row: ten times what scores
@@ -65,82 +64,66 @@ class Rejected(Exception):
         self.reason = reason
 
 
-# --- ends: placed, and looked at before anything is built ---
-
-
 def placed(tables: Table, where: str, folder: Path) -> tuple[Table, Ends]:
-    """Tables with values for all placements, and where the robot is at the scene's ends.
+    """Tables, drawn but for placements, with values for these, and where the robot is at the scene's ends.
 
-    Parameters
-    ----------
-    tables
-        Drawn but for placements.
-    where, folder
-        As of :func:`vsconstraints.scenarios.build.build`.
-
-    Raises
-    ------
-    Rejected
-        if an end is out of reach or range, or a marker is not in the image there.
-    ConfigurationError
-        if the tables cannot be read.
+    Raises Rejected if an end is out of reach or range, or a marker is not in the image there; ConfigurationError if the
+    tables cannot be read.
     """
     scene = build_scene(tables, where, folder)
     start = _configuration(tables.get("q0"), Ends(scene, []), tables, f"{where}.q0", Reason.START_OUT_OF_REACH)
-    ends = Ends(scene, [start])
-    tables = {**tables, "q0": start.tolist()}
+    ends, tables = Ends(scene, [start]), {**tables, "q0": start.tolist()}
     task = tables.get("task")
     goals = task.get("goals", []) if isinstance(task, Mapping) else []
     if isinstance(task, Mapping) and isinstance(goals, list):
-        placed_goals = []
+        known = []
         for i, goal in enumerate(goals):
             goal, q = _goal(goal, ends, f"{where}.task.goals.{i}")
-            placed_goals.append(goal)
+            known.append(goal)
             ends = Ends(scene, [*ends.q, q])
-        tables["task"] = {**task, "goals": placed_goals}
+        tables["task"] = {**task, "goals": known}
     _check_views(ends)
     filled: Table = _filled(tables, ends, {}, where)
     return filled, ends
 
 
 def _goal(goal: Any, ends: Ends, where: str) -> tuple[Any, Array | None]:
-    """A goal with its placement's value, and the joint coordinates there; None if its image alone is given."""
+    """A goal with its placement's value, and the joint coordinates there; None if it says its image only."""
     if isinstance(goal, Mapping) and "camera_at_q" in goal:
         q = _configuration(goal["camera_at_q"], ends, goal, f"{where}.camera_at_q", Reason.GOAL_OUT_OF_REACH)
         return {**goal, "camera_at_q": q.tolist()}, q
     if isinstance(goal, Mapping) and "camera_pose" in goal:
-        camera = made(Pose.from_xyz_rpy, goal["camera_pose"], f"{where}.camera_pose")
-        return goal, _reached(ends.scene, tip_of(ends.scene, camera), _start(ends))
+        camera = from_table(Pose.from_xyz_rpy, goal["camera_pose"], f"{where}.camera_pose")
+        return goal, _reached(ends, tip_of(ends.scene, camera), ends.q[0])
     return goal, None
 
 
-def _reached(scene: Scene, tip: Pose, near: Array) -> Array:
-    q = inverse_kinematics(scene.robot, tip, near)
+def _reached(ends: Ends, tip: Pose, near: Array | None) -> Array:
+    assert near is not None  # only goals may say their image only
+    q = inverse_kinematics(ends.scene.robot, tip, near)
     if q is None:
         raise Rejected(Reason.GOAL_OUT_OF_REACH)
     return q
 
 
-def _start(ends: Ends) -> Array:
-    start = ends.q[0]
-    assert start is not None  # only goals may be given by their image alone
-    return start
-
-
 def _configuration(value: Any, ends: Ends, beside: Mapping[str, Any], where: str, reason: Reason) -> Array:
     if isinstance(value, Placed):
-        value = made(value.kind, value.table, where).value(ends, dict(beside), where)
+        value = _value(value, ends, dict(beside), where)
         if value is None:
             raise Rejected(reason)
     return ends.scene.robot.configuration(value, where)
 
 
+def _value(placed: Placed, ends: Ends, beside: Table, where: str) -> list[float] | None:
+    return from_table(PLACEMENTS[placed.name], placed.table, where, {"place": Place(ends, beside, where)})
+
+
 def _filled(tree: Any, ends: Ends, beside: Table, where: str) -> Any:
     """Everything in it with the values of the placements that are left."""
     if isinstance(tree, Placed):
-        value = made(tree.kind, tree.table, where).value(ends, beside, where)
+        value = _value(tree, ends, beside, where)
         if value is None:
-            raise ConfigurationError(f"{where}: {tree.kind.name} stands at q0 and at camera_at_q of goals")
+            raise ConfigurationError(f"{where}: {tree.name} stands at q0 and at camera_at_q of goals")
         return value
     if isinstance(tree, dict):
         return {name: _filled(inner, ends, tree, f"{where}.{name}") for name, inner in tree.items()}
@@ -165,33 +148,22 @@ def _check_views(ends: Ends) -> None:
             raise Rejected((Reason.START_UNSEEN, Reason.GOAL_UNSEEN)[at])
 
 
-# --- what is built ---
-
-
 def check_ends(setup: Setup, ends: Ends) -> None:
     """Raise Rejected if a row is violated at the start or the last goal, or the robot hides a marker there."""
-    start, duration = setup.q0, (setup.samples - 1) * setup.Ts
-    _check_allowed(setup, start, 0.0, Reason.START_FORBIDDEN)
-    goal, end = setup.task.goals[-1].camera, None
+    duration, goal, end = (setup.samples - 1) * setup.Ts, setup.task.goals[-1].camera, None
+    _check_allowed(setup, setup.q0, 0.0, Reason.START_FORBIDDEN)
     if goal is not None:
-        end = _last(ends, goal, duration)
+        scene, near = ends.scene, ends.q[-1] if ends.q[-1] is not None else ends.q[0]
+        end = ends.q[-1]
+        if end is None or scene.motion is not None:
+            tip = tip_of(scene, goal)
+            end = _reached(ends, tip if scene.motion is None else scene.motion.pose(duration) @ tip, near)
         _check_allowed(setup, end, duration, Reason.GOAL_FORBIDDEN)
     lines = LinesOfSight(setup.scene)
-    for q, t, reason in ((start, 0.0, Reason.START_HIDDEN), (end, duration, Reason.GOAL_HIDDEN)):
+    for q, t, reason in ((setup.q0, 0.0, Reason.START_HIDDEN), (end, duration, Reason.GOAL_HIDDEN)):
         hidden = [] if q is None else lines.hidden(q, t)
         if hidden and setup.on_hidden_markers == "refuse":
             raise Rejected(reason, f"marker {hidden[0][0]} by {hidden[0][1]}")
-
-
-def _last(ends: Ends, goal: Pose, t: float) -> Array:
-    """Joint coordinates (n,) at a goal, a pose in the target's frame, at time ``t`` [s] if the target moves."""
-    scene, near = ends.scene, ends.q[-1]
-    if near is not None and scene.motion is None:
-        return near
-    tip = tip_of(scene, goal)
-    if scene.motion is not None:
-        tip = scene.motion.pose(t) @ tip
-    return _reached(scene, tip, near if near is not None else _start(ends))
 
 
 def _check_allowed(setup: Setup, q: Array, t: float, reason: Reason) -> None:
@@ -240,21 +212,12 @@ def _track(setup: Setup) -> RunScores:
         raise Rejected(Reason.START_REFUSED, str(error)) from error
 
 
-# --- whether any law could arrive in time ---
-
-
 def rest_to_rest(distance: Array, acceleration: Array, speed: Array) -> Array:
     """(n,) least time from rest to rest of joints by themselves [s]: d/w + w/a with the peak speed w = min(v, √(a d)).
 
     A joint accelerates as hard as it can up to w, keeps w where that is its limit v, and brakes as hard: what is best
-    for a double integrator with bounded input and speed.
-
-    Parameters
-    ----------
-    distance
-        (n,) d ≥ 0 [rad or m].
-    acceleration, speed
-        (n,) a > 0 [rad/s² or m/s²] and v > 0 [rad/s or m/s]; infinite where there is no limit.
+    for a double integrator with bounded input and speed. Distances d ≥ 0 [rad or m], limits a > 0 [rad/s² or m/s²] and
+    v > 0 [rad/s or m/s] are (n,); infinite where there is no limit.
     """
     w = np.minimum(speed, np.sqrt(acceleration * distance))
     # a joint that need not move, or is without any limit, is there at once

@@ -13,8 +13,8 @@ import numpy as np
 
 from ...errors import ConfigurationError, unknown_name
 from ...simulation import Setup
-from .. import Scenario
 from ..reading import Table
+from ..scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -25,30 +25,24 @@ class Drawn:
     ----------
     family, number, half, seed
         Which one it is.
-    folder
-        What paths in its tables are relative to.
+    folder, trusted
+        What paths in its tables are relative to, and whether code that they name may run.
     tables
         The scenario's tables by condition; empty if no attempt was accepted.
     values
         What was drawn, by dotted keys; under ``conditions`` what a condition adds; joint coordinates that were placed.
-    rejected
-        How many attempts were rejected before this one, by reason.
-    refusal
-        What the last rejected attempt was rejected for, in words.
+    rejected, refusal
+        How many attempts were rejected before this one, by reason; what the last of them was rejected for, in words.
     challenged
         Labels of the rows that tracking alone violates in the nominal condition.
     share_to_hold
         The greatest over rows, of tracking alone under the family's limits of actuators: above 1, no law could have
         satisfied a row from where tracking alone first meets its boundary. NaN without limits.
-    least_time
-        In which the arm can be at rest at its goal under the same limits, whatever the law [s]; NaN where that is not
-        known.
-    duration
-        Of the longest run, under the same limits [s].
+    least_time, duration
+        In which the arm can be at rest at its goal under the same limits, whatever the law, NaN where that is not
+        known; and of the longest run [s].
     noise
         Seed of everything random in its disturbances: another one for every scene, the same for all laws.
-    trusted
-        See :class:`vsconstraints.scenarios.Scenario`.
     """
 
     family: str
@@ -88,13 +82,7 @@ class Drawn:
         return self.least_time > self.duration
 
     def scenario(self, condition: str = "nominal") -> Scenario:
-        """The scenario in a condition.
-
-        Raises
-        ------
-        ConfigurationError
-            if no attempt was accepted, or the family has no such condition.
-        """
+        """The scenario in a condition; ConfigurationError if no attempt was accepted, or there is no such condition."""
         if not self.found:
             raise ConfigurationError(f"{self.name}: no scene in {self.attempts} attempts: {reasons(self.rejected)}")
         if condition not in self.tables:
@@ -114,17 +102,7 @@ def reasons(rejected: Mapping[str, int]) -> str:
 
 @dataclass(frozen=True)
 class Summary:
-    """Counts over the first scenes of a family.
-
-    Attributes
-    ----------
-    family
-        Its name.
-    scenes
-        As they were drawn, those that were not found too.
-    seconds
-        Wall time of drawing them.
-    """
+    """Counts over the first scenes of a family, those that were not found too, and the time of drawing them [s]."""
 
     family: str
     scenes: tuple[Drawn, ...]
@@ -138,10 +116,7 @@ class Summary:
     @property
     def rejected(self) -> Counter[str]:
         """Attempts that were rejected, by reason."""
-        counts: Counter[str] = Counter()
-        for scene in self.scenes:
-            counts.update(scene.rejected)
-        return counts
+        return sum((Counter(scene.rejected) for scene in self.scenes), Counter())
 
     @property
     def acceptance(self) -> float:

@@ -13,9 +13,8 @@ from typing import Any
 from ...errors import ConfigurationError, VsconstraintsError, shown, unknown_name
 from ...plugins.classes import beside
 from ...simulation import Setup, until_settled
-from .. import Scenario
 from ..reading import Table, demand_table
-from ..scenario import demand_data
+from ..scenario import Scenario, demand_data
 from ..toml import file_named, read_toml
 from .attempts import (
     Reason,
@@ -37,7 +36,7 @@ NOMINAL, LIMITED = "nominal", "limited"
 """The condition that every family has, and the one whose limits tell what any law could do."""
 
 HALVES = ("training", "held-out")
-"""Scenes that settings may be sought on, and those that are for judging alone."""
+"""Scenes that settings may be sought on, and those that are for judging only."""
 
 OWN_KEYS = ("title", "description", "extends", "conditions", "attempts")
 """Keys of a family's file that are no scenario's, or are said by it for all its scenes."""
@@ -47,7 +46,6 @@ TOGETHER = "conditions"
 
 ATTEMPTS = 200
 """Attempts at one scene, if a family says nothing else."""
-
 
 REFUSALS = 10
 """Attempts whose build is refused in the same words, after which a scene is given up: whatever is drawn, it will be."""
@@ -61,18 +59,9 @@ def families() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Family:
-    """A family of scenes.
+    """A family of scenes: what its file says, over what that extends; its name is the file's without the ending.
 
-    Attributes
-    ----------
-    name
-        The file's name without its ending.
-    tables
-        What the file says, over what it extends.
-    folder
-        What paths in it are relative to.
-    trusted
-        See :class:`vsconstraints.scenarios.Scenario`.
+    ``folder`` and ``trusted`` are as of :class:`vsconstraints.scenarios.Scenario`.
     """
 
     name: str
@@ -82,29 +71,19 @@ class Family:
 
     @classmethod
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Family:
-        """A shipped family by its name, or one from a TOML file by its path.
+        """A shipped family by its name, ``"six-axis"``, or one from a TOML file by its path, relative to ``base``.
 
-        Parameters
-        ----------
-        name_or_path
-            ``"six-axis"`` or ``"my/family.toml"``. With ``extends = "…"``, the name or the path of a scenario, a file
-            says only what is different from that, and what is drawn.
-        base
-            Folder that a relative path starts from; the current one if None.
-
-        Raises
-        ------
-        ConfigurationError
-            if there is none of that name, the file cannot be read, or something cannot be drawn.
+        With ``extends = "…"``, the name or the path of a scenario, a file says only what is different from that, and
+        what is drawn. Raises ConfigurationError if there is none of that name, the file cannot be read, or something
+        cannot be drawn.
         """
         path = file_named("family", str(name_or_path), SHIPPED, families(), base)
         tables = read_toml(path)
-        extended = tables.get("extends")
-        if extended is not None:
+        if "extends" in tables:
+            extended = tables.pop("extends")
             if not isinstance(extended, str):
                 raise ConfigurationError(f"{path}: extends must be the name or the path of a scenario")
-            under = Scenario.load(extended, path.parent).tables
-            tables = merged(under, {k: v for k, v in tables.items() if k != "extends"}, str(path))
+            tables = merged(Scenario.load(extended, path.parent).tables, tables, str(path))
         family = cls(path.stem, tables, path.parent)
         # everything is read once, so that it fails here
         _ = family._parsed, family._overrides, family._parts, family.attempts
@@ -136,26 +115,23 @@ class Family:
     @cached_property
     def _parsed(self) -> Table:
         own = {key: value for key, value in self.tables.items() if key not in OWN_KEYS}
-        tree: Table = parsed(own, self.name)
-        return {**tree, "title": self.title, "description": self.description}
+        return {**parsed(own, self.name), "title": self.title, "description": self.description}
 
     @cached_property
     def _overrides(self) -> dict[str, Any]:
-        where = f"{self.name}.conditions"
-        conditions = demand_table(self.tables.get("conditions", {}), where)
-        found = {}
-        for name, said in conditions.items():
+        """What each condition adds."""
+        where, overrides = f"{self.name}.conditions", {}
+        for name, said in demand_table(self.tables.get("conditions", {}), where).items():
             own = {key: value for key, value in demand_table(said, f"{where}.{name}").items() if key != TOGETHER}
-            found[name] = parsed(own, f"{where}.{name}")
-            demand_no_placement(found[name], f"{where}.{name}")
-        return found
+            overrides[name] = parsed(own, f"{where}.{name}")
+            demand_no_placement(overrides[name], f"{where}.{name}")
+        return overrides
 
     @cached_property
     def _parts(self) -> dict[str, tuple[str, ...]]:
         """Of every condition those whose tables it has, one over the other: its own last."""
         conditions = self.tables.get("conditions", {})
-        single = [name for name, said in conditions.items() if TOGETHER not in said]
-        found = {}
+        single, parts = [name for name, said in conditions.items() if TOGETHER not in said], {}
         for name, said in conditions.items():
             where, others = f"{self.name}.conditions.{name}.{TOGETHER}", said.get(TOGETHER, [])
             if not isinstance(others, list):
@@ -163,14 +139,11 @@ class Family:
             for other in others:
                 if other not in single:
                     raise unknown_name(f"condition in {where}", str(other), single)
-            found[name] = (*others, name)
-        return found
+            parts[name] = (*others, name)
+        return parts
 
     def scene(self, number: int, half: str = "held-out", seed: int = 0) -> Drawn:
-        """One scene, by its own attempts: independent of every other one, and of what else is drawn.
-
-        Parameters, what is returned first, and errors are those of :meth:`set_up`.
-        """
+        """One scene, by its own attempts, independent of every other one: the first result of :meth:`set_up`."""
         return self.set_up(number, half, seed)[0]
 
     def set_up(self, number: int, half: str = "held-out", seed: int = 0) -> tuple[Drawn, Mapping[str, Setup]]:
@@ -178,12 +151,10 @@ class Family:
 
         Parameters
         ----------
-        number
-            Which one, from 0.
+        number, seed
+            Which one, from 0, and the seed of all scenes.
         half
             ``"training"`` or ``"held-out"``: scenes of one half have nothing in common with those of the other.
-        seed
-            Of all scenes.
 
         Returns
         -------
@@ -233,28 +204,28 @@ class Family:
                 over = [overrides.get(part, {}) for part in self._parts.get(name, ())]
                 tables[name] = reduce(lambda under, each: merged(under, each, where), over, common)
             scenarios = {name: Scenario(where, each, self.folder, self.trusted) for name, each in tables.items()}
-            nominal = scenarios[NOMINAL].setup(seed=noise)
-            check_ends(nominal, ends)
-            check_first_image(nominal)
-            challenged = violated_by_tracking(nominal)
+            setups = {NOMINAL: scenarios.pop(NOMINAL).setup(seed=noise)}
+            check_ends(setups[NOMINAL], ends)
+            check_first_image(setups[NOMINAL])
+            challenged = violated_by_tracking(setups[NOMINAL])
             # what takes time and seldom refuses comes last
-            setups = {name: scenario.setup(seed=noise) for name, scenario in scenarios.items() if name != NOMINAL}
-            for setup in setups.values():
+            others = {name: scenario.setup(seed=noise) for name, scenario in scenarios.items()}
+            for setup in others.values():
                 check_first_image(setup)
         except VsconstraintsError as error:
             raise Rejected(Reason.BUILD_REFUSED, str(error)) from error
-        limited = setups.get(LIMITED, nominal)
-        values |= {"q0": common["q0"]} if "q0" not in values else {}
+        setups |= others
+        limited = setups.get(LIMITED, setups[NOMINAL])
         known = {
             "tables": tables,
-            "values": values,
+            "values": values if "q0" in values else {**values, "q0": common["q0"]},
             "challenged": challenged,
             "share_to_hold": share_to_hold(limited),
             "least_time": least_time(limited, ends),
             "duration": (until_settled(limited).samples_at_most - 1) * limited.Ts,
             "noise": noise,
         }
-        return known, {NOMINAL: nominal, **setups}
+        return known, setups
 
     def demand_scenes(self, half: str = "held-out", seed: int = 0, scenes: int = 3) -> None:
         """Raise ConfigurationError with counts if none of the first scenes is found: before thousands are drawn."""
@@ -271,16 +242,12 @@ class Family:
 
 
 def summarised(
-    family: Family,
-    scenes: int,
-    half: str = "held-out",
-    seed: int = 0,
-    on_drawn: Callable[[], None] = lambda: None,
+    family: Family, scenes: int, half: str = "held-out", seed: int = 0, on_drawn: Callable[[], None] = lambda: None
 ) -> Summary:
     """Draw the first scenes of a family; raises ConfigurationError with counts if none of the very first is found."""
     family.demand_scenes(half, seed)
-    began, scenes_drawn = perf_counter(), []
+    began, drawn_scenes = perf_counter(), []
     for number in range(scenes):
-        scenes_drawn.append(family.scene(number, half, seed))
+        drawn_scenes.append(family.scene(number, half, seed))
         on_drawn()
-    return Summary(family.name, tuple(scenes_drawn), perf_counter() - began)
+    return Summary(family.name, tuple(drawn_scenes), perf_counter() - began)

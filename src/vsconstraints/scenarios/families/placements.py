@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +14,7 @@ from ...robots.robot import Robot
 from ...rows import Array
 from ...vision.motion import Motion
 from ...vision.scene import Scene
-from ..reading import Table, checked, made
+from ..reading import Table, checked, from_table
 
 POSE_TOLERANCE = 1e-9
 """Error of a pose, ‖(m, rad)‖, that counts as none."""
@@ -30,14 +28,9 @@ DAMPING = 0.02
 
 
 class Ends(NamedTuple):
-    """A scene without its task and constraints, and where the robot is at its ends, as far as that is known.
+    """A scene without its task and constraints, and the joint coordinates ``q``, each (n,), at its start and each goal.
 
-    Attributes
-    ----------
-    scene
-        Robot, camera, markers and how they move.
-    q
-        (n,) at the start and at each goal; None at a goal that is given by its image alone.
+    They are None at a goal that is given by its image only.
     """
 
     scene: Scene
@@ -53,179 +46,114 @@ class Ends(NamedTuple):
         return start, end
 
 
-class Placement(ABC):
-    """A value that follows from the rest of the scene; its attributes are the keys of its table."""
+class Place(NamedTuple):
+    """Where a value is placed: what is placed already, the table in which it stands, and its dotted key."""
 
-    name: ClassVar[str]
+    ends: Ends
+    beside: Table
+    where: str
 
-    @abstractmethod
-    def value(self, ends: Ends, beside: Table, where: str) -> list[float] | None:
-        """The value; None if there is none that is possible.
-
-        Parameters
-        ----------
-        ends
-            The scene, and what is placed already.
-        beside
-            The table in which the value stands.
-        where
-            Dotted key, for messages.
-        """
+    def begun(self, point: Array, after: float) -> list[float]:
+        """Where a thing with the motion that its table states must begin so as to be at a point after a time."""
+        motion = self.beside.get("motion")
+        if after and motion is not None:
+            point = point - from_table(Motion, motion, "motion").displacement(after)
+        return [float(x) for x in point]
 
 
-@dataclass(frozen=True)
-class LookAt(Placement):
-    """Joint coordinates at which the camera looks at the target, by inverse kinematics.
+def look_at(
+    place: Place,
+    distance: float,
+    tilt: float = 0.0,
+    azimuth: float = 0.0,
+    roll: float = 0.0,
+    image_px: Vector2 = (0.0, 0.0),
+    normal: Vector3 = (0.0, 0.0, 1.0),
+    near: Sequence[float] | None = None,
+) -> list[float] | None:
+    """Joint coordinates (n,) at which the camera looks at the target, by inverse kinematics; None if out of reach.
 
-    At zero angles it looks along −normal at the middle of the markers.
-
-    Attributes
-    ----------
-    distance
-        Depth of the markers' middle [m].
-    tilt, azimuth
-        Angle between the optical axis and the normal, and about the normal, where to the camera tilts away [rad].
-    roll
-        About the optical axis [rad].
-    image_px
-        Where the markers' middle is seen, from the image's centre [px].
-    normal
-        From the target to the camera, in the target's frame.
-    near
-        (n,) where inverse kinematics begin; for goals at the start, if not given; else in the middle of the ranges.
+    ``distance`` is the depth of the markers' middle [m], which is seen at ``image_px`` from the image's centre [px].
+    The optical axis is tilted by ``tilt`` from the ``normal``, which points from the target to the camera in the
+    target's frame; ``azimuth`` is where to, about the normal; ``roll`` is about the optical axis [rad]. At zero angles
+    the camera looks along −normal. Inverse kinematics begin ``near`` (n,); for goals at the start, if not said; else in
+    the middle of the ranges.
     """
-
-    name: ClassVar[str] = "look-at"
-
-    distance: float
-    tilt: float = 0.0
-    azimuth: float = 0.0
-    roll: float = 0.0
-    image_px: Vector2 = (0.0, 0.0)
-    normal: Vector3 = (0.0, 0.0, 1.0)
-    near: Sequence[float] | None = None
-
-    def camera(self, scene: Scene) -> Pose:
-        """Pose of the camera in the target's frame."""
-        x, y = scene.camera.normalised(np.asarray(self.image_px, dtype=np.float64))
-        z = np.asarray(self.normal, dtype=np.float64)
-        to_normal = _turn_of_z(z / np.linalg.norm(z))
-        tilting = _about("z", self.azimuth) @ _about("y", self.tilt) @ _about("z", -self.azimuth)
-        R = to_normal @ tilting @ _about("x", np.pi) @ _about("z", self.roll)
-        return Pose(R, scene.markers.mean(axis=0) - R @ (self.distance * np.array([x, y, 1.0])))
-
-    def value(self, ends: Ends, beside: Table, where: str) -> list[float] | None:
-        """Joint coordinates (n,); None where they are out of reach or range."""
-        if not (self.distance > 0.0 and np.any(self.normal)):
-            raise ConfigurationError(f"{where}: distance must be positive and normal no zero vector")
-        robot = ends.scene.robot
-        if self.near is not None:
-            near = robot.configuration(self.near, f"{where}: near")
-        elif ends.q and ends.q[0] is not None:
-            near = ends.q[0]
-        else:
-            bounded = np.isfinite(robot.q_min) & np.isfinite(robot.q_max)
-            near = 0.5 * (np.where(bounded, robot.q_min, 0.0) + np.where(bounded, robot.q_max, 0.0))
-        q = inverse_kinematics(robot, tip_of(ends.scene, self.camera(ends.scene)), near)
-        return None if q is None else q.tolist()
+    scene, robot = place.ends.scene, place.ends.scene.robot
+    if not (distance > 0.0 and np.any(normal)):
+        raise ConfigurationError(f"{place.where}: distance must be positive and normal no zero vector")
+    start = place.ends.q[0] if place.ends.q else None
+    if near is not None:
+        begin = robot.configuration(near, f"{place.where}: near")
+    elif start is not None:
+        begin = start
+    else:
+        bounded = np.isfinite(robot.q_min) & np.isfinite(robot.q_max)
+        begin = 0.5 * (np.where(bounded, robot.q_min, 0.0) + np.where(bounded, robot.q_max, 0.0))
+    x, y = scene.camera.normalised(np.asarray(image_px, dtype=np.float64))
+    z = np.asarray(normal, dtype=np.float64)
+    tilting = _about("z", azimuth) @ _about("y", tilt) @ _about("z", -azimuth)
+    R = _turn_of_z(z / np.linalg.norm(z)) @ tilting @ _about("x", np.pi) @ _about("z", roll)
+    camera = Pose(R, scene.markers.mean(axis=0) - R @ (distance * np.array([x, y, 1.0])))
+    q = inverse_kinematics(robot, tip_of(scene, camera), begin)
+    return None if q is None else q.tolist()
 
 
-@dataclass(frozen=True)
-class TipPath(Placement):
-    """A point in space beside the straight line from where the tip starts to where it is at a goal.
+def tip_path(
+    place: Place,
+    share: float,
+    aside: Vector3 = (0.0, 0.0, 0.0),
+    after: float = 0.0,
+    goal: int = 1,
+    link: str = "tip",
+) -> list[float]:
+    """A point (3,) in the base frame [m] beside the straight line from where the tip starts to where it is at a goal.
 
-    Attributes
-    ----------
-    share
-        How much of the line lies before it, from 0 to 1.
-    aside
-        What is added in the base frame [m].
-    after
-        When what moves is there [s]; the value is where it begins.
-    goal
-        Number of the goal, counted from 1.
-    link
-        Link of the robot instead of the tip.
+    ``share`` of the line, from 0 to 1, lies before it; ``aside`` [m] is added. What moves as the table says is there
+    ``after`` a time [s]: the value is where it begins. Goals are counted from 1. A ``link`` may stand for the tip.
     """
-
-    name: ClassVar[str] = "tip-path"
-
-    share: float
-    aside: Vector3 = (0.0, 0.0, 0.0)
-    after: float = 0.0
-    goal: int = 1
-    link: str = "tip"
-
-    def value(self, ends: Ends, beside: Table, where: str) -> list[float] | None:
-        """The point (3,) in the base frame [m]."""
-        first, last = (ends.scene.robot.pose(q, self.link).t for q in ends.pair(self.goal, where))
-        return _begun(first + self.share * (last - first) + self.aside, self.after, beside)
+    first, last = (place.ends.scene.robot.pose(q, link).t for q in place.ends.pair(goal, place.where))
+    return place.begun(first + share * (last - first) + aside, after)
 
 
-@dataclass(frozen=True)
-class MarkerPath(Placement):
-    """A point in the image beside the straight line from where a marker is first to where it is at a goal.
+def marker_path(
+    place: Place, share: float, marker: int = 1, aside: Vector2 = (0.0, 0.0), after: float = 0.0, goal: int = 1
+) -> list[float]:
+    """A point (2,) in the image [px] beside the straight line from where a marker is first to where it is at a goal.
 
-    Attributes
-    ----------
-    share, after, goal
-        As of :class:`TipPath`.
-    marker
-        Number of the marker, counted from 1.
-    aside
-        What is added [px].
+    Markers are counted from 1; the rest is as of :func:`tip_path`, with ``aside`` in px.
     """
-
-    name: ClassVar[str] = "marker-path"
-
-    share: float
-    marker: int = 1
-    aside: Vector2 = (0.0, 0.0)
-    after: float = 0.0
-    goal: int = 1
-
-    def value(self, ends: Ends, beside: Table, where: str) -> list[float] | None:
-        """The point (2,) in the image [px]."""
-        scene, count = ends.scene, len(ends.scene.markers)
-        if not 1 <= self.marker <= count:
-            raise ConfigurationError(f"{where}: there is no marker {self.marker}; there are {count}")
-        pair = ends.pair(self.goal, where)
-        first, last = (scene.project(scene.camera_pose(q))[self.marker - 1] for q in pair)
-        return _begun(first + self.share * (last - first) + self.aside, self.after, beside)
+    scene, count = place.ends.scene, len(place.ends.scene.markers)
+    if not 1 <= marker <= count:
+        raise ConfigurationError(f"{place.where}: there is no marker {marker}; there are {count}")
+    pair = place.ends.pair(goal, place.where)
+    first, last = (scene.project(scene.camera_pose(q))[marker - 1] for q in pair)
+    return place.begun(first + share * (last - first) + aside, after)
 
 
-@dataclass(frozen=True)
-class JointPath(Placement):
-    """Joint coordinates beyond all those of the start and of a goal; of the ``joints`` that stand beside, or of all.
+def joint_path(place: Place, beyond: float | Sequence[float], goal: int = 1) -> list[float]:
+    """Limits [rad or m], one for each of the ``joints`` that stand beside, or of all, beyond the start and a goal.
 
-    Attributes
-    ----------
-    beyond
-        How far above the greatest where positive, below the least where negative [rad or m]; one or one per joint.
-    goal
-        As of :class:`TipPath`.
+    ``beyond`` is how far above the greatest where positive, below the least where negative: one, or one per joint.
     """
-
-    name: ClassVar[str] = "joint-path"
-
-    beyond: float | Sequence[float]
-    goal: int = 1
-
-    def value(self, ends: Ends, beside: Table, where: str) -> list[float] | None:
-        """Limits, one for each of the joints [rad or m]."""
-        robot, both = ends.scene.robot, np.stack(ends.pair(self.goal, where))
-        numbers = checked(beside.get("joints", list(range(1, robot.n + 1))), list[int], where, "joints")
-        if not set(numbers) <= set(range(1, robot.n + 1)):
-            raise ConfigurationError(f"{where}: joints are numbers from 1 to {robot.n}, not {numbers}")
-        if np.size(self.beyond) not in (1, len(numbers)):
-            raise ConfigurationError(f"{where}: beyond is one number, or one for each of {len(numbers)} joints")
-        at, beyond = both[:, np.array(numbers) - 1], np.asarray(self.beyond)
-        values: list[float] = np.where(beyond > 0.0, at.max(axis=0) + beyond, at.min(axis=0) + beyond).tolist()
-        return values
+    robot, both = place.ends.scene.robot, np.stack(place.ends.pair(goal, place.where))
+    numbers = checked(place.beside.get("joints", list(range(1, robot.n + 1))), list[int], place.where, "joints")
+    if not set(numbers) <= set(range(1, robot.n + 1)):
+        raise ConfigurationError(f"{place.where}: joints are numbers from 1 to {robot.n}, not {numbers}")
+    if np.size(beyond) not in (1, len(numbers)):
+        raise ConfigurationError(f"{place.where}: beyond is one number, or one for each of {len(numbers)} joints")
+    at, far = both[:, np.array(numbers) - 1], np.asarray(beyond)
+    values: list[float] = np.where(far > 0.0, at.max(axis=0) + far, at.min(axis=0) + far).tolist()
+    return values
 
 
-PLACEMENTS: Mapping[str, type[Placement]] = {kind.name: kind for kind in (LookAt, TipPath, MarkerPath, JointPath)}
-"""All of them, by the key of their tables."""
+PLACEMENTS: Mapping[str, Callable[..., list[float] | None]] = {
+    "look-at": look_at,
+    "tip-path": tip_path,
+    "marker-path": marker_path,
+    "joint-path": joint_path,
+}
+"""Values that follow from the rest of the scene, None where none is possible, by the key of their tables."""
 
 
 def inverse_kinematics(robot: Robot, tip: Pose, near: Array) -> Array | None:
@@ -254,14 +182,6 @@ def tip_of(scene: Scene, camera: Pose) -> Pose:
     """Pose of the tip in the base frame at which the camera has a pose in the target's frame, at t = 0."""
     fixed = scene.camera.fixed
     return camera @ scene.camera.mount if fixed is None else fixed @ camera.inverse
-
-
-def _begun(point: Array, after: float, beside: Table) -> list[float]:
-    """Where a thing with the motion that its table states must begin so as to be at a point after a time."""
-    motion = beside.get("motion")
-    if after and motion is not None:
-        point = point - made(Motion, motion, "motion").displacement(after)
-    return [float(x) for x in point]
 
 
 def _about(axis: str, angle: float) -> Array:

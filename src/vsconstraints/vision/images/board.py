@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,11 +13,8 @@ from ...qp.decomposition import svd
 from ...robots.geometry import Pose
 from ...rows import Array, IntArray
 
-CELLS = 8
-"""Cells along the side of a tag's black square, of which the outer ones are black (tag36h11)."""
-
-BORDER = 1
-"""Cells of white around it, which it takes to be found."""
+CELLS, BORDER = 8, 1
+"""Cells along the side of a tag's black square, the outer ones black (tag36h11), and of white needed around it."""
 
 FLAT = 1e-4
 """How far markers may be from their plane [m]."""
@@ -29,21 +26,13 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 """Corners of a tag as it is printed, in units of its side: x to the right, y down."""
 
 
-@dataclass(frozen=True)
-class Board:
+class Board(NamedTuple):
     """M tags in a plane, x to the right and y down as one looks at the print, z into the board.
 
     The first corner of a tag's black square is at its marker, and the opposite one towards the markers' mean: all tags
-    are where the markers are in the image, or between them.
-
-    Attributes
-    ----------
-    pose
-        Of the board in the target's frame; its origin is the markers' mean.
-    corners
-        (M, 4, 2) of the black squares in the plane [m], in the order of :data:`SQUARE`.
-    ids
-        (M,) numbers of the tags.
+    are where the markers are in the image, or between them. The pose is that of the board in the target's frame, its
+    origin the markers' mean; corners (M, 4, 2) of the black squares are in the plane [m], in the order of
+    :data:`SQUARE`; ids (M,) are the numbers of the tags.
     """
 
     pose: Pose
@@ -87,10 +76,6 @@ class Board:
         """Side of a cell [m]."""
         edge = self.corners[0, 1] - self.corners[0, 0]
         return float(np.sqrt(edge @ edge)) / CELLS
-
-    def camera_in_target(self, camera: Pose) -> Pose:
-        """A camera's pose in the target's frame, of the one in the board's."""
-        return self.pose @ camera
 
     def camera_in_board(self, camera: Pose) -> Pose:
         """A camera's pose in the board's frame, of the one in the target's."""

@@ -12,10 +12,10 @@ import numpy as np
 from ...plugins.extras import demand
 from ...rows import Array, IntArray
 
-MOST_WRONG_BITS = 1
+MAX_WRONG_BITS = 1
 """Bits of a tag that may be wrong; more are taken for something else."""
 
-LEAST_PIXELS = 20_480
+MIN_PIXELS = 20_480
 """Of an image: of fewer, AprilTag's library makes too little room for outlines, and writes beyond it."""
 
 Pixels = np.ndarray[tuple[int, int], np.dtype[np.uint8]]
@@ -33,10 +33,7 @@ class Tags(NamedTuple):
 
 
 class Detector(NamedTuple):
-    """What finds tags of the family tag36h11, and how it counts pixels.
-
-    AprilTag counts their edges: the centre of the first pixel is (0.5, 0.5). OpenCV counts their centres: it is (0, 0).
-    """
+    """What finds tags of the family tag36h11, and how it counts pixels: see :meth:`.Camera.from_corner`."""
 
     find: Callable[[Pixels], Tags]
     counts: Literal["edges", "centres"]
@@ -52,7 +49,7 @@ def tags_of(found: list[tuple[int, Any]]) -> Tags:
 def roomy(image: Pixels) -> Pixels:
     """The image, with its last row again below it as often as the detector needs."""
     H, W = image.shape
-    missing = -(-LEAST_PIXELS // W) - H
+    missing = -(-MIN_PIXELS // W) - H
     return image if missing <= 0 else np.pad(image, ((0, missing), (0, 0)), "edge")
 
 
@@ -70,7 +67,7 @@ def apriltag() -> Detector:
 
     def find(image: Pixels) -> Tags:
         found = detector.detect(roomy(image))
-        return tags_of([(one.tag_id, one.corners[order]) for one in found if one.hamming <= MOST_WRONG_BITS])
+        return tags_of([(one.tag_id, one.corners[order]) for one in found if one.hamming <= MAX_WRONG_BITS])
 
     return Detector(find, "edges")
 

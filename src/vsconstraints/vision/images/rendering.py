@@ -25,11 +25,8 @@ FINER = 2
 BLACK, WHITE, AROUND, OBSTACLE = 30.0, 220.0, 120.0, 80.0
 """Grey levels of the print, of what is around it, and of what is in front of it."""
 
-MOST_TEXELS = 64
-"""Points along a cell of a tag's picture, at most."""
-
-MOST_EXPOSURES = 16
-"""Instants that an exposure is averaged of, at most; there is one per pixel of motion."""
+MAX_TEXELS, MAX_EXPOSURES = 64, 16
+"""Points along a cell of a tag's picture, and instants that an exposure is averaged of: one per pixel of motion."""
 
 KNOT = 8
 """Distance of the pixels at which a lens is inverted; between them it is interpolated by cubic splines."""
@@ -43,20 +40,10 @@ Where = Callable[[float], Pose]
 
 @dataclass(frozen=True)
 class Renderer:
-    """Renders a board through a camera, tag by tag.
+    """Renders a board with the numbers that are printed on it through a camera, tag by tag.
 
     Every tag is looked up at the points where rays through the pixels meet the board, so that lens, rolling shutter and
-    motion blur are exact.
-
-    Attributes
-    ----------
-    board, camera, settings
-        As they are: numbers of the tags are those that are printed.
-
-    Raises
-    ------
-    ConfigurationError
-        if OpenCV is not installed, or the camera's image is not one of whole pixels.
+    motion blur are exact. Raises ConfigurationError if OpenCV is not installed, or an image has no whole pixels.
     """
 
     board: Board
@@ -69,17 +56,7 @@ class Renderer:
             raise ConfigurationError(f"images have whole numbers of pixels, not {self.camera.size}")
 
     def render(self, where: Where, random: np.random.Generator, hidden: BoolArray | None = None) -> Pixels:
-        """An image (H, W) of grey levels.
-
-        Parameters
-        ----------
-        where
-            How the camera moves.
-        random
-            What draws the noise.
-        hidden
-            (H, W) pixels before which an obstacle stands.
-        """
+        """An image (H, W) of grey levels; an obstacle stands before pixels that are ``hidden`` (H, W)."""
         import cv2
 
         settings = self.settings
@@ -103,7 +80,7 @@ class Renderer:
         moved = 0.0
         if half and starts is not None and ends is not None:
             moved = float(np.abs((ends - starts) * np.asarray(self.camera.focal)).max())
-        count = int(np.clip(np.ceil(moved), 1, MOST_EXPOSURES))
+        count = int(np.clip(np.ceil(moved), 1, MAX_EXPOSURES))
         # middles of equal parts of the exposure
         instants = half * (2.0 * np.arange(count) + 1.0 - count) / count
         total = np.zeros((H, W), dtype=np.float32)
@@ -145,7 +122,7 @@ class Renderer:
             x, y = self._rays(rows, columns)
             tag_x, tag_y = _looked_up([one for one in maps if one is not None], x, y, _late(rows, height))
             length = FINER * max(float(np.ptp(one, axis=0).max()) for one in edge) / (CELLS + 2 * BORDER)
-            texels = int(min(2 ** np.ceil(np.log2(max(length, 2.0))), MOST_TEXELS))
+            texels = int(min(2 ** np.ceil(np.log2(max(length, 2.0))), MAX_TEXELS))
             picture = _picture(number, texels)
             # cells from the corner of the black square; OpenCV counts centres
             at_x, at_y = (np.float32(texels) * (part + np.float32(BORDER)) - np.float32(0.5) for part in (tag_x, tag_y))

@@ -9,17 +9,12 @@ import numpy as np
 from ...rows import Array, BoolArray
 from ..camera import Camera
 
-NEAR = 0.01
-"""What is nearer to the plane through the camera is not drawn [m]."""
+NEAR, BEFORE = 0.01, 1e-3
+"""How far what is drawn is from the plane through the camera, and before the board: what lies on it covers nothing [m].
+"""
 
-BEFORE = 1e-3
-"""What is drawn stands at least so far before the board: what lies on it, or carries it, does not cover it [m]."""
-
-PART = 0.02
-"""Of an edge through a lens with distortion, in normalised coordinates: straight lines are bent in the image."""
-
-WIDEST = 10.0
-"""Beyond this, in normalised coordinates, nothing is drawn through a lens: 84° from the axis."""
+PART, WIDEST = 0.02, 10.0
+"""Through a lens with distortion, in normalised coordinates: parts of an edge, and where nothing is drawn any more."""
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], dtype=np.float32)
 """Around the reach of a lens, by which it is scaled."""
@@ -29,16 +24,10 @@ SHIFT = 4
 
 
 def covered(solids: Iterable[Array], board: Array, camera: Camera) -> BoolArray:
-    """(H, W) pixels that convex solids cover, of those before a board.
+    """(H, W) pixels of a camera that convex solids cover, of those before a board.
 
-    Parameters
-    ----------
-    solids
-        Each (V, 3) points whose convex hull it is, in the camera's frame [m].
-    board
-        (4,) plane of the board in the camera's frame: a unit normal n away from the camera and d in n·P = d [m].
-    camera
-        Whose image it is.
+    Each solid is (V, 3) points whose convex hull it is, ``board`` (4,) a unit normal n away from the camera and d in
+    n·P = d, all in the camera's frame [m].
     """
     import cv2
 

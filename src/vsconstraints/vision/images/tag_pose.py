@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,25 +20,13 @@ AS_GOOD = 2.0
 """Two poses explain a plane that is seen nearly along its normal: one by up to this factor worse counts as well."""
 
 
-@dataclass(frozen=True)
-class TagPose:
+class TagPose(NamedTuple):
     """What one image says of M markers.
 
-    Attributes
-    ----------
-    camera
-        Its pose in the target's frame; None if no tag was usable.
-    pixels
-        (M, 2) ideal pixels of the markers from the image's centre: of those whose tag was not seen, where the pose has
-        them.
-    seen
-        (M,) whose tag was.
-    residual_px
-        Root mean square of the corners' distances from where the pose has them.
-    foreign
-        Numbers of tags that were seen and are not the board's, or are on it twice.
-    unfit
-        Whether tags were seen, but no pose explains them.
+    The camera's pose in the target's frame, None if no tag was usable; ideal pixels (M, 2) of the markers from the
+    image's centre, where the pose has them if their tag was not seen (M,); the root mean square of the corners'
+    distances from where the pose has them; numbers of tags that are not the board's, or were seen twice; and whether no
+    pose explains the tags that were seen.
     """
 
     camera: Pose | None
@@ -50,23 +38,10 @@ class TagPose:
 
 
 def locate_board(image: Pixels, detector: Detector, board: Board, camera: Camera, near: Pose | None = None) -> TagPose:
-    """What an image (H, W) says.
+    """What an image (H, W) of grey levels says, with board and camera as they are believed to be.
 
-    Parameters
-    ----------
-    image
-        Grey levels.
-    detector
-        What finds the tags.
-    board, camera
-        As they are believed to be.
-    near
-        The camera's pose in the target's frame as it is expected, which chooses between two that explain the image.
-
-    Raises
-    ------
-    InvalidInput
-        if the image has another size than the camera was calibrated for.
+    ``near`` is the camera's expected pose in the target's frame, which chooses between two that explain the image.
+    Raises InvalidInput if the image has another size than the camera was calibrated for.
     """
     W, H = camera.size
     height, width = image.shape
@@ -94,7 +69,7 @@ def locate_board(image: Pixels, detector: Detector, board: Board, camera: Camera
     P = (np.pad(board.corners[:, 0], ((0, 0), (0, 1))) - pose.t) @ pose.R
     pixels = camera.pixels(P[:, :2] / P[:, 2:])
     pixels[at], seen[at] = corners[:, 0], True
-    return TagPose(board.camera_in_target(pose), pixels, seen, residual_px, foreign)
+    return TagPose(board.pose @ pose, pixels, seen, residual_px, foreign)
 
 
 def _undistorted(camera: Camera, corners: Array) -> tuple[Array, BoolArray]:
@@ -110,22 +85,11 @@ def board_pose(flat: Array, normalised: Array, near: Pose | None = None) -> tupl
 
     One pose is found in closed form (IPPE: Collins & Bartoli 2014) and refined by Levenberg and Marquardt's method. A
     plane that is seen from afar has a second one: tilted the other way, mirrored along the line of sight (Schweighofer
-    & Pinz 2006). It is refined likewise.
+    & Pinz 2006). It is refined likewise; of two about as good, the one nearer to the expected pose is taken.
 
-    Parameters
-    ----------
-    flat
-        (N, 2) points of the board in its plane [m], four or more.
-    normalised
-        (N, 2) their normalised coordinates in the image.
-    near
-        Expected pose: of two that explain the image about as well, the nearer one is taken.
-
-    Returns
-    -------
-    tuple
-        The pose, None if there is none with the points in front of the camera, and the root mean square of the points'
-        distances from where it has them, in normalised coordinates.
+    ``flat`` (N, 2) are four or more points of the board in its plane [m], ``normalised`` (N, 2) where they are in the
+    image. The pose is None if there is none with the points in front of the camera; beside it is the root mean square
+    of the points' distances from where it has them, in normalised coordinates.
     """
     import cv2
 
@@ -149,10 +113,8 @@ def board_pose(flat: Array, normalised: Array, near: Pose | None = None) -> tupl
         found.append((float(np.sqrt((off**2).sum(axis=1).mean())), Pose(R, moved.ravel()).inverse))
     if not found:
         return None, np.nan
-    least = min(error for error, _ in found)
+    error, pose = min(found, key=lambda each: each[0])
     if near is not None:
-        found = [one for one in found if one[0] <= AS_GOOD * least]
-        error, pose = min(found, key=lambda one: distance(one[1], near)[1])
-        return pose, error
-    error, pose = min(found, key=lambda one: one[0])
+        good = [each for each in found if each[0] <= AS_GOOD * error]
+        error, pose = min(good, key=lambda each: distance(each[1], near)[1])
     return pose, error
