@@ -156,7 +156,7 @@ class Hierarchy(Resolver):
         self, code: int, qdd: Array, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
     ) -> Command | None:
         """See :class:`.Resolver`."""
-        if code not in ANSWERS:
+        if code not in self.answers:
             return None
         command = Command(qdd, "ok", acted, labels, "", slack, COMPILED if iterations else "", iterations)
         if code:
