@@ -22,8 +22,7 @@ def end_with(parent: int) -> None:
         if os.getppid() != parent:
             os._exit(1)
     # on other systems, or where prctl is not allowed; this waits while compiled code keeps the interpreter busy
-    starter = multiprocessing.parent_process()
-    if starter is not None:
+    if (starter := multiprocessing.parent_process()) is not None:
         threading.Thread(target=_end_after, args=(starter,), daemon=True).start()
 
 
