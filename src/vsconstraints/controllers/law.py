@@ -176,8 +176,9 @@ class Law(Controller):
             self.last_rates = np.full(m if "last_rate" in demand.uses else 0, math.nan)
             self.remembered = rows.labels
         memory = {"memory": self.memory, "last_rates": self.last_rates}
-        self._compiled = CompiledLaw(demand, self.resolver, rows.labels, period=self.period, **memory)
-        return self._compiled
+        self._compiled = law = CompiledLaw(demand, self.resolver, rows.labels, period=self.period, **memory)
+        law.complete &= type(self).solve is Law.solve
+        return law
 
     def _check(self, rows: Rows) -> None:
         demand, m = self.demand, len(rows.labels)

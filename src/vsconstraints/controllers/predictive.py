@@ -17,7 +17,6 @@ from .base import Controller
 from .condensed import Lookahead, cost, limits, look_ahead
 from .horizon import Horizon, Instants, stopping_time
 from .laws import Tracking
-from .model import Model
 from .ranges import Declared, Range, positive
 from .resolvers import Hierarchy, row_weights
 
@@ -123,7 +122,7 @@ class PredictiveControl(Controller):
         max_acceleration: float | None = None,
     ) -> None:
         self.period: float | None = None
-        self.model: Model | None = None
+        self.model: Any = None
         self._tracking = Tracking()
         self.horizon, self.block, self.approach, self.damping = horizon, block, approach, damping
         self.weights, self.solver, self.max_acceleration = weights, solver, max_acceleration
@@ -141,7 +140,7 @@ class PredictiveControl(Controller):
         if name != "plan":
             super().__setattr__("plan", None)
 
-    def reset(self, period: float | None = None, model: Model | None = None) -> None:
+    def reset(self, period: float | None = None, model: Any = None) -> None:
         """Forget the plan and what solvers remember; without a period or a model, those of the last reset stay."""
         if period is not None:
             self.period = _positive("the sampling period", period)
@@ -200,7 +199,7 @@ class PredictiveControl(Controller):
             command.iterations = found.verified.answer.iterations
         return command
 
-    def _ready(self, rows: Rows, task: Task) -> tuple[Model, Horizon]:
+    def _ready(self, rows: Rows, task: Task) -> tuple[Any, Horizon]:
         if self.model is None:
             raise InvalidInput(
                 "the law 'predictive' uses a model: ask it by ControlStep.command, or tell it by "
@@ -214,10 +213,11 @@ class PredictiveControl(Controller):
             raise InvalidInput("the law 'predictive' was told the model of other rows or of another robot")
         return self.model, Horizon.of(self.horizon, self.block, self.period)
 
-    def _most(self, model: Model) -> Array:
+    def _most(self, model: Any) -> Array:
         """Greatest |q̈| (n,)."""
         own = np.inf if self.max_acceleration is None else self.max_acceleration
-        return np.minimum(own, model.acceleration)
+        most: Array = np.minimum(own, model.acceleration)
+        return most
 
     def _box(self, rows: Rows, most: Array) -> tuple[Array, Array]:
         """Least and greatest q̈ of the blocks (H, n); what rows say of now holds for the first."""
