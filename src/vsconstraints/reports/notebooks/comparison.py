@@ -19,10 +19,9 @@ from ...comparisons.metrics import METRICS
 from ...comparisons.runs.spec import BASELINE
 from ...errors import ConfigurationError, unknown_name
 from ...rows.readable import counted, in_one_line
-from ..best import shown
 from ..figures import View
 from ..numbers import FORMATS, over_trials
-from ..results import Results
+from ..results import Results, shown
 from ..selection import lane_rows, phi_rows
 from ..summary import FIRST, outcome
 from .display import Plots, paragraph, table, table_of

@@ -19,9 +19,9 @@ from ...controllers import Controller, Tracking
 from ...plugins.classes import beside
 from ...rows.readable import amount, counted, in_one_line
 from ...simulation import simulate
-from ..best import shown
 from ..figures import View
 from ..numbers import DASH, FORMATS
+from ..results import shown
 from .display import Plots, frame_of, page_within, paragraph, picture, rows_shown, table, table_of
 from .inputs import AnyLaw, AnyScenario, instance_of, own_spec, scenario_of, spec_of
 
