@@ -25,8 +25,7 @@ MIN_SCENES = 6
 SCENE = ("family", "condition", "half", "scene")
 """Columns that say which scene a run is of, and what went otherwise than assumed in it."""
 
-LAW = "controller"
-"""The column that says which law."""
+LAW = "controller"  # the column that says which law
 
 
 def checked_confidence(confidence: float) -> float:

@@ -29,8 +29,7 @@ from .judged import (
 )
 from .rates import mcnemar, median, paired, rate
 
-BY = ("family", "condition")
-"""Scenes that have these in common are looked at together."""
+BY = ("family", "condition")  # scenes that have these in common are looked at together
 
 
 def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
@@ -41,8 +40,8 @@ def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidenc
     """
     if outcome not in OUTCOMES:
         raise unknown_name("outcome", outcome, OUTCOMES)
-    lines = []
-    for group, own in _groups(runs.assign(flag=OUTCOMES[outcome].flag(checked(runs, by))), (*by, LAW)):
+    flagged, lines = runs.assign(flag=OUTCOMES[outcome].flag(checked(runs, by))), []
+    for group, own in _groups(flagged, (*by, LAW)):
         found = rate(own["flag"].to_numpy(bool), confidence)
         lines.append((*group, found.count, found.of, found.share, found.low, found.high))
     return _frame((*by, LAW, "count", "of", "share", "low", "high"), lines)
@@ -62,10 +61,9 @@ def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 
 
 
 class Costs(NamedTuple):
-    """What profiles and ranks are made of.
+    """One line per scene, one column per law: less is better, ∞ for a run that does not count (pandas.DataFrame).
 
-    ``table`` is a pandas.DataFrame, one line per scene, one column per law: less is better, ∞ for a run that does not
-    count. ``left_out`` counts scenes without a line: a law has not run there, or has no value though its run counts.
+    ``left_out`` counts scenes without a line: a law has not run there, or has no value though its run counts.
     """
 
     table: Any
@@ -160,14 +158,13 @@ def compare_laws(
 
     Parameters
     ----------
-    runs
-        One line per run: the columns :data:`.judged.SCENE`, ``controller``, ``status``, ``violated`` and the metric's.
+    runs, by
+        One line per run: the columns :data:`.judged.SCENE`, ``controller``, ``status``, ``violated`` and the metric's;
+        those that define groups.
     metric
         One of :func:`.judged.judged_metrics` or of :data:`.judged.OUTCOMES`.
     reference
         Law that is b in every pair.
-    by
-        Columns that define groups.
     least
         Values that are no more than this apart are equal; :func:`.judged.resolution` if not given.
     confidence
@@ -176,12 +173,11 @@ def compare_laws(
     Returns
     -------
     pandas.DataFrame
-        ``by``, metric, a, b; scenes (that both ran), paired (that are compared), only_a, only_b, differ (of the scenes
-        that are compared, those in which the two are not equal); difference, low, high: of the rates, or the median of
-        a − b, as stored, over the scenes in which they differ; ratio, ratio_low, ratio_high: the same of a/b (empty of
-        outcomes and where values are negative); effect: chance that a is better on a scene, equal values counting half;
-        p (of McNemar's test, or of the sign test), p_corrected; verdict: what is said of a against b,
-        :func:`.judged.verdict`, which is that p_corrected is at most 1 − confidence.
+        ``by``, metric, a, b; scenes that both ran, paired: that are compared, only_a, only_b, differ: in which the two
+        are not equal; difference, low, high: of the rates, or the median of a − b, as stored, over the scenes in which
+        they differ; ratio, ratio_low, ratio_high: the same of a/b (empty of outcomes and where values are negative);
+        effect: chance that a is better on a scene, equal values counting half; p (of McNemar's test, or of the sign
+        test), p_corrected; verdict: :func:`.judged.verdict`, which is that p_corrected is at most 1 − confidence.
     """
     checked_confidence(confidence)
     judged = None if metric in OUTCOMES else judged_metric(metric)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
-from typing import Literal
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,11 +15,8 @@ from ...comparisons.metrics import NEGLIGIBLE
 from ...rows import Array
 from .runs import ReplayRun
 
-RATE = 25.0
-"""Frames per second of time, unless that makes more than :data:`MAX_FRAMES`."""
-
-MAX_FRAMES = 300
-"""Frames of a replay."""
+RATE, MAX_FRAMES = 25.0, 300
+"""Frames per second of time, unless that makes more frames than so many."""
 
 INACTIVE, ACTIVE, VIOLATED = 0, 1, 2
 """States of a constraint's row."""
@@ -29,19 +25,13 @@ HIGHLIGHTS = {ACTIVE: "#F0A202", VIOLATED: "#D1102A"}
 """Their colours."""
 
 States = npt.NDArray[np.uint8]
+Thing = tuple[str, int] | None
+"""What a row is about: a marker, a joint or an obstacle, with its number; None if it is none of them."""
 
 
 @dataclass(frozen=True)
 class Frames:
-    """Instants at equal distances, from the start to the end of the longest run.
-
-    Attributes
-    ----------
-    t
-        (F,) [s].
-    period
-        Between them [s].
-    """
+    """Instants t (F,), ``period`` apart [s], from the start to the end of the longest run."""
 
     t: Array
     period: float
@@ -55,16 +45,15 @@ class Frames:
 
     def samples(self, run: ReplayRun) -> npt.NDArray[np.int64]:
         """(F,) the sample of a run that each instant shows: the last one until then; its last one when it is over."""
-        t = run.trajectory.t
-        return np.maximum(np.searchsorted(t, self.t + 1e-9, side="right") - 1, 0).astype(np.int64)
+        shown = np.searchsorted(run.trajectory.t, self.t + 1e-9, side="right") - 1
+        return np.maximum(shown, 0).astype(np.int64)
 
     def states(self, run: ReplayRun) -> States:
         """(F, m) the state of each row between one instant and the next: a single sample is enough to show it.
 
         A run that is over shows none: nothing after the frame that is the first to show its last sample.
         """
-        every = states(run)
-        first = self.samples(run)
+        every, first = states(run), self.samples(run)
         shown = np.maximum.reduceat(every, first, axis=0)
         shown[1:][first[:-1] == len(every) - 1] = INACTIVE
         return shown
@@ -72,41 +61,25 @@ class Frames:
     def remark(self, runs: Sequence[ReplayRun]) -> str:
         """What of the runs is shown, in a sentence."""
         samples = max(len(run.trajectory.t) for run in runs)
-        if samples <= len(self.t):
-            return ""
-        return (
-            f"{len(self.t)} of {samples} samples are shown; a constraint is highlighted if it is active or violated in "
-            "any sample up to the next one shown."
-        )
+        rule = "a constraint is highlighted if it is active or violated in any sample up to the next one shown"
+        return f"{len(self.t)} of {samples} samples are shown; {rule}." if samples > len(self.t) else ""
 
 
 def states(run: ReplayRun) -> States:
     """(N, m) the state of each row at each sample."""
-    record = RunRecord.of(run.setup, run.trajectory, "")
-    outside = np.minimum(run.trajectory.clearance, run.trajectory.between_clearance) < -NEGLIGIBLE * record.length
+    length = RunRecord.of(run.setup, run.trajectory, "").length
+    outside = np.minimum(run.trajectory.clearance, run.trajectory.between_clearance) < -NEGLIGIBLE * length
     return np.where(outside, VIOLATED, np.where(run.trajectory.active, ACTIVE, INACTIVE)).astype(np.uint8)
 
 
-# --- in space ---
+class Highlight(NamedTuple):
+    """Something in space that is highlighted: a ``marker`` or a ``joint``, counted from 1, or an ``obstacle``.
 
-Thing = Literal["marker", "joint", "obstacle"]
-
-
-@dataclass(frozen=True)
-class Highlight:
-    """Something in space that is highlighted.
-
-    Attributes
-    ----------
-    what, number
-        A marker or a joint, counted from 1, or an obstacle: the place of its constraint in the list.
-    run
-        Of which run, for joints and for markers that the robot carries; 0 for what runs share.
-    states
-        (F,) the state in each frame.
+    An obstacle's number is the place of its constraint in the list; ``run`` is 0 for what runs share; ``states`` (F,)
+    are those in each frame.
     """
 
-    what: Thing
+    what: str
     number: int
     run: int
     states: States
@@ -114,30 +87,28 @@ class Highlight:
 
 def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> list[Highlight]:
     """Everything that is highlighted at all; markers and obstacles by the rows of any run."""
-    found: dict[tuple[Thing, int, int], States] = {}
+    found: dict[tuple[str, int, int], States] = {}
     for k, run in enumerate(runs):
-        of_rows = frames.states(run)
-        for i, thing in enumerate(things_of(run)):
-            if thing is not None and of_rows[:, i].any():
+        for thing, own in zip(things_of(run), frames.states(run).T, strict=True):
+            if thing is not None and own.any():
                 carried = thing[0] == "marker" and run.setup.scene.camera.fixed is not None
                 key = (*thing, k if thing[0] == "joint" or carried else 0)
-                found[key] = np.maximum(found.get(key, np.zeros(len(frames.t), dtype=np.uint8)), of_rows[:, i])
-    return [Highlight(*key, of_thing) for key, of_thing in found.items()]
+                found[key] = np.maximum(found.get(key, INACTIVE), own).astype(np.uint8)
+    return [Highlight(*key, own) for key, own in found.items()]
 
 
-def things_of(run: ReplayRun) -> list[tuple[Thing, int] | None]:
-    """(m,) what each row is about: a marker, a joint or an obstacle, with its number; None if it is none of them."""
-    blocks = run.setup.constraints.blocks()
-    owners = chain.from_iterable([k] * count for k, (_, count, _) in enumerate(blocks))
-    return [_thing(run, label, owner) for label, owner in zip(run.setup.constraints.labels, owners, strict=True)]
-
-
-def _thing(run: ReplayRun, label: str, owner: int) -> tuple[Thing, int] | None:
-    if run.setup.constraints.constraints[owner].meshes(0.0, 1.0):
-        return "obstacle", owner
-    named = re.search(r"(marker|joint) (\d+)\]", label)
-    if named is None:
-        return None
-    what: Thing = "marker" if named[1] == "marker" else "joint"
-    number, count = int(named[2]), len(run.setup.scene.markers) if what == "marker" else run.setup.scene.robot.n
-    return (what, number) if number <= count else None
+def things_of(run: ReplayRun) -> list[Thing]:
+    """(m,) what each row is about."""
+    constraints, scene = run.setup.constraints, run.setup.scene
+    counts = {"marker": len(scene.markers), "joint": scene.robot.n}
+    solid = [bool(constraint.meshes(0.0, 1.0)) for constraint in constraints.constraints]
+    owners = [k for k, (_, count, _) in enumerate(constraints.blocks()) for _ in range(count)]
+    things: list[Thing] = []
+    for label, owner in zip(constraints.labels, owners, strict=True):
+        named = re.search(r"(marker|joint) (\d+)\]", label)
+        if solid[owner]:
+            things.append(("obstacle", owner))
+        else:
+            known = named is not None and int(named[2]) <= counts[named[1]]
+            things.append((named[1], int(named[2])) if named is not None and known else None)
+    return things

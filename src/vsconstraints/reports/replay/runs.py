@@ -9,31 +9,28 @@ from pathlib import Path
 
 import numpy as np
 
-from ...comparisons import ControllerSpec, RunRecord, RunSpec, StoredComparison
+from ...comparisons import ControllerSpec, RunSpec, StoredComparison
+from ...comparisons.record import run_file
 from ...comparisons.run import perform
 from ...controllers import CONTROLLERS
 from ...errors import ConfigurationError, unknown_name
 from ...scenarios import Scenario
 from ...simulation import Setup, Trajectory
-from ..plots import Look, looks
+from ..plots import looks
 
 MAX_RUNS = 4
 """More than so many beside each other cannot be distinguished."""
 
+HOW = (
+    "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or the file of a stored run, "
+    "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz"
+)
+"""What names a run."""
+
 
 @dataclass(frozen=True)
 class ReplayRun:
-    """A run to be seen.
-
-    Attributes
-    ----------
-    law
-        What results call the controller: several of a replay differ by it.
-    setup, trajectory
-        What was simulated, and what it left.
-    title
-        Of the scenario.
-    """
+    """A run to be seen, by the name of its law, which differs from the others', and the title of its scenario."""
 
     law: str
     setup: Setup
@@ -45,64 +42,40 @@ def check_same_scene(runs: Sequence[ReplayRun]) -> None:
     """Raise ConfigurationError unless there is something to see in each of these runs, and all are of one scene."""
     if not 0 < len(runs) <= MAX_RUNS:
         raise ConfigurationError(f"a replay shows 1 to {MAX_RUNS} runs, not {len(runs)}")
-    first = runs[0].setup.scene
+    first, names = runs[0].setup, [run.law for run in runs]
     for run in runs:
         if len(run.trajectory.t) < 2:
             why = f": {run.trajectory.reason}" if run.trajectory.reason else ""
             raise ConfigurationError(f"the run of {run.law} left no trajectory that could be replayed{why}")
         scene = run.setup.scene
         alike = (
-            scene.robot.n == first.robot.n
-            and scene.robot.name == first.robot.name
-            and scene.camera.size == first.camera.size
-            and np.array_equal(scene.markers, first.markers)
-            and run.setup.constraints.labels == runs[0].setup.constraints.labels
+            (scene.robot.n, scene.robot.name) == (first.scene.robot.n, first.scene.robot.name)
+            and scene.camera.size == first.scene.camera.size
+            and np.array_equal(scene.markers, first.scene.markers)
+            and run.setup.constraints.labels == first.constraints.labels
         )
         if not alike:
             raise ConfigurationError(
                 f"the runs of {runs[0].law} and {run.law} are of different scenes: a replay shows one robot, camera, "
                 "target and the same rows"
             )
-    names = [run.law for run in runs]
-    for name in names:
-        if names.count(name) > 1:
-            raise ConfigurationError(f"two of the runs are called {name!r}: give each its own name")
+        if names.count(run.law) > 1:
+            raise ConfigurationError(f"two of the runs are called {run.law!r}: give each its own name")
 
 
-def looks_of(runs: Sequence[ReplayRun]) -> dict[str, Look]:
-    """How each law is drawn, by its name."""
-    return looks([run.law for run in runs])
-
-
-# --- by name ---
-
-HOW = (
-    "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or the file of a stored run, "
-    "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz"
-)
-"""What names a run."""
+def colours_of(runs: Sequence[ReplayRun]) -> list[str]:
+    """Those of their laws."""
+    return [look.colour for look in looks([run.law for run in runs]).values()]
 
 
 def select_run(
     run: str, seed: int = 0, trust: bool = False, on_remark: Callable[[str], None] = lambda remark: None
 ) -> ReplayRun:
-    """The run that a text names: one that is stored, or one that is simulated now.
+    """The run that a text names, see :data:`HOW`: one that is stored, or one that is simulated now.
 
-    Parameters
-    ----------
-    run
-        See :data:`HOW`.
-    seed
-        Of trials that are simulated.
-    trust
-        Whether own constraints that a folder of results names may run: without them its scenario cannot be shown.
-    on_remark
-        Called with what a reader should know of what is stored.
-
-    Raises
-    ------
-    VsconstraintsError
-        if it names none, or what is named cannot be read, built or simulated.
+    ``seed`` is that of trials that are simulated; own constraints that a folder of results names run only with
+    ``trust``, and without them its scenario cannot be shown; ``on_remark`` is called with what a reader should know of
+    what is stored. Raises VsconstraintsError if the text names no run, or it cannot be read, built or simulated.
     """
     return stored(Path(run), trust, on_remark) if run.endswith(".npz") else simulated(run, seed)
 
@@ -111,9 +84,8 @@ def stored(file: Path, trust: bool = False, on_remark: Callable[[str], None] = l
     """A run of a comparison, from the file of its trajectory; raises ConfigurationError if it is none or damaged."""
     parts = file.stem.split("--")
     if file.parent.name != "trajectories" or len(parts) != 3 or not parts[2].isdecimal():
-        raise ConfigurationError(
-            f"{file} is no trajectory of a comparison: FOLDER/trajectories/SCENARIO--LAW--TRIAL.npz"
-        )
+        form = "FOLDER/trajectories/SCENARIO--LAW--TRIAL.npz"
+        raise ConfigurationError(f"{file} is no trajectory of a comparison: {form}")
     scenario, law, trial = parts[0], parts[1], int(parts[2])
     if not file.is_file():
         raise unknown_name("trajectory", file.name, (one.name for one in file.parent.glob("*.npz")))
@@ -124,20 +96,20 @@ def stored(file: Path, trust: bool = False, on_remark: Callable[[str], None] = l
         raise unknown_name(f"scenario of {comparison.folder}", scenario, comparison.scenarios)
     if law not in comparison.controllers:
         raise unknown_name(f"controller of {comparison.folder}", law, comparison.controllers)
-    record = comparison.run(scenario, law, trial)
+    return run_of(comparison, scenario, law, trial)
+
+
+def run_of(comparison: StoredComparison, scenario: str, law: str, trial: int) -> ReplayRun:
+    """A run of a comparison that has been read; raises ConfigurationError where its trajectory cannot be."""
+    loaded, record = comparison.scenarios[scenario], comparison.run(scenario, law, trial)
     if record is None:
-        raise ConfigurationError(f"{file} cannot be read: it is damaged, or of another version")
-    return of_record(comparison, comparison.scenarios[scenario], law, trial, record)
-
-
-def of_record(comparison: StoredComparison, scenario: Scenario, law: str, trial: int, record: RunRecord) -> ReplayRun:
-    """A run of a comparison that has been read."""
-    seed = int(comparison.manifest["configuration"].get("seed", 0))
+        file = run_file(comparison.folder, scenario, law, trial).name
+        raise ConfigurationError(f"the trajectory {file} cannot be read: it is missing, damaged, or of another version")
     with chdir("."):  # own parts may change the working directory
-        setup = scenario.setup(trial, seed)
+        setup = loaded.setup(trial, int(comparison.manifest["configuration"].get("seed", 0)))
     if record.trajectory.labels and record.trajectory.labels != setup.constraints.labels:
-        raise ConfigurationError(f"the stored run of {law} on {scenario.name} has other rows than its scenario")
-    return ReplayRun(_named(law, trial), setup, record.trajectory, scenario.title)
+        raise ConfigurationError(f"the stored run of {law} on {scenario} has other rows than its scenario")
+    return ReplayRun(_named(law, trial), setup, record.trajectory, loaded.title)
 
 
 def simulated(run: str, seed: int = 0) -> ReplayRun:
