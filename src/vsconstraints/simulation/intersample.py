@@ -86,8 +86,8 @@ def _inspected(setup: Setup, states: Array, clearance: Array) -> IntArray:
     with np.errstate(invalid="ignore"):
         change = np.abs(np.diff(clearance, axis=0))
     change[~np.isfinite(change)] = np.inf
-    beside = np.pad(change, ((1, 1), (0, 0)))
-    dip = DIP[0] * np.maximum(change, np.maximum(beside[:-2], beside[2:])) + DIP[1] * length
+    neighbours = np.pad(change, ((1, 1), (0, 0)))
+    dip = DIP[0] * np.maximum(change, np.maximum(neighbours[:-2], neighbours[2:])) + DIP[1] * length
     # what is deep outside at both ends is so inside as well
     open_ = (ends > -dip) | (ends < least + dip)
     inspected = ((ends < np.clip(least, 0.0, near) + dip) & open_).any(axis=1)

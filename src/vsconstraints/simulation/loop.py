@@ -142,8 +142,8 @@ class _Run:
         loop = None
         try:
             believe = self.sensor.expected if self.setup.disturbances.sensing else None
-            spoil = self.gradient_error if self.gradient_error.any else None
-            restart(controller, self.setup.Ts, lambda: self.control.model(believe, spoil))
+            wrong = self.gradient_error if self.gradient_error.any else None
+            restart(controller, self.setup.Ts, lambda: self.control.model(believe, wrong))
             loop = self._compiled_loop(by_public_call)
         except (SystemExit, GeneratorExit) as error:  # a law ends its own run, not the process
             self._end("failed", described(error))
@@ -279,14 +279,14 @@ class _Run:
         if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
             return
-        given, times = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy()), self.loop.kept.step_time
+        asked, times = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy()), self.loop.kept.step_time
         called = perf_counter()
         command = self.controller.command(rows, task)
         times[k % len(times)] = perf_counter() - called
         self.loop.answer.qdd[:] = command.qdd
         self.fallbacks += bool(command.fallback)
         claimed = command.status == "rank-loss"
-        lost = claimed and loses_rank(given)
+        lost = claimed and loses_rank(asked)
         self.unfounded += claimed and not lost
         if command.status == "failed" or (lost and self.setup.on_rank_loss == "abort"):
             self._end("failed" if command.status == "failed" else "aborted", command.reason)
@@ -300,8 +300,8 @@ class _Run:
             remarks.append(
                 f"the law claimed a loss of rank in {self.unfounded} samples in which its rows have full rank"
             )
-        own = self.controller.remark(self.setup.constraints.labels)
-        return [*remarks, *self.plant.remarks(), *self.sensor.remarks(), own]
+        by_law = self.controller.remark(self.setup.constraints.labels)
+        return [*remarks, *self.plant.remarks(), *self.sensor.remarks(), by_law]
 
     def scores(self) -> RunScores:
         """Scores of the run."""
@@ -315,6 +315,7 @@ class _Run:
         t, pixels, points = np.arange(N) * setup.Ts, kept.pixels[:N], kept.points[:N]
         clearance = setup.clearance(t, q, qd, pixels, points)
         status, reason = self._outcome()
+        same = "error", "camera_error", "phi", "sigma", "active", "saturated", "rows_time", "step_time"
         return Trajectory(
             status=status,
             reason=reason,
@@ -322,24 +323,17 @@ class _Run:
             q=q,
             qd=qd,
             qdd_command=qdd,
-            error=kept.error[:N],
-            camera_error=kept.camera_error[:N],
             feature_error_px=kept.feature_error[:N],
             camera_position=kept.camera_t[:N],
             features_px=pixels,
             points=points,
             labels=setup.constraints.labels,
-            phi=kept.phi[:N],
-            sigma=kept.sigma[:N],
             clearance=clearance,
-            active=kept.active[:N],
-            saturated=kept.saturated[:N],
             share_to_hold=self.loop.scores.share_to_hold,
             between_clearance=intersample_clearance(setup, self.prepared.world, self.plant, states, clearance),
-            rows_time=kept.rows_time[:N],
-            step_time=kept.step_time[:N],
             fallbacks=self.fallbacks,
             compiled=self.compiled,
+            **{name: getattr(kept, name)[:N] for name in same},
         )
 
 
