@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..compiled import entry, load
+from ..compiled import load
+from ..compiled.workspace import Answer, LawArrays, Scratch, Workspace
 from ..rows import ARRAYS, UNKNOWN, Array, BoolArray, Command, IntArray, Rows, Task, keep_box
 from .demands import Demand
-
-if TYPE_CHECKING:
-    from ..compiled.structures import LawArrays
 
 BOOL, COUNT, EMPTY = np.dtype(np.bool_), np.dtype(np.int64), np.empty
 """Looked up once: that takes a third of the time of making a small array."""
@@ -35,44 +33,34 @@ class CompiledLaw:
 
     Attributes
     ----------
-    arrays, address
-        The law as compiled loops take it, and where they find it.
+    arrays, workspace
+        The law, and the same as compiled functions take it.
     labels, remark
         Of the rows; and what is to be said of them and the options.
     measures, whole
         Whether it tells what it leaves unmet, and whether it uses more than usual of the rows.
     """
 
-    __slots__ = ("_follow", "_follow_whole", "_frozen", "address", "arrays", "labels", "measures", "remark", "whole")
+    __slots__ = ("_follow", "_follow_whole", "arrays", "labels", "measures", "remark", "whole", "workspace")
 
     def __init__(self, arrays: LawArrays, labels: tuple[str, ...], remark: str, measures: bool, whole: bool) -> None:
-        laws = load("laws")
-        self._follow, self._follow_whole = laws.follow.unchecked, laws.follow_whole.unchecked
         self.arrays, self.labels, self.remark, self.measures, self.whole = arrays, labels, remark, measures, whole
-        self._frozen = load("structures").pack_struct(arrays)
-        self.address = int(self._frozen.ctypes.data)
+        self.workspace = Workspace(arrays)
+        laws = load("laws")
+        self._follow = laws.follow.bind(self.workspace, typed=True)
+        self._follow_whole = laws.follow_whole.bind(self.workspace, typed=True)
 
     def call(self, rows: Rows, task: Task) -> tuple[Any, ...]:
-        """The function that answers, of :mod:`vsconstraints.compiled.laws`, and what it takes before its outputs."""
+        """The function that answers, of :mod:`vsconstraints.compiled.laws`, and its arguments before its outputs."""
+        laws = load("laws")
         phi, gain, scale, box = rows.phi, rows.switching_gain, rows.scale, (rows.qdd_min, rows.qdd_max)
         if self.whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
             known = rows.sigma, rows.sigma_dot, rows.K, gain, scale, *box
             return (
-                self._follow_whole, self.address, len(rows.labels), phi, rows.Lg, rows.Lf, *known, task.J, task.b,
+                laws.follow_whole, self.workspace, len(rows.labels), phi, rows.Lg, rows.Lf, *known, task.J, task.b,
                 task.error, task.error_rate, task.rest,
             )  # fmt: skip
-        return (
-            self._follow,
-            self.address,
-            len(rows.labels),
-            phi,
-            rows.Lg,
-            rows.Lf,
-            gain,
-            scale,
-            task.J,
-            task.b,
-        )
+        return laws.follow, self.workspace, len(rows.labels), phi, rows.Lg, rows.Lf, gain, scale, task.J, task.b
 
     def __call__(self, rows: Rows, task: Task) -> tuple[int, Array, BoolArray, Array, int]:
         """Its code, q̈ (n,), the rows that acted (m,), slack (m,) or (0,), and iterations."""
@@ -81,14 +69,12 @@ class CompiledLaw:
         qdd, acted = EMPTY(J.shape[1]), EMPTY(m, BOOL)
         slack, count = (EMPTY(m), EMPTY(1, COUNT)) if self.measures else (NO_SLACK, NO_COUNT)
         if self.whole or (rows.qdd_max is not UNKNOWN or rows.qdd_min is not UNKNOWN or task.rest is not UNKNOWN):
-            function, *arguments = self.call(rows, task)
-            code = function(*arguments, qdd, acted, slack, count)
+            _, _, *arguments = self.call(rows, task)
+            code = self._follow_whole(*arguments, qdd, acted, slack, count)
         else:
             # as call has it, without a tuple in between, which takes longer
             gain, scale = rows.switching_gain, rows.scale
-            code = self._follow(
-                self.address, m, rows.phi, rows.Lg, rows.Lf, gain, scale, J, task.b, qdd, acted, slack, count
-            )
+            code = self._follow(m, rows.phi, rows.Lg, rows.Lf, gain, scale, J, task.b, qdd, acted, slack, count)
         return code, qdd, acted, slack, int(count[0]) if self.measures else 0
 
 
@@ -118,14 +104,14 @@ def compiled_law(
     function, otherwise = resolver.loaded(always)
     if function is None:
         return None
-    laws, address, structures = load("laws"), load("parts").address, load("structures")
+    laws, address = load("laws"), load("parts").address
     asks = laws.demand(
         type(demand).formula, len(demand.parameters), len(demand.remembers), demand.relative, demand.everywhere
     )
     if asks is None:
         return None
     m = len(labels)
-    arrays = structures.LawArrays(
+    arrays = LawArrays(
         address(function),
         address(asks),
         address(load("task_priority").track),
@@ -142,7 +128,7 @@ def compiled_law(
         np.empty_like(memory),
         np.empty(m),
         np.full(1, math.nan),
-        structures.Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
+        Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
     )
     whole = bool(resolver.uses or {"sigma", "sigma_dot", "K"} & {*demand.uses})
     return CompiledLaw(arrays, labels, resolver.remark(labels), resolver.measures, whole)
@@ -173,11 +159,11 @@ class BoundLaw:
     arrays
         The law as compiled loops take it, with ``slack`` (m,) or (0,) and ``count`` (1,) of iterations.
     answer
-        Where compiled code finds what it writes: see :class:`vsconstraints.compiled.structures.Answer`.
+        The workspace of what it writes: see :class:`vsconstraints.compiled.workspace.Answer`.
     """
 
     __slots__ = (
-        "_answers", "_code", "_command", "_frozen", "_function", "_made", "_rows", "acted", "answer", "arrays", "count",
+        "_answers", "_code", "_command", "_function", "_made", "_rows", "acted", "answer", "arrays", "count",
         "qdd", "slack", "solve",
     )  # fmt: skip
 
@@ -186,12 +172,12 @@ class BoundLaw:
         self.acted, self.qdd, self._rows, self._code = acted, qdd, rows, 0
         self.slack = np.empty(len(made.labels)) if made.measures else NO_SLACK
         self.count: IntArray = np.zeros(1, COUNT)
-        structures = load("structures")
         outputs = qdd, acted, self.slack, self.count
-        self._frozen = structures.pack_struct(structures.Answer(*outputs, NO_SLACK))
-        self.answer = int(self._frozen.ctypes.data)
-        function, *arguments = made.call(rows, task)
-        self._function = partial(entry(function), *arguments, *outputs)
+        self.answer = Workspace(Answer(*outputs, NO_SLACK))
+        function, workspace, *arguments = made.call(rows, task)
+        bound = function.bind(workspace)
+        # flat, which is faster; the workspace is the made law's
+        self._function = partial(bound.func, *bound.args, *arguments, *outputs)
         self.solve: Callable[[], int] = self._solve if made.measures else self._function
 
     def _solve(self) -> int:
@@ -199,9 +185,9 @@ class BoundLaw:
         return 0 if code in self._answers else code
 
     @property
-    def address(self) -> int:
-        """Where compiled code finds the law."""
-        return self._made.address
+    def workspace(self) -> Workspace:
+        """The law as compiled functions take it."""
+        return self._made.workspace
 
     def command(self, code: int | None = None) -> Command | None:
         """The last answer, in arrays of its own, by its code if that is known; None if it is none."""

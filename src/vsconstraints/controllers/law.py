@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.structures import NEEDS_PYTHON
+from ..compiled.workspace import NEEDS_PYTHON
 from ..errors import ConfigurationError, InvalidInput, SolverError, shown
 from ..formulas.row import Row, asked_for
 from ..qp import SolverChain

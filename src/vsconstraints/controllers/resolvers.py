@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from ..compiled import load
-from ..compiled.structures import (
+from ..compiled.workspace import (
     INCOMPATIBLE,
     NEAREST,
     NEEDS_PYTHON,
@@ -62,7 +62,7 @@ class Resolver(Part, ABC):
     name
         In reports.
     kernel
-        Module and name of its compiled form, see :class:`vsconstraints.compiled.structures.LawArrays`.
+        Module and name of its compiled form, see :class:`vsconstraints.compiled.workspace.LawArrays`.
     otherwise
         Module and name of the compiled form that answers where this one does not, on the same options; None if there
         is none.
@@ -345,7 +345,7 @@ class Hierarchy(Resolver):
 
     @property
     def aim(self) -> int:
-        """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.structures`."""
+        """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.workspace`."""
         return STRICT
 
     def solvers(self) -> SolverChain:
