@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from rich.cells import cell_len
 
-MAX_COLUMNS = 8
+MAX_COLUMNS = 9
 """A table with more columns is several, each of which begins with the first column."""
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from ...comparisons.metrics import NEGLIGIBLE, TOLERANT
 from ...comparisons.runs.spec import BASELINE
 from ...comparisons.statistics import rate
-from ...controllers.demands import USES
+from ...controllers.demand import USES
 from ...rows.readable import counted
 from ..markdown import bold, enumeration, plain
 from ..numbers import number, of_length

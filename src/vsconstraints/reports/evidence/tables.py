@@ -16,9 +16,9 @@ from ...comparisons.metrics import TOLERANCES, TOLERANT
 from ...comparisons.statistics import rate
 from ...errors import ConfigurationError, one_line
 from ...rows.readable import counted
+from ..groups import information_text
 from ..markdown import Table, bold, enumeration, plain
 from ..numbers import DASH, median, number, of_length
-from ..report import information_text
 from .dataset import Dataset
 from .formatting import Share, condition_text, names_text, percentage
 from .ranking import PairVerdict, Ranking, best_by, pairwise_verdicts, ranking
