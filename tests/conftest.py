@@ -74,7 +74,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs and figures are made by calls: starting processes takes longer than what tests ask of them."""
 
-    def carry_out(
+    def run_all(
         function: Callable[..., Any],
         *batches: Mapping[Any, tuple[Any, ...]],
         on_answer: Callable[[Any, Any], None] = lambda key, answer: None,
@@ -87,4 +87,4 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
         return answers
 
     for module in ("comparisons", "paper"):
-        monkeypatch.setattr(f"vsconstraints.{module}.runner.carry_out", carry_out)
+        monkeypatch.setattr(f"vsconstraints.{module}.runner.run_all", run_all)

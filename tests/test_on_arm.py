@@ -700,7 +700,7 @@ def test_missed_periods_of_a_real_loop_are_a_column(tmp_path: Path) -> None:
     assert log.missed >= 1
     log = replace(log, missed=17)  # what the law took cannot be as many by chance
     suite = Suite.load().select(["ur5-fov"], ["hierarchical-qp"], settings=["scenario.duration=0.08"])
-    with folder.held(tmp_path, "a comparison"):
+    with folder.locked(tmp_path, "a comparison"):
         record.store(tmp_path, suite, setup, log, "loopback://")
     line = next(line for line in StoredComparison.load(tmp_path).results if line["controller"] == "hierarchical-qp")
     assert int(line["missed_periods"]) == 17

@@ -16,7 +16,7 @@ import pytest
 from vsconstraints.comparisons import StoredComparison, Suite, compare
 from vsconstraints.comparisons.folder import demand_nothing_lost
 from vsconstraints.comparisons.metrics import RESULT_COLUMNS
-from vsconstraints.comparisons.runs.folder import LOCK, Kind, held
+from vsconstraints.comparisons.runs.folder import LOCK, Kind, locked
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report
@@ -63,15 +63,15 @@ def test_a_folder_with_something_else_is_refused_untouched(
 
 
 def test_an_empty_folder_and_one_of_a_comparison_are_taken(tmp_path: Path) -> None:
-    with held(tmp_path, "a comparison"), held(tmp_path, "a comparison"):
+    with locked(tmp_path, "a comparison"), locked(tmp_path, "a comparison"):
         assert (tmp_path / LOCK).is_file()
     # whatever else is damaged
     (tmp_path / "manifest.json").write_bytes(b"")
-    with held(tmp_path, "a comparison"):
+    with locked(tmp_path, "a comparison"):
         pass
     (tmp_path / LOCK).unlink()
     (tmp_path / "manifest.json").write_text('{"configuration": {}}')
-    with held(tmp_path, "a comparison"):
+    with locked(tmp_path, "a comparison"):
         pass
 
 
@@ -85,13 +85,13 @@ MANIFESTS: dict[Kind, str] = {
 @pytest.mark.parametrize("mine", MANIFESTS)
 @pytest.mark.parametrize("theirs", MANIFESTS)
 def test_results_of_another_kind_are_never_taken(mine: Kind, theirs: Kind, tmp_path: Path) -> None:
-    with held(tmp_path, theirs):
+    with locked(tmp_path, theirs):
         (tmp_path / "manifest.json").write_text(MANIFESTS[theirs])
     if mine == theirs:
-        with held(tmp_path, mine):
+        with locked(tmp_path, mine):
             pass
     else:
-        with pytest.raises(ConfigurationError, match=f"holds {theirs}, not {mine}"), held(tmp_path, mine):
+        with pytest.raises(ConfigurationError, match=f"holds {theirs}, not {mine}"), locked(tmp_path, mine):
             pass
     assert (tmp_path / "manifest.json").read_text() == MANIFESTS[theirs]
 
@@ -160,8 +160,8 @@ def test_fresh_replaces_another_comparison(tmp_path: Path) -> None:
 HOLD = """
 import sys, time
 from pathlib import Path
-from vsconstraints.comparisons.runs.folder import held
-with held(Path(sys.argv[1]), "a comparison"):
+from vsconstraints.comparisons.runs.folder import locked
+with locked(Path(sys.argv[1]), "a comparison"):
     print("held", flush=True)
     time.sleep(300)
 """
@@ -193,7 +193,7 @@ def test_a_second_comparison_is_refused_with_the_process_that_holds_the_folder(
 def test_a_lock_ends_with_its_process(holder: subprocess.Popen[str], tmp_path: Path) -> None:
     os.kill(holder.pid, signal.SIGKILL)
     holder.wait()
-    with held(tmp_path, "a comparison"):
+    with locked(tmp_path, "a comparison"):
         assert (tmp_path / LOCK).read_text() == f"{os.getpid()}\n"
 
 

@@ -343,7 +343,7 @@ def test_held_out_scenes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyP
         return {key: function(*call) for key, call in calls.items()}
 
     monkeypatch.setattr(Family, "scene", drawn)
-    monkeypatch.setitem(Problem.stages.__globals__, "carry_out", carried_out)
+    monkeypatch.setitem(Problem.stages.__globals__, "run_all", carried_out)
     stages = Problem(own, Budget(scenes=2)).stages()
     assert asked == [(0, "training", 0), (1, "training", 0)]
     assert [(stage.scene.number, stage.condition) for stage in stages] == [(0, "nominal"), (1, "nominal")]
@@ -353,9 +353,7 @@ def test_a_half_without_scenes_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
     family = Family.load("planar-arm")
     empty = replace(family.scene(0, "training"), tables={}, rejected={"not reachable": 200})
     monkeypatch.setattr(Family, "scene", lambda self, number, half, seed: empty)
-    monkeypatch.setitem(
-        Problem.stages.__globals__, "carry_out", lambda function, calls, **_: dict.fromkeys(calls, empty)
-    )
+    monkeypatch.setitem(Problem.stages.__globals__, "run_all", lambda function, calls, **_: dict.fromkeys(calls, empty))
     with pytest.raises(ConfigurationError, match=r"family planar-arm: all of .* rejected: not reachable"):
         Problem(campaign(tmp_path), Budget()).stages()
 

@@ -64,7 +64,7 @@ def run(
     from ..arms.record import demand_own_folder, punctuality
     from ..comparisons import Suite
     from ..comparisons.experiment import chosen_entries
-    from ..comparisons.runs.folder import held
+    from ..comparisons.runs.folder import locked
     from ..comparisons.runs.signals import exit_code
     from ..compiled import prepare
     from ..reports.page import where
@@ -91,7 +91,7 @@ def run(
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     out = out or Path("vsconstraints-runs") / f"{loaded.name}--{controller}--{stamp}"
     demand_own_folder(out)
-    context.with_resource(held(out, "a comparison"))
+    context.with_resource(locked(out, "a comparison"))
     prepare()
     if robot == SIMULATED_ARM:
         console.print("Dry run: no arm is connected; the scenario's robot is simulated, as fast as it goes.")

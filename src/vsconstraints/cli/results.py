@@ -79,7 +79,7 @@ def compare(
     """Run every scenario with every controller, and write a report."""
     from ..comparisons import Suite, keep_trajectories
     from ..comparisons import compare as run
-    from ..comparisons.runs.folder import demand_keep, held
+    from ..comparisons.runs.folder import demand_keep, locked
     from ..reports.page import where
 
     kept = demand_keep(keep)
@@ -89,7 +89,7 @@ def compare(
         note(remark)
     total = len(chosen.with_baseline().runs())
     note_processes(jobs)
-    context.with_resource(held(out, "a comparison"))
+    context.with_resource(locked(out, "a comparison"))
     failures: Counter[str] = Counter()
     with progress_bar() as progress:
         bar = progress.add_task("comparing", total=total)

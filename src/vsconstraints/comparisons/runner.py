@@ -18,9 +18,9 @@ from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, Score, score
 from .record import RunRecord, run_file, stored_run
 from .run import perform
 from .runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed, seal, storing, write_json
-from .runs.folder import MANIFEST, held
-from .runs.machine import loaded_versions, made_by, run_limit, used_versions
-from .runs.pool import Failure, carry_out
+from .runs.folder import MANIFEST, locked
+from .runs.machine import loaded_versions, provenance, run_limit, used_versions
+from .runs.pool import Failure, run_all
 from .runs.signals import INTERRUPTS, signal_of
 from .runs.spec import BASELINE, RunSpec
 from .suite import Suite
@@ -84,7 +84,7 @@ def compare(
     command, on_finished
         What the user typed, for the manifest; called with every finished run.
     """
-    with held(folder, "a comparison"):
+    with locked(folder, "a comparison"):
         started = time.perf_counter()
         prepare()
         suite, folder = suite.with_baseline(), folder.absolute()  # a law may change the working directory
@@ -93,7 +93,7 @@ def compare(
             demand_nothing_lost(folder, suite)
         demand_arm_kept(folder, runs.values(), fresh)
         resolved = suite.resolved()
-        manifest = {**made_by(command, used_versions(resolved)), "seed": suite.seed, "configuration": resolved}
+        manifest = {**provenance(command, used_versions(resolved)), "seed": suite.seed, "configuration": resolved}
         with storing("results", folder):
             (folder / TRAJECTORIES).mkdir(exist_ok=True)
             if fresh:
@@ -125,7 +125,7 @@ def compare(
 
         interrupted = 0
         try:
-            _run_all(runs, (folder, fresh), workers, limit, done)
+            _baselines_first(runs, (folder, fresh), workers, limit, done)
         except INTERRUPTS as interrupt:
             interrupted = signal_of(interrupt)
         # in the suite's order, whatever order they finished in
@@ -143,7 +143,7 @@ def compare(
         return Finished(folder, scores, stored_before, wall_time, interrupted)
 
 
-def _run_all(
+def _baselines_first(
     runs: Mapping[Key, RunSpec],
     storage: tuple[Path, bool],
     workers: int | None,
@@ -162,7 +162,7 @@ def _run_all(
     elsewhere = [key for key in runs if key not in set(here)]
     first, others = ({key: calls[key] for key in elsewhere if (key in baselines) is among} for among in (True, False))
     if elsewhere:
-        carry_out(run_stored, first, others, workers=workers, limits=limits, on_answer=done)
+        run_all(run_stored, first, others, workers=workers, limits=limits, on_answer=done)
     for key in here:
         if key not in baselines:
             done(key, run_stored(*calls[key]))

@@ -11,7 +11,7 @@ from string import ascii_lowercase
 from typing import Any
 
 from ..comparisons.run import Run, kept_file, kept_run, unfinished
-from ..comparisons.runs.pool import Failure, carry_out
+from ..comparisons.runs.pool import Failure, run_all
 from ..comparisons.runs.spec import ControllerSpec, RunSpec, longest_first
 from ..compiled import prepare
 from ..errors import ConfigurationError, shown, unknown_name
@@ -209,7 +209,7 @@ def run_specs(
     """The runs among ``needs``, each simulated once; for a run that failed the first sentence of the reason."""
     limits = longest_first(need for need in needs if isinstance(need, RunSpec))
     calls = {spec: (spec, kept_file(kept, spec)) for spec in limits}
-    runs = carry_out(kept_run, calls, workers=workers, limits=limits, on_progress=on_progress)
+    runs = run_all(kept_run, calls, workers=workers, limits=limits, on_progress=on_progress)
     return {spec: run.reason.split(". ")[0] if isinstance(run, Failure) else run for spec, run in runs.items()}
 
 
@@ -231,7 +231,7 @@ def draw_figures(
         else:
             calls[number] = (figure, folder / figure.file_in(formats), *runs)
     write = partial(Figure.write, formats=formats)
-    for number, answer in carry_out(write, calls, workers=workers, on_progress=on_progress).items():
+    for number, answer in run_all(write, calls, workers=workers, on_progress=on_progress).items():
         why[number] = answer.reason if isinstance(answer, Failure) else ""
     for number, reason in why.items():
         if reason:  # no older figure stays in its place

@@ -13,7 +13,7 @@ from ..comparisons import RunRecord
 from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
 from ..comparisons.runs.machine import most_samples, process_count
-from ..comparisons.runs.pool import Failure, carry_out
+from ..comparisons.runs.pool import Failure, run_all
 from ..errors import described
 from ..scenarios import Scenario
 from .figures import DISTURBANCE, FIGURES, OVERVIEW, View
@@ -138,7 +138,7 @@ def draw_all(
         for key, call in calls.items():
             done(key, call())
     else:
-        carry_out(_called, {key: (call,) for key, call in calls.items()}, on_answer=done)
+        run_all(_called, {key: (call,) for key, call in calls.items()}, on_answer=done)
     return drawn, text
 
 

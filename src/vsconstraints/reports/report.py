@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 from ..comparisons import StoredComparison
 from ..comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANT
-from ..comparisons.runs.folder import held
+from ..comparisons.runs.folder import locked
 from ..comparisons.suite import BASELINE
 from ..errors import StorageError
 from ..plugins.extras import demand
@@ -96,7 +96,7 @@ def write_report(
     for remark in stored.remarks:
         on_remark(remark)
     results = Results(stored)
-    with held(folder, "a comparison"):
+    with locked(folder, "a comparison"):
         try:
             chosen = results.scenarios if all_figures else shown_scenarios(results)
             drawn, overview = {name: Drawn() for name in results.scenarios}, ""

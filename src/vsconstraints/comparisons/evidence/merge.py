@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError
 from ..runs.files import TRAJECTORIES, demand_unchanged, replaced, seal, storing, write_json
-from ..runs.folder import MANIFEST, held, manifest_of
+from ..runs.folder import MANIFEST, locked, manifest_of
 from ..runs.machine import VERSION
 from . import parquet
 from .campaign import differences, in_words
@@ -76,7 +76,7 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
         raise ConfigurationError(f"{out} holds results of its own: give a folder that is empty or new")
     if out.resolve() in {folder.resolve() for folder in folders}:
         raise ConfigurationError(f"{out} is one of the folders that are to be merged: give another one to be written")
-    with held(out, "evidence"):
+    with locked(out, "evidence"):
         clear(out)
         with storing("evidence", out):
             counts = dict.fromkeys(TABLES, 0)

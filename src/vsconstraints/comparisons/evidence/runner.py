@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from ...compiled import prepare
 from ..runs.files import seal, storing, write_json
-from ..runs.folder import MANIFEST, Keep, demand_keep, held, manifest_of
-from ..runs.machine import loaded_versions, machine, made_by, used_versions
+from ..runs.folder import MANIFEST, Keep, demand_keep, locked, manifest_of
+from ..runs.machine import loaded_versions, machine, provenance, used_versions
 from ..runs.pool import Failure, OpenWorkers, Workers, processes
 from ..runs.signals import INTERRUPTS, signal_of
 from ..runs.spec import BASELINE
@@ -123,7 +123,7 @@ def collect(
     """
     plan = plan or Plan()
     demand_keep(plan.keep)
-    with held(folder, "evidence"):
+    with locked(folder, "evidence"):
         started = time.perf_counter()
         folder = folder.absolute()  # own parts may change the working directory
         if plan.fresh:
@@ -135,7 +135,7 @@ def collect(
         prepare()
         configuration = campaign.resolved()
         manifest = {
-            **made_by(command, used_versions(configuration)),
+            **provenance(command, used_versions(configuration)),
             "seed": campaign.seed,
             "shard": [plan.shard.number, plan.shard.of],
             "keep": plan.keep,

@@ -25,7 +25,7 @@ _locked: set[Path] = set()
 
 
 @contextmanager
-def held(folder: Path, kind: Kind) -> Iterator[None]:
+def locked(folder: Path, kind: Kind) -> Iterator[None]:
     """Lock a folder, created if it does not exist, so that no other process stores anything in it meanwhile.
 
     A process may lock it more than once. The lock ends with the process. Raises ConfigurationError if the folder cannot

@@ -126,7 +126,7 @@ def _version(name: str) -> str:
         return "not installed"
 
 
-def made_by(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any]:
+def provenance(command: Sequence[str], used: Mapping[str, str]) -> dict[str, Any]:
     """Entries of a manifest: this version, the command as it was typed, machine, and versions, also of what it uses."""
     return {
         "version": VERSION,

@@ -152,7 +152,7 @@ def processes(count: int | None = None) -> OpenWorkers:
     return lambda function: Pool(function, process_count(count))
 
 
-def carry_out(
+def run_all(
     function: Callable[..., Answer],
     *batches: Mapping[Key, tuple[Any, ...]],
     workers: int | None = None,

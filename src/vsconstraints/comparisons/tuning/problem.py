@@ -17,7 +17,7 @@ from ..evidence.campaign import of_code, of_controllers, of_family
 from ..evidence.work import Bench
 from ..metrics import score
 from ..runs.machine import module_versions, process_count, run_limit
-from ..runs.pool import Failure, Pool, carry_out
+from ..runs.pool import Failure, Pool, run_all
 from ..runs.spec import BASELINE, ControllerSpec
 from .objectives import FAILED, OBJECTIVES, Judged, Outcome, judged, outcome
 
@@ -141,7 +141,7 @@ class Problem:
         """
         campaign, each = self.campaign, range(self.budget.scenes)
         calls = {(family.name, i): (family, i, TRAINING, campaign.seed) for family in campaign.families for i in each}
-        answers = carry_out(Family.scene, calls, workers=workers, on_progress=on_progress)
+        answers = run_all(Family.scene, calls, workers=workers, on_progress=on_progress)
         stages: list[Stage] = []
         for family in campaign.families:
             scenes = [answers[family.name, i] for i in each]

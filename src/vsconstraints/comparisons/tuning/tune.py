@@ -18,7 +18,7 @@ from ...errors import ConfigurationError
 from ...plugins.extras import demand
 from ..evidence.campaign import differences, in_words
 from ..runs.files import plain, replaced, storing, write_json
-from ..runs.folder import MANIFEST, held
+from ..runs.folder import MANIFEST, locked
 from ..runs.machine import git_commit, loaded_versions, machine
 from .objectives import OBJECTIVES, Judged, Point, choose, front, hypervolume
 from .problem import Evaluate, Options, Problem, Searched, evaluating
@@ -271,7 +271,7 @@ def tune(
     stays.
     """
     demand("tune")
-    with held(folder, "a tuning"):
+    with locked(folder, "a tuning"):
         prepare()
         _claim(folder, problem, command)
         stages = problem.stages(workers, lambda done, total: on_progress("drawing training scenes", done, total))

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...comparisons.record import RunRecord
 from ...comparisons.run import kept_file, perform, unfinished
-from ...comparisons.runs.pool import Failure, carry_out
+from ...comparisons.runs.pool import Failure, run_all
 from ...comparisons.runs.spec import BASELINE, ControllerSpec, RunSpec, longest_first
 from ...comparisons.tables import write_table
 from ...compiled import prepare
@@ -102,7 +102,7 @@ def run_studies(
     limits = longest_first(drift_noted)
     prepare()
     with nullcontext(kept) if kept else unfinished(folder) as store:
-        answers = carry_out(
+        answers = run_all(
             summarised,
             {run: (run, store, run, False) for run in baselines.values()},
             {run: (run, store, baselines[run.name], drift_noted[run]) for run in limits},

@@ -14,8 +14,8 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from ... import __version__
 from ...comparisons.runs.files import replaced
+from ...comparisons.runs.machine import VERSION
 from ...plugins.extras import demand
 from ...rows import Array
 from ..plots.image import Plane
@@ -67,7 +67,7 @@ def _page(runs: Sequence[ReplayRun], title: str) -> tuple[str, list[str]]:
     text = pages.get_template("page.html").render(
         title=title or runs[0].title or "Replay",
         laws=", ".join(run.law for run in runs),
-        version=__version__,
+        version=VERSION,
         remarks=" ".join(remarks),
         picture=base64.b64encode(picture_of(runs)).decode(),
         data=data,
