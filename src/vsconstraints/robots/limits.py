@@ -13,8 +13,7 @@ from ..errors import ConfigurationError, InvalidInput, shown
 from ..formulas.limits import JointLimits
 from ..rows import Array
 
-PerJoint = float | Sequence[float] | None
-"""One number for all joints, n of them, or no limit."""
+PerJoint = float | Sequence[float] | None  #: One number for all joints, n of them, or no limit.
 
 
 class Ranged(Protocol):
@@ -98,5 +97,4 @@ def _positive(name: str, value: object) -> PerJoint:
     return float(numbers) if numbers.ndim == 0 else tuple(numbers.tolist())
 
 
-NO_LIMITS = ActuatorLimits()
-"""Of a robot of which none are known."""
+NO_LIMITS = ActuatorLimits()  #: Of a robot of which none are known.

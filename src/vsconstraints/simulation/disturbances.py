@@ -11,11 +11,8 @@ from ..robots.geometry import Vector3, vector
 from ..robots.limits import per_joint
 from ..rows import Array
 
-GRADIENT_SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)
-"""Of eq. (49), one per joint; repeated for arms with more of them."""
-
-VISIBILITY = ("fov", "occlusion")
-"""Kinds of the rows that eq. (49) is about."""
+GRADIENT_SIGNS = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0)  #: Of eq. (49), one per joint; repeated for arms with more of them.
+VISIBILITY = ("fov", "occlusion")  #: Kinds of the rows that eq. (49) is about.
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,7 @@ from .settings import OUTER, ArmDynamics, MujocoDynamics
 
 KINDS = {"computed-torque": TORQUE, "position": POSITION, "speed": SPEED}
 
-SINGULAR = 1e-9
-"""Least eigenvalue of an arm's inertia, scaled to ones on its diagonal, that counts as regular."""
+SINGULAR = 1e-9  #: Least eigenvalue of an arm's inertia, scaled to ones on its diagonal, that counts as regular.
 
 
 def with_masses(

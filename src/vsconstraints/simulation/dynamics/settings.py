@@ -15,19 +15,13 @@ from ...robots.geometry import Vector3, vector
 from ...robots.limits import per_joint
 from ...rows import Array
 
-Number = float | Sequence[float]
-"""One number for all joints, or n of them."""
-
-JointController = Literal["computed-torque", "position", "speed"]
-"""What drives the joints."""
-
-Integrator = Literal["verlet", "runge-kutta"]
-"""How the motion within a substep is integrated."""
+Number = float | Sequence[float]  #: One number for all joints, or n of them.
+JointController = Literal["computed-torque", "position", "speed"]  #: What drives the joints.
+Integrator = Literal["verlet", "runge-kutta"]  #: How the motion within a substep is integrated.
 
 MAX_SUBSTEPS = 1000
 
-OUTER = 0.25
-"""Rate κ of the position loop by that of the speed loop in it."""
+OUTER = 0.25  #: Rate κ of the position loop by that of the speed loop in it.
 
 
 @dataclass(frozen=True)
@@ -180,8 +174,8 @@ class MujocoDynamics(ArmDynamics):
     at_once = False
 
 
+#: Types of plants that scenario files know; without any, commands are carried out as eq. (6) says.
 PLANTS: dict[str, type[ArmDynamics]] = {"dynamics": ArmDynamics, "mujoco": MujocoDynamics}
-"""Types of plants that scenario files know; without any, commands are carried out as eq. (6) says."""
 
 
 def _demand(name: str, value: Number | None, least: float | None = None) -> None:
