@@ -115,8 +115,8 @@ def _draw(
 ) -> tuple[dict[str, Drawn], str]:
     folder = results.stored.folder / "figures"
     folder.mkdir(exist_ok=True)
-    overview = partial(draw_overview, results, folder, formats)
-    drawn, text = draw_all(scenario_jobs(results, chosen, formats), overview, on_drawn)
+    text = draw_overview(results, folder, formats)
+    drawn = draw_all(scenario_jobs(results, chosen, formats), on_drawn)
     remove_stale(folder, (file for one in drawn.values() for file in one.files.values()), formats)
     return drawn, text
 
