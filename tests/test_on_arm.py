@@ -49,9 +49,9 @@ from vsconstraints.arms.images import SimulatedImages
 from vsconstraints.arms.realtime import RealClock
 from vsconstraints.cli import app
 from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.comparisons.folder import demand_arm_kept, demand_nothing_lost
 from vsconstraints.comparisons.record import run_file, stored_run
 from vsconstraints.comparisons.runs import folder
+from vsconstraints.comparisons.stored import demand_arm_kept, demand_nothing_lost
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, make_controller
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.robots.geometry import Pose

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from vsconstraints.comparisons import StoredComparison, Suite, compare
-from vsconstraints.comparisons.folder import demand_nothing_lost
 from vsconstraints.comparisons.metrics import RESULT_COLUMNS
 from vsconstraints.comparisons.runs.folder import LOCK, Kind, locked
+from vsconstraints.comparisons.stored import demand_nothing_lost
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report

@@ -11,10 +11,10 @@ import numpy as np
 
 from ..comparisons import Finished, RunSpec, Suite
 from ..comparisons import compare as compare_runs
-from ..comparisons.folder import ARM_LOG
 from ..comparisons.record import RunRecord, run_file
 from ..comparisons.runs.files import write_arrays
 from ..comparisons.runs.folder import MANIFEST
+from ..comparisons.stored import ARM_LOG
 from ..controllers import Controller
 from ..errors import ConfigurationError
 from ..plugins.provenance import digests

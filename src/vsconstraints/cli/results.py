@@ -245,8 +245,8 @@ def verify(folder: Folder) -> None:
 def _verify_comparison(folder: Path) -> tuple[str, list[str]]:
     """What a comparison holds, and its problems; raises ConfigurationError if it cannot be loaded."""
     from ..comparisons import StoredComparison
-    from ..comparisons.folder import stored_files
     from ..comparisons.record import run_file
+    from ..comparisons.stored import stored_files
     from ..reports.results import Results
 
     results = Results(StoredComparison.load(folder, trust=True))  # nothing of it is built

@@ -1,11 +1,10 @@
 """Comparisons: suites, the runner, scores, and what is stored."""
 
-from .folder import keep_trajectories
 from .metrics import DEFINITIONS, score
 from .record import RunRecord
 from .runner import Finished, compare
 from .runs.spec import ControllerSpec, RunSpec
-from .stored import StoredComparison
+from .stored import StoredComparison, keep_trajectories
 from .suite import Suite
 
 __all__ = [

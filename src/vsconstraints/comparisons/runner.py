@@ -13,8 +13,7 @@ from typing import Any
 from ..compiled import prepare
 from ..errors import described
 from ..plugins.provenance import Files, digests, imported, noted
-from .folder import demand_arm_kept, demand_nothing_lost, stored_files
-from .metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, Score, score
+from .metrics import Score, score
 from .record import RunRecord, run_file, stored_run
 from .run import perform
 from .runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed, seal, storing, write_json
@@ -23,6 +22,7 @@ from .runs.machine import loaded_versions, provenance, run_limit, used_versions
 from .runs.pool import Failure, run_all
 from .runs.signals import INTERRUPTS, signal_of
 from .runs.spec import BASELINE, RunSpec
+from .stored import TABLES, demand_arm_kept, demand_nothing_lost, stored_files
 from .suite import Suite
 from .tables import append_lines, write_table
 
@@ -30,7 +30,6 @@ Report = Callable[[RunSpec, Score, bool], None]
 """Called for each finished run with its score and whether it was stored before."""
 
 Key = tuple[str, str, int]  # scenario, controller and trial
-TABLES = {"results.csv": RESULT_COLUMNS, "constraints.csv": CONSTRAINT_COLUMNS}
 
 
 @dataclass(frozen=True)
