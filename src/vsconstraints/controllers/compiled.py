@@ -181,7 +181,7 @@ class BoundLaw:
         "qdd", "slack", "solve",
     )  # fmt: skip
 
-    def __init__(self, resolver: Any, made: CompiledLaw, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> None:
+    def __init__(self, resolver: Any, made: Any, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> None:
         self._answers, self._made, self.arrays, self._command = resolver.answers, made, made.arrays, resolver.command
         self.acted, self.qdd, self._rows, self._code = acted, qdd, rows, 0
         self.slack = np.empty(len(made.labels)) if made.measures else NO_SLACK
@@ -201,7 +201,8 @@ class BoundLaw:
     @property
     def address(self) -> int:
         """Where compiled code finds the law."""
-        return self._made.address
+        place: int = self._made.address
+        return place
 
     def command(self, code: int | None = None) -> Command | None:
         """The last answer, in arrays of its own, by its code if that is known; None if it is none."""

@@ -39,6 +39,10 @@ class Model(Protocol):
     def labels(self) -> tuple[str, ...]:
         """Names of the m rows."""
 
+    @property
+    def frozen(self) -> bool:
+        """Whether everything is predicted at the present time."""
+
     def compiled(self) -> Any:
         """The compiled step that predicts; None where anything runs in NumPy."""
 
@@ -47,6 +51,3 @@ class Model(Protocol):
 
     def along(self, t: Array, q: Array, qd: Array) -> Any:
         """Rows and task at states (N,), (N, n), (N, n) one after the other, up to the first without any."""
-
-    def gains(self, error: Array) -> Array:
-        """(N, 2) K_p and K_v of the tracking law at errors (N, k)."""
