@@ -15,7 +15,7 @@ import pytest
 
 from scenes import Straight
 from vsconstraints.compiled import plan_program, predictive
-from vsconstraints.compiled.structures import FAILED, Answer, RowArrays, TaskArrays
+from vsconstraints.compiled.workspace import FAILED, Answer, RowArrays, TaskArrays
 from vsconstraints.control.evaluator import CurrentState
 from vsconstraints.control.model import Model, Prediction
 from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range, goal_governor

@@ -9,7 +9,7 @@ from scipy.optimize import linprog
 
 from vsconstraints.compiled import plan_program
 from vsconstraints.compiled.plan_program import Cost, Factor, Limits, Space
-from vsconstraints.compiled.structures import RELAXED_ROWS, SOLVED
+from vsconstraints.compiled.workspace import RELAXED_ROWS, SOLVED
 from vsconstraints.rows import Array
 
 T, PERIOD = 0.05, 0.01

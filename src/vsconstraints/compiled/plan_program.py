@@ -24,7 +24,7 @@ from ..rows.tolerances import ZERO_GRADIENT
 from .compiler import in_place
 from .least_distance import DEPENDENT
 from .linear import START, add, apply, apply_transposed, copy, dot, make_reflection, solve_lower, solve_upper
-from .structures import FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SOLVED
+from .workspace import FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SOLVED
 
 STRONG, WEAK = 1e6, 1e4
 """π by the greatest distance of a row from the plan without rows; the weaker one where the stronger one fails."""

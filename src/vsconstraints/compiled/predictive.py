@@ -13,14 +13,10 @@ from ..rows.tolerances import PULLING
 from .compiler import IN_PLACE, compiled, in_place
 from .laws import RESOLVER, load_law
 from .linear import copy_vector
-from .parts import address, call_int_pointer, load_step, struct_loader
+from .parts import call_int_pointer, load_step, struct_loader
 from .plan_program import FORCE, Cost, Factor, Limits, Space, follow_block, move, plan_best
 from .resolving import finished, follow_alone, measurable
-from .step import evaluate_step
-from .structures import FAILED, NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, LawArrays, RowArrays, TaskArrays
-
-EVALUATE = address(evaluate_step)
-"""Where the function begins that evaluates a step."""
+from .workspace import FAILED, NEEDS_PYTHON, RELAXED_ROWS, SOLVED, Answer, LawArrays, RowArrays, TaskArrays
 
 PHI, SIGMA, GRADIENT, JACOBIAN, B, ERROR, REST, PARTS = range(8)
 """Of what is predicted: φ, σ, L_gφ, J, b, e and q̈₀."""
@@ -38,9 +34,8 @@ class PlanArrays(NamedTuple):
 
     Attributes
     ----------
-    evaluate, loop, step
-        Addresses: of the function that evaluates a step, of the step in the loop, and of the one that predicts; the
-        last two are 0 where Python predicts.
+    loop, step
+        Addresses of the step in the loop, and of the one that predicts; 0 where Python predicts.
     frozen
         Whether all is predicted at the present time.
     period, length, approach, damping
@@ -69,7 +64,6 @@ class PlanArrays(NamedTuple):
         See :class:`.Space`.
     """
 
-    evaluate: int
     loop: int
     step: int
     frozen: int
@@ -141,7 +135,7 @@ def plan_space(H: int, N: int, n: int, m: int) -> dict[str, Any]:
 def _example() -> PlanArrays:
     one, counts = np.zeros(1), np.zeros(1, dtype=np.int64)
     return PlanArrays(
-        1, 1, 1, 1, 1.0, 1.0, 1.0, 1.0, *(one,) * 5, counts, np.zeros((1, 1)), one, one, counts, one,
+        1, 1, 1, 1.0, 1.0, 1.0, 1.0, *(one,) * 5, counts, np.zeros((1, 1)), one, one, counts, one,
         by_speed=counts, **plan_space(1, 2, 1, 1),
     )  # fmt: skip
 
@@ -262,10 +256,10 @@ def limits_of(plans: PlanArrays, count: int, scale: Array) -> Limits:
 @in_place
 def predict(plans: PlanArrays) -> int:
     """Evaluate the step along the plan; returns how many states there are before the first that has none."""
-    count = walk(plans)
+    count, evaluate = walk(plans), load_step(plans.step).evaluate
     for t in range(count):
         time = plans.now[0] + (0.0 if plans.frozen else plans.times[t])
-        if call_int_pointer(plans.evaluate, (plans.step, time, plans.states[0, t], plans.states[1, t])) != 0:
+        if call_int_pointer(evaluate, (plans.step, time, plans.states[0, t], plans.states[1, t])) != 0:
             return t
         copy_vector(plans.seen[t], plans.out)
     return count

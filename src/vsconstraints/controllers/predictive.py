@@ -9,14 +9,22 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from ..compiled import load
-from ..compiled.structures import FAILED, NEEDS_PYTHON, RANK_LOSS, RELAXED_ROWS, SOLVED
+from ..compiled.workspace import (
+    FAILED,
+    NEEDS_PYTHON,
+    RANK_LOSS,
+    RELAXED_ROWS,
+    SOLVED,
+    LawArrays,
+    Scratch,
+    Workspace,
+)
 from ..errors import InvalidInput, SolverError, shown
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .base import Controller
-from .compiled import BoundLaw
+from .compiled import COUNT, SCRATCH, BoundLaw
 from .least_norm import RANK_TOLERANCE
-from .model import Model
-from .ranges import Declared, Range, positive
+from .ranges import Declared, Range, positive_number
 from .resolvers import Hierarchy, row_weights
 
 MAX_BLOCKS, MAX_PERIODS = 100, 10_000
@@ -117,7 +125,7 @@ class PredictiveControl(Controller):
         max_acceleration: float | None = None,
     ) -> None:
         self.period: float | None = None
-        self.model: Model | None = None
+        self.model: Any = None
         self.horizon, self.block, self.approach, self.damping = horizon, block, approach, damping
         self.weights, self.max_acceleration = weights, max_acceleration
 
@@ -125,7 +133,7 @@ class PredictiveControl(Controller):
         if name in ("horizon", "block"):
             value = _count(name, value, MAX_BLOCKS if name == "horizon" else MAX_PERIODS)
         elif name in ("approach", "damping"):
-            value = _positive(name, value)
+            value = positive_number(name, value)
         elif name in ("weights", "max_acceleration"):
             value = getattr(Hierarchy(**{name: value}), name)
         super().__setattr__(name, value)
@@ -136,10 +144,10 @@ class PredictiveControl(Controller):
         """All but addresses, which are those of one process."""
         return {**vars(self), "_planner": None}
 
-    def reset(self, period: float | None = None, model: Model | None = None) -> None:
+    def reset(self, period: float | None = None, model: Any = None) -> None:
         """Forget the plan; without a period or a model, those of the last reset stay."""
         if period is not None:
-            self.period = _positive("the sampling period", period)
+            self.period = positive_number("the sampling period", period)
         if model is not None:
             self.model = model
         self._planner = None
@@ -201,8 +209,8 @@ class Planner:
 
     measures, answers = True, (SOLVED, RELAXED_ROWS)
 
-    def __init__(self, law: PredictiveControl, model: Model, period: float, shape: tuple[int, int]) -> None:
-        kernels, structures, address = load("predictive"), load("structures"), load("parts").address
+    def __init__(self, law: PredictiveControl, model: Any, period: float, shape: tuple[int, int]) -> None:
+        kernels, address = load("predictive"), load("parts").address
         (k, n), m, H, T = shape, len(model.labels), law.horizon, law.block * period
         times = T * np.arange(H + 1)
         if not np.isclose(period, T):
@@ -225,9 +233,8 @@ class Planner:
         self.model, self.shape, self.labels, self.remark = model, shape, model.labels, law.remark(model.labels)
         self._begins, self._length = begins, T
         self.plans = kernels.PlanArrays(
-            kernels.EVALUATE,
-            loop.packed.address if self.compiled else 0,
-            step.packed.address if self.compiled else 0,
+            loop.packed.workspace.address if self.compiled else 0,
+            step.packed.workspace.address if self.compiled else 0,
             int(self.compiled and model.frozen),
             period,
             T,
@@ -247,11 +254,10 @@ class Planner:
             by_speed=(np.asarray(model.K) == 0.0).astype(np.int64),
             **kernels.plan_space(H, N, n, m),
         )
-        self._packed_plans = structures.pack_struct(self.plans)
-        none, each = np.empty(0), np.empty(m)
-        self.arrays = structures.LawArrays(
+        self._workspace, none, each = Workspace(self.plans), np.empty(0), np.empty((2, m))
+        self.arrays = LawArrays(
             address(kernels.look_ahead),
-            int(self._packed_plans.ctypes.data),
+            self._workspace.address,
             address(load("task_priority").track),
             0,
             0,
@@ -261,15 +267,14 @@ class Planner:
             none,
             np.empty((0, 0)),
             none,
-            each,
-            each.copy(),
+            each[0],
+            each[1],
             np.empty((0, 0)),
             none,
             np.full(1, np.nan),
-            structures.Scratch(np.empty(4096), np.zeros(1, dtype=np.int64)),
+            Scratch(np.empty(SCRATCH), np.zeros(1, COUNT)),
         )
-        self._packed = structures.pack_struct(self.arrays)
-        self.address = int(self._packed.ctypes.data)
+        self.workspace = Workspace(self.arrays)
 
     @property
     def plan(self) -> Plan | None:
@@ -281,8 +286,7 @@ class Planner:
         """See :meth:`.CompiledLaw.call`."""
         known = rows.sigma, rows.sigma_dot, rows.K, rows.switching_gain, rows.scale, rows.qdd_min, rows.qdd_max
         of_task = task.J, task.b, task.error, task.error_rate, task.rest
-        follow = load("laws").follow_whole.unchecked
-        return follow, self.address, len(self.labels), rows.phi, rows.Lg, rows.Lf, *known, *of_task
+        return load("laws").follow_whole, self.workspace, len(self.labels), rows.phi, rows.Lg, rows.Lf, *known, *of_task
 
     def solve(self, rows: Rows, task: Task) -> Command:
         """The command; raises SolverError where numbers leave the range of floating point."""
@@ -292,7 +296,7 @@ class Planner:
 
         def ask(stage: int) -> int:
             self.arrays.options[1] = stage
-            code: int = follow(*arguments, qdd, acted, slack, np.zeros(1, dtype=np.int64))
+            code: int = follow(*arguments, qdd, acted, slack, np.zeros(1, COUNT))
             self.arrays.options[1] = kernels.ALL
             return code
 
@@ -356,13 +360,6 @@ class Planner:
         amounts = ", ".join(f"{self.labels[i]} by {slack[i]:.3g}" for i in np.flatnonzero(slack))
         reason = f"no plan satisfies every row; exceeded at most, in units of the rows: {amounts}"
         return Command(qdd, "relaxed", acted, self.labels, reason=reason)
-
-
-def _positive(name: str, value: object) -> float:
-    number = positive(value)
-    if number is None:
-        raise InvalidInput(f"{name} must be a positive number, not {shown(value)}")
-    return number
 
 
 def _count(name: str, value: object, most: int) -> int:

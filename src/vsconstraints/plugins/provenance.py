@@ -28,8 +28,7 @@ LIBRARIES = (
 )
 """Folders whose files are nobody's own: the standard library, this package, the system's."""
 
-COMPILED = (".nbi", ".nbc")
-"""Endings of numba's caches, which are made of code that is looked at itself."""
+COMPILED = (".nbi", ".nbc")  # endings of numba's caches, which are made of code that is looked at itself
 
 _own_packages: set[str] = set()
 read_by_imports: Files = {}

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from ..comparisons.suite import BASELINE
 from ..controllers import CONTROLLERS, make_controller
-from ..controllers.demands import USES
+from ..controllers.demand import USES
 from .markdown import enumeration, plain
 
 MAX_LAWS = 8

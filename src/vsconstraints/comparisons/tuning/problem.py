@@ -26,8 +26,7 @@ Options = dict[str, Any]
 Evaluate = Callable[[Sequence[ControllerSpec]], list[Judged]]
 """Judges settings, all on the same runs."""
 
-TRAINING = "training"
-"""The only half of a family that tuning sees; the other is for judging the result."""
+TRAINING = "training"  # the only half of a family that tuning sees; the other is for judging the result
 
 
 @dataclass(frozen=True)
