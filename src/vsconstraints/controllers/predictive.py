@@ -305,11 +305,11 @@ class Planner:
         else:
             now = self.model.present
             plans.now[:] = np.concatenate(([now.t], now.q, now.qd))
-            ask(kernels.PROPOSE)
-            if self._predict() < 2:
+            code = ask(kernels.PROPOSE)
+            if code == SOLVED and self._predict() < 2:
                 ask(kernels.BRAKE)
                 self._predict()
-            code = ask(kernels.CONCLUDE)
+            code = ask(kernels.CONCLUDE) if code == SOLVED else code
         command = self.command(code, qdd, acted, self.labels, slack, 0)
         if command is not None:
             return command
