@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..compiled.structures import (
+from ..compiled.workspace import (
     NEAREST,
     RELAXED_ROWS,
     RELAXED_SHORT,
@@ -135,7 +135,7 @@ class Hierarchy(Resolver):
 
     @property
     def aim(self) -> int:
-        """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.structures`."""
+        """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.workspace`."""
         return STRICT
 
     def solvers(self) -> SolverChain:

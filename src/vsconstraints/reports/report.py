@@ -86,8 +86,8 @@ def write_report(
             if figures:
                 place = folder / "figures"
                 place.mkdir(exist_ok=True)
-                jobs, whole = scenario_jobs(results, chosen, formats), partial(draw_overview, results, place, formats)
-                drawn, overview = draw_all(jobs, whole, on_drawn)
+                overview = draw_overview(results, place, formats)
+                drawn = draw_all(scenario_jobs(results, chosen, formats), on_drawn)
                 remove_stale(place, (file for one in drawn.values() for file in one.files.values()), formats)
             if replays:
                 add_replays(results, chosen, drawn)

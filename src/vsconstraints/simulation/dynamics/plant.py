@@ -9,20 +9,20 @@ import pinocchio as pin
 
 from ...compiled import load
 from ...compiled.arm import POSITION, SPEED, TORQUE, Arm, BodyArrays, Drive, blank
-from ...compiled.structures import pack_struct
+from ...compiled.workspace import Workspace
 from ...control.packing import joints
 from ...errors import ConfigurationError, SceneError
 from ...formulas.limits import JointLimits
+from ...robots.limits import per_joint
 from ...robots.robot import Robot
 from ...rows import Array, IntArray
 from ..plant import Plant, cubic, without_limits
 from .mujoco import MujocoArm
-from .settings import OUTER, ArmDynamics, MujocoDynamics, per_joint
+from .settings import OUTER, ArmDynamics, MujocoDynamics
 
 KINDS = {"computed-torque": TORQUE, "position": POSITION, "speed": SPEED}
 
-SINGULAR = 1e-9
-"""Least eigenvalue of an arm's inertia, scaled to ones on its diagonal, that counts as regular."""
+SINGULAR = 1e-9  #: Least eigenvalue of an arm's inertia, scaled to ones on its diagonal, that counts as regular.
 
 
 def with_masses(
@@ -141,15 +141,15 @@ class DynamicPlant(Plant):
         self.transition = np.eye(4)
         self.x = np.zeros((4, n))
         self.x[0], self.x[1] = q0, qd0
-        rotor = per_joint("rotor_inertia", dynamics.rotor_inertia, n)
+        rotor = per_joint("plant: rotor_inertia", dynamics.rotor_inertia, n)
         #: Pinocchio's model of the arm as it is, and as its controller believes it to be.
         self.model = with_masses(robot, dynamics, rotor)
         self.believed = with_masses(robot, dynamics, rotor, dynamics.mass_factor, dynamics.payload_factor)
         demand_inertia(robot, self.model, q0)
-        own = robot.limits.of_joint("effort", n)
-        effort = own if dynamics.effort is None else per_joint("effort", dynamics.effort, n)
+        own = robot.limits.effort if dynamics.effort is None else dynamics.effort
+        effort = per_joint("plant: effort", own, n)
         demand_holding(robot, self.model, q0, effort)
-        speed = robot.qd_max.copy() if dynamics.speed is None else per_joint("speed", dynamics.speed, n)
+        speed = robot.qd_max.copy() if dynamics.speed is None else per_joint("plant: speed", dynamics.speed, n)
         friction = dynamics.friction.arrays(n)
         h = self.Ts / dynamics.substeps
         drive = Drive(
@@ -168,24 +168,24 @@ class DynamicPlant(Plant):
         )
         bodies = body_arrays(robot, self.model), body_arrays(robot, self.believed)
         self.arm: Arm = blank(bodies, drive, dynamics.slots(h), dynamics.substeps, h)
-        self.frozen_arm = pack_struct(self.arm)
+        self.workspace = Workspace(self.arm)
         self._mujoco, self._compiled = None, load("drives")
         if isinstance(dynamics, MujocoDynamics):
             self._mujoco = MujocoArm(robot, bodies[0], h)
         else:
-            self.mover = self._compiled.MOVE, int(self.frozen_arm.ctypes.data)
-        self._compiled.begin(int(self.frozen_arm.ctypes.data), self.x)
+            self.mover = self._compiled.MOVE, self.workspace.address
+        self._compiled.begin(self.workspace, self.x)
 
     def follow(self) -> None:
         """Go to the end of the period that has begun."""
-        compiled, arm, address = self._compiled, self.arm, int(self.frozen_arm.ctypes.data)
+        compiled, arm, workspace = self._compiled, self.arm, self.workspace
         if self._mujoco is None:
-            compiled.drive_period(address, self.x)
+            compiled.drive_period(workspace, self.x)
             return
         for i in range(arm.substeps):
-            compiled.drive_substep(address, self.x, i == 0)
+            compiled.drive_substep(workspace, self.x, i == 0)
             self._mujoco.step(self.x, arm.memory.torque - arm.friction)
-            compiled.end_substep(address, self.x)
+            compiled.end_substep(workspace, self.x)
 
     step = follow
 
