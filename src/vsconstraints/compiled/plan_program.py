@@ -32,6 +32,9 @@ STRONG, WEAK = 1e6, 1e4
 NEGLIGIBLE = 1e-14
 """Slack by π that is none."""
 
+INDEPENDENT = 1e-12
+"""Square of the part of a unit normal outside the span of others from which on a row is begun with."""
+
 MET, MET_SOFT = 1e-11, 1e-6
 """A row exceeded by less than this fraction of its scale is met: of rows that are compatible, and with slacks."""
 
@@ -109,7 +112,8 @@ class Limits(NamedTuple):
 class Space(NamedTuple):
     """Where to compute, with p unknowns: x (H + 1, 2n), moved (2, N, n), work (VECTORS, p), normals, F (p, p), T.
 
-    ``active`` (p,) are the rows that hold the plan, ``slack`` (m,) and ``gives`` (m,) how far they give.
+    ``active`` (p,) are the rows that hold the plan, ``held`` (1,) how many did in the sample before; ``slack`` (m,) and
+    ``gives`` (m,) how far rows give.
     """
 
     p: int
@@ -121,6 +125,7 @@ class Space(NamedTuple):
     F: Array
     T: Array
     active: IntArray
+    held: IntArray
     slack: Array
     gives: Array
     adjoint: Array
@@ -131,7 +136,8 @@ class Space(NamedTuple):
         p, zeros = H * n + m, np.zeros
         states, square = (zeros((H, n)), zeros((H + 1, 2 * n)), zeros((2, N, n))), (p, p)
         search = zeros((VECTORS, p)), zeros(square), zeros(square), zeros((2, p))
-        return cls(p, *states, *search, np.zeros(p, dtype=np.int64), zeros(m), zeros(m), zeros((3, n)))
+        counts = np.zeros(p, dtype=np.int64), np.zeros(1, dtype=np.int64)
+        return cls(p, *states, *search, *counts, zeros(m), zeros(m), zeros((3, n)))
 
 
 @in_place
@@ -248,13 +254,13 @@ def at(limits: Limits, moved: Array, t: int, i: int) -> float:
 @in_place
 def excess(limits: Limits, space: Space, row: int) -> float:
     """By how much a row is exceeded: those of all instants, then the upper and the lower side of the box."""
-    N, m, n = limits.instants, limits.gradient.shape[1], limits.gradient.shape[2]
+    m, n, rows = limits.gradient.shape[1], limits.gradient.shape[2], limits.left.size
     over: float
-    if row < (N - 1) * m:
+    if row < rows:
         t, i = row // m, row % m
         over = at(limits, space.moved, t + 1, i) - limits.falls[t] * at(limits, space.moved, t, i) - limits.left[t, i]
     else:
-        entry, size = row - (N - 1) * m, limits.low.size
+        entry, size = row - rows, limits.low.size
         k, j = (entry % size) // n, entry % n
         over = space.u[k, j] - limits.high[k, j] if entry < size else limits.low[k, j] - space.u[k, j]
     return over
@@ -279,7 +285,7 @@ def most_exceeded(limits: Limits, space: Space, met: float) -> int:
             above, below = space.u[k, j] - limits.high[k, j], limits.low[k, j] - space.u[k, j]
             over = max(above, below) / (limits.high[k, j] - limits.low[k, j])
             if over > most:
-                chosen, most = (N - 1) * m + k * n + j + (0 if above > below else size), over
+                chosen, most = limits.left.size + k * n + j + (0 if above > below else size), over
     return chosen
 
 
@@ -304,11 +310,11 @@ def pull_on(limits: Limits, adjoint: Array, t: int, i: int, factor: float, insid
 @in_place
 def differentiate(cost: Cost, factor: Factor, limits: Limits, row: int, adjoint: Array, X: Array) -> None:
     """Write the gradient of a row by w to X[NEW], block after block backwards."""
-    N, m, n = limits.instants, limits.gradient.shape[1], limits.gradient.shape[2]
+    m, n, rows = limits.gradient.shape[1], limits.gradient.shape[2], limits.left.size
     H, T = len(limits.low), cost.length
     X[NEW] = 0.0
     adjoint[:] = 0.0
-    if row < (N - 1) * m:
+    if row < rows:
         t, i = row // m, row % m
         k = limits.block[t + 1]
         if k == H:
@@ -320,7 +326,7 @@ def differentiate(cost: Cost, factor: Factor, limits: Limits, row: int, adjoint:
         if t > 0:
             pull_on(limits, adjoint, t, i, -limits.falls[t], limits.block[t] == k)
     else:
-        entry = row - (N - 1) * m
+        entry = row - rows
         k = (entry % limits.low.size) // n
         adjoint[0, entry % n] = 1.0 if entry < limits.low.size else -1.0
     if k == H:
@@ -398,23 +404,34 @@ def reach(space: Space, side: float, q: int) -> int:
 
 
 @in_place
-def admit(space: Space, row: int, side: float, q: int) -> None:
-    """Add a row to the q active ones, and compute the point and the multipliers from all of them anew."""
-    X, F, T = space.work, space.F, space.T
-    p = space.p
-    copy(space.normals, q, X, NEW, p)
-    copy(F, q, X, TURNED, p)
-    make_reflection(F, T, q)
+def append(space: Space, row: int, side: float, q: int) -> None:
+    """Add the row with the normal X[NEW], X[TURNED] in the basis of the QR, to the q active ones."""
+    X = space.work
+    copy(space.normals, q, X, NEW, space.p)
+    copy(space.F, q, X, TURNED, space.p)
+    make_reflection(space.F, space.T, q)
     space.active[q], X[SIDE, q] = row, side
-    q += 1
+
+
+@in_place
+def minimise(space: Space, q: int) -> None:
+    """Compute the point nearest to the origin on the q active rows, and multipliers, so that errors do not add up."""
+    X, F, T, p = space.work, space.F, space.T, space.p
     for j in range(p):
         X[POINT, j] = X[SIDE, j] if j < q else 0.0
     solve_lower(F, T, q, X, POINT)
     copy(X, FORCE, X, POINT, q)
     solve_upper(F, T, q, X, FORCE)
     for j in range(q):
-        X[FORCE, j] = max(0.0, -X[FORCE, j])
+        X[FORCE, j] = -X[FORCE, j]
     apply(F, T, q, X, POINT)
+
+
+@in_place
+def clip_forces(space: Space, q: int) -> None:
+    """Multipliers that rounding makes negative are zero."""
+    for j in range(q):
+        space.work[FORCE, j] = max(0.0, space.work[FORCE, j])
 
 
 @in_place
@@ -423,18 +440,17 @@ def state_row(cost: Cost, factor: Factor, limits: Limits, space: Space, row: int
 
     Rows behind those of the box are those of the slacks, z ≥ 0, in units of the size of the problem.
     """
-    N, m, n = limits.instants, limits.gradient.shape[1], limits.gradient.shape[2]
-    X, H = space.work, len(limits.low)
-    bounds = (N - 1) * m + 2 * H * n
+    X, m, first = space.work, limits.gradient.shape[1], limits.low.size
+    bounds = limits.left.size + 2 * first
     if row >= bounds:
         X[NEW] = 0.0
-        X[NEW, H * n + row - bounds] = -1.0
+        X[NEW, first + row - bounds] = -1.0
         return -penalty
     differentiate(cost, factor, limits, row, space.adjoint, X)
-    side = dot(X, NEW, X, POINT, START, H * n) - excess(limits, space, row)
-    if space.p > H * n and row < (N - 1) * m:
+    side = dot(X, NEW, X, POINT, START, first) - excess(limits, space, row)
+    if space.p > first and row < limits.left.size:
         i = row % m
-        X[NEW, H * n + i] = -space.gives[i]
+        X[NEW, first + i] = -space.gives[i]
         side -= space.gives[i] * penalty
     length = math.sqrt(dot(X, NEW, X, NEW, START, space.p))
     if length <= ZERO_GRADIENT * limits.scale[row % m]:
@@ -472,8 +488,8 @@ def search(
     cost: Cost, factor: Factor, limits: Limits, space: Space, q: int, penalty: float, met: float
 ) -> tuple[int, int]:
     """Add rows until all are met: the code, and how many are active."""
-    N, m, plan = limits.instants, limits.gradient.shape[1], limits.low.size
-    bounds, before, now = (N - 1) * m + 2 * plan, -1.0, 0.0
+    m, plan = limits.gradient.shape[1], limits.low.size
+    bounds, before, now = limits.left.size + 2 * plan, -1.0, 0.0
     for _ in range(20 * space.p):
         row = deepest_slack(space, penalty, plan)
         row = row if row < 0 else bounds + row
@@ -493,10 +509,39 @@ def search(
         q = reach(space, side, q)
         if q < 0:
             return INCOMPATIBLE, 0
-        admit(space, row, side, q)
+        append(space, row, side, q)
         q += 1
+        minimise(space, q)
+        clip_forces(space, q)
         before, now = now, cost_of(space, penalty, plan)
     return FAILED, q
+
+
+@in_place
+def resume(cost: Cost, factor: Factor, limits: Limits, space: Space) -> int:
+    """Begin with the rows that held the plan before, as far as they still do: how many are active."""
+    X, q, last = space.work, 0, limits.left.size + 2 * limits.low.size
+    roll_out(cost, factor, space)
+    move(limits, space.u, space.x, space.moved)
+    for k in range(space.held[0]):
+        row = space.active[k]
+        if row < last and (row >= limits.left.size or row // limits.gradient.shape[1] < limits.instants - 1):
+            side = state_row(cost, factor, limits, space, row, 1.0)
+            copy(X, TURNED, X, NEW, space.p)
+            apply_transposed(space.F, space.T, q, X, TURNED)
+            if abs(side) < math.inf and dot(X, TURNED, X, TURNED, q, space.p) > INDEPENDENT:
+                append(space, row, side, q)
+                q += 1
+    while q > 0:
+        minimise(space, q)
+        leaving = 0
+        for j in range(q):
+            leaving = j if X[FORCE, j] < X[FORCE, leaving] else leaving
+        if X[FORCE, leaving] >= 0.0:
+            break
+        q -= 1
+        drop(space, leaving, q)
+    return q
 
 
 @in_place
@@ -508,14 +553,13 @@ def soften(
     π is ``strength`` times the greatest distance of a row from the plan without rows; a slack is of the unit by which a
     step moves the exceeded rows, in the geometric mean by weight.
     """
-    N, m = limits.instants, limits.gradient.shape[1]
-    X, first = space.work, limits.low.size
+    m, X, first = limits.gradient.shape[1], space.work, limits.low.size
     X[POINT] = 0.0
     space.slack[:] = 0.0
     roll_out(cost, factor, space)
     move(limits, space.u, space.x, space.moved)
     size, total, count = 0.0, 0.0, 0
-    for row in range((N - 1) * m):
+    for row in range((limits.instants - 1) * m):
         over = excess(limits, space, row)
         if over > 0.0:
             differentiate(cost, factor, limits, row, space.adjoint, X)
@@ -531,7 +575,9 @@ def soften(
         X[NEW, first + i] = -1.0
         copy(X, TURNED, X, NEW, space.p)
         apply_transposed(space.F, space.T, i, X, TURNED)
-        admit(space, (N - 1) * m + 2 * first + i, -penalty, i)
+        append(space, limits.left.size + 2 * first + i, -penalty, i)
+    minimise(space, m)
+    clip_forces(space, m)
     return m, penalty
 
 
@@ -540,16 +586,18 @@ def plan_best(cost: Cost, factor: Factor, limits: Limits, space: Space, weights:
     """Write the plan to ``space.u``, with slacks where rows contradict each other: code and number of active rows."""
     hard = Space(
         limits.low.size, space.u, space.x, space.moved, space.work, space.normals, space.F, space.T, space.active,
-        space.slack, space.gives, space.adjoint,
+        space.held, space.slack, space.gives, space.adjoint,
     )  # fmt: skip
     if not factorise(cost, factor):
         return RANK_LOSS, 0
     hard.work[POINT] = 0.0
     hard.slack[:] = 0.0
-    code, q = search(cost, factor, limits, hard, 0, 1.0, MET)
+    q = resume(cost, factor, limits, hard)
+    code, q = search(cost, factor, limits, hard, q, 1.0, MET)
+    space.held[0] = q if code == SOLVED else 0
     soft = Space(
         space.p, space.u, space.x, space.moved, space.work, space.normals, space.F, space.T, space.active,
-        space.slack, space.gives, space.adjoint,
+        space.held, space.slack, space.gives, space.adjoint,
     )  # fmt: skip
     for strength in (STRONG, WEAK):
         if code in (INCOMPATIBLE, FAILED):

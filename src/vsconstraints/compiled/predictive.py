@@ -357,7 +357,7 @@ def begin_of(plans: PlanArrays, block: int) -> int:
 @in_place
 def hold(plans: PlanArrays, answer: Answer, active: int) -> None:
     """Mark the rows that hold the plan, and report how many there are."""
-    work, rows, most = plans.space.work, (plans.outcome[PREDICTED] - 1) * plans.K.size, 0.0
+    work, rows, most = plans.space.work, plans.left.size, 0.0
     answer.acted[:] = False
     for q in range(active):
         if plans.space.active[q] < rows + 2 * plans.plan.size:
