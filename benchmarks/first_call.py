@@ -10,7 +10,7 @@ from time import perf_counter
 def first_calls(names: list[str]) -> dict[str, float]:
     """Imports, setup, and the first and second step of each controller on the case study."""
     started = perf_counter()
-    from vsconstraints.compiled.control_step import ControlStep
+    from vsconstraints.control import ControlStep
     from vsconstraints.controllers import make_controller
     from vsconstraints.scenarios import Scenario
 

@@ -7,7 +7,7 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import Controller, PotentialField, SlidingMode, Tracking
 from vsconstraints.rows import Command, Rows, Task
 from vsconstraints.scenarios import Scenario

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from vsconstraints import Camera, Robot
-from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import Constraint, ConstraintSet, FieldOfView, JointRange, JointSpeed
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode
 from vsconstraints.robots import viper_s650
 from vsconstraints.robots.geometry import Pose

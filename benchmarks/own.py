@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter_ns
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vsconstraints.compiled import load
-from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.compiled import available, load
 from vsconstraints.constraints import (
     Circle,
     Constraint,
@@ -20,15 +18,14 @@ from vsconstraints.constraints import (
     Occlusion,
     PointConstraint,
 )
+from vsconstraints.control import ControlStep
+from vsconstraints.control.packing import Packed
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.scenarios import Scenario
 from vsconstraints.vision.scene import Scene
 
 from .part import Effort, Part, Table, digits, microseconds
 from .timing import UNIT, Subject, each_call, in_turn
-
-if TYPE_CHECKING:
-    from vsconstraints.compiled.packing import Packed
 
 TEXT = """
 The UR5 with a single constraint, once built in and then as a user would write it: a formula for the value and its
@@ -129,7 +126,7 @@ def measure(effort: Effort) -> Part:
             step = ControlStep(scene, limits, setup.task).bind(SlidingMode())
             subjects[f"{where}, {whose}: whole step"] = each_call(lambda step=step: step(0.0, q, qd))  # type: ignore[misc]
             if rows is not None:
-                packed = load("packing").Packed(scene, limits, setup.task)
+                packed = Packed(scene, limits, setup.task)
                 load("step").evaluate_step(packed.address, 0.0, q, qd)
                 subjects[f"{where}, {whose}: rows"] = rows(packed)
     times = in_turn(subjects, effort.turns)
@@ -156,7 +153,7 @@ def measure(effort: Effort) -> Part:
 def repeated_rows() -> Callable[[Packed], Subject] | None:
     """Makes subjects that call the rows of a step's only constraint; None where there is no compiler."""
     parts, compiler = load("parts"), load("compiler")
-    if parts is None or compiler is None:
+    if not available():
         return None
     call = parts.call_void_pointer
 

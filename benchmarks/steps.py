@@ -6,7 +6,7 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import Controller
 from vsconstraints.controllers.base import restart
 from vsconstraints.scenarios import Scenario

@@ -72,14 +72,13 @@ autodoc_default_options = {"exclude-members": "Case"}
 nitpick_ignore_regex = [
     ("py:.*", rf"({'|'.join(other_packages)})(\..*)?"),
     # compiled when imported, and defined by what they stand for
-    ("py:.*", r"vsconstraints\.compiled\.(?!control_step|state_to_command|evaluation|model).*"),
+    ("py:.*", r"vsconstraints\.compiled\..*"),
 ]
 nitpick_ignore = [
     ("py:class", "vsconstraints.paper.studies.study.Case"),  # one for every study
     ("py:class", "Case"),
     ("py:attr", "Case"),
     ("py:class", "Path"),
-    ("py:class", "Packed"),  # of vsconstraints.compiled, named for type checkers only
     ("py:class", "dict[str"),  # aliases of types with a comma in them
     ("py:class", "tuple[int | None"),
     ("py:class", "vsconstraints.plugins.classes.Base"),  # type variables
@@ -93,5 +92,5 @@ nitpick_ignore = [
     ("py:class", "ArrayLike"),  # of NumPy, where other names are there for type checkers only
     ("py:func", "superellipse"),  # in docstrings of formulas, where classes of other modules have them as theirs
     ("py:class", "Triangles"),  # an array of whole numbers
-    ("py:class", "LawArrays"),  # of vsconstraints.compiled, as above
+    ("py:class", "LawArrays"),  # of vsconstraints.compiled, named for type checkers only
 ]

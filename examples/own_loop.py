@@ -3,8 +3,8 @@
 import numpy as np
 
 from vsconstraints import Camera, RobotPoint
-from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import ConstraintSet, FieldOfView, ForbiddenSphere, JointSpeed, robot_points
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.robots import ur5
 from vsconstraints.vision.features import Goal, ImagePoints

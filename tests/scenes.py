@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from vsconstraints import Camera, Robot
-from vsconstraints.compiled.model import CurrentState, Prediction
 from vsconstraints.compiled.samples import mark_acting
 from vsconstraints.compiled.structures import RowArrays
 from vsconstraints.constraints import Constraint, robot_points
 from vsconstraints.constraints.curves import SHAPES
+from vsconstraints.control.evaluator import CurrentState
+from vsconstraints.control.model import Prediction
+from vsconstraints.control.packing import NotCompiled
 from vsconstraints.robots import READY_MADE
 from vsconstraints.robots.geometry import Pose
 from vsconstraints.rows import Array, Rows, Task
@@ -22,6 +24,11 @@ from vsconstraints.scenarios.constraint_types import make_constraint
 from vsconstraints.vision.features import Goal
 from vsconstraints.vision.motion import Motion, TargetMotion
 from vsconstraints.vision.scene import Scene, State
+
+
+def not_compiled(*_: object) -> None:
+    """In place of ``vsconstraints.control.evaluator.Packed``: everything runs in NumPy."""
+    raise NotCompiled("nothing is compiled")
 
 
 def acting(phi: list[float], slowed: list[float], gain: list[float], scale: list[float]) -> list[bool]:
@@ -60,7 +67,7 @@ class Straight:
         self.labels, self.K, self.acceleration = rows.labels, np.zeros(len(rows.labels)), np.full(n, np.inf)
 
     def along(self, t: Array, q: Array, qd: Array) -> Prediction:
-        """See :class:`vsconstraints.compiled.model.Model`."""
+        """See :class:`vsconstraints.control.model.Model`."""
         rows, task = self.rows, self.task
         J, b, Lg, Lf = (np.stack([part] * len(t)) for part in (task.J, task.b, rows.Lg, rows.Lf))
         with np.errstate(over="ignore", invalid="ignore"):

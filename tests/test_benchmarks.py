@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from vsconstraints.compiled import available
-from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import ConstraintSet
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.scenarios import Scenario, shipped_scenarios
 from vsconstraints.simulation import simulate

@@ -11,7 +11,6 @@ import pytest
 from scenes import WORLDS, build_constraint, constraint_tables, random_scene, robot, robot_names, slope
 from vsconstraints import RobotPoint
 from vsconstraints.compiled import available
-from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import (
     Collision,
     Constraint,
@@ -23,6 +22,7 @@ from vsconstraints.constraints import (
     PointConstraint,
     SelfCollision,
 )
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.rows import Array

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from scenes import random_scene, robot
 from vsconstraints import Robot
 from vsconstraints.compiled import available
-from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.compiled.manipulability_rows import SINGULAR
 from vsconstraints.constraints import ConstraintSet, Manipulability
+from vsconstraints.control import ControlStep
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.robots.geometry import skew
 from vsconstraints.rows import Array

@@ -141,8 +141,7 @@ def test_a_filled_cache_that_cannot_be_written_is_used(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
-PYTHON = {"packing", "cameras", "compiler", "constraint_parts", "numba_internals"}
-PYTHON |= {"model", "control_step", "evaluation", "state_to_command"}
+PYTHON = {"compiler", "numba_internals"}
 """Modules in which nothing is compiled."""
 
 

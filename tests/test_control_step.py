@@ -10,12 +10,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import WORLDS, build_constraint, constraint_tables, random_configuration, random_scene, robot, robot_names
+from scenes import (
+    WORLDS,
+    build_constraint,
+    constraint_tables,
+    not_compiled,
+    random_configuration,
+    random_scene,
+    robot,
+    robot_names,
+)
 from vsconstraints import Robot
 from vsconstraints.compiled import available
-from vsconstraints.compiled.control_step import ControlStep
-from vsconstraints.compiled.evaluation import Evaluation
 from vsconstraints.constraints import Collision, Constraint, ConstraintSet, Manipulability, RowBlock, SelfCollision
+from vsconstraints.control import ControlStep
+from vsconstraints.control.evaluator import Evaluation
 from vsconstraints.controllers import Controller, HierarchicalQP, PotentialField, SlidingMode, Tracking
 from vsconstraints.errors import InvalidInput, SceneError
 from vsconstraints.rows import Array, Command, Rows, Task
@@ -138,7 +147,7 @@ def test_the_compiled_loop_runs_every_shipped_scenario_as_the_other_does(
     setup = brief(name)
     compiled = simulate(setup, law)
     assert compiled.compiled
-    monkeypatch.setattr("vsconstraints.compiled.control_step.ControlStep.bound", lambda step: None)
+    monkeypatch.setattr("vsconstraints.control.control_step.ControlStep.bound", lambda step: None)
     usual = simulate(brief(name), law)
     assert not usual.compiled
     assert compiled.reason == usual.reason
@@ -406,7 +415,7 @@ def test_views_without_their_compiled_form_are_those_of_the_scene(monkeypatch: p
     t, q = np.linspace(0.0, 1.0, 3), setup.q0 + np.linspace(0.0, 0.02, 3)[:, None]
     step = ControlStep(setup.scene, setup.constraints, setup.task)
     expected = step.views(t, q)
-    monkeypatch.setattr("vsconstraints.compiled.control_step.load", lambda name: None)
+    monkeypatch.setattr("vsconstraints.control.evaluator.Packed", not_compiled)
     for found, wanted in zip(
         ControlStep(setup.scene, setup.constraints, setup.task).views(t, q), expected, strict=True
     ):

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenes import Straight
-from vsconstraints.compiled.model import Model
+from vsconstraints.control import Model
 from vsconstraints.controllers import (
     CONTROLLERS,
     DEMANDS,

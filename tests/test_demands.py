@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from oracle import resolve
 from scenes import second_slope, slope
-from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import (
     DEMANDS,
     Barrier,

@@ -11,10 +11,9 @@ import pytest
 from scenes import random_configuration, robot
 from vsconstraints import Camera
 from vsconstraints.compiled import available, load
-from vsconstraints.compiled.control_step import ControlStep
-from vsconstraints.compiled.model import Model
 from vsconstraints.compiled.structures import Step, pack_struct
 from vsconstraints.constraints import ConstraintSet, FieldOfView, RowBlock
+from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode
 from vsconstraints.errors import SceneError
 from vsconstraints.robots.geometry import Pose, distance
@@ -141,7 +140,7 @@ def test_more_samples_than_were_told_go_on_with_the_same_numbers() -> None:
 
 def in_numpy(setup: Setup, law: Controller, monkeypatch: pytest.MonkeyPatch) -> Any:
     with monkeypatch.context() as patch:
-        patch.setattr("vsconstraints.compiled.control_step.ControlStep.bound", lambda step: None)
+        patch.setattr("vsconstraints.control.control_step.ControlStep.bound", lambda step: None)
         return simulate(setup, law)
 
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vsconstraints.compiled.control_step import ControlStep
-from vsconstraints.compiled.model import Model
+from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import GoalGovernor, Tracking, make_controller
 from vsconstraints.controllers.response import response
 from vsconstraints.errors import ConfigurationError, InvalidInput

@@ -168,7 +168,7 @@ def test_without_images_the_arm_is_braked_and_goes_on_when_there_are_some(
     compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not compiled:
-        monkeypatch.setattr("vsconstraints.compiled.control_step.ControlStep.bound", lambda step: None)
+        monkeypatch.setattr("vsconstraints.control.control_step.ControlStep.bound", lambda step: None)
     # the last one is taken at 0.1 s; at 0.1 + 0.03 + 0.034 + 0.05 s patience ends, at 0.434 + 0.03 s there is another
     run = blinded(monkeypatch, 4, 12, 0.5, sensor__patience_s=0.05)
     assert run.status == "unfinished"

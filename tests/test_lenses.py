@@ -11,10 +11,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from scenes import not_compiled
 from vsconstraints import Camera
 from vsconstraints.compiled import available, load
-from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import FieldOfView, Trace
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas import lenses
@@ -284,7 +285,7 @@ def test_a_run_that_meets_the_boundary_keeps_every_marker_on_the_sensor(name: st
 def test_measured_pixels_are_undistorted_before_the_law(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Told what is on the sensor, a step does as one without distortion does that is told ideal pixels."""
     if not compiled:
-        monkeypatch.setattr("vsconstraints.compiled.control_step.load", lambda name: None)
+        monkeypatch.setattr("vsconstraints.control.evaluator.Packed", not_compiled)
     lens = LENSES["barrel"]
     one, other = distorted("ur5-image", lens), distorted("ur5-image", None)
     eye, q, qd = one.scene.camera, one.q0, one.qd0 + 0.1
@@ -308,7 +309,7 @@ def test_a_measured_pixel_that_cannot_be_undistorted_is_refused(
     compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not compiled:
-        monkeypatch.setattr("vsconstraints.compiled.control_step.load", lambda name: None)
+        monkeypatch.setattr("vsconstraints.control.evaluator.Packed", not_compiled)
     setup = distorted("ur5-image", None)
     eye = replace(setup.scene.camera, distortion=Distortion("brown-conrady", (-2.0, 0.0, 0.0, 0.0)))
     scene = type(setup.scene)(setup.scene.robot, eye, setup.scene.markers)

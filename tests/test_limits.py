@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 
 from vsconstraints import Robot
 from vsconstraints.compiled import available
-from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas.limits import JointLimits, actuator_box, joint_box, stopping
@@ -230,7 +230,7 @@ def test_no_run_exceeds_what_the_actuators_have(law, case, known):
 def test_both_loops_say_the_same(law, monkeypatch):
     setup = replace(setup_of("ur5-fov", **CASES["ranges"]), duration=0.6)
     one = simulate(setup, law())
-    monkeypatch.setattr("vsconstraints.compiled.control_step.ControlStep.bound", lambda step: None)
+    monkeypatch.setattr("vsconstraints.control.control_step.ControlStep.bound", lambda step: None)
     other = simulate(setup, law())
     assert one.compiled
     assert not other.compiled

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from scenes import Straight
-from vsconstraints.compiled.model import CurrentState, Model, Prediction
+from vsconstraints.control.evaluator import CurrentState
+from vsconstraints.control.model import Model, Prediction
 from vsconstraints.controllers import GoalGovernor, PredictiveControl, Range, goal_governor, predictive
 from vsconstraints.controllers.condensed import Lookahead, cost, limits, look_ahead
 from vsconstraints.controllers.horizon import Horizon, stopping_time

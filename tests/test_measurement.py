@@ -7,7 +7,8 @@ import pickle
 import numpy as np
 import pytest
 
-from vsconstraints.compiled.control_step import ControlStep
+from scenes import not_compiled
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import SlidingMode
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas.innovation import image_innovation
@@ -26,7 +27,7 @@ def both_forms(name, monkeypatch):
     assert compiled.not_compiled == ""
     other = Scenario.load(name).setup()
     with monkeypatch.context() as patch:
-        patch.setattr("vsconstraints.compiled.control_step.load", lambda name: None)
+        patch.setattr("vsconstraints.control.evaluator.Packed", not_compiled)
         defined = ControlStep(other.scene, other.constraints, other.task)
     assert defined.not_compiled
     return setup, compiled, defined

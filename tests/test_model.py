@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vsconstraints.compiled.control_step import ControlStep
-from vsconstraints.compiled.model import Model, Prediction
+from vsconstraints.control import ControlStep, Model, Prediction
 from vsconstraints.controllers import Controller, SlidingMode, Tracking
 from vsconstraints.errors import SceneError
 from vsconstraints.rows import Array, Command, Rows, Task

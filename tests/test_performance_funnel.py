@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from scenes import camera, robot
-from vsconstraints.compiled.control_step import ControlStep
 from vsconstraints.constraints import ConstraintSet, PerformanceFunnel, Trace
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import HierarchicalQP, PotentialField, SlidingMode, Tracking, make_controller
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.robots.geometry import Pose

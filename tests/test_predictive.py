@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from scenes import Straight
-from vsconstraints.compiled.control_step import ControlStep
-from vsconstraints.compiled.model import Model
+from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import HierarchicalQP, PredictiveControl, Tracking, condensed, predictive
 from vsconstraints.controllers.horizon import Horizon
 from vsconstraints.errors import ConfigurationError, InvalidInput

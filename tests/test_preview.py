@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 
 from test_line_of_sight import swing
 from vsconstraints.cli import app
-from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.control import ControlStep
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.preview import FIGURE, Preview, lines
 from vsconstraints.reports.scene3d import (

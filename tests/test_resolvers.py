@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import oracle
 from test_laws import problem
 from vsconstraints.compiled import load
-from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import (
     Additive,
     Barrier,

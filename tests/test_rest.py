@@ -12,7 +12,7 @@ import pytest
 from oracle import Problem, lexicographic_optimum
 from test_laws import ASKING, PAIRS, SHARING, made, problem
 from vsconstraints.compiled import load
-from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import (
     CONTROLLERS,
     Demand,

@@ -129,7 +129,7 @@ def test_own_laws_have_the_same_scores() -> None:
 @pytest.mark.parametrize("compiler", [True, False])
 def test_what_ends_a_run_ends_it_here_too(compiler: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     if not compiler:
-        monkeypatch.setattr("vsconstraints.compiled.control_step.ControlStep.bound", lambda step: None)
+        monkeypatch.setattr("vsconstraints.control.control_step.ControlStep.bound", lambda step: None)
     found = assert_scores_are_those_of_the_trajectory(setup(constraints=dependent_rows()), SlidingMode())
     assert (found.status, found.duration_s) == ("aborted", 0.0)
     spin = np.zeros((1, 6))

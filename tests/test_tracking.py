@@ -9,7 +9,7 @@ import pytest
 
 from scenes import random_goal, random_scene, robot, slope
 from vsconstraints.compiled import load
-from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.formulas.tracking import held_gains, held_rest, resting

@@ -14,7 +14,7 @@ import pytest
 
 from vsconstraints import compiled
 from vsconstraints.compiled import available
-from vsconstraints.compiled.control_step import ControlStep
+from vsconstraints.control import ControlStep
 from vsconstraints.controllers import Barrier, Law
 from vsconstraints.controllers.resolvers import RESOLVERS
 from vsconstraints.scenarios import Scenario

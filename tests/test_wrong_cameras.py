@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from test_disturbed_loop import assert_same, in_numpy
 from vsconstraints.compiled import available
-from vsconstraints.compiled.control_step import ControlStep
-from vsconstraints.compiled.model import Model
+from vsconstraints.control import ControlStep, Model
 from vsconstraints.controllers import HierarchicalQP, SlidingMode, Tracking
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.robots.geometry import Pose, distance

@@ -1,16 +1,14 @@
-"""The control step at compiled speed, as functions that numba compiles.
+"""Rows, task, laws and the closed loop at compiled speed, as functions that numba compiles.
 
-Formulas are those of :mod:`vsconstraints.formulas`, as in NumPy; what stands here is what goes around them, on arrays
-that stay where they are. :func:`load` imports a module of this package when it is first needed, so that nobody pays for
-a compiler who does not use it.
+Formulas are those of :mod:`vsconstraints.formulas`; here is the rest. :func:`load` imports a module when it
+is first needed, so that nobody waits for a compiler without using it.
 
-- ``step`` evaluates a scene, its constraints and its task on the arrays of ``structures``, which ``packing`` fills.
-- ``parts`` reaches structures and functions by address, and compiles what varies, rows of constraints and laws;
-  ``*_rows`` are the rows of the kinds of constraints.
-- ``laws.follow`` carries out a law, demand and resolver; ``task_priority`` and ``hierarchical_qp`` are the resolvers.
-- ``closed_loop`` runs step, law and robot together; ``samples`` says what is kept and scored of each sample.
-- ``sensing`` and ``gradient_error`` are what the control believes wrongly, ``images`` how images come.
-- ``compiler`` and ``numba_internals`` are how all that is compiled, or left to Python for debugging.
+- ``structures`` has the arrays that compiled functions share; ``parts`` reaches them, and functions, by address.
+- ``step`` evaluates rows and task; ``*_rows`` are the rows of the kinds of constraints.
+- ``laws`` applies a law, demand and resolver; ``task_priority`` and ``hierarchical_qp`` are the resolvers.
+- ``closed_loop`` runs step, law and robot together; ``samples`` scores and keeps each sample.
+- ``sensing`` and ``gradient_error`` are the control's errors; ``arm`` and ``drives`` are an arm with mass.
+- ``compiler`` and ``numba_internals`` compile all that, or leave it to Python for debugging.
 """
 
 from __future__ import annotations
@@ -21,13 +19,10 @@ from typing import Any
 VARIABLE = "VSCONSTRAINTS_COMPILE"
 """Environment variable; 0 turns compilation off, and with ``alone`` no second process helps with the first one."""
 
-MODULES = ("laws", "step", "task_priority", "closed_loop", "packing", "polylines", "hierarchical_qp")
+MODULES = ("laws", "step", "task_priority", "closed_loop", "constraint_rows", "polylines", "hierarchical_qp")
 """Modules whose functions are called from Python, of which any simulation may need each.
 
 A process that compiles them begins with the first ones, and one that helps it with the last, which takes longest.
-
-Rows of constraints are compiled where a scene has such constraints; of several processes that need the same, the first
-compiles them and the others wait for it.
 """
 
 COMPLAINT = "vsconstraints runs without its compiler"
@@ -55,13 +50,13 @@ def entry(function: Any) -> Any:
     return function.overloads[function.signatures[0]].entry_point if hasattr(function, "overloads") else function
 
 
-def available() -> bool:
-    """Whether all that a simulation may need runs compiled here; imports or compiles it to find out."""
-    prepare()
-    return bool(load("compiler").compiles())
-
-
 def prepare() -> None:
     """Compile, or read from the cache, all that a simulation may need: once, before several processes do it."""
     for name in MODULES:
         load(name)
+
+
+def available() -> bool:
+    """Whether all that a simulation may need runs compiled here; imports or compiles it to find out."""
+    prepare()
+    return bool(load("compiler").compiles())

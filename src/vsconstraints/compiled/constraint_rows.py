@@ -6,6 +6,7 @@ A template returns a function (address, i): it writes the rows of part ``i`` of 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from ..formulas.features import image_row, interaction, pose_error, pose_rates
@@ -15,9 +16,10 @@ from ..formulas.rotation import rotation_vector_rate
 from ..formulas.tracking import funnel, goal_at
 from ..formulas.vectors import Vector, dot, matrix, minus, turned, turned_back, vector
 from ..rows import Array
-from .compiler import in_place
+from . import load
+from .compiler import IN_PLACE, OPTIONS, in_place
 from .kinematics import point_jacobian
-from .parts import load_step, to_fixed_tuple
+from .parts import address, load_step, make_part, to_fixed_tuple, warn_refused
 
 WriteRows = Callable[[int, int], None]
 
@@ -222,3 +224,28 @@ def pose_funnel_rows() -> WriteRows:
                 step.rows.Lg[row, j] = part.K * side * dot(along[c], column)
 
     return rows
+
+
+@cache
+def rows_function(kind: str, formulas: tuple[Callable[..., Any] | None, ...], count: int) -> Any:
+    """The compiled function that the template ``kind`` gives; None, with a RuntimeWarning, if numba refuses a formula.
+
+    ``count`` is the number of parameters of the formulas.
+    """
+    template, options = globals().get(kind), IN_PLACE
+    if template is None:
+        # makes arrays
+        template, options = getattr(load(kind), kind), OPTIONS
+    try:
+        return make_part(template, formulas, (count,) if formulas else (), "void(int64, int64)", options)
+    except Exception as error:  # numba raises anything for code that it does not know
+        if all(formula is None for formula in formulas):
+            raise
+        warn_refused(formulas, error)
+        return None
+
+
+def rows_address(kind: str, formulas: tuple[Callable[..., Any] | None, ...], count: int) -> int:
+    """Where :func:`rows_function` begins; 0 if there is none."""
+    function = rows_function(kind, formulas, count)
+    return 0 if function is None else address(function)

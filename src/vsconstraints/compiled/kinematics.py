@@ -1,8 +1,7 @@
 """Kinematics of a serial chain in the base frame: where every joint is, and how it moves when q̈ = 0.
 
-Bodies are counted from 0, the base, which does not move; body i is what joint i moves. Pinocchio computes the same in
-:mod:`.kinematics`, for what runs in NumPy: it knows every robot, but not from compiled code. The pair is
-held together by ``test_every_robot_and_constraint_in_every_world`` in ``tests/test_control_step.py``.
+Body 0 is the base; body i is what joint i moves. Pinocchio, which compiled code cannot call, computes the same in
+:mod:`vsconstraints.robots.kinematics`: ``test_every_robot_and_constraint_in_every_world`` compares the two.
 """
 
 from __future__ import annotations

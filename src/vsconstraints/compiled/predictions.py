@@ -1,4 +1,4 @@
-"""The compiled step at states one after the other: see :class:`vsconstraints.compiled.model.Model`."""
+"""The compiled step at states one after the other: see :class:`vsconstraints.control.model.Model`."""
 
 from __future__ import annotations
 

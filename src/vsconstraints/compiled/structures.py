@@ -34,6 +34,9 @@ SOLVED, NEEDS_PYTHON, FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SHORT, RELA
 rows contradict each other; active rows have lost full row rank. And of answers of the hierarchy: demands are unmet;
 levels 2 and 3 may be better met; both."""
 
+CAMERA_POSE, IMAGE_POINTS = range(2)
+"""Features of the task."""
+
 STRICT, NEAREST, WEIGHED, SCALED = range(4)
 """What the descent does below the rows: the task, and within it the least acceleration; the way to the command that
 tracks, in the joints, or in the task with a little of the joints; the way to a share of that command."""

@@ -10,9 +10,7 @@ from .compiler import in_place
 from .kinematics import put
 from .linear import START
 from .parts import load_step
-
-CAMERA_POSE, IMAGE_POINTS = range(2)
-"""Features."""
+from .structures import CAMERA_POSE
 
 JUST_NOW = 1e-9
 """A goal's time [s] is met up to rounding."""

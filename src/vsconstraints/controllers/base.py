@@ -100,7 +100,7 @@ class Controller(ABC):
         """Forget everything kept between calls (warm starts); a law without memory has nothing to do.
 
         A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a
-        :class:`~vsconstraints.compiled.model.Model`, which gives rows and task at predicted states. Control steps and
+        :class:`~vsconstraints.control.model.Model`, which gives rows and task at predicted states. Control steps and
         simulations pass it; no other law has one made.
 
         Parameters

@@ -8,7 +8,7 @@ from ..rows import Array
 
 
 class Model(Protocol):
-    """What laws need of :class:`vsconstraints.compiled.model.Model`, with m rows and n joints.
+    """What laws need of :class:`vsconstraints.control.model.Model`, with m rows and n joints.
 
     Attributes
     ----------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compiled.control_step import ControlStep
+from ..control import ControlStep
 from ..rows import Array, IntArray
 from .plant import Plant
 from .setup import Setup

@@ -10,10 +10,10 @@ from time import perf_counter
 import numpy as np
 
 from ..compiled import load
-from ..compiled.evaluation import CompiledEvaluation
 from ..compiled.samples import ALONE, LAW, MOVE, STEP, Loop
 from ..compiled.structures import pack_struct
 from ..constraints import ConstraintSet
+from ..control.evaluator import CompiledEvaluation
 from ..controllers import Controller, Tracking
 from ..controllers.base import restart
 from ..controllers.least_norm import RANK_TOLERANCE

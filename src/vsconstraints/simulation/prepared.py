@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from ..compiled.control_step import ControlStep
 from ..compiled.samples import Goals, Kept, Loop, Running
 from ..compiled.structures import Answer, Size, Step
+from ..control import ControlStep
 from ..controllers import Tracking
 from ..controllers.compiled import BoundLaw
 from ..robots.geometry import Pose

@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from ..compiled import load
-from ..compiled.cameras import write_camera
 from ..compiled.images import Images, Lenses, Sensing, usable
 from ..compiled.structures import Scratch, Step
 from ..constraints import ConstraintSet, SpeedConstraint
+from ..control.packing import write_camera
 from ..errors import ConfigurationError, SceneError, unknown_name
 from ..formulas.row import gradient_error
 from ..robots.geometry import Pose

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from ..compiled.control_step import ControlStep
 from ..constraints import ConstraintSet, Trace
+from ..control import ControlStep
 from ..errors import ConfigurationError, InvalidInput, SceneError, VsconstraintsError, described
 from ..formulas.motion import reached
 from ..formulas.tracking import goals_at

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...comparisons.run import Run
 from ...comparisons.runs.spec import ControllerSpec, RunSpec
-from ...compiled.control_step import ControlStep
+from ...control import ControlStep
 from ...controllers import Controller, SlidingMode
 from ...rows import Command, Rows, Task
 from ...rows.readable import amount

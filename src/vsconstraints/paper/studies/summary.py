@@ -15,7 +15,7 @@ from ...comparisons.metrics import score
 from ...comparisons.record import RunRecord
 from ...comparisons.run import Run
 from ...comparisons.runs.files import read_arrays, write_arrays
-from ...compiled.control_step import ControlStep
+from ...control import ControlStep
 from ...controllers.least_norm import RANK_TOLERANCE, track
 from ...errors import SceneError
 from ...rows import Array

@@ -10,6 +10,7 @@ import pinocchio as pin
 from ...compiled import load
 from ...compiled.arm import POSITION, SPEED, TORQUE, Arm, BodyArrays, Drive, blank
 from ...compiled.structures import pack_struct
+from ...control.packing import joints
 from ...errors import ConfigurationError, SceneError
 from ...formulas.limits import JointLimits
 from ...robots.robot import Robot
@@ -107,7 +108,7 @@ def _inertia(model: pin.Model, q: Array) -> Array:
 
 def body_arrays(robot: Robot, model: pin.Model) -> BodyArrays:
     """A model's bodies as compiled code takes them."""
-    placements, axes = load("packing").joints(robot)
+    placements, axes = joints(robot)
     bodies = list(model.inertias)[1:]
     return BodyArrays(
         np.array([pose.R for pose in placements]),

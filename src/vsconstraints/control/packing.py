@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled import load
+from ..compiled.structures import CAMERA_POSE, IMAGE_POINTS, Size, Step, pack_struct
 from ..constraints import Constraint, ConstraintSet, RowBlock
 from ..constraints.constraint_set import misshapen, shapes_of
 from ..formulas.limits import JointLimits
@@ -19,15 +21,13 @@ from ..vision.measurement import Measurement
 from ..vision.motion import Motion, TargetMotion
 from ..vision.scene import Scene
 from ..vision.tracking import Rest, TrackingGains, VisualTask
-from .cameras import write_camera
-from .constraint_parts import NotCompiled, Parts, demand, write_motion
-from .structures import Size, Step, pack_struct
-from .visual_task import CAMERA_POSE, IMAGE_POINTS
 
 SHARES = {"current": 0.0, "desired": 1.0, "mean": 0.5}
 """Share of the goal's interaction matrix."""
 
-__all__ = ["NotCompiled", "Packed"]
+
+class NotCompiled(Exception):
+    """Something in the scene, the constraints or the task has no compiled form; says what."""
 
 
 class Packed:
@@ -38,7 +38,7 @@ class Packed:
     step, out
         The step's arrays, and all its outputs as one array.
     size, parts
-        Their sizes, and where each output stands, with its shape.
+        Their sizes, and the slice and shape of each output.
     others
         Constraints without a compiled form, with their rows and their robot points: the step leaves those rows out.
     address
@@ -59,51 +59,63 @@ class Packed:
         limits: JointLimits | None = None,
     ) -> None:
         for part, kind in ((scene, Scene), (scene.camera, Camera), (task, VisualTask), (task.gains, TrackingGains)):
-            demand(part, kind)
-        feature, M = task.feature, len(scene.markers)
+            _demand(part, kind)
+        feature, M, n = task.feature, len(scene.markers), scene.robot.n
         if type(feature) not in (CameraPose, ImagePoints):
             raise NotCompiled(f"the feature {feature.name}")
         if any(goal.reference is not None for goal in task.goals):
             raise NotCompiled("a reference trajectory")
-        parts, k = Parts(constraints), 6 if isinstance(feature, CameraPose) else 2 * M
-        rest = task.rest_of(scene.robot.n, k)
+        k = 6 if isinstance(feature, CameraPose) else 2 * M
+        rest = task.rest_of(n, k)
+        self.others: list[tuple[Constraint, slice, slice]] = []
+        compiled, first = [], 0
+        for constraint, count, points in constraints.blocks():
+            rows, first = slice(first, first + count), first + count
+            form, address = constraint.compiled_form(scene, points), 0
+            if form is not None and (form.motion is None or type(form.motion) is Motion):
+                address = load("constraint_rows").rows_address(form.rows, form.formulas, len(form.parameters))
+            if form is not None and address:
+                compiled.append((constraint, form, rows, address))
+            else:
+                self.others.append((constraint, rows, points))
         self.size = Size(
-            n=scene.robot.n,
+            n=n,
             M=M,
             P=len(scene.points),
             m=len(constraints.labels),
             k=k,
             goals=len(task.goals),
-            parts=len(parts.forms),
-            parameters=parts.parameters,
+            parts=len(compiled),
+            parameters=max((len(form.parameters) for _, form, _, _ in compiled), default=0),
             limited=limits is not None,
             rests=rest.any,
         )
-        self.step, self.out = self.size.step()
-        if limits is not None:
-            self.step = self.step._replace(limits=limits)
-        write_scene(self.step, scene, known)
-        write_task(self.step, task, rest)
-        parts.write(self.step, known)
-        self.others = parts.others
+        step, self.out = self.size.step()
+        self.step = step if limits is None else step._replace(limits=limits)
+        _write_scene(step, scene, known)
+        _write_task(step, task, rest)
+        step.rows.K[:], step.rows.switching_gain[:] = constraints.approach_time, constraints.switching_gain
+        step.rows.scale[:] = constraints.scale
+        for i, block in enumerate(compiled):
+            _write_constraint(step, i, *block, known)
         shapes = self.size.outputs
         self.parts = {name: (where, shapes[name]) for name, where in self.size.where().items()}
-        self._frozen = pack_struct(self.step)
-        self.address = int(self._frozen.ctypes.data)
+        self._words = pack_struct(self.step)
+        self.address = int(self._words.ctypes.data)
         self.reset()
 
     @property
     def memory(self) -> tuple[Any, ...]:
-        """What is kept from one sample to the next."""
+        """Arrays that are kept from one sample to the next."""
         step = self.step
         return step.last, step.last_error, step.last_partial, step.last_J, step.correction, step.last_command
 
     def remembered(self) -> list[Any]:
-        """A copy of that."""
+        """A copy of the memory."""
         return [array.copy() for array in self.memory]
 
     def recall(self, remembered: Sequence[Any]) -> None:
-        """Remember what was kept by :meth:`remembered`, here or by another step of the same scene."""
+        """Set the memory, to that of this step or another one of the same scene."""
         for array, kept in zip(self.memory, remembered, strict=True):
             array[...] = kept
 
@@ -130,7 +142,7 @@ class Packed:
         now.sigma_dot[rows] = (block.phi - block.sigma) / constraint.K
 
     def measure(self, measured: Measurement) -> None:
-        """Let the next step take what a camera has measured, which is checked."""
+        """Let the next step take a camera's measurement, which is checked."""
         pose, record = measured.camera, self.step.measurement
         record["given"], record["time"] = measured.pixels is not None, measured.taken
         if measured.pixels is not None:
@@ -140,53 +152,96 @@ class Packed:
             self.step.camera_R[:], self.step.camera_t[:] = pose.R, pose.t
 
 
-def write_scene(step: Step, scene: Scene, known: bool) -> None:
+def _demand(part: object, kind: type) -> None:
+    """Raise NotCompiled unless ``part`` is of exactly that class: a subclass may compute anything."""
+    if type(part) is not kind:
+        raise NotCompiled(f"the {kind.__name__} {type(part).__name__}")
+
+
+def _write(record: Any, **values: Any) -> None:
+    for name, value in values.items():
+        record[name] = value
+
+
+def _write_scene(step: Step, scene: Scene, known: bool) -> None:
     """Write the robot, the camera, the markers, robot points and the target's motion."""
-    robot, camera = scene.robot, scene.camera
+    robot, motion = scene.robot, scene.motion
     placements, axes = joints(robot)
-    step.joints["R"], step.joints["t"] = [pose.R for pose in placements], [pose.t for pose in placements]
-    step.joints["axis"], step.joints["prismatic"] = axes, robot.prismatic
-    tip = _in_joint(robot, robot.frame_id("tip"), robot.n)
-    step.camera["tip_R"], step.camera["tip_t"] = tip.R, tip.t
-    write_camera(step, camera)
+    _write(step.joints, R=[pose.R for pose in placements], t=[pose.t for pose in placements])
+    _write(step.joints, axis=axes, prismatic=robot.prismatic)
+    tip = robot.model.frames[robot.frame_id("tip")]
+    if int(tip.parentJoint) != robot.n:
+        raise NotCompiled(f"the frame {tip.name}, which joint {robot.n} does not move")
+    _write(step.camera[0], tip_R=tip.placement.rotation, tip_t=tip.placement.translation)
+    write_camera(step, scene.camera)
     step.markers[:] = scene.markers
     for record, point in zip(step.robot_points, scene.points, strict=True):
         frame = robot.model.frames[robot.frame_id(point.link)]
         placed = Pose(np.array(frame.placement.rotation), np.array(frame.placement.translation))
-        record["body"] = int(frame.parentJoint)
-        record["offset"] = placed.act(np.asarray(point.offset, dtype=np.float64))
-    motion = scene.motion
+        _write(record, body=int(frame.parentJoint), offset=placed.act(np.asarray(point.offset, dtype=np.float64)))
     if motion is not None:
-        demand(motion, TargetMotion)
-        demand(motion.translation, Motion)
-        step.target["moves"], step.target["known"] = True, known or motion.known
-        write_motion(step.target[0]["motion"], motion.translation)
-        step.target["angular_velocity"], step.target["centre"] = motion.angular_velocity, motion.centre
+        _demand(motion, TargetMotion)
+        _demand(motion.translation, Motion)
+        _write(step.target[0], moves=True, known=known or motion.known, centre=motion.centre)
+        _write(step.target[0], angular_velocity=motion.angular_velocity)
+        _write_motion(step.target[0]["motion"], motion.translation)
 
 
-def write_task(step: Step, task: VisualTask, rest: Rest) -> None:
-    """Write the feature, the goals and the gains, and what the joints do where the task leaves them free."""
+def write_camera(step: Step, camera: Camera) -> None:
+    """Write the camera's pose and intrinsics; where the tip is in the last body has to be written before."""
+    record = step.camera[0]
+    eye = camera.fixed or Pose(record["tip_R"].copy(), record["tip_t"].copy()) @ camera.mount.inverse
+    _write(record, R=eye.R, t=eye.t, fixed=camera.fixed is not None, depth_factor=1.0)
+    _write(record, focal=camera.focal, offset=camera.offset)
+
+
+def _write_task(step: Step, task: VisualTask, rest: Rest) -> None:
+    """Write the feature, the goals and the gains, and the motion of the joints where the task leaves them free."""
     feature, gains = task.feature, task.gains
     share = SHARES[feature.interaction_matrix] if isinstance(feature, ImagePoints) else 0.0
-    for name, value in (
-        ("feature", CAMERA_POSE if isinstance(feature, CameraPose) else IMAGE_POINTS),
-        ("share", share),
-        ("drift_by_differences", task.drift == "differences"),
-        ("velocity_by_differences", task.velocity == "differences"),
-        ("Kp0", gains.Kp0),
-        ("slope", gains.Kp_slope),
-        ("damping", gains.damping),
-        ("rest_damping", rest.damping),
-        ("rest_stiffness", rest.stiffness),
-    ):
-        step.options[name] = value
+    _write(
+        step.options[0],
+        feature=CAMERA_POSE if isinstance(feature, CameraPose) else IMAGE_POINTS,
+        share=share,
+        drift_by_differences=task.drift == "differences",
+        velocity_by_differences=task.velocity == "differences",
+        Kp0=gains.Kp0,
+        slope=gains.Kp_slope,
+        damping=gains.damping,
+        rest_damping=rest.damping,
+        rest_stiffness=rest.stiffness,
+    )
     step.posture[: len(rest.posture)] = rest.posture
     for g, goal in enumerate(task.goals):
         pose = goal.camera if isinstance(feature, CameraPose) and goal.camera is not None else Pose.identity()
-        step.goals[g]["from_time"], step.goals[g]["R"], step.goals[g]["t"] = goal.from_time, pose.R, pose.t
+        _write(step.goals[g], from_time=goal.from_time, R=pose.R, t=pose.t)
         step.goal_points[g] = goal.normalised.ravel()
         if share > 0.0:
             step.goal_interaction[g] = goal.interaction
+
+
+def _write_constraint(
+    step: Step, i: int, constraint: Constraint, form: Any, rows: slice, address: int, known: bool
+) -> None:
+    """Write part ``i``; ``known`` if the motion of what it forbids counts as known."""
+    record, motion = step.parts[i], form.motion
+    _write(record, address=address, first=rows.start, count=rows.stop - rows.start, K=constraint.K, margin=form.margin)
+    record["R"] = np.eye(3)
+    if form.frame is not None:
+        R, t = form.frame
+        record["R"][: len(t), : len(t)], record["t"][: len(t)] = R, t
+    if motion is not None:
+        _write(record, moves=True, known=known or motion.known)
+        _write_motion(record["motion"], motion)
+    step.parameters[i, : len(form.parameters)] = form.parameters
+    step.which[rows], step.gradients[rows], step.offsets[rows] = form.which, form.gradients, form.offsets
+
+
+def _write_motion(record: Any, motion: Motion) -> None:
+    """Write a motion of two or three coordinates to a MOTION."""
+    k = motion.size
+    record["velocity"][:k], record["amplitude"][:k] = motion.velocity, motion.amplitude
+    record["rate"], record["phase"] = motion.rate, motion.phase
 
 
 def joints(robot: Robot) -> tuple[list[Pose], list[Array]]:
@@ -209,11 +264,3 @@ def joints(robot: Robot) -> tuple[list[Pose], list[Array]]:
         placements.append(Pose(np.array(placement.rotation), np.array(placement.translation)))
         axes.append(S[:3] if robot.prismatic[i - 1] else S[3:])
     return placements, axes
-
-
-def _in_joint(robot: Robot, frame_id: int, joint: int) -> Pose:
-    """A frame in the frame of its joint, which must be that one."""
-    frame = robot.model.frames[frame_id]
-    if int(frame.parentJoint) != joint:
-        raise NotCompiled(f"the frame {frame.name}, which joint {joint} does not move")
-    return Pose(np.array(frame.placement.rotation), np.array(frame.placement.translation))

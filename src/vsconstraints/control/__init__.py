@@ -1,0 +1,6 @@
+"""The control step: from time, coordinates and speeds to rows and task, and on to a controller's command."""
+
+from .control_step import ControlStep
+from .model import Model, Prediction
+
+__all__ = ["ControlStep", "Model", "Prediction"]

@@ -1,0 +1,199 @@
+"""Rows and task of future states, for laws that look ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..compiled import load
+from ..errors import InvalidInput, SceneError
+from ..formulas.tracking import gains
+from ..rows import Array, Rows
+from ..vision.scene import State
+from ..vision.tracking import VisualTask
+from .evaluator import Bound, CurrentState, DefinedEvaluation, Evaluation, Evaluator
+
+StateEstimator = Callable[[State], State]
+"""From a state to a controller's estimate of it. With a method ``write(step)`` a compiled step can do the same."""
+
+GradientErrorModel = Callable[[Rows, Array], Rows]
+"""From rows and q̇ (n,) to those that a controller is given; compiled likewise."""
+
+JUST_BEFORE = 1e-6
+"""How long before the next goal [s] the current goal ends."""
+
+ROWS = ("phi", "Lg", "Lf", "sigma", "sigma_dot")
+TASK = ("J", "b", "error", "error_rate", "rest")
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """Rows and task at N instants, with m rows, n joints, k features and M markers: see :class:`.Rows`, :class:`.Task`.
+
+    Attributes
+    ----------
+    phi, sigma, sigma_dot, Lf, Lg
+        (N, m), and L_gφ (N, m, n).
+    J, b, error, error_rate, rest
+        (N, k, n), (N, k), and (N, n) or (N, 0).
+    pixels
+        (N, M, 2) markers from the image's centre [px].
+    """
+
+    phi: Array
+    Lg: Array
+    Lf: Array
+    sigma: Array
+    sigma_dot: Array
+    J: Array
+    b: Array
+    error: Array
+    error_rate: Array
+    rest: Array
+    pixels: Array
+
+    def __len__(self) -> int:
+        return len(self.phi)
+
+
+class Model:
+    """Rows and task at future states, as the controller believes them to be; see :meth:`.ControlStep.model`.
+
+    It has an evaluator of its own, so that the memory of the one in the loop stays as it is. Where anything moves that
+    controllers do not know, everything is predicted at the present time. J̇_s q̇ and ṡ are exact, also where the loop
+    takes them from differences between samples.
+
+    Parameters
+    ----------
+    of
+        The evaluator in the loop.
+    estimate, gradient_error
+        What the controller believes of a state, and of its rows, where that is not what the scene says.
+
+    Attributes
+    ----------
+    K
+        (m,) of the rows [s], 0 of rows on φ itself.
+    acceleration
+        (n,) limit of |q̈| that the controller knows [rad/s² or m/s²], infinite where there is none.
+    task
+        The visual task: its feature, goals and gains.
+    labels
+        Names of the m rows.
+    step
+        The compiled step that predicts; None where anything runs in NumPy.
+    """
+
+    def __init__(
+        self, of: Evaluator, estimate: StateEstimator | None = None, gradient_error: GradientErrorModel | None = None
+    ) -> None:
+        self.task: VisualTask = copy(of.visual_task)
+        self.task.drift = self.task.velocity = self.task.reference = "exact"
+        self._of, self._estimate, self._gradient_error = of, estimate, gradient_error
+        self._own = Evaluator(of.scene, of.constraints, self.task, known=of.known)
+        self.K, self.acceleration, self.labels = of.constraints.approach_time, of.acceleration, of.constraints.labels
+        errors = [part for part in (estimate, gradient_error) if part is not None]
+        self.step = self._own.bound() if all(hasattr(part, "write") for part in errors) else None
+        for part in errors if self.step is not None else ():
+            part.write(self.step.packed.step)  # type: ignore[union-attr]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Its parts; the compiled form is made again where it is needed."""
+        return {"of": self._of, "estimate": self._estimate, "gradient_error": self._gradient_error}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(**state)  # type: ignore[misc]
+
+    @property
+    def present(self) -> CurrentState:
+        """The state at which rows and task in the loop were evaluated last."""
+        return self._of.present
+
+    @property
+    def goal(self) -> int:
+        """Index of the goal at the present time."""
+        return self._of.visual_task.goal_at(self.present.t)
+
+    @property
+    def until(self) -> float:
+        """Up to which time [s] the current goal holds and what moves is known; the present where it is not."""
+        if self._of.believes:
+            return self.present.t
+        following = self.task.goals[self.goal + 1 :]
+        return following[0].from_time - JUST_BEFORE if following else np.inf
+
+    def compiled(self) -> Bound | None:
+        """The step that predicts, as it goes on from the sample in the loop; None where anything runs in NumPy."""
+        self._own.remember(self._of)
+        return self.step
+
+    def at(self, t: float, q: Array, qd: Array) -> Evaluation:
+        """Rows, task and pixels at time ``t`` [s], ``q`` and ``qd`` (n,), from the sample in the loop on.
+
+        Raises
+        ------
+        SceneError
+            if a marker is not in front of the camera there.
+        InvalidInput
+            if t is not finite, or q or qd are not (n,) finite numbers.
+        """
+        self._own.remember(self._of)
+        return self._evaluated(t, q, qd)
+
+    def along(self, t: Array, q: Array, qd: Array) -> Prediction:
+        """Rows, task and pixels at consecutive states, up to the first that cannot be evaluated.
+
+        Parameters
+        ----------
+        t, q, qd
+            (N,) times [s], (N, n) coordinates and speeds. A state with a marker that is not in front of the camera, or
+            with a number that is not finite, ends the prediction, which then is shorter.
+        """
+        self._own.remember(self._of)
+        step = self.step
+        if step is None:
+            return self._in_numpy(t, q, qd)
+        packed = step.packed
+        t = np.full(len(t), self.present.t) if self._of.believes else np.ascontiguousarray(t, dtype=np.float64)
+        q, qd = (np.ascontiguousarray(each, dtype=np.float64) for each in (q, qd))
+        out = np.empty((len(t), step.out.size))
+        N = load("predictions").predict(packed.address, t, q, qd, step.out, out)
+        parts = (packed.parts[name] for name in (*ROWS, *TASK, "pixels"))
+        return Prediction(*(out[:N, where].reshape(N, *shape) for where, shape in parts))
+
+    def gains(self, error: Array) -> Array:
+        """(N, 2) K_p and K_v of the tracking law at errors (N, k)."""
+        own = self.task.gains
+        squared = (error * error).sum(axis=1).tolist()
+        return np.array([gains(each, own.Kp0, own.Kp_slope, own.damping) for each in squared]).reshape(-1, 2)
+
+    def _evaluated(self, t: float, q: Array, qd: Array) -> Evaluation:
+        own, t = self._own, self.present.t if self._of.believes else t
+        if self.step is not None or self._estimate is None:
+            step = own.evaluate(t, q, qd)
+        else:
+            step = own.define(self._estimate(own.scene.evaluate(t, q, qd)))
+        if self.step is not None or self._gradient_error is None:
+            return step
+        seen = step.error, step.sigma, step.pixels, step.points, step.camera_R, step.camera_t
+        return DefinedEvaluation(self._gradient_error(step.rows, qd), step.task, *seen)
+
+    def _in_numpy(self, t: Array, q: Array, qd: Array) -> Prediction:
+        steps: list[tuple[Array, ...]] = []
+        for state in zip(t.tolist(), q, qd, strict=True):
+            try:
+                step = self._evaluated(*state)
+            except (SceneError, InvalidInput):
+                break
+            rows, task = step.rows, step.task
+            arrays = *(getattr(rows, name) for name in ROWS), *(getattr(task, name) for name in TASK)
+            steps.append((*arrays, step.pixels))
+        if steps:
+            return Prediction(*map(np.array, zip(*steps, strict=True)))
+        m, n, M = len(self.labels), q.shape[1], len(self._own.scene.markers)
+        none, row = np.empty((0, 0)), np.empty((0, m))
+        return Prediction(row, np.empty((0, m, n)), *(row,) * 3, np.empty((0, 0, n)), *(none,) * 4, np.empty((0, M, 2)))
