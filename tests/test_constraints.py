@@ -11,6 +11,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
 
+from numpy_form import evaluate_rows
 from scenes import build_constraint, camera, constraint_tables, gradient, random_scene, robot, slope
 from vsconstraints import Camera, Robot, RobotPoint
 from vsconstraints.constraints import (
@@ -619,7 +620,7 @@ def test_a_sphere_is_finite_at_its_centre_and_leads_out() -> None:
     scene = Scene(arm, SQUARE, arm.pose(q).act(np.array([[0.0, 0.0, 1.0]])), sphere.points)
     constraints = ConstraintSet([sphere], scene)
     for qd in (np.zeros(6), np.full(6, 0.3)):
-        rows, sigma = constraints.rows(scene.evaluate(0.0, q, qd))
+        rows, sigma = evaluate_rows(constraints, scene.evaluate(0.0, q, qd))
         assert sigma[0] == pytest.approx(0.05, abs=1e-12)
         for array in (rows.phi, rows.Lg, rows.Lf):
             assert np.isfinite(array).all()
@@ -755,17 +756,17 @@ def test_own_constraints_work_through_a_constraint_set(make) -> None:
     constraint = make()
     scene, q, qd = random_scene(viper(), np.random.default_rng(9), [constraint])
     constraints = ConstraintSet([constraint], scene)
-    rows, sigma = constraints.rows(scene.evaluate(0.0, q, qd))
+    rows, sigma = evaluate_rows(constraints, scene.evaluate(0.0, q, qd))
 
     def along(t: float) -> tuple[Array, Array]:
-        moved, moved_sigma = constraints.rows(scene.evaluate(0.0, q + t * qd, qd))
+        moved, moved_sigma = evaluate_rows(constraints, scene.evaluate(0.0, q + t * qd, qd))
         return moved_sigma, moved.phi
 
     if not isinstance(constraint, SpeedConstraint):
         expected = sigma + constraint.K * slope(lambda t: along(t)[0], 2e-4)
         np.testing.assert_allclose(rows.phi, expected, rtol=1e-8, atol=1e-8)
         assert np.abs(rows.phi - sigma).max() > 1e-3
-    numerical = gradient(lambda v: constraints.rows(scene.evaluate(0.0, q, v))[0].phi, qd, 2e-4)
+    numerical = gradient(lambda v: evaluate_rows(constraints, scene.evaluate(0.0, q, v))[0].phi, qd, 2e-4)
     np.testing.assert_allclose(rows.Lg, numerical, rtol=1e-7, atol=1e-9)
     # default curvatures are differences themselves: 1e-16 over their steps of 1e-6
     np.testing.assert_allclose(rows.Lf, slope(lambda t: along(t)[1], 2e-4), rtol=1e-6, atol=1e-7)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from numpy_form import believed, define, feature_motion
 from scenes import (
     WORLDS,
     build_constraint,
@@ -79,7 +80,7 @@ def both(scene: Scene, constraints: ConstraintSet, task: VisualTask, states: lis
             step.reset()
             for t, q, qd in states:
                 state = scene.evaluate(t, q, qd)
-                assert_equal(step.evaluate(t, q, qd), step.define(state if known else scene.believed(state)))
+                assert_equal(step.evaluate(t, q, qd), define(step, state if known else believed(scene, state)))
     pixels, points, seen = step.views(np.array([t for t, _, _ in states]), np.array([q for _, q, _ in states]))
     assert seen.all()
     for k, (t, q, _) in enumerate(states):
@@ -194,7 +195,7 @@ class Own(Feature):
     name = "own"
 
     def evaluate(self, state: State, goal: Goal, previous: Array | None) -> FeatureMotion:
-        return ImagePoints().evaluate(state, goal, previous)
+        return feature_motion(ImagePoints(), state, goal, previous)
 
 
 def test_a_feature_without_a_compiled_form_is_named() -> None:
@@ -203,7 +204,7 @@ def test_a_feature_without_a_compiled_form_is_named() -> None:
     task = VisualTask(Own(), [Goal(0.0, pixels, scene.camera.normalised(pixels))], TrackingGains(5.0))
     step = ControlStep(scene, ConstraintSet([], scene), task)
     assert step.not_compiled == "the feature own"
-    assert_equal(step.evaluate(0.0, q, qd), step.define(scene.evaluate(0.0, q, qd)))
+    assert_equal(step.evaluate(0.0, q, qd), define(step, scene.evaluate(0.0, q, qd)))
 
 
 def test_a_marker_behind_the_camera_is_named_and_nothing_is_remembered() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from numpy_form import observe
 from scenes import random_configuration, robot
 from vsconstraints import Camera
 from vsconstraints.compiled import available, load
@@ -96,9 +97,9 @@ def seen_by_both(markers: Array, seed: int, noise: float) -> tuple[State, Step] 
     state = scene.evaluate(0.0, q, np.zeros(6))
     if refused:
         with pytest.raises(SceneError, match="explained by no pose"):
-            sensor.observe(state)
+            observe(sensor, state)
         return None
-    return sensor.observe(state), other.packed.step
+    return observe(sensor, state), other.packed.step
 
 
 @pytest.mark.parametrize("noise", [0.3, 3.0])

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from numpy_form import define
 from scenes import not_compiled
 from vsconstraints import Camera
 from vsconstraints.compiled import available, load
@@ -261,7 +262,7 @@ def test_a_step_through_a_lens_is_compiled_as_it_is_defined(lens: Distortion) ->
     assert not step.in_numpy
     for _ in range(5):
         q, qd = setup.q0 + 0.02 * rng.normal(size=6), rng.normal(size=6)
-        mine, theirs = step.evaluate(0.0, q, qd), step.define(setup.scene.evaluate(0.0, q, qd))
+        mine, theirs = step.evaluate(0.0, q, qd), define(step, setup.scene.evaluate(0.0, q, qd))
         for part in ("phi", "Lg", "Lf"):
             one, other = getattr(mine.rows, part), getattr(theirs.rows, part)
             np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())

@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from numpy_form import evaluate_rows
 from scenes import build_constraint, gradient, random_configuration, random_scene, robot, slope
 from vsconstraints import Robot, RobotPoint
 from vsconstraints.compiled import load
@@ -153,7 +154,7 @@ def test_margin_clearance_and_labels_of_regions() -> None:
     constraints = ConstraintSet([table], scene)
     assert constraints.labels == ("half-space[table, nose]", "half-space[table, elbow]")
     state = scene.evaluate(0.0, q, qd)
-    _, sigma = constraints.rows(state)
+    _, sigma = evaluate_rows(constraints, state)
     np.testing.assert_allclose(sigma, 0.12 - state.robot.points[:, 2], atol=1e-14)
     assert constraints.characteristic_length.tolist() == [0.1, 0.1]
     assert BOX.length == pytest.approx(0.1)
@@ -395,7 +396,7 @@ def test_a_collision_rows_distance_is_that_of_the_hulls_corners_to_a_plane() -> 
     scene, q, qd = random_scene(arm, np.random.default_rng(11), [constraint])
     constraints = ConstraintSet([constraint], scene)
     assert constraints.labels[0] == "collision[table, shoulder_link]"
-    _, sigma = constraints.rows(scene.evaluate(0.0, q, qd))
+    _, sigma = evaluate_rows(constraints, scene.evaluate(0.0, q, qd))
     data = arm.model.createData()
     pin.forwardKinematics(arm.model, data, q)
     lowest = [

@@ -126,11 +126,9 @@ class Run:
     @cached_property
     def drift(self) -> Array:
         """(N, m) max(L_fφ, 0) of the rows with φ ≥ 0, zero for others: the terms of eq. (12) along this motion."""
-        scene, constraints = self.setup.scene, self.setup.constraints
-        drift = np.zeros_like(self.trajectory.phi)
+        world, drift = self.setup.world(), np.zeros_like(self.trajectory.phi)
         for k in np.flatnonzero((self.trajectory.phi >= 0.0).any(axis=1)):
-            state = scene.evaluate(float(self.t[k]), self.trajectory.q[k], self.trajectory.qd[k])
-            rows, _ = constraints.rows(state)
+            rows = world.evaluate(float(self.t[k]), self.trajectory.q[k], self.trajectory.qd[k]).rows
             drift[k] = np.where(rows.phi >= 0.0, np.maximum(rows.Lf, 0.0), 0.0)
         return drift
 

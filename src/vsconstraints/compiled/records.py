@@ -45,6 +45,7 @@ TASK = np.dtype(
         ("share", "f8"),
         ("drift_by_differences", "i8"),
         ("velocity_by_differences", "i8"),
+        ("reference_by_differences", "i8"),
         ("Kp0", "f8"),
         ("slope", "f8"),
         ("damping", "f8"),
@@ -54,8 +55,8 @@ TASK = np.dtype(
 )
 """See :class:`vsconstraints.vision.tracking.VisualTask`; ``share`` is that of the goal's L: 0, 1 or a half."""
 
-GOAL = np.dtype([("from_time", "f8"), *POSE])
-"""When a goal begins, and the camera's pose there."""
+GOAL = np.dtype([("from_time", "f8"), ("reach_in", "f8"), *POSE])
+"""When a goal begins, how long s_ref takes to get there (0: it is there at once), and the camera's pose there."""
 
 PART = np.dtype(
     [
@@ -110,5 +111,5 @@ MEASUREMENT = np.dtype([("given", "i8"), ("time", "f8"), ("pose_given", "i8")])
 GRADIENT_ERROR = np.dtype([("address", "i8"), ("in_phi", "i8")])
 """Where what spoils gradients begins, or 0; whether it spoils φ and L_fφ too."""
 
-SAMPLE = np.dtype([("time", "f8"), ("goal", "i8")])
-"""The last sample that the task remembers; goal −1 if there is none."""
+SAMPLE = np.dtype([("time", "f8"), ("goal", "i8"), ("began", "f8")])
+"""The last sample that the task remembers, goal −1 if there is none; the time of its goal's first sample."""

@@ -29,7 +29,7 @@ from .compiler import IN_PLACE, compiled, in_place
 from .constraint_rows import displaced
 from .kinematics import move, place, point_jacobian, put, put_matrix
 from .parts import call_void_pointer, checked, load_step
-from .structures import Step
+from .structures import OWN, Step
 from .visual_task import JUST_NOW, write_task
 
 
@@ -218,7 +218,8 @@ def evaluate(address: int, t: float, q: Array, qd: Array) -> bool:
     error = step.gradient_error[0]
     if error.address != 0:
         call_void_pointer(error.address, (address, error.in_phi))
-    write_task(address, t)
+    if step.options[0].feature != OWN:
+        write_task(address, t)
     for j in range(len(step.limits.acceleration)):
         write_box(address, j)
     return True
@@ -236,6 +237,13 @@ def evaluate_step(address: int, t: float, q: Array, qd: Array) -> int:
     measurement = load_step(address).measurement[0]
     measurement.given = measurement.pose_given = 0
     return 0 if done else 1
+
+
+@checked(Step)
+@compiled("void(int64, float64)", IN_PLACE)
+def follow(address: int, t: float) -> None:
+    """Make a task of an own feature, whose error, J_s, ṡ, drift and ∂s/∂t are written, at time t [s]."""
+    write_task(address, t)
 
 
 @checked(Step)

@@ -34,7 +34,7 @@ SOLVED, NEEDS_PYTHON, FAILED, INCOMPATIBLE, RANK_LOSS, RELAXED_ROWS, SHORT, RELA
 rows contradict each other; active rows have lost full row rank. And of answers of the hierarchy: demands are unmet;
 levels 2 and 3 may be better met; both."""
 
-CAMERA_POSE, IMAGE_POINTS = range(2)
+CAMERA_POSE, IMAGE_POINTS, OWN = range(3)
 """Features of the task."""
 
 STRICT, NEAREST, WEIGHED, SCALED = range(4)
@@ -156,8 +156,9 @@ class Step(NamedTuple):
         (1,), (n,) and (n,): now.
     limits, last_command
         What limits q̈, if anything, and (n,) the command before, at first zero.
-    last, last_error, last_partial, last_J
-        What the task remembers: (1,) SAMPLE, (k,) error, (k,) ∂s/∂t and (k, n) J_s of the sample before.
+    last, last_error, last_partial, last_J, last_reference
+        What the task remembers: (1,) SAMPLE, and of the sample before (k,) s less its value at the goal, (k,) ∂s/∂t,
+        (k, n) J_s, and (3, k) s at the goal's first sample, s_ref, both likewise, and ṡ_ref.
     bodies, eye, target_R, target_t, camera_J, seen, places
         (n + 1,) BODY, (1,) CAMERA_MOTION, the target's pose in the base frame, (6, n) ∂(v, ω)/∂q̇ of the camera's twist
         relative to it, (M,) MARKER, (P,) PLACE.
@@ -199,6 +200,7 @@ class Step(NamedTuple):
     last_error: Array
     last_partial: Array
     last_J: Array
+    last_reference: Array
     bodies: Records
     eye: Records
     target_R: Array
@@ -304,6 +306,7 @@ class Size:
             last_error=zeros(max(k, 6)),
             last_partial=zeros(k),
             last_J=zeros((k, n)),
+            last_reference=zeros((3, k)),
             bodies=zeros(n + 1, BODY),
             eye=zeros(1, CAMERA_MOTION),
             target_R=zeros((3, 3)),

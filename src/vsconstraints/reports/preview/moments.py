@@ -105,10 +105,9 @@ def _rows(setup: Setup, t: float, q: Array, qd: Array, seen: BoolArray) -> tuple
     if not seen.all():
         return unknown, unknown, []
     try:
-        state = setup.scene.evaluate(t, q, qd)
-        rows, sigma = setup.constraints.rows(state)
-        pixels, points = state.pixels.position[None], state.robot.points[None]
-        clearance = setup.clearance(np.array([t]), q[None], qd[None], pixels, points)[0]
+        now = setup.world().evaluate(t, q, qd)
+        rows, sigma = now.rows, now.sigma
+        clearance = setup.clearance(np.array([t]), q[None], qd[None], now.pixels[None], now.points[None])[0]
     except VsconstraintsError as error:
         return unknown, unknown, [f"its rows cannot be evaluated: {error}"]
     except Exception as error:  # own constraints may raise anything
