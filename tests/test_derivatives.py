@@ -391,13 +391,13 @@ def test_an_unknown_motion_leaves_only_sigma() -> None:
     velocity = np.array([0.3, -0.2, 0.1])
     told.moving(Motion(velocity))
     untold.moving(Motion(velocity, known=False))
-    still.pose = Pose(np.eye(3), still.centre + NOW * velocity)
+    still.pose = Pose(np.eye(3), np.asarray(still.centre) + NOW * velocity)
     scene, q, qd = random_scene(arm, rng, [told])
     true = scene.evaluate(NOW, q, qd)
-    believed = believed(scene, true)
+    supposed = believed(scene, true)
     known, unknown, static, truth = (
-        ConstraintSet([constraint], scene).rows(state)[0]
-        for constraint, state in ((told, believed), (untold, believed), (still, true), (untold, true))
+        evaluate_rows(ConstraintSet([constraint], scene), state)[0]
+        for constraint, state in ((told, supposed), (untold, supposed), (still, true), (untold, true))
     )
     for name in ("phi", "Lg", "Lf"):
         np.testing.assert_allclose(getattr(unknown, name), getattr(static, name), atol=1e-12)

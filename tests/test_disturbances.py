@@ -271,12 +271,12 @@ def test_a_known_target_is_followed_and_an_unknown_one_taken_for_static() -> Non
     told = motion.translation
     told.known = False
     try:
-        believed = Sensor(scene, Disturbances(), 0.01).observe(true)
+        supposed = observe(Sensor(scene, Disturbances(), 0.01), true)
     finally:
         told.known = True
-    np.testing.assert_allclose(believed.camera_twist, true.camera_J @ qd, atol=1e-12)
-    assert np.abs(believed.camera_twist - true.camera_twist).max() > 0.05
-    np.testing.assert_array_equal(believed.pixels.position, true.pixels.position)
+    np.testing.assert_allclose(supposed.camera_twist, true.camera_J @ qd, atol=1e-12)
+    assert np.abs(supposed.camera_twist - true.camera_twist).max() > 0.05
+    np.testing.assert_array_equal(supposed.pixels.position, true.pixels.position)
 
 
 # --- eq. (49) ---

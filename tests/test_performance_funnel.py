@@ -37,7 +37,7 @@ def test_a_turn_about_the_optical_axis_by_hand() -> None:
     goal = Goal(1.0, np.zeros((2, 2)), np.zeros((2, 2)), scene.camera_pose(q0))
     constraint = PerformanceFunnel([goal], rotation_rad=2.0, **GAINS)
     q, qd = q0 + np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.0, 0.3])
-    rows, sigma = ConstraintSet([constraint], scene).rows(scene.evaluate(3.0, q, qd))
+    rows, sigma = evaluate_rows(ConstraintSet([constraint], scene), scene.evaluate(3.0, q, qd))
     assert rows.labels[2] == "funnel[rotation z].upper"
     assert rows.labels[5] == "funnel[rotation z].lower"
     # the last joint's axis points down, as the camera does: the camera turns by as much

@@ -87,7 +87,7 @@ class Manipulability(Constraint):
         """The row that compiled code makes from the tip's Jacobian, by a decomposition of its own."""
         at = self._rows
         numbers = self.minimum, self.w_scale, at.start, at.stop - at.start
-        return Form("manipulability_rows", parameters=numbers) if type(self) is Manipulability else None
+        return Form("manipulability_rows", parameters=numbers) if type(self).rows is Constraint.rows else None
 
     def clearance(self, trace: Trace, points: slice) -> Array:
         """(w − w_min) / w_scale."""

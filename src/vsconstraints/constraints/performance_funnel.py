@@ -116,7 +116,7 @@ class PerformanceFunnel(Constraint):
 
     def compiled_form(self, scene: Scene, points: slice) -> Form | None:
         """The rows that compiled code makes of markers or of the camera's pose."""
-        if type(self) is not PerformanceFunnel:
+        if type(self).rows is not Constraint.rows:
             return None
         wanted: list[Array] = [
             goal.pixels.ravel() if self.of_image or goal.camera is None else np.append(goal.camera.R, goal.camera.t)
