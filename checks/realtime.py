@@ -71,7 +71,7 @@ def measured(setup: Setup, address: str, fifo: bool) -> tuple[Punctuality, list[
         _, log = run_on_arm(Job(setup, HierarchicalQP(), driver, supervision=PATIENT))
     if log.ended != "done":
         raise ArmError(log.cause)
-    return punctuality(log), permitted.said()
+    return punctuality(log), permitted.sentences()
 
 
 def main(arguments: Sequence[str]) -> int:

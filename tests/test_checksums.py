@@ -49,7 +49,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Path]:
     folder = tmp_path_factory.mktemp("parts")
     small = campaign(folder, scenes=4)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("vsconstraints.comparisons.evidence.task.MIN_TASKS", 1)
+        patch.setattr("vsconstraints.comparisons.evidence.work.MIN_TASKS", 1)
         for i in (1, 2):
             collect(small, folder / str(i), replace(HERE, shard=Shard(i, 2), keep="first"))
     return small, folder

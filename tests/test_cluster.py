@@ -29,7 +29,7 @@ from vsconstraints.cli import app
 from vsconstraints.comparisons.evidence import Campaign, Evidence, Part, Plan, collect, scored
 from vsconstraints.comparisons.evidence import cluster as near
 from vsconstraints.comparisons.evidence.cluster import cluster
-from vsconstraints.comparisons.evidence.task import Work
+from vsconstraints.comparisons.evidence.work import tasks_of
 from vsconstraints.comparisons.metrics import TIMING_COLUMNS
 from vsconstraints.comparisons.runs.pool import DIED, Failure
 from vsconstraints.errors import ConfigurationError
@@ -118,7 +118,7 @@ def test_a_campaign_gives_the_same_on_a_cluster(scheduler: LocalCluster, tmp_pat
     with cluster(scheduler.scheduler_address, campaign.identities) as workers:
         collect(campaign, tmp_path, Plan(keep="first", workers=workers))
     found = Evidence.load(tmp_path)
-    here = Part.joined([scored(task) for task in Work(campaign).tasks().values()])
+    here = Part.joined([scored(task) for task in tasks_of(campaign).values()])
     for name in ("runs", "rows", "scenes"):
         one, other = getattr(found, name), getattr(here, name).to_pandas()
         assert len(one) == len(other) > 0

@@ -13,7 +13,7 @@ import pinocchio as pin
 import pytest
 
 from vsconstraints import Robot
-from vsconstraints.compiled.structures import pack_struct
+from vsconstraints.compiled.workspace import Workspace
 from vsconstraints.controllers import HierarchicalQP, SlidingMode
 from vsconstraints.errors import ConfigurationError, InvalidInput
 from vsconstraints.reports.figures.signals import draw_disturbance
@@ -52,8 +52,8 @@ def free(there: DynamicPlant) -> DynamicPlant:
     drive = there.arm.drive._replace(effort=np.full(there.robot.n, 1e-300))
     there.arm = there.arm._replace(drive=drive)
     there.arm.memory.torque[:], there.arm.memory.under_way[:] = 0.0, 0.0
-    there.frozen_arm = pack_struct(there.arm)
-    there.mover = there.mover[0], int(there.frozen_arm.ctypes.data)
+    there.workspace = Workspace(there.arm)
+    there.mover = there.mover[0], there.workspace.address
     return there
 
 
@@ -378,7 +378,7 @@ def test_an_exact_arm_disturbs_nothing_and_a_wrong_model_does() -> None:
 
 def test_the_figure_of_the_disturbance_is_for_arms_with_mass_alone() -> None:
     there, plain = case(duration=0.3, mass_factor=1.2), Scenario.load("case-study-6r").setup()
-    record = SimpleNamespace(trajectory=simulate(there, HierarchicalQP()))
+    record = SimpleNamespace(trajectory=simulate(there, HierarchicalQP()), goal_begins=there.goal_begins)
     view = View(there, {"hierarchical-qp": record}, ["hierarchical-qp"])  # type: ignore[dict-item]
     assert draw_disturbance(view) is not None
     assert draw_disturbance(replace(view, setup=plain)) is None

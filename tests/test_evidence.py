@@ -29,10 +29,10 @@ from vsconstraints.comparisons.evidence import (  # fmt: skip
     merge,
     processes,
     scored,
-    worker,
+    work,
 )
 from vsconstraints.comparisons.evidence import folder as folders
-from vsconstraints.comparisons.evidence.task import Work
+from vsconstraints.comparisons.evidence.work import tasks_of
 from vsconstraints.comparisons.metrics import CONSTRAINT_COLUMNS, RESULT_COLUMNS, RUN, Score, score
 from vsconstraints.comparisons.record import RunRecord
 from vsconstraints.comparisons.runs.files import SUMS
@@ -131,8 +131,8 @@ def test_rows_are_stored_for_each_reason_by_itself(tmp_path: Path, monkeypatch: 
         rows = [{**row, name: value, "constraint": name} for name, value in reasons.items()]
         return replace(scored, constraints=[{key: line[key] for key in row} for line in rows])
 
-    monkeypatch.setattr(worker, "score", made)
-    task = replace(next(iter(Work(campaign(tmp_path)).tasks().values())), conditions=("nominal",))
+    monkeypatch.setattr(work, "score", made)
+    task = replace(next(iter(tasks_of(campaign(tmp_path)).values())), conditions=("nominal",))
     stored = scored(task).rows.to_pandas()
     kept = ["challenged", "violation_depth", "active_time_s"]
     assert [list(own["constraint"]) for _, own in stored.groupby(["scene", "controller"])] == [kept] * 3
@@ -146,7 +146,7 @@ def test_setups_that_are_shared_change_nothing(condition: str, tmp_path: Path) -
     (tmp_path / "quick.toml").write_text((tmp_path / "quick.toml").read_text() + noisy)
     small = Campaign.load(tmp_path / "small.toml")
     shared = replace(small, controllers=(*Campaign.load().controllers, ControllerSpec("again", "sliding-mode")))
-    task = replace(next(iter(Work(shared).tasks().values())), scenes=(0,), conditions=(condition,))
+    task = replace(next(iter(tasks_of(shared).values())), scenes=(0,), conditions=(condition,))
     together = scored(task).runs.drop_columns(list(TIMING)).to_pylist()
     baseline, *_ = task.controllers
     for entry, line in zip(task.controllers, together, strict=True):
@@ -185,7 +185,7 @@ def test_shards_merged_and_processes_give_the_same(
     assert (merged.scenes, merged.runs) == (6, 36)
     assert_same(tables(out), tables(tmp_path / "merged"))
     # scenes that are there twice, but the same, count once, however they are split
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.task.MIN_TASKS", 2)
+    monkeypatch.setattr("vsconstraints.comparisons.evidence.work.MIN_TASKS", 2)
     collect(small, tmp_path / "large", HERE)
     assert len(folders.shard_names(tmp_path / "large")) == 2
     merge(tmp_path / "twice", [tmp_path / "2", tmp_path / "large", out])
@@ -206,8 +206,8 @@ def test_what_is_done_is_not_done_again(
     cut.write_bytes(cut.read_bytes()[:-30])
     (tmp_path / "scenes" / "part-quick-0000005-0000005.parquet.part").write_bytes(b"half")
     drawn: list[int] = []
-    made = worker.set_up
-    monkeypatch.setattr(worker, "set_up", lambda task, number: (drawn.append(number), made(task, number))[1])
+    made = work.set_up
+    monkeypatch.setattr(work, "set_up", lambda task, number: (drawn.append(number), made(task, number))[1])
     finished = collect(replace(small, scenes=3), tmp_path, HERE)
     assert (sorted(drawn), finished.progress.stored_before) == ([0, 1, 2], 0)
     drawn.clear()
@@ -248,11 +248,11 @@ def test_batches_of_another_size_are_gone_on_with(
 ) -> None:
     """What was stored by twos goes on by threes, and the other way round: nothing is lost or twice."""
     small, out = whole
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.task.MIN_TASKS", 1)
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.task.RUNS_OF_TASK", before)
+    monkeypatch.setattr("vsconstraints.comparisons.evidence.work.MIN_TASKS", 1)
+    monkeypatch.setattr("vsconstraints.comparisons.evidence.work.RUNS_OF_TASK", before)
     collect(replace(small, scenes=4), tmp_path, HERE)
     assert len(folders.shard_names(tmp_path)) == ceil(4 / (before // 6))
-    monkeypatch.setattr("vsconstraints.comparisons.evidence.task.RUNS_OF_TASK", after)
+    monkeypatch.setattr("vsconstraints.comparisons.evidence.work.RUNS_OF_TASK", after)
     assert collect(small, tmp_path, HERE).progress.stored_before == 4
     assert_same(tables(out), tables(tmp_path))
 
@@ -337,10 +337,7 @@ def test_a_scene_that_kills_is_found_and_others_are_kept(whole: tuple[Campaign, 
     small, out = whole
 
     def mourned(task: Batch) -> bool:
-        return 4 in task.scenes and (
-            (task.single is None and bool(task.conditions))
-            or (task.single is not None and task.single.controller == "sliding-mode")
-        )
+        return 4 in task.scenes and bool(task.conditions) and task.single in (None, "sliding-mode")
 
     @contextmanager
     def deadly(function: Callable[..., Any]) -> Iterator[Here]:
@@ -369,7 +366,7 @@ def test_noise_is_another_one_in_every_scene(tmp_path: Path) -> None:
 
 def test_a_campaign_none_of_whose_scenes_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small = campaign(tmp_path, scenes=2)
-    monkeypatch.setattr(worker, "set_up", lambda task, number: ("ValueError: no", {}))
+    monkeypatch.setattr(work, "set_up", lambda task, number: ("ValueError: no", {}))
     finished = collect(small, tmp_path / "out", HERE)
     assert (finished.progress.done, finished.progress.found, finished.progress.all_failed) == (2, 0, False)
     evidence = Evidence.load(tmp_path / "out")
@@ -382,7 +379,7 @@ def test_a_scene_that_cannot_be_drawn_is_listed(tmp_path: Path, monkeypatch: pyt
     def drawn(task: Batch, number: int) -> Any:
         return ("ValueError: no", {}) if number else task.family.set_up(number, task.half, task.seed)
 
-    monkeypatch.setattr(worker, "set_up", drawn)
+    monkeypatch.setattr(work, "set_up", drawn)
     collect(small, tmp_path / "out", HERE)
     evidence = Evidence.load(tmp_path / "out")
     assert evidence.scenes["found"].tolist() == [True, False]
@@ -501,7 +498,7 @@ def test_ten_thousand_scenes_are_opened_at_once(whole: tuple[Campaign, Path], tm
     """Footers alone are read: one shard stands for all, with the names and facts of others."""
     small, out = whole
     many = replace(small, scenes=10_000)
-    tasks = list(Work(many).tasks().values())
+    tasks = list(tasks_of(many).values())
     assert len(tasks) == 100
     some = folders.shard_names(out)[0]
     parts = {table: folders.parquet.read([folders.shard_file(out, table, some)], TABLES[table]) for table in TABLES}
@@ -529,7 +526,7 @@ def test_tasks_can_be_sent_anywhere(whole: tuple[Campaign, Path]) -> None:
     import pickle
 
     small, _ = whole
-    task = replace(next(iter(Work(small).tasks().values())), scenes=(1,))
+    task = replace(next(iter(tasks_of(small).values())), scenes=(1,))
     there = pickle.loads(pickle.dumps(scored(pickle.loads(pickle.dumps(task)))))
     assert there.runs.drop_columns(list(TIMING)).equals(scored(task).runs.drop_columns(list(TIMING)))
     assert os.getcwd()

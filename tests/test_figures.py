@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -154,7 +155,10 @@ def test_a_moving_boundary_is_drawn_while_it_is_in_the_image() -> None:
     for _, lines in moving:
         assert any((np.abs(line) < 0.5 * size).all(axis=1).any() for line in lines)
     assert Plane.of(Scenario.load("example-2d-fov").setup()).moving == ()
-    told = [[entry["label"] for entry in plane.entries()][-1] for plane in (Plane.of(setup), Plane.at(setup, 0.0))]
+    told = [
+        [entry["label"] for entry in plane.entries()][-1]
+        for plane in (Plane.of(setup), replace(Plane.of(setup), times=(0.0,)))
+    ]
     assert told == ["moving boundary, at the times given", "moving boundary, where it is then"]
 
 

@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from scenes import rotation_matrix, slope
 from vsconstraints.errors import InvalidInput
+from vsconstraints.formulas import rotation
 from vsconstraints.formulas.rotation import turn_by
-from vsconstraints.robots.geometry import Pose, distance, rotation_vector, rotation_vector_rate, skew, vector
+from vsconstraints.robots.geometry import Pose, distance, skew, vector
 from vsconstraints.rows import Array
 
 PI = np.pi
@@ -29,6 +30,17 @@ angles = st.one_of(
     st.floats(0.0, PI - 1e-3),
     st.sampled_from([0.0, 1e-300, 1e-15, 1e-12, 1e-9, 1e-6, 1e-4, 0.0999999, 0.1, 0.1000001, PI - 1e-4]),
 )
+
+
+def rotation_vector(R: Array, near: Array | None = None) -> Array:
+    """θu (3,) with exp([θu]×) = R, the one closest to ``near`` (3,)."""
+    return np.array(rotation.rotation_vector(R.tolist(), (0.0, 0.0, 0.0) if near is None else near, near is not None))
+
+
+def rotation_vector_rate(w: Array, omega: Array) -> tuple[Array, Array]:
+    """L_θu and L̇_θu (3, 3)."""
+    _, L, L_dot = rotation.rotation_vector_rate(w.tolist(), omega.tolist())
+    return np.array(L), np.array(L_dot)
 
 
 # --- rotation vectors ---

@@ -12,7 +12,7 @@ from scenes import acting
 from vsconstraints.comparisons import RunRecord, score
 from vsconstraints.comparisons.metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS
 from vsconstraints.controllers import Controller, HierarchicalQP, SlidingMode, Tracking, make_controller
-from vsconstraints.reports.best import shown
+from vsconstraints.reports.results import shown
 from vsconstraints.rows import Array, Command, Rows, Task
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import Trajectory, simulate

@@ -14,7 +14,7 @@ from vsconstraints import Camera, Robot
 from vsconstraints.constraints import ConstraintSet, JointRange
 from vsconstraints.control import ControlStep
 from vsconstraints.errors import InvalidInput
-from vsconstraints.robots.geometry import rotation_vector_rate
+from vsconstraints.formulas.rotation import rotation_vector_rate
 from vsconstraints.robots.order_filter import OrderFilter
 from vsconstraints.rows import Array
 from vsconstraints.simulation.disturbances import Disturbances
@@ -214,7 +214,7 @@ def test_joint_range() -> None:
 
 def test_rate_of_a_rotation_vector() -> None:
     """Turned by π/2 about z: ω along x moves θu by (π/4, π/4, 0), ω along z by (0, 0, 1)."""
-    L, _ = rotation_vector_rate(np.array([0.0, 0.0, np.pi / 2]), np.zeros(3))
+    L = np.array(rotation_vector_rate((0.0, 0.0, np.pi / 2), (0.0, 0.0, 0.0))[1])
     np.testing.assert_allclose(L[:, 0], [np.pi / 4, np.pi / 4, 0.0], rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(L[:, 1], [-np.pi / 4, np.pi / 4, 0.0], rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(L[:, 2], [0.0, 0.0, 1.0], rtol=1e-12, atol=1e-15)

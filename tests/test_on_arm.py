@@ -1035,7 +1035,7 @@ def test_what_is_not_permitted_is_said_and_nothing_stays(monkeypatch: pytest.Mon
     monkeypatch.setattr(realtime, "lock_memory", lambda: "Cannot allocate memory")
     with real_time() as permitted:
         assert not gc.isenabled()
-        said = permitted.said()
+        said = permitted.sentences()
     assert gc.isenabled()
     assert "no real-time scheduling (Operation not permitted)" in said[0]
     assert "memory is not locked (Cannot allocate memory)" in said[1]

@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from campaigns import campaign
-from vsconstraints.comparisons.evidence.runner import GRACE, by_pieces
-from vsconstraints.comparisons.evidence.task import Batch, Work
-from vsconstraints.comparisons.evidence.worker import failed
+from vsconstraints.comparisons.evidence.runner import GRACE, results
+from vsconstraints.comparisons.evidence.work import Batch, failed, task_of
 from vsconstraints.comparisons.runs.pool import Failure
 
 
 class Mortal:
-    """Workers that die of one law in one scene; the last call is answered first."""
+    """Workers that die of several scenes, and of one law in one scene; the last call is answered first."""
 
     def __init__(self, scene: int, law: str) -> None:
         self.scene, self.law = scene, law
@@ -26,21 +25,21 @@ class Mortal:
         """See :class:`vsconstraints.comparisons.runs.pool.Workers`."""
         self.asked.append(([task for (task,) in calls.values()], limits, again))
         for key, (task,) in reversed(calls.items()):
-            to_blame = task.single is None or task.single.controller == self.law
-            dies = task.scenes == (self.scene,) and task.conditions and to_blame
+            to_blame = task.single in (None, self.law) and task.conditions
+            dies = len(task.scenes) > 1 or (task.scenes == (self.scene,) and to_blame)
             yield key, Failure("it died") if dies else failed(task, "as asked")
 
 
 def test_pieces_of_all_tasks_stand_in_one_queue(tmp_path: Path) -> None:
-    work = Work(campaign(tmp_path), limit=7.0)
-    (family,) = work.campaign.families
-    tasks = [work.task(family, (0, 1)), work.task(family, (2, 3, 4))]
+    small = campaign(tmp_path)
+    (family,) = small.families
+    tasks = [task_of(small, family, scenes, 7.0) for scenes in ((0, 1), (2, 3, 4))]
     workers = Mortal(3, "sliding-mode")
-    found = list(by_pieces(tasks, workers))
+    found = list(results(tasks, workers))
     # the task that is whole first, and scenes of each in their order
-    assert [task.name for task, _ in found] == [tasks[0].name, tasks[1].name]
+    assert [i for i, _ in found] == [0, 1]
     assert [part.scenes["scene"].to_pylist() for _, part in found] == [[0, 1], [2, 3, 4]]
-    (scenes, no_limits, again), (runs, limits, runs_again) = workers.asked
+    _, (scenes, no_limits, again), (runs, limits, runs_again) = workers.asked
     assert [scene.scenes for scene in scenes] == [(0,), (1,), (2,), (3,), (4,)]
     assert (not no_limits, again, runs_again) == (True, False, True)
     # of the scene that nobody survived every run, in every condition, and what is said of the scene

@@ -30,18 +30,18 @@ from vsconstraints.errors import ConfigurationError
 from vsconstraints.reports import write_report
 from vsconstraints.reports.plots.image import Plane
 from vsconstraints.reports.replay import ReplayRun, film, page, replay_html, write_film, write_replay
-from vsconstraints.reports.replay.constraint_highlights import (
+from vsconstraints.reports.replay.page import image_data
+from vsconstraints.reports.replay.runs import (
     ACTIVE,
     INACTIVE,
     MAX_FRAMES,
     VIOLATED,
     Frames,
     highlights_of,
+    select_run,
     states,
     things_of,
 )
-from vsconstraints.reports.replay.page import image_data
-from vsconstraints.reports.replay.runs import select_run
 from vsconstraints.reports.replay.space import (
     INSET,
     MAX_TRIANGLES,
@@ -53,7 +53,7 @@ from vsconstraints.reports.replay.space import (
     scene_of,
     standpoint,
 )
-from vsconstraints.reports.scene3d import ArmMeshes, Part, bars_of, urdf_meshes
+from vsconstraints.reports.scene3d import Part, bars_of, visuals
 from vsconstraints.reports.selection import replayed_runs
 from vsconstraints.robots import ready_made
 from vsconstraints.scenarios import Scenario
@@ -234,14 +234,15 @@ def test_every_node_is_where_the_robot_has_it(name: str) -> None:
         assert np.abs(stage.points("/0 tip/axes") - robot.pose(q).act(axes.points)).max() < 1e-3
         if robot.source is None and not any(robot.prismatic):
             for i, bar in enumerate(bars_of(robot, q), start=1):
-                seen = stage.points(f"/0 joint {i}/link")
+                seen = np.concatenate([stage.points(one) for one in stage.nodes if one.startswith(f"/0 joint {i}/")])
                 # the link covers its bar, and no more than its drum around it
                 assert (bar.min(0) > seen.min(0) - 1e-3).all()
                 assert (bar.max(0) < seen.max(0) + 1e-3).all()
                 assert (seen.min(0) > bar.min(0) - 0.07).all()
         for i, slides in enumerate(robot.prismatic, start=1):
             if slides:
-                end = stage.points(f"/0 slide {i}/rail")
+                (rail,) = (name for name in stage.nodes if name.startswith(f"/0 slide {i}/rail"))
+                end = stage.points(rail)
                 joint = frames_of([still], [q], 0.0)[f"0 joint {i}"].pose.t
                 assert np.linalg.norm(end - joint, axis=1).min() < 0.005
 
@@ -263,7 +264,7 @@ def test_a_surface_is_moved_inwards(flipped: bool, split: bool, depth: float) ->
 
 def test_arms_in_one_place_have_no_surface_in_common() -> None:
     """Else they flicker into each other: every point of the second one is within the first."""
-    for outer in coarse(list(urdf_meshes(Scenario.load("ur5-fov").setup().scene.robot, 1.0).links)):
+    for outer in coarse([part.mesh for part in visuals(Scenario.load("ur5-fov").setup().scene.robot, 1.0)[0]]):
         first, second = inset(outer, 1e-12), inset(outer, INSET)
         away = second.points - first.points
         # what has no inside, as two faces back to back, stays; rounded to a quarter of a millimetre the others differ
@@ -273,9 +274,9 @@ def test_arms_in_one_place_have_no_surface_in_common() -> None:
 
 
 def test_meshes_are_those_of_the_robot_made_coarser() -> None:
-    meshes = urdf_meshes(ready_made("ur5"), 1.0)
-    links = coarse(list(meshes.links))
-    assert meshes.remark == ""
+    parts, remark = visuals(ready_made("ur5"), 1.0)
+    links = coarse([part.mesh for part in parts])
+    assert remark == ""
     assert 0.3 * MAX_TRIANGLES < sum(len(mesh.triangles) for mesh in links) <= MAX_TRIANGLES
     # the upper arm of a UR5 is 0.425 m from axis to axis
     assert 0.425 < np.ptp(links[2].points, axis=0).max() < 0.6
@@ -289,18 +290,19 @@ def test_a_missing_mesh_makes_bars_and_is_named(tmp_path: Path) -> None:
         '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
     )
 
-    def write(geometry: str) -> ArmMeshes:
+    def write(geometry: str) -> tuple[list[Part], str]:
         own = f"<visual><geometry>{geometry}</geometry></visual>"
         urdf.write_text(f'<robot name="r">{links.format("", own)}{joint}</robot>')
-        return urdf_meshes(Robot.from_urdf(urdf), 1.0)
+        return visuals(Robot.from_urdf(urdf), 1.0)
 
-    found = write('<mesh filename="gone.dae"/>')
-    assert "gone.dae" in found.remark
-    assert "Bars" in found.remark
-    assert sum(len(mesh.triangles) for mesh in found.drums) > 0
-    found = write('<box size="0.2 0.4 0.6"/>')
-    assert found.remark == ""
-    assert np.ptp(found.links[1].points, axis=0) == pytest.approx([0.2, 0.4, 0.6])
+    parts, remark = write('<mesh filename="gone.dae"/>')
+    assert "gone.dae" in remark
+    assert "Bars" in remark
+    assert "drum" in {part.name for part in parts}
+    (part,), remark = write('<box size="0.2 0.4 0.6"/>')
+    assert remark == ""
+    assert part.frame == "joint 1"
+    assert np.ptp(part.mesh.points, axis=0) == pytest.approx([0.2, 0.4, 0.6])
 
 
 # --- the page ---
@@ -454,7 +456,7 @@ def test_a_stored_run_is_found_again(tmp_path: Path) -> None:
     run_file(tmp_path, FOV, "tracking", 0).unlink()
     text = write_report(tmp_path, figures=False, replays=True).read_text()
     assert "Its replay could not be made" in text
-    assert "tracking--0.npz is missing or damaged" in text
+    assert "tracking--0.npz cannot be read: it is missing, damaged, or of another version" in text
 
 
 def test_the_most_telling_runs_are_the_deepest_outside_and_the_best_inside() -> None:

@@ -26,14 +26,13 @@ from vsconstraints.comparisons.record import run_file
 from vsconstraints.comparisons.runs.files import SUMS
 from vsconstraints.comparisons.tables import write_table
 from vsconstraints.errors import ConfigurationError
-from vsconstraints.reports import drawing, groups, report, write_report
-from vsconstraints.reports.best import Cell, comparable, marked
+from vsconstraints.reports import drawing, report, write_report
 from vsconstraints.reports.figures import FIGURES
-from vsconstraints.reports.groups import MAX_LAWS, grouped
+from vsconstraints.reports.groups import KINDS, MAX_LAWS, grouped, kind_of
 from vsconstraints.reports.markdown import Table, code, plain
 from vsconstraints.reports.numbers import error, number, over_trials, percent
 from vsconstraints.reports.plots import Figure, looks
-from vsconstraints.reports.results import Results
+from vsconstraints.reports.results import Cell, Results, comparable, marked
 from vsconstraints.reports.selection import MAX_LANES, MAX_PHI, acting_in, hidden_lanes, lane_rows, phi_rows
 from vsconstraints.reports.summary import endings_table, law_table, score_table
 
@@ -329,7 +328,7 @@ def test_a_frozen_law_is_best_in_nothing(tmp_path: Path) -> None:
     own = [line for t in tables_of(text) for line in t if line.get("controller") == "frozen"]
     assert len(own) > 4 + 2 * 4
     assert not any("**" in cell for line in own for cell in line.values())
-    assert "frozen 0 of 2" in text
+    assert column(text, "converged inside")["frozen"] == "0 of 2"
 
 
 def shown_values(line: dict[str, str]) -> dict[str, float]:
@@ -434,7 +433,7 @@ def test_the_best_is_marked(values: list[float], eligible: list[bool], better: A
     ],
 )
 def test_only_runs_that_did_the_task_are_compared(statuses: list[list[str]], expected: list[bool]) -> None:
-    assert comparable(statuses) == expected
+    assert comparable([[{"status": status} for status in own] for own in statuses]) == expected
 
 
 def test_marks_in_a_report(tmp_path: Path) -> None:
@@ -734,12 +733,12 @@ def test_many_laws_stand_together_by_what_they_use() -> None:
     found = {group.suffix: group for group in grouped(MANY)}
     fields = [f"field-{k}" for k in range(9)]
     assert {suffix: group.controllers for suffix, group in found.items()} == {
-        "--plain-1": ("tracking", *fields[:5]),
-        "--plain-2-drift-own": ("tracking", *fields[5:], "active", "barrier", "mine"),
+        "--1": ("tracking", *fields[:6]),
+        "--2": ("tracking", *fields[6:], "active", "barrier", "mine"),
     }
-    assert found["--plain-2-drift-own"].listed == (
-        "Laws without T_s, L_fφ, memory or model (2 of 2): field-5, field-6, field-7, field-8 and active; "
-        "laws that use L_fφ: barrier; own laws: mine"
+    assert found["--2"].listed == (
+        "Laws without T_s, L_fφ, memory or model: field-6, field-7, field-8 and active; Laws that use L_fφ: barrier; "
+        "Own laws: mine"
     )
     (only,) = grouped(dict(list(MANY.items())[: MAX_LAWS + 1]))
     assert only.controllers == ("tracking", *fields[:MAX_LAWS])
@@ -747,23 +746,20 @@ def test_many_laws_stand_together_by_what_they_use() -> None:
 
 
 @pytest.mark.parametrize(
-    ("used", "suffix"),
+    ("used", "title"),
     [
-        ((), "plain"),
-        (("σ", "K"), "plain"),
-        (("T_s", "σ"), "period"),
-        (("L_fφ", "T_s"), "drift-2"),
-        (("T_s", "memory"), "memory"),
-        (("L_gφ q̈ of the last sample", "T_s"), "memory"),
-        (("model", "memory"), "model"),
-        (None, "own"),
+        ((), "Laws without T_s, L_fφ, memory or model"),
+        (("σ", "K"), "Laws without T_s, L_fφ, memory or model"),
+        (("T_s", "σ"), "Laws that use T_s"),
+        (("L_fφ", "T_s"), "Laws that use L_fφ"),
+        (("T_s", "memory"), "Laws with memory"),
+        (("L_gφ q̈ of the last sample", "T_s"), "Laws with memory"),
+        (("model", "memory"), "Laws with a model"),
+        (None, "Own laws"),
     ],
 )
-def test_a_law_stands_by_the_last_that_it_uses(monkeypatch: pytest.MonkeyPatch, used: Any, suffix: str) -> None:
-    monkeypatch.setattr(groups, "required_information", lambda name, entry: used if name == "it" else ("L_fφ",))
-    found = grouped({name: {} for name in ("a", "b", "c", "d", "e", "f", "g", "it")} | {"tracking": {}, "h": {}})
-    (own,) = (group for group in found if "it" in group.controllers)
-    assert own.suffix.split("--")[-1] == suffix
+def test_a_law_stands_by_the_last_that_it_uses(used: Any, title: str) -> None:
+    assert KINDS[kind_of(used)][0] == title
 
 
 @settings(max_examples=50, deadline=None)

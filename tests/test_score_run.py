@@ -20,7 +20,8 @@ from vsconstraints.controllers import (
     make_controller,
 )
 from vsconstraints.controllers.demands import Switch
-from vsconstraints.controllers.resolvers import RESOLVERS, Resolver
+from vsconstraints.controllers.resolver import Resolver
+from vsconstraints.controllers.resolvers import RESOLVERS
 from vsconstraints.errors import ConfigurationError
 from vsconstraints.scenarios import Scenario
 from vsconstraints.simulation import RunScores, Setup, score_run, simulate, until_settled

@@ -15,7 +15,7 @@ DOUBT = 0.05
 GROUPS: dict[str, tuple[str, ...]] = {
     "metrics": (
         "src/vsconstraints/comparisons/metrics",
-        "src/vsconstraints/reports/best.py",
+        "src/vsconstraints/reports/results.py",
         "src/vsconstraints/reports/summary.py",
         "src/vsconstraints/compiled/samples.py",
     ),
@@ -25,11 +25,14 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "laws": (
         "src/vsconstraints/controllers/task_priority.py",
+        "src/vsconstraints/controllers/barriers.py",
+        "src/vsconstraints/controllers/demand.py",
         "src/vsconstraints/controllers/demands.py",
         "src/vsconstraints/controllers/law.py",
         "src/vsconstraints/controllers/laws.py",
         "src/vsconstraints/controllers/cascade.py",
         "src/vsconstraints/controllers/least_norm.py",
+        "src/vsconstraints/controllers/resolver.py",
         "src/vsconstraints/controllers/resolvers.py",
         "src/vsconstraints/simulation/plant.py",
         "src/vsconstraints/simulation/sensing.py",

@@ -19,7 +19,7 @@ import pytest
 from processes import left_over, marked, needs_proc
 from vsconstraints.comparisons.evidence import Campaign, Evidence, Part, Plan, Progress, collect, scored
 from vsconstraints.comparisons.evidence.cluster import cluster
-from vsconstraints.comparisons.evidence.task import Work
+from vsconstraints.comparisons.evidence.work import tasks_of
 from vsconstraints.comparisons.metrics import TIMING_COLUMNS
 from vsconstraints.errors import WorkersLost
 
@@ -82,7 +82,7 @@ def campaign() -> Campaign:
 
 @pytest.fixture(scope="module")
 def in_one_process(campaign: Campaign) -> dict[str, Any]:
-    here = Part.joined([scored(task) for task in Work(campaign).tasks().values()])
+    here = Part.joined([scored(task) for task in tasks_of(campaign).values()])
     return {name: getattr(here, name).to_pandas() for name in ("runs", "rows", "scenes")}
 
 

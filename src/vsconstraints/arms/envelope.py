@@ -58,9 +58,8 @@ class Envelope:
 
     def box(self, q: Array, qd: Array, last: Array) -> tuple[Array, Array]:
         """(n,) least and greatest q̈ from a state after the command ``last``, by :func:`.formulas.limits.joint_box`."""
-        change = self.jerk * self.period
-        own = JointLimits(self.acceleration, change, self.q_min, self.q_max, self.qd_max, 1, self.period)
-        least, greatest = joint_box(q, qd, last, own)
+        ranges, change = (self.q_min, self.q_max, self.qd_max), self.jerk * self.period
+        least, greatest = joint_box(q, qd, last, JointLimits(self.acceleration, change, *ranges, 1, self.period))
         return least, greatest
 
     def refusal(self, before: Setpoint, after: Setpoint) -> str:
@@ -74,14 +73,14 @@ class Envelope:
         if not np.isfinite(numbers).all():
             return "it is not finite"
         room = ROUNDING * np.maximum(1.0, np.abs(after.q))
-        found = (
+        violations = (
             ("is outside its range", (after.q < self.q_min - room) | (after.q > self.q_max + room), after.q),
             ("exceeds its speed", np.maximum(np.abs(after.qd), np.abs(moved)) > _beyond(self.qd_max), after.qd),
             ("exceeds its acceleration", np.abs(changed) > _beyond(self.acceleration), changed),
             ("exceeds its jerk", np.abs(after.qdd - before.qdd) / T > _beyond(self.jerk), after.qdd),
             ("jumps", np.abs(moved - 0.5 * (before.qd + after.qd)) > ROUNDING + 0.01 * self.acceleration * T, moved),
         )
-        for what, wrong, value in found:
+        for what, wrong, value in violations:
             if wrong.any():
                 j = int(np.argmax(wrong))
                 return f"joint {j + 1} {what}: {value[j]:.6g}"
@@ -149,11 +148,11 @@ class Brake:
     def _decide(self, q: Array, qd: Array) -> tuple[Array, Array]:
         """(n,) deceleration and jerk of each joint."""
         limits, speed = self.envelope, np.abs(qd)
-        own = limits.acceleration, limits.jerk
+        each = limits.acceleration, limits.jerk
         moving = speed > AT_REST
         if not moving.any():
             self.straight = True
-            return own
+            return each
         share = float((limits.acceleration[moving] / speed[moving]).min())
         jerk = float((limits.jerk[moving] / speed[moving]).min())
         # on the way of unit speed: the deceleration grows, holds and falls
@@ -161,4 +160,4 @@ class Brake:
         end = q + length * qd
         self.straight = bool(((end >= limits.q_min) & (end <= limits.q_max) | ~moving).all())
         still = np.maximum(speed, 1e-3 * AT_REST)
-        return (share * still, jerk * still) if self.straight else own
+        return (share * still, jerk * still) if self.straight else each

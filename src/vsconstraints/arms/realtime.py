@@ -53,18 +53,15 @@ class RealClock:
 class SimulatedClock:
     """Advances when it is waited for, and never otherwise."""
 
-    simulated = True
-
-    def __init__(self) -> None:
-        self._now = 0.0
+    simulated, t = True, 0.0
 
     def now(self) -> float:
         """[s]."""
-        return self._now
+        return self.t
 
     def wait(self, until: float) -> None:
         """Advance to that instant."""
-        self._now = max(self._now, until)
+        self.t = max(self.t, until)
 
 
 Clock = RealClock | SimulatedClock
@@ -77,7 +74,7 @@ class Permitted:
     fifo: str | None
     locked: str | None
 
-    def said(self) -> list[str]:
+    def sentences(self) -> list[str]:
         """One sentence each."""
         fifo, locked = ("not asked for" if why is None else why for why in (self.fifo, self.locked))
         return [

@@ -99,7 +99,7 @@ def run(
         console.print(f"Dry run: {robot} is not a real arm, and nothing moves.")
     with real_time(priority and not driver.simulated_time) as permitted:
         if not driver.simulated_time:
-            console.print(f"Real time: {'; '.join(permitted.said())}.")
+            console.print(f"Real time: {'; '.join(permitted.sentences())}.")
             console.print(f"If the loop stops sending: {driver.watchdog or NO_WATCHDOG}.")
             for warning in permitted.warnings():
                 errors.print(f"warning: {warning}")

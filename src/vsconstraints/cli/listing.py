@@ -13,8 +13,8 @@ from ..arms.drivers import DRIVERS, driver_class
 from ..comparisons.metrics import METRICS, Metric
 from ..constraints.curves import SHAPES
 from ..controllers import CONTROLLERS, DEMANDS, RESOLVERS
-from ..controllers.demands import USES as REQUIRED_BY_DEMANDS
-from ..controllers.resolvers import USES as REQUIRED_BY_RESOLVERS
+from ..controllers.demand import USES as REQUIRED_BY_DEMANDS
+from ..controllers.resolver import USES as REQUIRED_BY_RESOLVERS
 from ..errors import ConfigurationError, unknown_name
 from ..qp import make_solver, solver_names
 from ..robots.catalogue import READY_MADE

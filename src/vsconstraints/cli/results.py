@@ -333,27 +333,27 @@ def evidence_report(folder: Path, wanted: ReportOptions, tuning: Path | None = N
 
 
 def print_laws(folder: Path) -> None:
-    """Print the table that the report of a comparison begins with, and its legend."""
+    """Print the table that the report of a comparison begins with."""
     from rich.table import Table
 
     from ..comparisons import StoredComparison
     from ..reports.results import Results
-    from ..reports.summary import FIRST_LEGEND, law_columns
+    from ..reports.summary import law_table
 
     results = Results(StoredComparison.load(folder))
     if not results.competitors:
         return
-    names, columns = law_columns(results)
+    laws = law_table(results)
     table = Table(box=None, padding=(0, 1, 0, 0))
-    table.add_column("controller", no_wrap=True)
-    for header, texts in columns:
+    for k, header in enumerate(laws.header):
         # headers are broken at spaces, values stay whole
-        widest = max(map(len, (*header.split(), *(_emphasised(text).plain for text in texts))))
-        table.add_column(header, justify="right", min_width=widest)
-    for i, name in enumerate(names):
-        table.add_row(Text(name), *(_emphasised(texts[i]) for _, texts in columns))
+        widest = max(map(len, (*header.split(), *(_emphasised(line[k]).plain for line in laws.lines))))
+        table.add_column(header, justify="right" if k else "left", min_width=widest, no_wrap=not k)
+    for line in laws.lines:
+        table.add_row(*map(_emphasised, line))
     console.print(table, crop=False, overflow="ignore")
-    console.print(FIRST_LEGEND.replace("*", ""))
+    why = "the controller failed a run that another one solved, or violated a constraint"
+    console.print(f"Timings are not ranked. In parentheses: excluded from the ranking, since {why}.")
 
 
 def _emphasised(text: str) -> Text:

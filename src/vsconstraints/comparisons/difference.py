@@ -20,39 +20,20 @@ from .metrics import METRICS, RESULT_COLUMNS, TIMING_COLUMNS, Metric
 from .runs.folder import kind_of
 from .runs.spec import BASELINE
 from .statistics import SCENE, paired, simultaneous
-from .statistics.judged import (
-    MIN_SCENES,
-    converged,
-    judged_metric,
-    judged_metrics,
-    resolution,
-    values,
-    violated,
-)
+from .statistics.judged import MIN_SCENES, converged, judged_metric, judged_metrics, resolution, values, violated
 from .statistics.rates import sign_test
 from .stored import StoredComparison
 
-SIGNIFICANT = 0.05
-"""Chance, over all tests of a difference together, to find something where there is nothing."""
-
-TOLERANCE = 1e-6
-"""Share of a value by which it may move: another machine rounds otherwise."""
-
+SIGNIFICANT = 0.05  # chance, over all tests of a difference together, to find something where there is nothing
+TOLERANCE = 1e-6  # share of a value by which it may move: another machine rounds otherwise
 SCORES = [metric.column for metric in METRICS if metric.value is not None and metric.column not in TIMING_COLUMNS]
 """Columns that are equal if a run is: all but times."""
 
-PARTS = {
-    "version": "code",
-    "git_commit": "code",
-    "code": "code",
-    "configuration": "settings",
-    "packages": "packages",
-    "machine": "machine",
-}
+PARTS = dict.fromkeys(("version", "git_commit", "code"), "code")
+PARTS |= {"configuration": "settings", "packages": "packages", "machine": "machine"}
 """Entries of a manifest that results depend on, and what they are part of."""
 
-NAMED = ("scenarios", "controllers", "families")
-"""Tables of a configuration that hold a table for each name."""
+NAMED = ("scenarios", "controllers", "families")  # tables of a configuration that hold a table for each name
 
 OUTCOMES: dict[str, Callable[[Any], Any]] = {
     "converges": converged,
@@ -231,17 +212,13 @@ def changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Change]:
 
 
 def _different(a: Any, b: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
-    """Paths to what differs, as deep as both have the same tables."""
-
-    def are_tables(value: Any) -> bool:
-        return isinstance(value, list) and bool(value) and all(isinstance(entry, dict) for entry in value)
-
+    """Paths to what differs, as deep as both have the same tables, or lists of as many tables."""
+    lists = isinstance(a, list) and isinstance(b, list) and len(a) == len(b) > 0
+    if lists and all(isinstance(entry, dict) for entry in (*a, *b)):
+        a, b = (dict(enumerate(side)) for side in (a, b))
     if isinstance(a, dict) and isinstance(b, dict):
         for key in dict.fromkeys((*a, *b)):
             yield from _different(a.get(key), b.get(key), (*path, str(key)))
-    elif are_tables(a) and are_tables(b) and len(a) == len(b):
-        for i in range(len(a)):
-            yield from _different(a[i], b[i], (*path, str(i)))
     elif a != b:
         yield path, a, b
 

@@ -23,6 +23,8 @@ ARM_LOG = Path("arm", "log.npz")
 ON_ARM = re.compile(r"on [\w-]+://[^;]*")
 """How the reason of a run on an arm begins."""
 
+KINDS = Kinds(("scenario", "controller"), "trial", "scenario")
+
 
 def stored_files(folder: Path) -> list[Path]:
     """The files that a comparison consists of, reports apart, where they are there."""
@@ -70,11 +72,11 @@ def _settings(configuration: object) -> dict[tuple[str, str], Any]:
     """What results depend on: the seed, and scenarios and controllers by their names."""
     if not isinstance(configuration, dict):
         return {}
-    found: dict[tuple[str, str], Any] = {("seed", ""): configuration.get("seed")}
+    settings = {("controller", name): entry for name, entry in _dict(configuration.get("controllers")).items()}
     for name, entry in _dict(configuration.get("scenarios")).items():
         tables = _dict(_dict(entry).get("tables"))
-        found["scenario", name] = {key: tables[key] for key in tables if key not in ("title", "description")}
-    return found | {("controller", name): entry for name, entry in _dict(configuration.get("controllers")).items()}
+        settings["scenario", name] = {key: tables[key] for key in tables if key not in ("title", "description")}
+    return {**settings, ("seed", ""): configuration.get("seed")}
 
 
 def _dict(data: object) -> dict[str, Any]:
@@ -83,19 +85,13 @@ def _dict(data: object) -> dict[str, Any]:
 
 def _finished(folder: Path) -> dict[tuple[str, str, str], str]:
     """Scenario, controller and trial of every line of results.csv that can be read, and its reason."""
+    names = ("scenario", "controller", "trial")
     try:
         with (folder / "results.csv").open(newline="", encoding="utf-8", errors="replace") as file:
-            lines = list(csv.DictReader(file))
+            lines = [line for line in csv.DictReader(file) if all(line.get(name) for name in names)]
     except (OSError, csv.Error):
         return {}
-    return {
-        (line["scenario"], line["controller"], line["trial"]): line.get("reason") or ""
-        for line in lines
-        if all(line.get(name) for name in ("scenario", "controller", "trial"))
-    }
-
-
-KINDS = Kinds(("scenario", "controller"), "trial", "scenario")
+    return {(line["scenario"], line["controller"], line["trial"]): line.get("reason") or "" for line in lines}
 
 
 def keep_trajectories(folder: Path, keep: Keep) -> int:
@@ -110,7 +106,7 @@ def keep_trajectories(folder: Path, keep: Keep) -> int:
         run_file(folder, line["scenario"], line["controller"], int(line["trial"]))
         for line in (*kept_lines(lines, keep, KINDS), *driven)
     }
-    stored = set((folder / "trajectories").glob("*.npz"))
+    stored = set((folder / TRAJECTORIES).glob("*.npz"))
     try:
         for path in stored - files:
             path.unlink(missing_ok=True)

@@ -38,6 +38,7 @@ SHAPES = {
 }
 """Axes of the arrays of a record: samples N, joints n, rows m, features k, markers M, robot points p, goals g."""
 
+TEXTS = ("labels", "kinds", "units")
 FLAGS = ("active", "saturated", "settled")
 FACTS: dict[str, Any] = {
     **dict.fromkeys(("status", "reason", "fingerprint"), str),
@@ -50,6 +51,8 @@ FACTS: dict[str, Any] = {
 }
 """Arrays that are no numbers, and what else a record holds."""
 
+TRAJECTORY = [f.name for f in fields(Trajectory)]
+
 
 @dataclass(frozen=True)
 class RunRecord:
@@ -61,14 +64,10 @@ class RunRecord:
         Of the simulation.
     kinds, units, length, switching_gain
         (m,) of each row: its kind, unit, characteristic length L in that unit, and u⁺.
-    approach_time
-        (m,) K of each row [s]; 0 for rows of speeds.
-    sampling_band
-        (m,) how far outside sampling alone puts each row, in its unit.
-    settled
-        (N,) whether the current goal counts as reached at each sample.
-    goal_begins
-        (g,) when each goal begins [s].
+    approach_time, sampling_band
+        (m,) K of each row [s], 0 for rows of speeds; how far outside sampling alone puts each row, in its unit.
+    settled, goal_begins
+        (N,) whether the current goal counts as reached at each sample; (g,) when each goal begins [s].
     common
         Samples of the scenario's duration, which all laws share: scores per second are of these.
     Ts
@@ -120,40 +119,36 @@ class RunRecord:
     @classmethod
     def failed(cls, reason: str, fingerprint: str) -> RunRecord:
         """The record of a run that left nothing but its reason."""
-        empty: dict[str, Any] = {
-            name: np.empty(
-                [int(axis) if axis.isdecimal() else 0 for axis in axes], np.bool_ if name in FLAGS else float
-            )
-            for name, axes in SHAPES.items()
-        }
-        empty.update(dict.fromkeys(("labels", "kinds", "units"), ()))
-        empty.update(status="failed", reason=one_line(reason), fallbacks=0, compiled=False)
-        trajectory = Trajectory(**{f.name: empty.pop(f.name) for f in fields(Trajectory)})
-        return cls(trajectory, **empty, common=0, Ts=np.nan, fingerprint=fingerprint)
+        values: dict[str, Any] = dict.fromkeys(TEXTS, ())
+        for name, axes in SHAPES.items():
+            shape = [int(axis) if axis.isdecimal() else 0 for axis in axes]
+            values.setdefault(name, np.empty(shape, np.bool_ if name in FLAGS else float))
+        values |= {"status": "failed", "reason": one_line(reason), "fallbacks": 0, "compiled": False}
+        return cls._from({**values, "common": 0, "Ts": math.nan, "fingerprint": fingerprint})
+
+    @classmethod
+    def _from(cls, values: Mapping[str, Any]) -> RunRecord:
+        """From its attributes and those of its trajectory."""
+        others = {name: value for name, value in values.items() if name not in TRAJECTORY}
+        return cls(Trajectory(**{name: values[name] for name in TRAJECTORY}), **others)
 
     def save(self, path: Path) -> None:
         """Write the file whole or not at all; raises OSError, and what an own part's strange arrays may raise."""
-        values = {**_values(self.trajectory), **_values(self)}
-        del values["trajectory"]
+        values = {name: getattr(self.trajectory, name) for name in TRAJECTORY}
+        values |= {f.name: getattr(self, f.name) for f in fields(self)[1:]}
         write_arrays(path, {**values, "labels": np.array(self.trajectory.labels, dtype=np.str_)})
 
     @classmethod
     def load(cls, path: Path, samples: float = math.inf) -> RunRecord | None:
         """What the file holds; None if there is none or it is not a whole record of this version.
 
-        Parameters
-        ----------
-        path
-            Of the file.
-        samples
-            How many there can be: what is longer, or would take more memory than these, is not expanded.
+        What has more than ``samples``, or would take more memory than these, is not expanded.
         """
         with suppress(Exception):  # a damaged file can raise anything: of the archive, its compression, NumPy, JSON
             values = read_arrays(path, min(MAX_BYTES, SAMPLE_MEMORY * (1.0 + samples)))
-            for name in ("labels", "kinds", "units"):
-                values[name] = tuple(str(text) for text in values[name])
+            values |= {name: tuple(map(str, values[name])) for name in TEXTS}
             _demand_shapes(values, samples)
-            return cls(Trajectory(**{f.name: values.pop(f.name) for f in fields(Trajectory)}), **values)
+            return cls._from(values)
         return None
 
 
@@ -177,10 +172,6 @@ def _demand_shapes(values: Mapping[str, Any], samples: float) -> None:
             raise TypeError(f"{name} is {values[name]!r}")
     if values["status"] not in get_args(Outcome):
         raise ValueError(f"status is {values['status']!r}")
-
-
-def _values(data: RunRecord | Trajectory) -> dict[str, Any]:
-    return {f.name: getattr(data, f.name) for f in fields(data)}
 
 
 def stored_run(spec: RunSpec, folder: Path) -> RunRecord | None:

@@ -53,6 +53,11 @@ class Run:
         """Its scores without a baseline: no row counts as challenged, and there is no utilization."""
         return score(self.record, None)
 
+    @property
+    def settling_time(self) -> float:
+        """From the last change of the goal until the error stays within tolerance [s]; NaN if it does not."""
+        return float(self.score.result["settling_time_s"])
+
     def index(self, label: str) -> int:
         """Index of a row; raises ValueError that names the label if there is none."""
         return self.trajectory.labels.index(label)
@@ -112,11 +117,6 @@ class Run:
             inside |= (self.t >= first) & (self.t <= last)
         return self.phi(label)[inside]
 
-    @property
-    def settling_time(self) -> float:
-        """From the last change of the goal until the error stays within tolerance [s]; NaN if it does not."""
-        return float(self.score.result["settling_time_s"])
-
     def approach_speed(self, label: str) -> Array:
         """(N,) how fast a row's clearance shrinks [its unit per second], averaged over five samples."""
         clearance = self.trajectory.clearance[:, self.index(label)]
@@ -149,14 +149,8 @@ class Run:
 def perform(spec: RunSpec, *, by_public_call: bool = False, to_the_goal: bool = False) -> Run:
     """Make a run; raises what the scenario, the controller or the simulation raise.
 
-    Parameters
-    ----------
-    spec
-        What is run.
-    by_public_call
-        See :func:`vsconstraints.simulation.simulate`.
-    to_the_goal
-        Whether a run that has not settled goes on: see :func:`vsconstraints.simulation.until_settled`.
+    ``by_public_call`` is that of :func:`vsconstraints.simulation.simulate`; with ``to_the_goal`` a run that has not
+    settled goes on: see :func:`vsconstraints.simulation.until_settled`.
     """
     scenario = spec.load()
     # own parts may change the working directory, and import what lies beside them whenever they like
@@ -187,10 +181,7 @@ def kept_file(folder: Path, spec: RunSpec, what: str = "record") -> Path:
 def unfinished(folder: Path | None) -> Iterator[Path]:
     """The folder ``unfinished`` below a command's own, or a temporary one if None; removed when the block is complete.
 
-    Raises
-    ------
-    ConfigurationError
-        if it cannot be made.
+    Raises ConfigurationError if it cannot be made.
     """
     if folder is None:
         with tempfile.TemporaryDirectory() as temporary:

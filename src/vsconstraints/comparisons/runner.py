@@ -43,10 +43,8 @@ class Finished:
     ----------
     folder, scores
         Where it is stored, and a score per run; fewer if it was interrupted.
-    stored_before
-        How many were not run again.
-    wall_time
-        [s].
+    stored_before, wall_time
+        How many were not run again, and how long it took [s].
     interrupted
         Number of the signal that ended it; 0 if none did.
     """
@@ -136,30 +134,55 @@ def compare(
             scores[key], stored = answer
             stored_before += stored
             with suppress(OSError):  # a full disk: the tables are written once more at the end
-                for (name, columns), lines in zip(TABLES.items(), _lines(suite, [key], scores), strict=True):
-                    append_lines(folder / name, columns, lines, first)
+                for path, columns, lines in _tables(folder, suite, {key: scores[key]}):
+                    append_lines(path, columns, lines, first)
                 if not stored:
                     add_sums(folder, [run_file(folder, *key)])
             on_finished(runs[key], *answer)
 
         interrupted = 0
         try:
-            _carry_out(runs, folder, workers, limit, fresh, done)
+            _run_all(runs, (folder, fresh), workers, limit, done)
         except INTERRUPTS as interrupt:
             interrupted = signal_of(interrupt)
         # in the suite's order, whatever order they finished in
-        finished = [key for key in runs if key in scores]
+        scores = {key: scores[key] for key in runs if key in scores}
         wall_time = time.perf_counter() - started
-        compiled = Counter(bool(scores[key].result["compiled"]) for key in finished)
-        manifest.update(wall_time_s=wall_time, runs=len(runs), finished=len(finished), stored_before=stored_before)
+        compiled = Counter(bool(each.result["compiled"]) for each in scores.values())
+        manifest.update(wall_time_s=wall_time, runs=len(runs), finished=len(scores), stored_before=stored_before)
         manifest.update(compiled={"compiled": compiled[True], "NumPy": compiled[False]}, loaded=loaded_versions())
         with storing("results", folder):
-            for (name, columns), lines in zip(TABLES.items(), _lines(suite, finished, scores), strict=True):
-                if finished or not (folder / name).exists():
-                    write_table(folder / name, columns, lines)
+            for path, columns, lines in _tables(folder, suite, scores):
+                if scores or not path.exists():
+                    write_table(path, columns, lines)
             write_json(folder / MANIFEST, manifest)
             seal(folder, stored_files(folder))
         return Finished(folder, scores, stored_before, wall_time, interrupted)
+
+
+def _run_all(
+    runs: Mapping[Key, RunSpec],
+    storage: tuple[Path, bool],
+    workers: int | None,
+    limit: float | None,
+    done: Callable[[Key, tuple[Score, bool] | Failure], None],
+) -> None:
+    """Baselines first, since the others are scored against them; in other processes, where those can make the run."""
+    baselines = {key: run for key, run in runs.items() if run.controller.name == BASELINE}
+    by_scene = {(run.name, run.trial): run for run in baselines.values()}
+    calls = {key: (run, *storage, by_scene[run.name, run.trial]) for key, run in runs.items()}
+    limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
+    here = [key for key, run in runs.items() if workers == 0 or run.here]
+    for key in here:
+        if key in baselines:
+            done(key, run_stored(*calls[key]))
+    elsewhere = [key for key in runs if key not in set(here)]
+    first, others = ({key: calls[key] for key in elsewhere if (key in baselines) is among} for among in (True, False))
+    if elsewhere:
+        carry_out(run_stored, first, others, workers=workers, limits=limits, on_answer=done)
+    for key in here:
+        if key not in baselines:
+            done(key, run_stored(*calls[key]))
 
 
 def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSpec | None = None) -> tuple[Score, bool]:
@@ -167,27 +190,26 @@ def run_stored(spec: RunSpec, folder: Path, fresh: bool = False, baseline: RunSp
 
     Whatever goes wrong, while it is simulated, scored or stored, becomes a failed run with its reason.
     """
+
+    def scored(record: RunRecord) -> Score:
+        # the baseline of an earlier comparison does not count
+        own = record if spec == baseline else None if baseline is None else stored_run(baseline, folder)
+        return score(record, own)
+
     with suppress(Exception):  # what cannot be read or scored is damaged, and run again
         record = None if fresh else stored_run(spec, folder)
         if record is not None:
-            return _scored(spec, record, folder, baseline), True
+            return scored(record), True
     path = run_file(folder, *spec.key)
     try:
         # an older trajectory is removed, however this run ends
         path.unlink(missing_ok=True)
         record = _simulated(spec)
-        result = _scored(spec, record, folder, baseline)
+        result = scored(record)
         record.save(path)
     except Exception as error:  # this is where one run ends and the others begin
         result = score(RunRecord.failed(f"the run cannot be stored: {described(error)}", ""), None)
     return result, False
-
-
-def _scored(spec: RunSpec, record: RunRecord, folder: Path, baseline: RunSpec | None) -> Score:
-    if baseline is None or spec == baseline:
-        return score(record, None if baseline is None else record)
-    # that of an earlier comparison does not count
-    return score(record, stored_run(baseline, folder))
 
 
 def _simulated(spec: RunSpec) -> RunRecord:
@@ -206,37 +228,12 @@ def _simulated(spec: RunSpec) -> RunRecord:
     return replace(record, files={**read, **files, **(imported() if spec.has_own_parts else {})})
 
 
-def _carry_out(
-    runs: Mapping[Key, RunSpec],
-    folder: Path,
-    workers: int | None,
-    limit: float | None,
-    fresh: bool,
-    done: Callable[[Key, tuple[Score, bool] | Failure], None],
-) -> None:
-    """Baselines first, since the others are scored against them; in other processes, where those can make the run."""
-    baselines = {key: run for key, run in runs.items() if run.controller.name == BASELINE}
-    by_scene = {(run.name, run.trial): run for run in baselines.values()}
-    calls = {key: (run, folder, fresh, by_scene[run.name, run.trial]) for key, run in runs.items()}
-    limits = {key: limit or run_limit(run.load().tables) for key, run in runs.items()}
-    here = dict.fromkeys(key for key, run in runs.items() if workers == 0 or run.here)
-    for key in here:
-        if key in baselines:
-            done(key, run_stored(*calls[key]))
-    elsewhere = [key for key in runs if key not in here]
-    first, others = ({key: calls[key] for key in elsewhere if (key in baselines) is among} for among in (True, False))
-    if elsewhere:
-        carry_out(run_stored, first, others, workers=workers, limits=limits, on_answer=done)
-    for key in here:
-        if key not in baselines:
-            done(key, run_stored(*calls[key]))
-
-
-def _lines(suite: Suite, keys: Sequence[Key], scores: Mapping[Key, Score]) -> list[list[dict[str, Any]]]:
-    """Lines of the :data:`TABLES`."""
+def _tables(
+    folder: Path, suite: Suite, scores: Mapping[Key, Score]
+) -> list[tuple[Path, Sequence[str], list[dict[str, Any]]]]:
+    """Files, columns and lines of the :data:`TABLES`."""
     names = ("suite", "scenario", "controller", "trial")
-    runs = [(dict(zip(names, (suite.name, *key), strict=True)), scores[key]) for key in keys]
-    return [
-        [{**own, **score.result} for own, score in runs],
-        [{**own, **row} for own, score in runs for row in score.constraints],
-    ]
+    runs = [(dict(zip(names, (suite.name, *key), strict=True)), score) for key, score in scores.items()]
+    results = [{**own, **score.result} for own, score in runs]
+    rows = [{**own, **row} for own, score in runs for row in score.constraints]
+    return [(folder / name, TABLES[name], lines) for name, lines in zip(TABLES, (results, rows), strict=True)]

@@ -59,31 +59,15 @@ class StoredComparison:
         ConfigurationError
             that says what is missing in it, or is not what a comparison has stored.
         """
-        for name in (MANIFEST, "results.csv", "constraints.csv"):
+        tables = {"results.csv": RESULT_COLUMNS, "constraints.csv": CONSTRAINT_COLUMNS}
+        for name in (MANIFEST, *tables):
             if not (folder / name).is_file():
                 raise ConfigurationError(f"{folder} holds no comparison: {name} is missing")
         manifest, remarks = read_folder(folder, stored_files(folder), _demand_readable, trust, ("scenarios",))
-        results = read_table(folder / "results.csv", RESULT_COLUMNS)
-        constraints = read_table(folder / "constraints.csv", CONSTRAINT_COLUMNS)
-        stored = cls(folder, manifest, results, constraints, trust, remarks)
-        for name, lines, own in (("results.csv", results, ()), ("constraints.csv", constraints, ("constraint",))):
-            stored._check(folder / name, lines, ("scenario", "controller", "trial", *own))
-        return stored
-
-    def _check(self, path: Path, lines: list[dict[str, Any]], key: tuple[str, ...]) -> None:
-        """Raise ConfigurationError if a line is there twice, or of a run that is not in the manifest."""
-        seen = set()
-        scenarios, controllers = self.scenarios, set(self.controllers)
-        trials = self.manifest["configuration"].get("trials", 1)
-        for line in lines:
-            scenario, controller, trial, *_ = own = tuple(line[name] for name in key)
-            planned = scenario in scenarios and controller in controllers and trial < trials
-            if own in seen or not planned:
-                run = f"scenario {shown(scenario)}, controller {shown(controller)}, trial {trial:g}"
-                raise ConfigurationError(
-                    f"{path} has {run}{' twice' if planned else f', which {MANIFEST} beside it does not have'}"
-                )
-            seen.add(own)
+        results, constraints = (read_table(folder / name, columns) for name, columns in tables.items())
+        for name, lines in zip(tables, (results, constraints), strict=True):
+            _demand_planned(lines, manifest["configuration"], folder / name)
+        return cls(folder, manifest, results, constraints, trust, remarks)
 
     @cached_property
     def scenarios(self) -> dict[str, Scenario]:
@@ -104,6 +88,24 @@ class StoredComparison:
         """A stored run; None if its trajectory is not there, or longer than its scenario allows."""
         file = run_file(self.folder, scenario, controller, trial)
         return RunRecord.load(file, most_samples(self.scenarios[scenario].tables))
+
+
+def _demand_planned(lines: Iterable[Mapping[str, Any]], configuration: Mapping[str, Any], path: Path) -> None:
+    """Raise ConfigurationError if a line is there twice, or of a run that is not in the manifest."""
+    seen = set()
+    for line in lines:
+        scenario, controller, trial = run = line["scenario"], line["controller"], line["trial"]
+        key = *run, line.get("constraint")
+        planned = (
+            scenario in configuration["scenarios"]
+            and controller in configuration["controllers"]
+            and trial < configuration.get("trials", 1)
+        )
+        if key in seen or not planned:
+            named = f"scenario {shown(scenario)}, controller {shown(controller)}, trial {trial:g}"
+            why = " twice" if planned else f", which {MANIFEST} beside it does not have"
+            raise ConfigurationError(f"{path} has {named}{why}")
+        seen.add(key)
 
 
 def read_folder(
@@ -138,8 +140,8 @@ def read_folder(
         raise ConfigurationError(f"{path} cannot be read: {error}") from error
     demand_readable(manifest, str(path))
     code = [] if trust else list(code_named([manifest["configuration"][name] for name in with_code]))
-    remarks = [str(untrusted("some of what is drawn", code))] if code else []
-    return dict(manifest), tuple(filter(None, (remark, *remarks)))
+    remarks = (remark, str(untrusted("some of what is drawn", code)) if code else "")
+    return dict(manifest), tuple(filter(None, remarks))
 
 
 def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
@@ -168,8 +170,8 @@ def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
 def part(kind: type[Part], value: object, where: str) -> Part:
     """The entries of a table that readers need, as a dataclass; raises ConfigurationError for wrong ones."""
     table = demand_table(value, where)
-    found: Part = from_table(kind, {name: table[name] for name in parameters(kind) if name in table}, where)
-    return found
+    entries: Part = from_table(kind, {name: table[name] for name in parameters(kind) if name in table}, where)
+    return entries
 
 
 @dataclass(frozen=True)

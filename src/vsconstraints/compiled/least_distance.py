@@ -23,7 +23,7 @@ from .linear import (
     solve_upper,
 )
 from .scratch import matrix
-from .structures import FAILED, INCOMPATIBLE, SOLVED, Scratch
+from .workspace import FAILED, INCOMPATIBLE, SOLVED, Scratch
 
 EXCEEDED = 1e-12
 """A row exceeded by less than this fraction of its terms is met."""

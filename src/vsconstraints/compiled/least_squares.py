@@ -26,7 +26,7 @@ from .linear import (
     squares,
 )
 from .scratch import blank, matrix
-from .structures import Scratch
+from .workspace import Scratch
 
 CERTAIN = 30.0
 """Full rank is certain if the bound of the least singular value exceeds the tolerance by this factor.

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiled import entry, load
+from ..compiled import load
 from ..constraints import Constraint, ConstraintSet
 from ..errors import InvalidInput, SceneError
 from ..robots.geometry import Pose
@@ -100,8 +99,8 @@ class Bound:
         kernels = load("step")
         self.packed, self.out = packed, packed.out
         self.now = Evaluation(packed, constraints, self.out)
-        self.evaluate: Callable[[float, Array, Array], int] = partial(entry(kernels.evaluate_step), packed.address)
-        self.measure: Callable[[Array, Array, float, float], int] = partial(entry(kernels.measure), packed.address)
+        self.evaluate: Callable[[float, Array, Array], int] = kernels.evaluate_step.bind(packed.workspace)
+        self.measure: Callable[[Array, Array, float, float], int] = kernels.measure.bind(packed.workspace)
 
 
 class CurrentState(NamedTuple):
@@ -169,7 +168,7 @@ class Evaluator:
         step = self.packed.step
         self._now, self._correction, self._slip = (step.time, step.q, step.qd), step.correction, step.slip
         self.last_command, self.innovation, self._bounds = step.last_command, step.innovation, step.bounds
-        self._evaluate_step = load("step").evaluate_step.unchecked
+        self._evaluate_step = load("step").evaluate_step.bind(self.packed.workspace, typed=True)
         self.plausible = plausible or Plausible()
 
     @property
@@ -263,10 +262,10 @@ class Evaluator:
         if measured is not None:
             packed.measure(measured)
         try:
-            refused = self._evaluate_step(packed.address, t, q, qd)
+            refused = self._evaluate_step(t, q, qd)
         except TypeError:
             t, q, qd = self._checked(t, q, qd)
-            refused = self._evaluate_step(packed.address, t, q, qd)
+            refused = self._evaluate_step(t, q, qd)
         if refused:
             t, q, qd = self._checked(t, q, qd)
             self.scene.project(self.scene.camera_pose(q, t))
@@ -289,7 +288,7 @@ class Evaluator:
             goal, k = task.goal_at(t), packed.size.k
             previous = packed.step.last_error[:k].copy() if packed.step.last[0]["goal"] == goal else None
             packed.insert_feature(task.feature.evaluate(state, task.goals[goal], previous))
-            load("step").follow(packed.address, t)
+            load("step").follow(packed.workspace, t)
 
     def _state(self) -> State:
         """What the compiled step has just evaluated, for parts in NumPy."""
@@ -347,5 +346,5 @@ class Evaluator:
         if q.shape != (len(t), size.n):
             raise InvalidInput(f"coordinates at {len(t)} times must be of the shape {(len(t), size.n)}, not {q.shape}")
         out = np.zeros((len(t), size.M, 2)), np.zeros((len(t), size.P, 3)), np.ones(len(t), dtype=np.bool_)
-        load("step").views(self.packed.address, t, q, *out)
+        load("step").views(self.packed.workspace, t, q, *out)
         return out

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..compiled import load
-from ..compiled.structures import CAMERA_POSE, IMAGE_POINTS, OWN, Size, Step, pack_struct
+from ..compiled.workspace import CAMERA_POSE, IMAGE_POINTS, OWN, Size, Step, Workspace
 from ..constraints import Constraint, ConstraintSet, RowBlock
 from ..constraints.constraint_set import misshapen, shapes_of
 from ..errors import ConfigurationError, InvalidInput
@@ -40,8 +40,8 @@ class Packed:
         Constraints without a compiled form, with their rows and their robot points: the step leaves those rows out.
     own_feature
         Whether the feature is an own one, evaluated in NumPy.
-    address
-        Where compiled code finds the step.
+    workspace
+        The step as compiled functions take it.
 
     Raises
     ------
@@ -85,18 +85,15 @@ class Packed:
             limited=limits is not None,
             rests=rest.any,
         )
-        step, self.out = self.size.step()
-        self.step = step if limits is None else step._replace(limits=limits)
+        step, self.out = self.size.step(limits)
+        self.step = step = step._replace(evaluate=load("step").EVALUATE)
         _write_scene(step, scene, known)
         _write_task(step, task, rest)
         step.rows.K[:], step.rows.switching_gain[:] = constraints.approach_time, constraints.switching_gain
         step.rows.scale[:] = constraints.scale
         for i, block in enumerate(compiled):
             _write_constraint(step, i, *block, known)
-        shapes = self.size.outputs
-        self.parts = {name: (where, shapes[name]) for name, where in self.size.where().items()}
-        self._words = pack_struct(self.step)
-        self.address = int(self._words.ctypes.data)
+        self.parts, self.workspace = self.size.outputs, Workspace(step)
         self.reset()
 
     @property

@@ -10,76 +10,35 @@ from typing import Any
 
 from ..errors import ConfigurationError, VsconstraintsError, described, shown, unknown_name
 from ..plugins.classes import beside, imported_class
+from .barriers import Barrier
 from .base import Controller
-from .demands import DEMANDS, Barrier, BoundaryLayer, Demand, Firas, ImplicitSwitch, RampRepulsion, Switch
+from .demand import Demand
+from .demands import DEMANDS, BoundaryLayer, Firas, ImplicitSwitch, RampRepulsion, Switch
 from .goal_governor import GoalGovernor
 from .law import Law
 from .laws import NAMED, HierarchicalQP, Pair, PotentialField, SlidingMode, Tracking
 from .predictive import PredictiveControl
 from .ranges import Choices, Range, ranges_of
-from .resolvers import RESOLVERS, Additive, Filter, Hierarchy, Priority, Projection, Resolver, Saturation, Scaling
+from .resolver import Additive, Priority, Resolver
+from .resolvers import RESOLVERS, Filter, Hierarchy, Projection, Saturation, Scaling
 
 __all__ = [
-    "CONTROLLERS",
-    "DEMANDS",
-    "NAMED",
-    "RESOLVERS",
-    "Additive",
-    "Barrier",
-    "BoundaryLayer",
-    "Choices",
-    "Controller",
-    "Demand",
-    "Filter",
-    "Firas",
-    "GoalGovernor",
-    "HierarchicalQP",
-    "Hierarchy",
-    "ImplicitSwitch",
-    "Law",
-    "Pair",
-    "PotentialField",
-    "PredictiveControl",
-    "Priority",
-    "Projection",
-    "RampRepulsion",
-    "Range",
-    "Resolver",
-    "Saturation",
-    "Scaling",
-    "SlidingMode",
-    "Switch",
-    "Tracking",
-    "controller_class",
-    "law_ranges",
-    "make_controller",
-]
+    "CONTROLLERS", "DEMANDS", "NAMED", "RESOLVERS", "Additive", "Barrier", "BoundaryLayer", "Choices", "Controller",
+    "Demand", "Filter", "Firas", "GoalGovernor", "HierarchicalQP", "Hierarchy", "ImplicitSwitch", "Law", "Pair",
+    "PotentialField", "PredictiveControl", "Priority", "Projection", "RampRepulsion", "Range", "Resolver",
+    "Saturation", "Scaling", "SlidingMode", "Switch", "Tracking", "controller_class", "law_ranges", "make_controller",
+]  # fmt: skip
 
 LAWS: tuple[type[Controller], ...] = (
-    SlidingMode,
-    PotentialField,
-    HierarchicalQP,
-    Tracking,
-    *NAMED,
-    Pair,
-    PredictiveControl,
-    GoalGovernor,
-)
+    SlidingMode, PotentialField, HierarchicalQP, Tracking, *NAMED, Pair, PredictiveControl, GoalGovernor,
+)  # fmt: skip
 
 CONTROLLERS: dict[str, type[Controller]] = {law.name: law for law in LAWS}
 """Controllers by the name files and the command line use."""
 
 
 def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
-    """The controller of a registered name, or the one that ``module:Class`` names.
-
-    Parameters
-    ----------
-    name
-        For example ``"sliding-mode"`` or ``"my_laws:Cautious"``.
-    folder
-        Where such a module may also be.
-    """
+    """The controller of a registered name, or of ``"my_laws:Cautious"``, a module that may also be in ``folder``."""
     if ":" in name:
         return imported_class(name, Controller, folder)
     if name not in CONTROLLERS:
@@ -88,14 +47,9 @@ def controller_class(name: str, folder: Path | None = None) -> type[Controller]:
 
 
 def make_controller(name: str, options: Mapping[str, Any] | None = None, folder: Path | None = None) -> Controller:
-    """The controller of that name with these options; names the candidates if either is unknown.
+    """The controller of that name, see :func:`controller_class`, with these keyword arguments.
 
-    Parameters
-    ----------
-    name, folder
-        As for :func:`controller_class`.
-    options
-        Keyword arguments of the controller.
+    ConfigurationError names the candidates if name or option is unknown.
     """
     law, options = controller_class(name, folder), options or {}
     parameters = inspect.signature(law).parameters
@@ -121,15 +75,7 @@ def law_ranges(
 
     They are those of the law's class and, of a :class:`Law`, of its demand and its resolver. What is given stays as it
     is, and is not among them; ``law_ranges("law", {"demand": "barrier", "resolver": "filter"})`` are those of a pair.
-
-    Parameters
-    ----------
-    name, options, folder
-        As for :func:`make_controller`.
-
-    Raises
-    ------
-    ConfigurationError
-        also if the class declares what is no range, or one that does not hold the option's default.
+    Parameters are those of :func:`make_controller`. ConfigurationError also if the class declares what is no range, or
+    one that does not hold the option's default.
     """
     return ranges_of(make_controller(name, options, folder), name, options or {})

@@ -13,7 +13,6 @@ from ..errors import SolverError, shown
 from ..rows import Array, BoolArray, Command, Rows, Status, Task, keep_box
 from ..rows.checks import beyond_rounding, check
 from ..rows.readable import in_one_line
-from .model import Model
 from .ranges import Declared
 
 if TYPE_CHECKING:
@@ -56,34 +55,15 @@ class Controller(ABC):
         try:
             # numbers that leave the range of floating point are found below
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                command: object = self.solve(rows, task)  # own laws are not type-checked
+                command: Any = self.solve(rows, task)  # own laws are not type-checked
+            fault = _fault(command, rows, task)
         except (np.linalg.LinAlgError, SolverError) as error:
-            return self._failure(rows, task, f"{type(error).__name__}: {error}")
-        n, m = task.J.shape[1], len(rows.labels)
-        if not isinstance(command, Command):
-            return self._failure(rows, task, f"the law gave {shown(command)}, not a Command")
-        for name, array, kind in (("qdd", command.qdd, np.floating), ("acted", command.acted, np.bool_)):
-            if not (isinstance(array, np.ndarray) and np.issubdtype(array.dtype, kind)):
-                return self._failure(rows, task, f"{name} must be an array of {kind.__name__}, not {shown(array)}")
-        if not (isinstance(command.status, str) and command.status in get_args(Status)):
-            known = ", ".join(get_args(Status))
-            given = shown(command.status)
-            return self._failure(rows, task, f"the law gave the status {given}, which is none of {known}")
-        if command.qdd.shape != (n,) or command.acted.shape != (m,):
-            shapes = f"{command.qdd.shape} and {command.acted.shape}"
-            return self._failure(
-                rows, task, f"the law gave qdd and acted of the shapes {shapes}, not {(n,)} and {(m,)}"
-            )
-        if not np.isfinite(command.qdd).all():
-            return self._failure(rows, task, "the law gave accelerations that are not finite")
-        slack: object = command.slack
-        if not (slack is None or (isinstance(slack, np.ndarray) and slack.shape == (m,) and np.isfinite(slack).all())):
-            return self._failure(rows, task, f"slack must be None or {m} finite numbers, not {shown(slack)}")
-        beyond = beyond_rounding(rows, command.qdd)
-        if beyond:
-            return self._failure(rows, task, beyond)
+            fault = f"{type(error).__name__}: {error}"
+        if fault:
+            none = np.zeros(len(rows.labels), dtype=np.bool_)
+            return Command(np.zeros(task.J.shape[1]), "failed", none, rows.labels, reason=fault)
         keep_box(rows, command)
-        return command
+        return command  # type: ignore[no-any-return]
 
     @in_one_line
     def __repr__(self) -> str:
@@ -97,16 +77,11 @@ class Controller(ABC):
         """Compute the command; rows and task are known to be finite and of matching shapes."""
 
     def reset(self, period: float | None = None) -> None:
-        """Forget everything kept between calls (warm starts); a law without memory has nothing to do.
+        """Forget everything kept between calls; ``period`` is the sampling period T_s [s] of those to come, if known.
 
         A law whose :attr:`uses` have ``"model"`` takes ``model`` too: a
         :class:`~vsconstraints.control.model.Model`, which gives rows and task at predicted states. Control steps and
         simulations pass it; no other law has one made.
-
-        Parameters
-        ----------
-        period
-            The sampling period T_s [s] of the calls to come, if it is known.
         """
 
     @property
@@ -121,31 +96,38 @@ class Controller(ABC):
     def bind(self, rows: Rows, task: Task, acted: BoolArray, qdd: Array) -> BoundLaw | None:
         """The compiled law on arrays that stay where they are: for loops that fill them anew in every sample.
 
-        It writes ``acted`` (m,) and ``qdd`` (n,). None where there is no such thing: for a law in NumPy, and for a
-        controller whose ``command`` was replaced.
+        It writes ``acted`` (m,) and ``qdd`` (n,). None for a law that is not compiled as a whole, and for a controller
+        whose ``command`` was replaced.
         """
         return None
 
-    @staticmethod
-    def _failure(rows: Rows, task: Task, reason: str) -> Command:
-        return Command(
-            qdd=np.zeros(task.J.shape[1]),
-            status="failed",
-            acted=np.zeros(len(rows.labels), dtype=np.bool_),
-            labels=rows.labels,
-            reason=reason,
-        )
+
+def _fault(command: object, rows: Rows, task: Task) -> str:
+    """Say what is wrong with a law's answer; empty if nothing is."""
+    n, m = task.J.shape[1], len(rows.labels)
+    if not isinstance(command, Command):
+        return f"the law gave {shown(command)}, not a Command"
+    for name, array, kind in (("qdd", command.qdd, np.floating), ("acted", command.acted, np.bool_)):
+        if not (isinstance(array, np.ndarray) and np.issubdtype(array.dtype, kind)):
+            return f"{name} must be an array of {kind.__name__}, not {shown(array)}"
+    if not (isinstance(command.status, str) and command.status in get_args(Status)):
+        return f"the law gave the status {shown(command.status)}, which is none of {', '.join(get_args(Status))}"
+    if command.qdd.shape != (n,) or command.acted.shape != (m,):
+        shapes = f"{command.qdd.shape} and {command.acted.shape}"
+        return f"the law gave qdd and acted of the shapes {shapes}, not {(n,)} and {(m,)}"
+    if not np.isfinite(command.qdd).all():
+        return "the law gave accelerations that are not finite"
+    slack: object = command.slack
+    if not (slack is None or (isinstance(slack, np.ndarray) and slack.shape == (m,) and np.isfinite(slack).all())):
+        return f"slack must be None or {m} finite numbers, not {shown(slack)}"
+    return beyond_rounding(rows, command.qdd)
 
 
-def restart(controller: Controller, period: float, model: Callable[[], Model] | None = None) -> None:
-    """Reset a controller, tell it the sampling period [s] if it takes one, and give it a model if it uses one.
-
-    Own ones may take less.
-    """
+def restart(controller: Controller, period: float, model: Callable[[], Any] | None = None) -> None:
+    """Reset a controller, with the sampling period [s] and a model if it takes them; users' laws may take less."""
     parameters = inspect.signature(controller.reset).parameters.values()
-    names = {parameter.name for parameter in parameters}
     given: dict[str, Any] = {}
-    if "period" in names or any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+    if any(parameter.name == "period" or parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
         given["period"] = period
     if model is not None and "model" in controller.uses:
         given["model"] = model()

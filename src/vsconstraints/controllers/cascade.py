@@ -24,20 +24,9 @@ from .least_norm import LeastNorm
 class Target(NamedTuple):
     """Levels 2 and 3, ½‖diag(gains) directionsᵀ (x − center)‖² and ½‖x − center‖², and their sum with a damping.
 
-    Attributes
-    ----------
-    center
-        (n,) the minimiser without rows.
-    directions
-        (n, n) orthogonal matrix.
-    gains
-        (n,) singular values of the task over its norm; zero for what counts as its null space.
-    damping
-        Positive weight of level 3 in the sum.
-    tolerance
-        Relative gains below this count as zero.
-    strict
-        Whether level 2 is found by itself where the damping has cost it something.
+    ``center`` (n,) is the minimiser without rows, ``directions`` (n, n) orthogonal, ``gains`` (n,) singular values of
+    the task over its norm; zero for what counts as its null space, below the ``tolerance``. ``strict`` tells to find
+    level 2 by itself where the damping has cost it something.
     """
 
     center: Array
@@ -74,22 +63,11 @@ class Target(NamedTuple):
 
 
 class Optimum(NamedTuple):
-    """The lexicographic optimum.
+    """The lexicographic optimum x (n,).
 
-    Attributes
-    ----------
-    x
-        (n,) the minimiser.
-    violation
-        (m,) what each row is exceeded by, exactly zero where the rows allow it to be met.
-    holding
-        (m,) rows that are exceeded, or at their bound with a positive multiplier.
-    verified
-        Answer of the QP solver; None if no solver was needed.
-    shortfall
-        Why the levels below the first may be better met than by x; empty if they cannot.
-    fallback
-        What failed before; empty if the solver that was asked for gave the answer.
+    ``violation`` (m,) is what each row is exceeded by, exactly zero where the rows allow it to be met; ``holding`` (m,)
+    are rows that are exceeded, or at their bound with a positive multiplier. ``shortfall`` says why the levels below
+    the first may be better met than by x, ``fallback`` what failed before; empty if they cannot, or nothing did.
     """
 
     x: Array
@@ -101,29 +79,12 @@ class Optimum(NamedTuple):
 
 
 def descend(A: Array, c: Array, weights: Array, cost: Target, box: Array, solvers: SolverChain) -> Optimum:
-    """Of all x in the box with the least ‖W max(0, Ax − c)‖, find the one with the least cost.
+    """Of all x in the box (2, n) with the least ‖W max(0, Ax − c)‖, find the one with the least cost.
 
-    Hard rows are tried first. Only if they are incompatible (by the word of an exact solver, or at once for a solver
-    whose word means little) the violated rows become equalities, Ax = c + violation, and the cost is minimised within
-    them. Rows that rounding makes incompatible are relaxed by just that rounding.
-
-    Parameters
-    ----------
-    A, c
-        (m, n) and (m,); no row of A is zero.
-    weights
-        (m,) positive diagonal of W.
-    cost
-        What is minimised in second place.
-    box
-        (2, n) least and greatest x, infinite where there is no bound.
-    solvers
-        Who solves the QPs.
-
-    Raises
-    ------
-    SolverError
-        if the least violation is not found.
+    Hard rows are tried first, A (m, n) without a zero one, c and weights (m,). Only if they are incompatible (by the
+    word of an exact solver, or at once for a solver whose word means little) the violated rows become equalities,
+    Ax = c + violation, and the cost is minimised within them. Rows that rounding makes incompatible are relaxed by just
+    that rounding. SolverError if the least violation is not found.
     """
     n, m = cost.center.size, c.size
     ends = np.concatenate((box[1], -box[0]))
@@ -162,10 +123,9 @@ def descend(A: Array, c: Array, weights: Array, cost: Target, box: Array, solver
         if len(equal):
             # in x + Z y the cost is ½‖E y + e‖²: center it, and measure distances in its metric
             E = cost.stiffness[:, None] * (cost.directions.T @ Z)
-            e = cost.stiffness * (cost.directions.T @ (x - cost.center))
             Q, R = np.linalg.qr(E)
             reduced = Z @ np.linalg.inv(R)
-            center = x - reduced @ (Q.T @ e)
+            center = x - reduced @ (Q.T @ (cost.stiffness * (cost.directions.T @ (x - cost.center))))
         try:
             found = _nearest(center, reduced, walls[others], sides[others], solvers)
         except SolverError as error:

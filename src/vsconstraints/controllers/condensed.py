@@ -14,22 +14,10 @@ from .horizon import Horizon, Instants
 
 
 class Lookahead(NamedTuple):
-    """Rows and task along a plan (H, n) that is known, at N instants.
+    """Rows and task along a ``plan`` (H, n) that is known, at N instants, along which all is linearised.
 
-    Attributes
-    ----------
-    plan
-        (H, n), along which all is linearised.
-    at
-        The instants.
-    value
-        (N, m) σ of rows, or φ of those on φ itself, if what the model says otherwise of now stays so.
-    gradient
-        (N, m, n) of them: of σ by q, of φ by q̇.
-    K
-        (m,) of the rows, 0 of those on φ itself.
-    J, b, error, rest
-        (N, k, n), (N, k), and (N, n) or (0,) of the task, likewise.
+    ``value`` (N, m) is σ of rows, or φ of those on φ itself, whose K (m,) is 0, if what the model says otherwise of now
+    stays so; ``gradient`` (N, m, n) of them: of σ by q, of φ by q̇. J, b, error and rest (N, n), or (0,), likewise.
     """
 
     plan: Array
@@ -43,17 +31,12 @@ class Lookahead(NamedTuple):
     rest: Array = UNKNOWN
 
 
-def loops() -> Any:
-    """:mod:`vsconstraints.formulas.plans`, compiled."""
-    return load("plans")
-
-
 def look_ahead(rows: Rows, task: Task, seen: Any, at: Instants, plan: Array, K: Array) -> Lookahead:
     """Linearise a prediction along a plan; rows and task are those of now, K (m,) is 0 for rows on φ itself."""
     # what the model says otherwise of now than φ does is otherwise of σ too, where that is not given
     sigma = rows.sigma if len(rows.sigma) else seen.sigma[0] + rows.phi - seen.phi[0]
     value, gradient = np.empty(seen.phi.shape), np.empty(seen.Lg.shape)
-    loops().linearise(seen.phi, seen.sigma, seen.Lg, K, np.where(K == 0.0, rows.phi, sigma), value, gradient)
+    load("plans").linearise(seen.phi, seen.sigma, seen.Lg, K, np.where(K == 0.0, rows.phi, sigma), value, gradient)
     J = seen.J.copy()
     J[0] = task.J
     b = seen.b + (task.b - seen.b[0])
@@ -66,14 +49,9 @@ def look_ahead(rows: Rows, task: Task, seen: Any, at: Instants, plan: Array, K: 
 def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest: Any | None = None) -> Cost:
     """Σ‖J(uₖ − q̈ₖ)‖² + λ‖u − q̈₀‖² of a plan u (Hn,).
 
-    Parameters
-    ----------
-    gains
-        (B, 2) K_p and K_v at the beginnings of the B blocks that can be predicted.
-    damping
-        λ relative to the mean of ‖J‖².
-    rest
-        How q̈₀ depends on the state; None if it is zero, as it is in blocks that cannot be predicted.
+    ``gains`` (B, 2) are K_p and K_v at the beginnings of the B blocks that can be predicted, ``damping`` is λ relative
+    to the mean of ‖J‖². ``rest`` is how q̈₀ depends on the state; None if it is zero, as it is in blocks that cannot be
+    predicted.
     """
     H, n = ahead.plan.shape
     begins = horizon.begins[: len(gains)]
@@ -82,7 +60,7 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest:
     feedback = gains[:, :1] * Q + gains[:, 1:] * V
     C = np.eye(H)[: len(begins)] + feedback
     P, q = np.zeros((H * n, H * n)), np.zeros(H * n)
-    loops().normal_equations(C, J, b, feedback @ ahead.plan, np.empty((n, n)), P, q)
+    load("plans").normal_equations(C, J, b, feedback @ ahead.plan, np.empty((n, n)), P, q)
     size = float(np.vdot(J, J)) / len(begins)
     weight = damping * (size if size > 0.0 else 1.0)
     if rest is not None:
@@ -106,20 +84,9 @@ def cost(ahead: Lookahead, horizon: Horizon, gains: Array, damping: float, rest:
 class Limits(NamedTuple):
     """Rows G u ≤ h of a plan u (Hn,): of every instant after now, and then of the box; see :class:`.ManyRows`.
 
-    σ(τ + Δτ) ≤ e^(−Δτ/κ) σ(τ), with φ in place of σ of rows on φ itself, and σ ≤ 0 while braking.
-
-    Attributes
-    ----------
-    ahead
-        What is linearised.
-    falls
-        (N − 1,) e^(−Δτ/κ), 0 while braking.
-    left
-        (N − 1, m) by what a row may be exceeded, ∞ where there is none.
-    low, high
-        (Hn,) the box.
-    least
-        (m,) a row of G with no entry beyond it counts as zero.
+    σ(τ + Δτ) ≤ e^(−Δτ/κ) σ(τ), with φ in place of σ of rows on φ itself, and σ ≤ 0 while braking: ``falls`` (N − 1,)
+    are e^(−Δτ/κ), 0 while braking; ``left`` (N − 1, m) is by what a row may be exceeded, ∞ where there is none. ``low``
+    and ``high`` (Hn,) are the box. A row of G with no entry beyond ``least`` (m,) counts as zero.
     """
 
     ahead: Lookahead
@@ -139,9 +106,8 @@ class Limits(NamedTuple):
         ahead, (r, size) = self.ahead, (self.left.size, u.size)
         away = u.reshape(ahead.plan.shape) - ahead.plan
         over = np.empty(r + 2 * size)
-        rows = over[:r].reshape(self.left.shape)
-        moved = ahead.at.Q @ away, ahead.at.V @ away
-        loops().exceed(ahead.value, ahead.gradient, ahead.K, *moved, self.falls, self.left, rows)
+        rows, moved = over[:r].reshape(self.left.shape), (ahead.at.Q @ away, ahead.at.V @ away)
+        load("plans").exceed(ahead.value, ahead.gradient, ahead.K, *moved, self.falls, self.left, rows)
         over[r : r + size], over[r + size :] = u - self.high, self.low - u
         return over
 
@@ -150,7 +116,7 @@ class Limits(NamedTuple):
         size, r = self.low.size, int(np.searchsorted(which, self.left.size))
         ahead, at = self.ahead, self.ahead.at
         G, largest = np.zeros((len(which), size)), np.ones(len(which))
-        loops().differentiate(which[:r], ahead.gradient, ahead.K, at.Q, at.V, self.falls, G[:r], largest[:r])
+        load("plans").differentiate(which[:r], ahead.gradient, ahead.K, at.Q, at.V, self.falls, G[:r], largest[:r])
         side, entry = np.divmod(which[r:] - self.left.size, size)
         G[np.arange(r, len(which)), entry] = 1.0 - 2.0 * side
         zero = largest[:r] <= self.least[which[:r] % max(len(self.least), 1)]

@@ -1,293 +1,26 @@
-"""Demands: what rows ask of the acceleration, L_gφ q̈ ≤ c, each by an elementwise formula.
-
-One half of a law; :mod:`vsconstraints.controllers.resolvers` are the other. A new demand is a formula, a class with its
-options, and a line in :data:`DEMANDS`.
-"""
+"""The demands that files can name: sliding modes, layers and potential fields; barriers are beside."""
 
 from __future__ import annotations
 
-from abc import ABC
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import ConfigurationError, InvalidInput, shown
 from ..formulas import formula
 from ..formulas.row import Row
-from .ranges import Part, option, positive
-
-USES: dict[str, str] = {
-    "Lf": "L_fφ",
-    "sigma": "σ",
-    "sigma_dot": "σ̇",
-    "K": "K",
-    "tracked": "L_gφ q̈ of tracking",
-    "norm": "‖L_gφ‖",
-    "norm_1": "‖L_gφ‖₁",
-    "effort": "‖q̈‖ of tracking",
-    "last_rate": "L_gφ q̈ of the last sample",
-    "period": "T_s",
-}
-"""What a demand may use beside φ, u⁺ and the scale: fields of :class:`vsconstraints.formulas.row.Row`, as printed."""
-
-
-@dataclass(frozen=True)
-class Demand(Part, ABC):
-    """What the rows ask of the acceleration, L_gφ q̈ ≤ c, with c = ∞ for a row that asks for nothing.
-
-    A frozen dataclass: its fields are the parameters of :attr:`formula`, positive numbers.
-
-    Attributes
-    ----------
-    name
-        In reports.
-    formula
-        c of a :class:`vsconstraints.formulas.row.Row` and the parameters, in units of φ per second; marked by
-        :func:`vsconstraints.formulas.formula`. With memory, a tuple of c and what is to be remembered.
-    uses
-        Which of :data:`USES` the formula uses.
-    remembers
-        Initial memory of each row, one float each; ``row.memory`` has what the formula returned last.
-    relative
-        Whether the formula gives by how much c is above L_gφ q̈ of tracking, which it then need not use.
-    everywhere
-        Whether resolvers with equalities impose L_gφ q̈ = c wherever a row demands something; if not, only where the
-        tracking command exceeds c.
-    owner
-        What messages call it; its name if empty.
-    """
-
-    name: ClassVar[str]
-    formula: ClassVar[Callable[..., Any]]
-    uses: ClassVar[tuple[str, ...]] = ()
-    remembers: ClassVar[tuple[float, ...]] = ()
-    relative: ClassVar[bool] = False
-    everywhere: ClassVar[bool] = False
-    owner: ClassVar[str] = ""
-
-    def __post_init__(self) -> None:
-        for each in fields(self):
-            number = positive(getattr(self, each.name))
-            if number is None:
-                raise self.refusal(each.name)
-            if number < (least := each.metadata.get("at_least", 0.0)):
-                raise self.refusal(each.name, f"at least {least:g}")
-            if number >= (limit := each.metadata.get("below", np.inf)):
-                raise self.refusal(each.name, f"less than {limit:g}")
-            object.__setattr__(self, each.name, number)
-
-    def refusal(self, name: str, wanted: str = "positive") -> Exception:
-        """What is raised for a parameter that is not as wanted."""
-        return InvalidInput(f"{name} of {self.owner or self.name} must be {wanted}, not {shown(getattr(self, name))}")
-
-    @property
-    def parameters(self) -> tuple[float, ...]:
-        """The parameters, in the order in which the formula takes them."""
-        return tuple(getattr(self, each.name) for each in fields(self))
-
-    @property
-    def sees_tracking(self) -> bool:
-        """Whether the formula uses the tracking command."""
-        return "tracked" in self.uses or "effort" in self.uses
-
-    @property
-    def tracks(self) -> bool:
-        """Whether c depends on the tracking command."""
-        return self.relative or self.sees_tracking
-
-
-# --- barriers ---
-
-
-@formula
-def barrier(row: Row, alpha: float) -> Any:
-    """−αφ − L_fφ."""
-    return -alpha * row.phi - row.Lf
-
-
-@dataclass(frozen=True)
-class Barrier(Demand):
-    """Every row demands −αφ − L_fφ, so that φ decays exponentially to its bound and never crosses it.
-
-    Ames, Xu, Grizzle and Tabuada (2017). With φ = σ + K σ̇ this is the high-order control barrier function of h = −σ
-    with the rates 1/K and α. Uses all of the space without chattering; needs L_fφ, and knows no limits of q̈.
-    """
-
-    alpha: float = option(20.0, "rate α [1/s]", (1.0, 200.0))
-
-    name = "barrier"
-    formula: ClassVar[Callable[..., Any]] = staticmethod(barrier)
-    uses: ClassVar[tuple[str, ...]] = ("Lf",)
-
-    def refusal(self, name: str, wanted: str = "a positive, finite number") -> Exception:
-        """See :class:`.Demand`."""
-        return ConfigurationError(f"{name} must be {wanted}, not {shown(getattr(self, name))}")
-
-
-@formula
-def robust_barrier(row: Row, alpha: float, disturbance: float) -> Any:
-    """−αφ − L_fφ − D ‖L_gφ‖₁."""
-    return barrier(row, alpha) - disturbance * row.norm_1
-
-
-@dataclass(frozen=True)
-class RobustBarrier(Barrier):
-    """Every row demands −αφ − L_fφ − D ‖L_gφ‖₁: safe for any disturbance of q̈ of up to D in each joint.
-
-    Jankovic (2018). Without a disturbance, φ stays D ‖L_gφ‖₁/α away from its bound.
-    """
-
-    disturbance: float = option(0.1, "D, the same for every joint [rad/s² or m/s²]", (0.001, 10.0))
-
-    name = "robust-barrier"
-    formula = staticmethod(robust_barrier)
-    uses = ("Lf", "norm_1")
-
-
-@formula
-def input_to_state_safe_barrier(row: Row, alpha: float, epsilon: float) -> Any:
-    """−αφ − L_fφ − ‖L_gφ‖²/(ε × scale)."""
-    return barrier(row, alpha) - row.norm * (row.norm / row.scale) / epsilon
-
-
-@dataclass(frozen=True)
-class InputToStateSafeBarrier(Barrier):
-    """Every row demands −αφ − L_fφ − ‖L_gφ‖²/(ε s), so that φ leaves its bound by no more than disturbances are worth.
-
-    Kolathaya and Ames (2019), with φ/s as the barrier function; s is the row's scale. With a disturbance ‖d_c‖ ≤ d,
-    φ̇ ≤ −αφ + ε s d²/4, so that φ stays below ε s d²/(4α). It leaves ‖L_gφ‖²/(α ε s) of the space unused.
-    """
-
-    epsilon: float = option(1.0, "ε [s³/rad²]: the smaller, the safer", (0.01, 100.0))
-
-    name = "input-to-state-safe-barrier"
-    formula = staticmethod(input_to_state_safe_barrier)
-    uses = ("Lf", "norm")
-
-
-@formula
-def gradient_robust_barrier(row: Row, alpha: float, gradient_error: float) -> Any:
-    """−αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖."""
-    return barrier(row, alpha) - gradient_error * row.norm * row.effort
-
-
-@dataclass(frozen=True)
-class GradientRobustBarrier(Barrier):
-    """Every row demands −αφ − L_fφ − c_e ‖L_gφ‖ ‖q̈_track‖: a margin for gradients that are wrong by the fraction c_e.
-
-    The measurement-robust barrier (Dean, Taylor, Cosner, Recht and Ames 2020) for eq. (49): an L_gφ that is wrong by
-    c_e in each entry misjudges L_gφ q̈ by c_e ‖L_gφ‖ ‖q̈‖ at most. ‖q̈_track‖ stands for ‖q̈‖, which is not known yet:
-    too little where the law commands more. The error of L_fφ is not in it.
-    """
-
-    gradient_error: float = option(0.1, "c_e, a fraction", (0.001, 1.0))
-
-    name = "gradient-robust-barrier"
-    formula = staticmethod(gradient_robust_barrier)
-    uses = ("Lf", "norm", "effort")
-
-
-@formula
-def sampled_barrier(row: Row, alpha: float, curvature: float) -> Any:
-    """−min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s × curvature × scale."""
-    rate = np.minimum(alpha, 1.0 / row.period)
-    return barrier(row, rate) - 0.5 * row.period * curvature * row.scale
-
-
-@dataclass(frozen=True)
-class SampledBarrier(Barrier):
-    """Every row demands −min(α, 1/T_s) φ − L_fφ − ν, with ν = ½ T_s max|φ̈|: the barrier between samples.
-
-    Breeden, Garg and Panagou (2022): a command that is constant for T_s keeps φ(t) ≤ 0 over the period if its bound is
-    lower by ν, and if α T_s ≤ 1. It holds only if |φ̈| ≤ ``curvature`` × scale in every period near the boundary.
-    Measured within 0.1 of the scale: up to 15 times the scale in the paper's scenes with convex rows, 18 in
-    ``ur5-fov``, 88 in ``panda-fov``, and thousands around what is not convex. φ rests ν/α inside.
-    """
-
-    curvature: float = option(
-        20.0, "largest φ̈ of any row near its boundary, as a multiple of its scale [1/s²]", (0.1, 1000.0)
-    )
-
-    name = "sampled-barrier"
-    formula = staticmethod(sampled_barrier)
-    uses = ("Lf", "period")
-
-
-@formula
-def reciprocal_barrier(row: Row, alpha: float) -> Any:
-    """−α φ³/s² − L_fφ, and −αφ − L_fφ where φ > 0."""
-    depth = row.phi / row.scale
-    return -alpha * row.phi * np.where(depth < 0.0, depth * depth, 1.0) - row.Lf
-
-
-@dataclass(frozen=True)
-class ReciprocalBarrier(Barrier):
-    """Every row demands −α φ³/s² − L_fφ where φ < 0, with s its scale: the reciprocal barrier function −1/φ.
-
-    d/dt(−1/φ) ≤ −α φ/s² (Ames, Xu, Grizzle and Tabuada 2017) is this bound. Beyond the boundary rows return with the
-    linear −αφ − L_fφ. Ignores rows far inside; φ approaches its bound like 1/√t only.
-    """
-
-    name = "reciprocal-barrier"
-    formula = staticmethod(reciprocal_barrier)
-
-
-@formula
-def finite_time_barrier(row: Row, alpha: float) -> Any:
-    """−α sign(φ) √(s |φ|) − L_fφ."""
-    return -alpha * np.sign(row.phi) * np.sqrt(row.scale) * np.sqrt(np.abs(row.phi)) - row.Lf
-
-
-@dataclass(frozen=True)
-class FiniteTimeBarrier(Barrier):
-    """Every row demands −α sign(φ) √(s |φ|) − L_fφ, with s its scale, which takes φ to its bound in finite time.
-
-    The class K function of Li, Wang, Pierpaoli and Egerstedt (2018) with the exponent ½. Within |φ| < (α T_s)² s it
-    overshoots in every period, and chatters.
-    """
-
-    alpha: float = option(2.0, "rate α [1/s]", (0.1, 20.0))
-
-    name = "finite-time-barrier"
-    formula = staticmethod(finite_time_barrier)
-
-
-@formula
-def high_order_barrier(row: Row, alpha: float, braking: float) -> Any:
-    """σ̇ + K (−α₁'(−σ) σ̇ + α ψ₁) − L_fφ, ψ₁ = −σ̇ + α₁(−σ), and −αφ − L_fφ where K = 0.
-
-    α₁(h) = sign(h) (√((aK)² + 2a|h|) − aK), a = braking × scale, written without a difference.
-    """
-    a = braking * row.scale
-    corner = a * row.K
-    root = np.sqrt(corner * corner + 2.0 * a * np.abs(row.sigma))
-    # where K = 0 the terms with divisors count nothing
-    direct = row.K == 0.0
-    approach = -2.0 * a * row.sigma / (root + corner + direct)
-    psi = approach - row.sigma_dot
-    second = -a / (root + direct) * row.sigma_dot + alpha * psi
-    return row.sigma_dot + row.K * second - alpha * row.phi * direct - row.Lf
-
-
-@dataclass(frozen=True)
-class HighOrderBarrier(Demand):
-    """Rows demand σ̈ ≤ −α₁'(−σ) σ̇ + α ψ₁ with ψ₁ = −σ̇ + α₁(−σ): a high-order barrier function of h = −σ.
-
-    Xiao and Belta (2019). :class:`Barrier` has α₁(h) = h/K. Here α₁(h) = √((aK)² + 2ah) − aK, odd in h, with the slope
-    1/K on the boundary: far from it σ may approach as fast as σ̈ = −a can still stop it, and α₁ α₁' ≤ a. As a → ∞ it is
-    :class:`Barrier`. Rows that are φ itself (K = 0, σ = φ) demand −αφ − L_fφ. Suits limited accelerations, though a is
-    no promise where other rows or tracking act as well.
-    """
-
-    alpha: float = option(20.0, "rate α of ψ₁ [1/s]", (1.0, 200.0))
-    braking: float = option(5.0, "a as a multiple of each row's scale [1/s²]", (0.1, 100.0))
-
-    name = "high-order-barrier"
-    formula = staticmethod(high_order_barrier)
-    uses = ("sigma", "sigma_dot", "K", "Lf")
-
+from .barriers import (
+    Barrier,
+    FiniteTimeBarrier,
+    GradientRobustBarrier,
+    HighOrderBarrier,
+    InputToStateSafeBarrier,
+    ReciprocalBarrier,
+    RobustBarrier,
+    SampledBarrier,
+)
+from .demand import Demand
+from .ranges import option
 
 # --- sliding modes ---
 
@@ -306,9 +39,7 @@ class Switch(Demand):
     to exceed drift and tracking.
     """
 
-    name = "switch"
-    formula = staticmethod(switch)
-    everywhere = True
+    name, formula, everywhere = "switch", staticmethod(switch), True
 
 
 @formula
@@ -328,8 +59,7 @@ class ImplicitSwitch(Demand):
 
     periods: float = option(1.0, "p, in sampling periods", (1.0, 50.0), at_least=1.0)
 
-    name = "implicit-switch"
-    formula = staticmethod(implicit_switch)
+    name, formula = "implicit-switch", staticmethod(implicit_switch)
     uses: ClassVar[tuple[str, ...]] = ("period",)
 
 
@@ -350,10 +80,8 @@ class ImplicitSwitchWithDrift(ImplicitSwitch):
     leaves O(T_s). Misidentifies lag, delay or saturation as drift, and divides noise of φ by T_s.
     """
 
-    name = "implicit-switch-with-drift"
-    formula = staticmethod(implicit_switch_with_drift)
-    uses = ("period", "last_rate")
-    remembers = (np.nan,)
+    name, formula = "implicit-switch-with-drift", staticmethod(implicit_switch_with_drift)
+    uses, remembers = ("period", "last_rate"), (np.nan,)
 
 
 @formula
@@ -391,10 +119,8 @@ class SuperTwisting(Demand):
 
     rate: float = option(20.0, "L as a multiple of u⁺ [1/s]; k₁ = 1.5 √L, k₂ = 1.1 L", (1.0, 100.0))
 
-    name = "super-twisting"
-    formula = staticmethod(super_twisting)
-    uses = ("tracked", "period")
-    remembers = (0.0,)
+    name, formula = "super-twisting", staticmethod(super_twisting)
+    uses, remembers = ("tracked", "period"), (0.0,)
 
 
 @formula
@@ -425,8 +151,7 @@ class ImplicitSuperTwisting(SuperTwisting):
     divides noise of φ by T_s, and resolvers with inequalities keep rows far inside to v ≤ k₁ √|φ|.
     """
 
-    name = "implicit-super-twisting"
-    formula = staticmethod(implicit_super_twisting)
+    name, formula = "implicit-super-twisting", staticmethod(implicit_super_twisting)
 
 
 # --- potential fields and layers ---
@@ -454,7 +179,7 @@ class Field(Demand):
     exponent: float = option(1.0, "how ψ grows; 1 is linear", (0.5, 4.0))
     strength: float = option(1.0, "factor s on every u⁺", (0.1, 10.0))
 
-    owner = "a potential field"
+    owner, everywhere = "a potential field", True
 
 
 @dataclass(frozen=True)
@@ -466,10 +191,47 @@ class RampRepulsion(Field):
     each win, so that rows are violated, and the arm stops where the two are equal, beside goals near a boundary.
     """
 
-    name = "ramp-repulsion"
-    formula = staticmethod(ramp_repulsion)
-    relative = True
-    everywhere = True
+    name, formula, relative = "ramp-repulsion", staticmethod(ramp_repulsion), True
+
+
+@formula
+def boundary_layer(row: Row, region: float, exponent: float, strength: float) -> Any:
+    """(1 − ψ) L_gφ q̈_track − ψ s u⁺ where ψ > 0, ψ at most 1."""
+    psi = np.minimum(grown(row, region, exponent), 1.0)
+    return np.where(psi > 0.0, (1.0 - psi) * row.tracked - psi * strength * row.switching_gain, np.inf)
+
+
+@dataclass(frozen=True)
+class BoundaryLayer(Field):
+    """Rows inside the region demand (1 − ψ) L_gφ q̈_track − ψ s u⁺, with ψ = min(1, (1 + φ/δ)^exponent).
+
+    With exponent 1 and :class:`~vsconstraints.controllers.resolvers.Priority` this is the boundary layer of sliding
+    mode control (Slotine and Sastry 1983), inside the boundary; as δ shrinks it becomes :class:`Switch`. No chattering,
+    and no violation while drift is less than u⁺; φ rests inside the layer, whose space is not used.
+    """
+
+    name, formula, uses = "boundary-layer", staticmethod(boundary_layer), ("tracked",)
+
+
+@formula
+def outer_layer(row: Row, layer: float) -> Any:
+    """(1 − s) L_gφ q̈_track − s u⁺ where φ ≥ 0, with s = min(1, φ/δ)."""
+    share = np.minimum(row.phi / row.scale / layer, 1.0)
+    return np.where(row.phi >= 0.0, (1.0 - share) * row.tracked - share * row.switching_gain, np.inf)
+
+
+@dataclass(frozen=True)
+class OuterLayer(Demand):
+    """Rows with φ ≥ 0 demand (1 − s) L_gφ q̈_track − s u⁺, with s = min(1, φ/δ).
+
+    The boundary layer of sliding mode control as published (Slotine and Sastry 1983; Slotine and Li 1991, section 7.2),
+    outside the boundary, where the paper's switch acts; :class:`BoundaryLayer` is inside. It violates: φ comes to rest
+    where s balances drift and tracking.
+    """
+
+    layer: float = option(0.05, "δ as a fraction of each row's scale", (0.001, 0.5))
+
+    name, formula, uses, everywhere = "outer-layer", staticmethod(outer_layer), ("tracked",), True
 
 
 @formula
@@ -493,57 +255,8 @@ class Firas(Demand):
     strength: float = option(0.1, "factor s on every u⁺", (0.01, 1.0))
     contact: float = option(0.1, "least distance that is distinguished, a fraction of ρ₀", (0.02, 0.5), below=1.0)
 
-    name = "firas"
-    formula = staticmethod(firas)
-    uses = ("sigma",)
-    relative = True
-    everywhere = True
-
-
-@formula
-def boundary_layer(row: Row, region: float, exponent: float, strength: float) -> Any:
-    """(1 − ψ) L_gφ q̈_track − ψ s u⁺ where ψ > 0, ψ at most 1."""
-    psi = np.minimum(grown(row, region, exponent), 1.0)
-    return np.where(psi > 0.0, (1.0 - psi) * row.tracked - psi * strength * row.switching_gain, np.inf)
-
-
-@dataclass(frozen=True)
-class BoundaryLayer(Field):
-    """Rows inside the region demand (1 − ψ) L_gφ q̈_track − ψ s u⁺, with ψ = min(1, (1 + φ/δ)^exponent).
-
-    With exponent 1 and :class:`~vsconstraints.controllers.resolvers.Priority` this is the boundary layer of sliding
-    mode control (Slotine and Sastry 1983), inside the boundary; as δ shrinks it becomes :class:`Switch`. No chattering,
-    and no violation while drift is less than u⁺; φ rests inside the layer, whose space is not used.
-    """
-
-    name = "boundary-layer"
-    formula = staticmethod(boundary_layer)
-    uses = ("tracked",)
-    everywhere = True
-
-
-@formula
-def outer_layer(row: Row, layer: float) -> Any:
-    """(1 − s) L_gφ q̈_track − s u⁺ where φ ≥ 0, with s = min(1, φ/δ)."""
-    share = np.minimum(row.phi / row.scale / layer, 1.0)
-    return np.where(row.phi >= 0.0, (1.0 - share) * row.tracked - share * row.switching_gain, np.inf)
-
-
-@dataclass(frozen=True)
-class OuterLayer(Demand):
-    """Rows with φ ≥ 0 demand (1 − s) L_gφ q̈_track − s u⁺, with s = min(1, φ/δ).
-
-    The boundary layer of sliding mode control as published (Slotine and Sastry 1983; Slotine and Li 1991, section 7.2),
-    outside the boundary, where the paper's switch acts; :class:`BoundaryLayer` is inside. It violates: φ comes to rest
-    where s balances drift and tracking.
-    """
-
-    layer: float = option(0.05, "δ as a fraction of each row's scale", (0.001, 0.5))
-
-    name = "outer-layer"
-    formula = staticmethod(outer_layer)
-    uses = ("tracked",)
-    everywhere = True
+    name, formula, uses = "firas", staticmethod(firas), ("sigma",)
+    relative, everywhere = True, True
 
 
 # --- without parameters ---
@@ -559,30 +272,7 @@ def nothing(row: Row) -> Any:
 class Nothing(Demand):
     """No row demands anything."""
 
-    name = "nothing"
-    formula = staticmethod(nothing)
-    everywhere = True
-
-
-@formula
-def remembered(row: Row) -> Any:
-    """The row's memory, twice."""
-    return row.memory[0], row.memory[0]
-
-
-class Known(Demand):
-    """Bounds that were computed beforehand and stand in the law's memory, for formulas that do not compile."""
-
-    name = "known"
-    formula = staticmethod(remembered)
-    remembers = (np.inf,)
-    everywhere = True
-
-
-class KnownPush(Known):
-    """Likewise, relative to L_gφ q̈ of tracking."""
-
-    relative = True
+    name, formula, everywhere = "nothing", staticmethod(nothing), True
 
 
 DEMANDS: tuple[type[Demand], ...] = (

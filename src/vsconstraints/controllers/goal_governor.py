@@ -13,7 +13,6 @@ from ..rows import Array, Command, Rows, Task
 from .base import Controller, restart
 from .laws import Pair
 from .least_norm import RANK_TOLERANCE, least_norm
-from .model import Model
 from .ranges import Choices, Declared, Range, positive
 from .response import Response, response
 
@@ -21,7 +20,7 @@ SETTLING = 0.1
 """The attraction of the goal falls from where it is ``speed`` times this away [s]."""
 
 STEPS, GROWTH = 40, 3.5
-"""How many accelerations are predicted; the last one is held e^GROWTH times as long as the first."""
+"""How many accelerations are predicted; the last one lasts e^GROWTH times as long as the first."""
 
 TIME_CONSTANTS = 4.0
 """Of the tracking law's slowest motion, which are predicted before it comes to rest."""
@@ -73,12 +72,10 @@ class GoalGovernor(Controller):
 
     Attributes
     ----------
-    model
-        What :meth:`reset` was given last.
     reference
         (k,) s_ref less the feature's value at the goal; None before the first command.
     periods
-        (N,) how long each of the predicted accelerations is held [s]; empty before a model is given.
+        (N,) how long each of the predicted accelerations lasts [s]; empty before a model is given.
     """
 
     name = "goal-governor"
@@ -89,7 +86,7 @@ class GoalGovernor(Controller):
         "horizon": Choices((None, 2.0, 4.0, 6.0)),
     }
 
-    model: Model | None
+    model: Any
     reference: Array | None
 
     def __init__(
@@ -131,15 +128,12 @@ class GoalGovernor(Controller):
     @property
     def uses(self) -> tuple[str, ...]:
         """A model, and what the law underneath uses."""
-        return (*(one for one in self.law.uses if one != "memory"), "memory", "model")
+        return (*(known for known in self.law.uses if known != "memory"), "memory", "model")
 
-    def reset(self, period: float | None = None, model: Model | None = None) -> None:
+    def reset(self, period: float | None = None, model: Any = None) -> None:
         """Begin again at the first sample; see :class:`.Controller`.
 
-        Raises
-        ------
-        ConfigurationError
-            if the goals have reference trajectories of their own, or the tracking law never comes to rest.
+        ConfigurationError if the goals have reference trajectories of their own, or tracking never comes to rest.
         """
         if model is not None:
             if any(goal.reference is not None for goal in model.task.goals):
@@ -151,7 +145,7 @@ class GoalGovernor(Controller):
             shares = np.expm1(np.linspace(0.0, GROWTH, STEPS + 1)) / np.expm1(GROWTH)
             self.periods = self._predicted_time(self.model) * np.diff(shares)
 
-    def _predicted_time(self, model: Model) -> float:
+    def _predicted_time(self, model: Any) -> float:
         if self.horizon is not None:
             return self.horizon
         Kp, Kv = model.task.gains.at(np.zeros(1))
@@ -196,11 +190,11 @@ class GoalGovernor(Controller):
         b = retargeted(task.b, e, task.error_rate, r, gains.at(e), gains.at(e - r))
         return self.law.command(rows, Task(task.J, b, e - r, task.error_rate, task.rest))
 
-    def _see(self, model: Model, reference: Array, scale: Array) -> None:
+    def _see(self, model: Any, reference: Array, scale: Array) -> None:
         """Let the reference be there, whatever comes of it."""
         self.reference, self.seen = reference, response(model, reference, self.periods, scale)
 
-    def _move(self, model: Model, period: float, scale: Array) -> None:
+    def _move(self, model: Any, period: float, scale: Array) -> None:
         """Move the reference by what one period allows, if what comes of it is acceptable."""
         r = self.reference
         assert r is not None
@@ -216,7 +210,7 @@ class GoalGovernor(Controller):
         least = -np.inf if self.seen is None else float(self.seen.least.min(initial=np.inf))
         return self.speed * float(np.clip((least - self.margin) / (self.influence - self.margin), 0.0, 1.0))
 
-    def direction_of_reference(self, r: Array, model: Model, scale: Array) -> Array:
+    def direction_of_reference(self, r: Array, model: Any, scale: Array) -> Array:
         """(k,) ρ."""
         direction: Array = -r / max(float(np.linalg.norm(r)), SETTLING * self.speed)
         if self.seen is None:

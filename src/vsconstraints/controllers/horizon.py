@@ -31,25 +31,11 @@ class Instants(NamedTuple):
 
 @dataclass(frozen=True)
 class Horizon:
-    """H blocks of constant q̈, each T long, and the instants now, after one sampling period, and after every block.
+    """H ``blocks`` of constant q̈, each ``length`` T [s] long, and N instants: now, after one period and every block.
 
-    q and q̇ of a double integrator are linear in the plan u (H, n): q + τ q̇ + Q u and q̇ + V u. After the plan all
-    joints brake together, as fast as the slowest to stop can.
-
-    Attributes
-    ----------
-    blocks
-        H.
-    length
-        T [s].
-    period
-        T_s [s].
-    times
-        (N,) τ [s], the first 0.
-    begins
-        (H,) which of them are the beginnings of blocks.
-    Q, V
-        (N, H), in s² and s.
+    q and q̇ of a double integrator are linear in the plan u (H, n): q + τ q̇ + Q u and q̇ + V u, with Q and V (N, H) in
+    s² and s. ``times`` (N,) are τ [s]; ``begins`` (H,) tells which of them are the beginnings of blocks. After the plan
+    all joints brake together, as fast as the slowest to stop can.
     """
 
     blocks: int
@@ -67,18 +53,13 @@ class Horizon:
         return cls(blocks, block * period, period)
 
     def __post_init__(self) -> None:
-        H, T = self.blocks, self.length
-        ends = T * np.arange(H + 1)
+        T = self.length
+        ends = T * np.arange(self.blocks + 1)
         times = ends if np.isclose(self.period, T) else np.sort(np.append(ends, self.period))
-        begins = np.searchsorted(times, ends[:-1])
         since = times[:, None] - ends[:-1]
         within = np.clip(since, 0.0, T)
-        for name, value in (
-            ("times", times),
-            ("begins", begins),
-            ("Q", within * (since - 0.5 * within)),
-            ("V", within),
-        ):
+        made = {"times": times, "begins": np.searchsorted(times, ends[:-1])}
+        for name, value in {**made, "Q": within * (since - 0.5 * within), "V": within}.items():
             object.__setattr__(self, name, value)
 
     def instants(self, q: Array, qd: Array, plan: Array, most: Array) -> Instants:

@@ -8,11 +8,11 @@ from dataclasses import fields
 from typing import Any, ClassVar, Literal, TypeVar
 
 from ..errors import unknown_name
+from .barriers import Barrier
+from .demand import Demand
 from .demands import (
     DEMANDS,
-    Barrier,
     BoundaryLayer,
-    Demand,
     ImplicitSuperTwisting,
     ImplicitSwitch,
     ImplicitSwitchWithDrift,
@@ -23,7 +23,8 @@ from .demands import (
 )
 from .law import Law
 from .least_norm import RANK_TOLERANCE
-from .resolvers import AUTO, RESOLVERS, Additive, Filter, Hierarchy, Priority, Resolver
+from .resolver import Additive, Priority, Resolver
+from .resolvers import AUTO, RESOLVERS, Filter, Hierarchy
 
 
 class Tracking(Law):
@@ -115,7 +116,7 @@ class PotentialField(Law):
         strength: float = 1.0,
         rank_tolerance: float = RANK_TOLERANCE,
     ) -> None:
-        super().__init__(*_parts_of_blend(blend, (region, exponent, strength), rank_tolerance))
+        super().__init__(*_blended(blend, (region, exponent, strength), rank_tolerance))
 
     @property
     def blend(self) -> str:
@@ -124,11 +125,10 @@ class PotentialField(Law):
 
     @blend.setter
     def blend(self, blend: Any) -> None:
-        demand, resolver = _parts_of_blend(blend, self.demand.parameters, self.rank_tolerance)
-        self.demand, self.resolver = demand, resolver
+        self.demand, self.resolver = _blended(blend, self.demand.parameters, self.rank_tolerance)
 
 
-def _parts_of_blend(blend: object, parameters: tuple[float, ...], rank_tolerance: float) -> tuple[Demand, Resolver]:
+def _blended(blend: object, parameters: tuple[float, ...], rank_tolerance: float) -> tuple[Demand, Resolver]:
     if not (isinstance(blend, str) and blend in BLENDS):
         raise unknown_name("blend", blend, tuple(BLENDS))
     demand, resolver = BLENDS[blend]
@@ -178,12 +178,6 @@ class HierarchicalQP(Law):
     rank_tolerance
         Singular values of J below this fraction of the largest one count as zero.
 
-    Attributes
-    ----------
-    solvers
-        The solver asked and those behind it, with their warm starts and the count of their failures;
-        :meth:`reset` clears both.
-
     Raises
     ------
     ConfigurationError
@@ -204,14 +198,8 @@ class HierarchicalQP(Law):
         rank_tolerance: float = RANK_TOLERANCE,
     ) -> None:
         demand, self._alpha = _demand(rows, alpha), alpha
-        resolver = Hierarchy(
-            solver=solver,
-            weights=weights,
-            max_acceleration=max_acceleration,
-            damping=damping,
-            rank_tolerance=rank_tolerance,
-        )
-        super().__init__(demand, resolver)
+        options: dict[str, Any] = {"solver": solver, "weights": weights, "max_acceleration": max_acceleration}
+        super().__init__(demand, Hierarchy(damping=damping, rank_tolerance=rank_tolerance, **options))
 
     @property
     def rows(self) -> str:
@@ -237,9 +225,6 @@ def _demand(rows: object, alpha: float) -> Demand:
         raise unknown_name("form of rows", rows, ("barrier", "active"))
     barrier = Barrier(alpha)
     return barrier if rows == "barrier" else Switch()
-
-
-Part = TypeVar("Part", Demand, Resolver)
 
 
 class Pair(Law):
@@ -276,29 +261,17 @@ class Named(Law):
 def named(name: str, demand: type[Demand], resolver: type[Resolver], line: str, **defaults: Any) -> type[Named]:
     """A law of that name: a class whose constructor takes the options of both parts.
 
-    Parameters
-    ----------
-    name
-        For files and the command line.
-    demand, resolver
-        What it consists of.
-    line
-        What it is, in one line.
-    defaults
-        Options that differ from those of the parts.
+    ``line`` says what it is; ``defaults`` are options that differ from those of the parts.
     """
     options = [
         inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=defaults.get(key, default))
         for key, default in options_of(demand, resolver).items()
     ]
-    body = {
-        "__doc__": line,
-        "__signature__": inspect.Signature(options),
-        "name": name,
-        "parts": (demand, resolver),
-        "defaults": defaults,
-    }
-    return type(name, (Named,), body)
+    body = {"__doc__": line, "__signature__": inspect.Signature(options), "name": name, "defaults": defaults}
+    return type(name, (Named,), {**body, "parts": (demand, resolver)})
+
+
+Part = TypeVar("Part", Demand, Resolver)
 
 
 def of_name(what: Literal["demand", "resolver"], name: object, classes: Iterable[type[Part]]) -> type[Part]:
@@ -309,9 +282,9 @@ def of_name(what: Literal["demand", "resolver"], name: object, classes: Iterable
     return known[name]
 
 
-def options_of(demand: type[Demand], resolver: type[Resolver]) -> dict[str, Any]:
+def options_of(*parts: type[Demand] | type[Resolver]) -> dict[str, Any]:
     """The options of a demand and a resolver, with their defaults."""
-    return {field.name: field.default for part in (demand, resolver) for field in fields(part)}
+    return {field.name: field.default for part in parts for field in fields(part)}
 
 
 def split_options(
@@ -319,11 +292,10 @@ def split_options(
 ) -> tuple[Demand, Resolver]:
     """A demand and a resolver, each made with those options that are its own; names the candidates if one is none's."""
     demand, resolver = parts
-    known = options_of(demand, resolver)
+    known, own = options_of(demand, resolver), options_of(demand)
     for key in options:
         if key not in known:
             raise unknown_name(f"option of {law}", key, known)
-    own = {field.name for field in fields(demand)}
     return (
         demand(**{key: value for key, value in options.items() if key in own}),
         resolver(**{key: value for key, value in options.items() if key not in own}),
@@ -335,44 +307,32 @@ def _without_state(name: str) -> Named:
     return law.__new__(law)
 
 
-NAMED: tuple[type[Named], ...] = (
-    named(
-        "implicit-switch",
-        ImplicitSwitch,
-        Hierarchy,
-        "The paper's switch without its chattering: solved for the end of the period, with strict priorities.",
-        periods=5.0,
-    ),
-    named(
-        "implicit-switch-with-drift",
-        ImplicitSwitchWithDrift,
-        Hierarchy,
-        "The implicit switch, less the drift that was seen a sample ago.",
-        periods=5.0,
-    ),
-    named(
-        "boundary-layer",
-        BoundaryLayer,
-        Priority,
-        "Sliding mode with a boundary layer, laid inside (the potential field with priority).",
-    ),
-    named(
-        "super-twisting",
-        SuperTwisting,
-        Priority,
-        "Sliding mode of second order, which learns the drift.",
-    ),
-    named(
-        "implicit-super-twisting",
-        ImplicitSuperTwisting,
-        Hierarchy,
-        "Sliding mode of second order by the proper implicit Euler method, with strict priorities.",
-    ),
-    named(
-        "cbf-filter",
-        Barrier,
-        Filter,
-        "The safety filter of control barrier functions: the command nearest to tracking that meets the barrier.",
-    ),
-)
+NAMED: tuple[type[Named], ...] = tuple(
+    named(name, demand, resolver, line, **defaults)
+    for name, demand, resolver, line, defaults in (
+        (
+            "implicit-switch", ImplicitSwitch, Hierarchy,
+            "The paper's switch without its chattering: solved for the end of the period, with strict priorities.",
+            {"periods": 5.0},
+        ),
+        (
+            "implicit-switch-with-drift", ImplicitSwitchWithDrift, Hierarchy,
+            "The implicit switch, less the drift that was seen a sample ago.", {"periods": 5.0},
+        ),
+        (
+            "boundary-layer", BoundaryLayer, Priority,
+            "Sliding mode with a boundary layer, laid inside (the potential field with priority).", {},
+        ),
+        ("super-twisting", SuperTwisting, Priority, "Sliding mode of second order, which learns the drift.", {}),
+        (
+            "implicit-super-twisting", ImplicitSuperTwisting, Hierarchy,
+            "Sliding mode of second order by the proper implicit Euler method, with strict priorities.", {},
+        ),
+        (
+            "cbf-filter", Barrier, Filter,
+            "The safety filter of control barrier functions: the command nearest to tracking that meets the barrier.",
+            {},
+        ),
+    )
+)  # fmt: skip
 """Laws that have a name of their own, beside those that are classes."""

@@ -1,4 +1,4 @@
-"""The tracking command and rank decisions in NumPy, for demands, laws and solvers that are not compiled."""
+"""The tracking command by singular values, for QP solvers and formulas in Python; and dependence of rows."""
 
 from __future__ import annotations
 
@@ -16,16 +16,10 @@ RANK_TOLERANCE = 1e-6
 
 
 class LeastNorm(NamedTuple):
-    """The least-squares solution of J q̈ = b that is nearest to q̈₀, and the decomposition it was read from.
+    """Q̈ = q̈₀ + J† (b − J q̈₀) (n,), and the decomposition it was read from.
 
-    Attributes
-    ----------
-    qdd
-        (n,) q̈ = q̈₀ + J† (b − J q̈₀).
-    directions
-        (n, n) right singular vectors of J, one a column: an orthonormal basis of the joint space.
-    gains
-        (n,) their singular values, with exact zeros for the directions that count as the null space of J.
+    ``directions`` (n, n) are the right singular vectors of J, one a column: an orthonormal basis of the joint space;
+    ``gains`` (n,) their singular values, with exact zeros for the directions that count as the null space of J.
     """
 
     qdd: Array
@@ -88,5 +82,4 @@ def rank_loss(rows: Rows, command: Command, rank_tolerance: float) -> Command:
     dependent = dependent_rows(unit_rows(rows, rows.phi, reached)[0], rank_tolerance)
     involved = np.flatnonzero(reached)[np.abs(dependent).max(axis=1, initial=0.0) > 1e-3]
     names = ", ".join(rows.labels[i] for i in involved)
-    reason = f"the active rows have lost full row rank; dependent: {names}"
-    return replace(command, status="rank-loss", reason=reason)
+    return replace(command, status="rank-loss", reason=f"the active rows have lost full row rank; dependent: {names}")

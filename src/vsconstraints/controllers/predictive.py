@@ -17,31 +17,20 @@ from .base import Controller
 from .condensed import Lookahead, cost, limits, look_ahead
 from .horizon import Horizon, Instants, stopping_time
 from .laws import Tracking
-from .model import Model
 from .ranges import Declared, Range, positive
 from .resolvers import Hierarchy, row_weights
 
-MAX_BLOCKS = 100
-"""Of a horizon: the QP has n times as many unknowns."""
-
-MAX_PERIODS = 10_000
-"""Of a block."""
+MAX_BLOCKS, MAX_PERIODS = 100, 10_000
+"""Of a horizon, whose QP has n times as many unknowns; and of a block."""
 
 NO_ROWS: IntArray = np.empty(0, dtype=np.int64)
 """Of the QP."""
 
 
 class Plan(NamedTuple):
-    """What was planned.
+    """What was planned at the time ``made`` [s]: q̈ of the blocks (H, n), and what comes after them (n,).
 
-    Attributes
-    ----------
-    qdd, then
-        q̈ of the blocks (H, n), and what comes after them (n,).
-    made
-        When it was made [s].
-    held
-        Which rows of the QP held it, by their indices there: those are likely to hold the next one.
+    ``held`` are the rows of the QP that held it, by their indices there: those are likely to hold the next one.
     """
 
     qdd: Array
@@ -108,15 +97,6 @@ class PredictiveControl(Controller):
         Name of a QP solver; if the answer of another one than DAQP fails the check, others are asked.
     max_acceleration
         Bound of every |q̈| [rad/s² or m/s²] beside the box of the rows; None for none.
-
-    Attributes
-    ----------
-    period, model
-        What :meth:`reset` was told last.
-    plan
-        That of the last sample; None before the first.
-    solvers
-        The QP solver asked and those behind it.
     """
 
     name = "predictive"
@@ -142,7 +122,7 @@ class PredictiveControl(Controller):
         max_acceleration: float | None = None,
     ) -> None:
         self.period: float | None = None
-        self.model: Model | None = None
+        self.model: Any = None
         self._tracking = Tracking()
         self.horizon, self.block, self.approach, self.damping = horizon, block, approach, damping
         self.weights, self.solver, self.max_acceleration = weights, solver, max_acceleration
@@ -160,7 +140,7 @@ class PredictiveControl(Controller):
         if name != "plan":
             super().__setattr__("plan", None)
 
-    def reset(self, period: float | None = None, model: Model | None = None) -> None:
+    def reset(self, period: float | None = None, model: Any = None) -> None:
         """Forget the plan and what solvers remember; without a period or a model, those of the last reset stay."""
         if period is not None:
             self.period = _positive("the sampling period", period)
@@ -179,13 +159,7 @@ class PredictiveControl(Controller):
         return Hierarchy(weights=self.weights).remark(labels) if self.weights else ""
 
     def solve(self, rows: Rows, task: Task) -> Command:
-        """See the class.
-
-        Raises
-        ------
-        InvalidInput
-            if there is no model or no sampling period, or the model is of other rows.
-        """
+        """See the class; InvalidInput if there is no model or no sampling period, or the model is of other rows."""
         model, horizon = self._ready(rows, task)
         now, most = model.present, self._most(model)
         low, high = self._box(rows, most)
@@ -199,13 +173,15 @@ class PredictiveControl(Controller):
         if len(seen) < 2:
             plan = horizon.brake(now.qd, low, high)
             at, seen = seen_along(plan)
-        remark = "" if len(seen) == len(at.times) else _shortened(at.times[len(seen)])
+        remark = ""
+        if len(seen) < len(at.times):
+            ahead = f"no more than {at.times[len(seen)]:.3g} s are predicted"
+            remark = f"{ahead}, since a marker is then not in front of the camera"
         if len(seen) < 2:
             self.plan = None
             return self._answer(rows, plan[0], "suboptimal", f"braking: {remark}")
-        ahead = look_ahead(rows, task, seen, at, plan, model.K)
         try:
-            found, held = self._optimum(rows, ahead, horizon, (low, high))
+            found, held = self._optimum(rows, look_ahead(rows, task, seen, at, plan, model.K), horizon, (low, high))
         except SolverError as error:
             self.plan = self._planned(horizon, plan, now, most, NO_ROWS)
             return self._answer(rows, plan[0], "suboptimal", f"the plan goes on as it was: {error}", remark)
@@ -214,15 +190,16 @@ class PredictiveControl(Controller):
         # bit by bit what tracking alone commands
         free = not found.multipliers.any() and not unmet.any()
         qdd = self._tracking.command(Rows.none(len(now.q)), task).qdd if free else best[0]
-        command = self._answer(rows, qdd, "relaxed" if unmet.any() else "ok", _exceeded(rows.labels, unmet), remark)
+        amounts = ", ".join(f"{rows.labels[i]} by {unmet[i]:.3g}" for i in np.flatnonzero(unmet))
+        reason = f"no plan meets every row; exceeded at most, in units of the rows: {amounts}" if amounts else ""
+        command = self._answer(rows, qdd, "relaxed" if amounts else "ok", reason, remark)
         command.acted = held
         if found.verified is not None:
             command.solver, command.fallback = found.verified.solver, found.verified.fallback
             command.iterations = found.verified.answer.iterations
         return command
 
-    def _ready(self, rows: Rows, task: Task) -> tuple[Model, Horizon]:
-        """The model and the horizon; raises InvalidInput if there is none of them."""
+    def _ready(self, rows: Rows, task: Task) -> tuple[Any, Horizon]:
         if self.model is None:
             raise InvalidInput(
                 "the law 'predictive' uses a model: ask it by ControlStep.command, or tell it by "
@@ -236,10 +213,11 @@ class PredictiveControl(Controller):
             raise InvalidInput("the law 'predictive' was told the model of other rows or of another robot")
         return self.model, Horizon.of(self.horizon, self.block, self.period)
 
-    def _most(self, model: Model) -> Array:
+    def _most(self, model: Any) -> Array:
         """Greatest |q̈| (n,)."""
         own = np.inf if self.max_acceleration is None else self.max_acceleration
-        return np.minimum(own, model.acceleration)
+        most: Array = np.minimum(own, model.acceleration)
+        return most
 
     def _box(self, rows: Rows, most: Array) -> tuple[Array, Array]:
         """Least and greatest q̈ of the blocks (H, n); what rows say of now holds for the first."""
@@ -282,18 +260,6 @@ class PredictiveControl(Controller):
     def _answer(self, rows: Rows, qdd: Array, status: Status, reason: str, remark: str = "") -> Command:
         none, remarks = np.zeros(len(rows.labels), dtype=np.bool_), filter(None, (remark, self.remark(rows.labels)))
         return Command(qdd.copy(), status, none, rows.labels, reason=reason, remark="; ".join(remarks))
-
-
-def _shortened(ahead: float) -> str:
-    return f"no more than {ahead:.3g} s are predicted, since a marker is then not in front of the camera"
-
-
-def _exceeded(labels: tuple[str, ...], unmet: Array) -> str:
-    """Say which rows no plan meets and by how much; empty if none."""
-    if not unmet.any():
-        return ""
-    amounts = ", ".join(f"{labels[i]} by {unmet[i]:.3g}" for i in np.flatnonzero(unmet))
-    return f"no plan meets every row; exceeded at most, in units of the rows: {amounts}"
 
 
 def _positive(name: str, value: object) -> float:

@@ -45,7 +45,6 @@ class Fixed(dict[str, float]):
     """A dict that cannot be changed; unlike a :class:`types.MappingProxyType` it can be pickled."""
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
-        """Raise TypeError."""
         raise TypeError("the options of a controller cannot be changed in parts: make one with others")
 
     __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
@@ -56,16 +55,9 @@ class Fixed(dict[str, float]):
 
 @dataclass(frozen=True)
 class Range:
-    """Numbers from ``least`` to ``greatest``, both included; ConfigurationError if that is no range.
+    """Numbers from ``least`` to ``greatest``, both included, integers only or all; ConfigurationError if it is empty.
 
-    Attributes
-    ----------
-    least, greatest
-        Its ends.
-    logarithmic
-        Whether factors count, not differences; then ``least`` is positive.
-    integer
-        Whether it holds integers only.
+    Where it is ``logarithmic`` factors count, not differences; then ``least`` is positive.
     """
 
     least: float
@@ -74,12 +66,13 @@ class Range:
     integer: bool = False
 
     def __post_init__(self) -> None:
-        if not (all(map(_finite, self)) and self.least < self.greatest):
-            raise ConfigurationError(f"a range goes from a number to a greater one, not {shown((*self,))}")
+        ends = (*self,)
+        if not (all(map(_finite, ends)) and self.least < self.greatest):
+            raise ConfigurationError(f"a range goes from a number to a greater one, not {shown(ends)}")
         if self.logarithmic and self.least <= 0.0:
-            raise ConfigurationError(f"a logarithmic range is above zero, not {shown((*self,))}")
-        if self.integer and not all(isinstance(end, Integral) for end in self):
-            raise ConfigurationError(f"a range of integers ends with integers, not {shown((*self,))}")
+            raise ConfigurationError(f"a logarithmic range is above zero, not {shown(ends)}")
+        if self.integer and not all(isinstance(end, Integral) for end in ends):
+            raise ConfigurationError(f"a range of integers ends with integers, not {shown(ends)}")
 
     def __iter__(self) -> Iterator[float]:
         """Its ends."""
@@ -126,13 +119,7 @@ def option(
 
 
 class Part:
-    """A demand or resolver: a frozen dataclass whose fields are options.
-
-    Attributes
-    ----------
-    ranges
-        Ranges of search by option: those of the fields, unless the class declares others.
-    """
+    """A demand or resolver: a frozen dataclass whose fields are options, with :attr:`ranges` of search by option."""
 
     ranges: ClassVar[Mapping[str, Declared]] = {}
 
@@ -146,19 +133,8 @@ class Part:
 def ranges_of(law: object, name: str, fixed: Mapping[str, Any]) -> dict[str, Range | Choices]:
     """The ranges that a law's class declares, and those of its demand and resolver as far as its constructor has them.
 
-    Parameters
-    ----------
-    law
-        A law as it comes out of its constructor.
-    name
-        What messages call it.
-    fixed
-        Options that are not searched, since the user has set them.
-
-    Raises
-    ------
-    ConfigurationError
-        if what is declared is no range, of no option, or does not contain the option's default.
+    ``name`` is what messages call the law; options that the user has ``fixed`` are not searched. ConfigurationError if
+    what is declared is no range, of no option, or does not contain the option's default.
     """
     parameters = inspect.signature(type(law)).parameters
     anything = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())

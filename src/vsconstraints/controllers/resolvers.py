@@ -1,26 +1,16 @@
-"""Resolvers: ways to share q̈ among demands and task.
-
-One half of a law; :mod:`vsconstraints.controllers.demands` are the other. What they compute is compiled, in
-:mod:`vsconstraints.compiled`; here are their options, and what their answers mean. A new resolver is a compiled
-function, a class with its options, and an entry in :data:`RESOLVERS`.
-"""
+"""The resolvers that files can name: projections, and those by quadratic programs."""
 
 from __future__ import annotations
 
 import math
-from abc import ABC
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from ..compiled import load
-from ..compiled.structures import (
-    INCOMPATIBLE,
+from ..compiled.workspace import (
     NEAREST,
-    NEEDS_PYTHON,
-    RANK_LOSS,
     RELAXED_ROWS,
     RELAXED_SHORT,
     SCALED,
@@ -30,200 +20,16 @@ from ..compiled.structures import (
     WEIGHED,
 )  # fmt: skip
 from ..errors import ConfigurationError, InvalidInput, SolverError, shown, unknown_name
-from ..formulas.row import BOUND, EQUAL, PUSH, share
+from ..formulas.row import share
 from ..qp import SolverChain
 from ..rows import Array, BoolArray, Command, IntArray, Rows, Task
-from ..rows.checks import beyond_rounding
 from ..rows.tolerances import ZERO_GRADIENT
 from .cascade import Target, descend
-from .compiled import compiled_law, in_usual_layout
-from .demands import Demand, Known, KnownPush
-from .least_norm import RANK_TOLERANCE, least_norm, rank_loss, track
-from .ranges import Choices, Fixed, Part, Range, option, positive_number, rank_tolerance
-
-Asked = Callable[[int, Array | None], Array]
-"""What the rows ask for, (m,), of a purpose (:mod:`vsconstraints.formulas.row`) and the tracking q̈ (n,)."""
-
-NO_WEIGHTS = np.empty(0)
-
-USES: dict[str, str] = {"error": "e", "error_rate": "ė"}
-"""What a resolver may use of the task beside J and b, as printed."""
-
-
-@dataclass(frozen=True)
-class Resolver(Part, ABC):
-    """A way to share q̈ among the demands of rows and a task.
-
-    A frozen dataclass: its fields are options, the rank tolerance first. Its warm starts belong to the law, see
-    :meth:`solvers`.
-
-    Attributes
-    ----------
-    name
-        In reports.
-    kernel
-        Module and name of its compiled form, see :class:`vsconstraints.compiled.structures.LawArrays`.
-    otherwise
-        Module and name of the compiled form that answers where this one does not, on the same options; None if there
-        is none.
-    purpose
-        What it asks of demands: see :mod:`vsconstraints.formulas.row`.
-    uses
-        Which of :data:`USES` it uses.
-    measures
-        Whether its commands report what they leave unmet.
-    answers
-        Codes with which the compiled form has an answer.
-    """
-
-    name: ClassVar[str]
-    kernel: ClassVar[tuple[str, str]]
-    otherwise: ClassVar[tuple[str, str] | None] = None
-    purpose: ClassVar[int] = BOUND
-    uses: ClassVar[tuple[str, ...]] = ()
-    measures: ClassVar[bool] = False
-    answers: ClassVar[Collection[int]] = (SOLVED,)
-
-    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
-        """The command, where the law is not compiled as a whole: its demand is a formula in NumPy, or it was refused.
-
-        Parameters
-        ----------
-        rows, task
-            Finite and of matching shapes.
-        asked
-            What the rows ask for.
-        tracks
-            Whether that depends on the tracking command.
-        solvers
-            What :meth:`solvers` has made.
-
-        Raises
-        ------
-        SolverError
-            if numbers leave the range of floating point.
-        """
-        return in_range(self.share(rows, task, self.bounds(task, asked, tracks))[1])
-
-    def bounds(self, task: Task, asked: Asked, tracks: bool) -> Array:
-        """(m,) what the rows ask for, with the tracking command in NumPy if that depends on it."""
-        return asked(self.purpose, track(task, self.options[0]) if tracks else None)
-
-    def share(self, rows: Rows, task: Task, c: Array) -> tuple[int, Command | None]:
-        """The code and the command of the compiled form, for what rows ask for, c (m,): see ``purpose``."""
-        demand = KnownPush() if self.purpose == PUSH else Known()
-        memory = np.array(c[:, None], dtype=np.float64, order="C")
-        law = compiled_law(demand, self, rows.labels, memory=memory, always=True)
-        assert law is not None
-        m, n = len(rows.labels), task.J.shape[1]
-        qdd, acted, slack = np.full(n, np.nan), np.zeros(m, dtype=np.bool_), np.zeros(m if self.measures else 0)
-        iterations = np.zeros(1, dtype=np.int64)
-        function, *arguments = law.call(*(in_usual_layout(rows, task) or (rows, task)))
-        code = function(*arguments, qdd, acted, slack, iterations)
-        # what was computed, but cannot be checked, is refused with the rows that say so
-        unchecked = code == NEEDS_PYTHON and bool(np.isfinite(qdd).all()) and bool(beyond_rounding(rows, qdd))
-        if code == RANK_LOSS or unchecked:
-            return code, Command(qdd, "ok", acted, rows.labels)
-        return code, self.command(code, qdd, acted, rows.labels, slack, int(iterations[0]))
-
-    def tracks(self, demand: Demand) -> bool:
-        """Whether what is asked of this demand depends on the tracking command."""
-        if self.purpose == PUSH:
-            return not demand.relative or demand.sees_tracking
-        return demand.tracks or (self.purpose == EQUAL and not demand.everywhere)
-
-    @property
-    def options(self) -> Array:
-        """What the compiled form takes; the rank tolerance first."""
-        return np.array([getattr(self, each.name) for each in fields(self)])
-
-    @property
-    def compiles(self) -> bool:
-        """Whether the options have a compiled form."""
-        return True
-
-    def loaded(self, always: bool = False) -> tuple[Any, Any]:
-        """The compiled form, and that which answers otherwise; None where there is none.
-
-        Options without a compiled form of the whole law have none, unless what is compiled is ``always`` asked for.
-        """
-        forms = (self.kernel if self.compiles or always else None, self.otherwise if self.compiles else None)
-        function, otherwise = (getattr(load(form[0]), form[1]) if form else None for form in forms)
-        return function, otherwise
-
-    def solvers(self) -> SolverChain | None:
-        """A chain of QP solvers for a law of its own; None if it needs none."""
-        return None
-
-    def row_weights(self, labels: tuple[str, ...]) -> Array:
-        """(m,) weight of each row's violation; (0,) if all are 1."""
-        return NO_WEIGHTS
-
-    def remark(self, labels: tuple[str, ...]) -> str:
-        """What a user should know of these options and rows of these labels, though nothing is wrong; else empty."""
-        return ""
-
-    def command(
-        self, code: int, qdd: Array, acted: BoolArray, labels: tuple[str, ...], slack: Array, iterations: int
-    ) -> Command | None:
-        """The command of the compiled form's answer; None if the code says that there is none."""
-        return Command(qdd, "ok", acted, labels) if code in self.answers else None
-
-
-def in_range(command: Command | None) -> Command:
-    """The command, if there is one; raises SolverError if not."""
-    if command is None:
-        raise SolverError("squares of L_gφ, J or q̈ are beyond the range of floating point")
-    return command
-
-
-# --- closed forms ---
-
-
-@dataclass(frozen=True)
-class Priority(Resolver):
-    """Rows that act meet their demands with equality, L_gφ q̈ = c; the task acts in their null space (eq. 15).
-
-    If rows with φ ≥ 0 depend on each other the status is ``rank-loss`` (section 5.2), and demands are met in the
-    least-squares sense.
-    """
-
-    rank_tolerance: float = option(
-        RANK_TOLERANCE,
-        "singular values below this fraction of the largest one count as zero, of the active rows once each is divided "
-        "by its length",
-    )
-
-    name = "priority"
-    kernel = ("task_priority", "priority")
-    purpose = EQUAL
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "rank_tolerance", rank_tolerance(self.rank_tolerance))
-
-    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
-        """See :class:`.Resolver`."""
-        return self.prioritise(rows, task, self.bounds(task, asked, tracks))
-
-    def prioritise(self, rows: Rows, task: Task, c: Array) -> Command:
-        """Eq. (15) for rows that must meet L_gφ q̈ = c (m,), ∞ for those that do not act."""
-        code, command = self.share(rows, task, c)
-        return rank_loss(rows, in_range(command), self.rank_tolerance) if code == RANK_LOSS else in_range(command)
-
-
-class Additive(Priority):
-    """q̈ = q̈_track + Σ min(0, cᵢ − L_gφᵢ q̈_track) L_gφᵢ†: rows and task may each win.
-
-    The singular values of J below ``rank_tolerance`` times the largest one count as zero.
-    """
-
-    name = "additive"
-    kernel = ("task_priority", "additive")
-    purpose = PUSH
-
-    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
-        """See :class:`.Resolver`."""
-        return Resolver.solve(self, rows, task, asked, True, solvers)
+from .compiled import NO_SLACK
+from .demand import Demand
+from .least_norm import RANK_TOLERANCE, least_norm
+from .ranges import Choices, Fixed, Range, option, positive_number, rank_tolerance
+from .resolver import COMPILED, Additive, Priority, Resolver
 
 
 @dataclass(frozen=True)
@@ -247,9 +53,7 @@ class Projection(Additive):
     closed: float = option(0.1, "‖e‖ below which λ is 0", Range(0.01, 0.3))
     opened: float = option(0.7, "‖e‖ above which λ is 1", Range(0.4, 4.0))
 
-    name = "projection"
-    kernel = ("projection", "projection")
-    uses = ("error",)
+    name, kernel, uses = "projection", ("projection", "projection"), ("error",)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -258,20 +62,9 @@ class Projection(Additive):
         if self.closed >= self.opened:
             raise ConfigurationError(f"closed must be below opened, which is {self.opened:g}, not {self.closed:g}")
 
-    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
-        """See :class:`.Resolver`; raises InvalidInput if the task has no error."""
-        if task.error.shape != task.b.shape:
-            raise InvalidInput(f"the resolver {self.name!r} uses task.error, which this task does not give")
-        return super().solve(rows, task, asked, tracks, solvers)
-
-
-# --- quadratic programs ---
 
 AUTO, DEFAULT = "auto", "daqp"
 """The compiled descent; and who is asked where its answer fails the check."""
-
-COMPILED = "compiled"
-"""What commands call the compiled solver."""
 
 MAX_WEIGHT = 1e10
 """Largest weight of a row, and the inverse of the least: those without one have 1."""
@@ -310,10 +103,7 @@ class Hierarchy(Resolver):
     damping: float = 1e-8
     rank_tolerance: float = RANK_TOLERANCE
 
-    name = "hierarchy"
-    kernel = ("hierarchical_qp", "descend")
-    measures = True
-    answers = ANSWERS
+    name, kernel, measures, answers = "hierarchy", ("hierarchical_qp", "descend"), True, ANSWERS
 
     def __post_init__(self) -> None:
         checked: dict[str, object] = {"damping": positive_number("damping", self.damping)}
@@ -345,7 +135,7 @@ class Hierarchy(Resolver):
 
     @property
     def aim(self) -> int:
-        """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.structures`."""
+        """What the levels below the rows are: one of those of :mod:`vsconstraints.compiled.workspace`."""
         return STRICT
 
     def solvers(self) -> SolverChain:
@@ -354,7 +144,7 @@ class Hierarchy(Resolver):
 
     def row_weights(self, labels: tuple[str, ...]) -> Array:
         """See :class:`.Resolver`."""
-        return row_weights(labels, self.weights) if self.weights else NO_WEIGHTS
+        return row_weights(labels, self.weights) if self.weights else NO_SLACK
 
     def remark(self, labels: tuple[str, ...]) -> str:
         """Which weights concern no label."""
@@ -376,29 +166,19 @@ class Hierarchy(Resolver):
             command.reason = "; ".join(filter(None, (why, UNPROVED if short else "")))
         return command
 
-    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
+    def solve(self, rows: Rows, task: Task, c: Array, solvers: SolverChain | None) -> Command:
         """See :class:`.Resolver`: compiled, or by a solver that is asked for by name, or where that has no answer."""
-        c = self.bounds(task, asked, tracks)
-        command = self.share(rows, task, c)[1]
+        command = self.share(rows, task, c)
         # without iterations no row resists, or they leave no choice: there is nothing to ask a solver
         if command is not None and (self.compiles or not command.iterations):
             return command
         assert solvers is not None
-        return self.by_solvers(rows, task, c, solvers)
-
-    def box(self, rows: Rows, n: int) -> Array:
-        """(2, n) least and greatest q̈: what ``max_acceleration`` leaves of what the rows allow, or what is nearest."""
-        box: Array = np.array([[-self.bound], [self.bound]]) * np.ones(n)
-        return np.clip(box, rows.qdd_min, rows.qdd_max) if len(rows.qdd_max) else box
-
-    def by_solvers(self, rows: Rows, task: Task, c: Array, solvers: SolverChain) -> Command:
-        """The command by QP solvers, for what rows ask for, c (m,)."""
-        tracking = least_norm(task.J, task.b, self.rank_tolerance, task.rest)
-        box = self.box(rows, len(tracking.qdd))
-        center, shaped = self.center(rows, tracking.qdd, c, box)
+        tracking, n = least_norm(task.J, task.b, self.rank_tolerance, task.rest), task.J.shape[1]
+        box = self.box(rows, n)
+        center, acted = self.center(rows, tracking.qdd, c, box)
         cost = Target.of(tracking, self.damping, self.rank_tolerance, self.aim == STRICT)
         if self.aim in (NEAREST, SCALED):
-            cost = Target(center, np.eye(len(center)), np.ones(len(center)), self.damping, self.rank_tolerance, False)
+            cost = Target(center, np.eye(n), np.ones(n), self.damping, self.rank_tolerance, False)
         which = np.flatnonzero(c < np.inf)
         fixed = np.linalg.norm(rows.Lg[which], axis=1) <= ZERO_GRADIENT * rows.scale[which]
         free, stuck = which[~fixed], which[fixed]
@@ -407,12 +187,13 @@ class Hierarchy(Resolver):
             best = descend(rows.Lg[free], c[free], weights, cost, box, solvers)
         except InvalidInput as error:
             raise SolverError(f"beyond the range of floating point: {error}") from error
-        acted, slack = shaped, np.zeros(len(rows.labels))
+        slack = np.zeros(len(rows.labels))
         acted[free] |= best.holding
         slack[free], slack[stuck] = best.violation, np.maximum(-c[stuck], 0.0)
+        status: Literal["ok", "relaxed", "suboptimal"] = "suboptimal" if best.shortfall else "ok"
         return Command(
             best.x,
-            "relaxed" if slack.any() else "suboptimal" if best.shortfall else "ok",
+            "relaxed" if slack.any() else status,
             acted,
             rows.labels,
             reason="; ".join(filter(None, (unmet(rows.labels, slack, stuck), best.shortfall))),
@@ -421,6 +202,11 @@ class Hierarchy(Resolver):
             iterations=best.verified.answer.iterations if best.verified else 0,
             fallback=best.fallback,
         )
+
+    def box(self, rows: Rows, n: int) -> Array:
+        """(2, n) least and greatest q̈: what ``max_acceleration`` leaves of what the rows allow, or what is nearest."""
+        box: Array = np.array([[-self.bound], [self.bound]]) * np.ones(n)
+        return np.clip(box, rows.qdd_min, rows.qdd_max) if len(rows.qdd_max) else box
 
     def center(self, rows: Rows, tracking: Array, c: Array, box: Array) -> tuple[Array, BoolArray]:
         """q̈ (n,) that the levels below the rows are to stay near to, and the (m,) rows that have shaped it."""
@@ -527,9 +313,7 @@ class Saturation(Hierarchy):
 
     scales: bool = option(True, "whether a task that cannot be met whole any more is scaled, as published")
 
-    name = "saturation"
-    kernel = ("saturation", "saturation")
-    otherwise = Hierarchy.kernel
+    name, kernel, otherwise = "saturation", ("saturation", "saturation"), ("hierarchical_qp", "descend")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -540,17 +324,6 @@ class Saturation(Hierarchy):
     def options(self) -> Array:
         """See :class:`.Resolver`."""
         return np.append(super().options, float(self.scales))
-
-    def solve(self, rows: Rows, task: Task, asked: Asked, tracks: bool, solvers: SolverChain | None) -> Command:
-        """See :class:`.Resolver`."""
-        c = self.bounds(task, asked, tracks)
-        code, command = self.share(rows, task, c)
-        if command is not None:
-            return command
-        if not self.compiles and code != INCOMPATIBLE:
-            in_range(command)
-        assert solvers is not None
-        return self.by_solvers(rows, task, c, solvers)
 
 
 RESOLVERS: tuple[type[Resolver], ...] = (Priority, Hierarchy, Filter, Additive, Saturation, Projection, Scaling)
@@ -570,12 +343,8 @@ def unmet(labels: tuple[str, ...], slack: Array, fixed: IntArray) -> str:
 
 def row_weights(labels: Sequence[str], weights: Mapping[str, float]) -> Array:
     """(m,) level-1 weight of each label: that of the longest key the label begins with, or 1."""
-    values = np.ones(len(labels))
-    for i, label in enumerate(labels):
-        matching = [prefix for prefix in weights if label.startswith(prefix)]
-        if matching:
-            values[i] = weights[max(matching, key=len)]
-    return values
+    keys = (max((prefix for prefix in weights if label.startswith(prefix)), key=len, default=None) for label in labels)
+    return np.array([1.0 if key is None else weights[key] for key in keys])
 
 
 def _weight(prefix: str, value: object) -> float:

@@ -1,12 +1,12 @@
 """How tracking answers to a reference that stands still: what is predicted to decide whether it may be moved there.
 
 In NumPy a model is asked sample after sample; :mod:`vsconstraints.compiled.response` asks the compiled step, in one
-loop. ``test_responses_alike_in_both_forms`` in ``tests/test_goal_governor.py`` holds the pair together.
+loop. ``test_responses_alike_in_both_forms`` in ``tests/test_goal_governor.py`` compares the two.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,21 +16,15 @@ from ..formulas.tracking import held_gains, held_rest, retargeted
 from ..rows import Array
 from .compiled import SCRATCH
 from .least_norm import RANK_TOLERANCE, least_norm
-from .model import Model
 
 NEWTON = 2
 """Steps of Newton from where a response ends to where it comes to rest."""
 
 
 class Response(NamedTuple):
-    """What tracking comes to with a reference that stands still.
+    """The least −σ (m,) of each row on the way and at rest; and at rest σ (m,), L_gφ (m, n) and J (k, n).
 
-    Attributes
-    ----------
-    least
-        (m,) least −σ of each row on the way and at rest, by the row's scale.
-    sigma, Lg, J
-        (m,), (m, n) and (k, n) at rest; σ by the row's scale.
+    σ counts by the row's scale.
     """
 
     least: Array
@@ -39,25 +33,18 @@ class Response(NamedTuple):
     J: Array
 
 
-def response(model: Model, reference: Array, periods: Array, scale: Array) -> Response | None:
+def response(model: Any, reference: Array, periods: Array, scale: Array) -> Response | None:
     """Follow the tracking law of eq. (42) from now on; None if it comes to where nothing can be evaluated.
 
-    Parameters
-    ----------
-    model
-        Gives rows and task.
-    reference
-        (k,) s_ref less the feature's value at the goal of now, which is kept.
-    periods
-        (N,) how long each acceleration is held [s]: long ones too, since gains are those of the implicit midpoint rule.
-    scale
-        (m,) of the rows.
+    ``model`` is a :class:`vsconstraints.control.model.Model`; ``reference`` (k,) is s_ref less the feature's value at
+    the goal of now, which is kept; ``periods`` (N,) says how long each acceleration lasts [s]: long ones too, since
+    gains are those of the implicit midpoint rule; ``scale`` (m,) is of the rows.
     """
     bound, kernels = model.compiled(), load("response")
     if bound is None:
         return _in_numpy(model, reference, periods, scale)
     step, least, (t, q, qd) = bound.packed.step, np.full(len(scale), np.inf), model.present
-    parts = np.array([kernels.EVALUATE, kernels.TRACK, bound.packed.address, 0])
+    parts = np.array([kernels.EVALUATE, kernels.TRACK, bound.packed.workspace.address, 0])
     numbers = np.array([t, model.until, RANK_TOLERANCE, NEWTON])
     state, work = np.array([q, qd, np.zeros_like(q)]), np.empty(len(reference) + SCRATCH)
     if kernels.respond(parts, numbers, state, reference, work, periods, least):
@@ -65,7 +52,7 @@ def response(model: Model, reference: Array, periods: Array, scale: Array) -> Re
     return Response(least, step.rows.sigma / scale, step.rows.Lg.copy(), step.task.J.copy())
 
 
-def _in_numpy(model: Model, reference: Array, periods: Array, scale: Array) -> Response | None:
+def _in_numpy(model: Any, reference: Array, periods: Array, scale: Array) -> Response | None:
     (t, q, qd), gains = model.present, model.task.gains
     least, N = np.full(len(scale), np.inf), len(periods)
     for k in range(N + NEWTON + 1):
@@ -80,8 +67,7 @@ def _in_numpy(model: Model, reference: Array, periods: Array, scale: Array) -> R
             h = float(periods[k])
             Kp, Kv = gains.at(e - reference)
             then = held_gains(Kp, Kv, h)
-            b = retargeted(task.b, e, task.error_rate, reference, gains.at(e), then)
-            rest = task.rest
+            b, rest = retargeted(task.b, e, task.error_rate, reference, gains.at(e), then), task.rest
             if len(rest):
                 own = model.task.rest_of(len(q), len(b))
                 rest = held_rest(rest, qd, own.damping, own.stiffness, h)

@@ -6,29 +6,16 @@ import numpy as np
 
 from ..rows import Array, BoolArray, Command, Rows, Task
 from .least_norm import dependent_rows, unit_rows
-from .resolvers import Priority
+from .resolver import Priority
 
 __all__ = ["dependent_rows", "prioritise", "unit_rows"]
 
 
 def prioritise(rows: Rows, task: Task, acts: BoolArray, demand: Array, rank_tolerance: float) -> Command:
-    """The command in which the acting rows have the first level and the task the second.
+    """The command in which the rows that act (m,) meet L_gφ q̈ = demand (m,) first, and the task comes second.
 
-    Parameters
-    ----------
-    rows, task
-        What the controller was given.
-    acts
-        (m,) rows that act.
-    demand
-        (m,) what L_gφ q̈ of those rows must be.
-    rank_tolerance
-        As of :class:`.Priority`.
-
-    Returns
-    -------
-    Command
-        ``rank-loss`` if rows with φ ≥ 0 depend on each other (section 5.2), with the names of those that do. Rows
-        that act before their boundary is reached are then met in the least-squares sense.
+    ``rank-loss`` if rows with φ ≥ 0 depend on each other (section 5.2), with the names of those that do. Rows that act
+    before their boundary is reached are then met in the least-squares sense. The tolerance is that of
+    :class:`.Priority`.
     """
-    return Priority(rank_tolerance).prioritise(rows, task, np.where(acts, demand, np.inf))
+    return Priority(rank_tolerance).solve(rows, task, np.where(acts, demand, np.inf), None)

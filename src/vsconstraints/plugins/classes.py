@@ -22,21 +22,9 @@ IN_SESSION = "__main__"
 
 
 def imported_class(name: str, base: Callable[..., Base], folder: Path | None = None) -> type[Base]:
-    """The class that ``module:Class`` names.
+    """The class derived from ``base`` that ``"my_laws:Cautious"`` names; ``my_laws.py`` is first sought in ``folder``.
 
-    Parameters
-    ----------
-    name
-        For example ``"my_laws:Cautious"``.
-    base
-        What it must derive from.
-    folder
-        Where ``my_laws.py`` is looked for first: the folder of the file that names it.
-
-    Raises
-    ------
-    ConfigurationError
-        if the module cannot be imported, or holds no such class.
+    Raises ConfigurationError if the module cannot be imported, or holds no such class.
     """
     module_name, class_name = _parts(name)
     file = plugin_file(name, folder)
@@ -45,16 +33,15 @@ def imported_class(name: str, base: Callable[..., Base], folder: Path | None = N
             module = importlib.import_module(module_name) if file is None else _module_from(file)
     except (Exception, SystemExit) as error:  # an own module can fail in any way while it is imported
         raise ConfigurationError(f"{name!r}: cannot import {module_name!r}: {described(error)}") from error
-    found = getattr(module, class_name, None)
-    kind = cast("type[Base]", base)
-    if not (isinstance(found, type) and issubclass(found, kind)):
+    own, kind = getattr(module, class_name, None), cast("type[Base]", base)
+    if not (isinstance(own, type) and issubclass(own, kind)):
         raise ConfigurationError(f"{name!r}: {module_name} holds no {kind.__name__} of the name {class_name!r}")
-    return found
+    return own
 
 
 @contextmanager
 def beside(*folders: Path | None) -> Iterator[None]:
-    """Modules in these folders can be imported meanwhile, where no other of their names is found first.
+    """Modules in these folders can be imported meanwhile, where no other of their names comes first.
 
     Own modules import their neighbours whenever they like, for which Python looks nowhere but in ``sys.path``.
     """
@@ -75,15 +62,14 @@ def plugin_file(name: str, folder: Path | None) -> Path | None:
 
 def module_files(names: Iterable[str], folder: Path | None) -> list[Path]:
     """The files of the modules that these names of parts name as ``module:Class``, where they have one."""
-    found = []
+    files = []
     for name in names:
         if ":" in name:
-            file = plugin_file(name, folder)
-            module = _parts(name)[0]
+            file, module = plugin_file(name, folder), _parts(name)[0]
             spec = importlib.util.find_spec(module) if file is None and module != IN_SESSION else None
             origin = spec.origin if spec is not None and spec.has_location else None
-            found += [Path(path) for path in (file, origin) if path is not None]
-    return found
+            files += [Path(path) for path in (file, origin) if path is not None]
+    return files
 
 
 def code_named(tables: object, typed: bool = False) -> Iterator[str]:
@@ -104,11 +90,10 @@ def untrusted(what: str, names: Iterable[str]) -> ConfigurationError:
     return ConfigurationError(f"{what} needs code that is named there, {code}: it runs with --trust alone (trust=True)")
 
 
-def _parts(name: str) -> tuple[str, str]:
+def _parts(name: str) -> list[str]:
     if not re.fullmatch(r"\w+(\.\w+)*:\w+", name):
         raise ConfigurationError(f"{name!r} must be module:Class, for example my_laws:Cautious")
-    module_name, _, class_name = name.partition(":")
-    return module_name, class_name
+    return name.split(":")
 
 
 def _module_from(file: Path) -> ModuleType:
@@ -123,8 +108,7 @@ def _module_from(file: Path) -> ModuleType:
         spec = importlib.util.spec_from_file_location(unique, path)
         if spec is None or spec.loader is None:
             raise ImportError(f"{path} is not a Python file")
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[unique] = module
+        sys.modules[unique] = module = importlib.util.module_from_spec(spec)
         try:
             with beside(path.parent):
                 spec.loader.exec_module(module)

@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib.util import find_spec
+from typing import NamedTuple
 
 from ..errors import ConfigurationError, unknown_name
 
 
-@dataclass(frozen=True)
-class Extra:
-    """A group of packages that ``pip install 'vsconstraints[NAME]'`` installs.
-
-    Attributes
-    ----------
-    what
-        What needs it.
-    modules
-        Names by which its packages are imported.
-    """
+class Extra(NamedTuple):
+    """What needs ``pip install 'vsconstraints[NAME]'``, and the names by which its packages are imported."""
 
     what: str
     modules: tuple[str, ...]
@@ -41,15 +32,7 @@ EXTRAS = {
 
 
 def demand(name: str, what: str = "") -> None:
-    """Raise ConfigurationError that says what to install, unless all packages of an extra are there.
-
-    Parameters
-    ----------
-    name
-        Of the extra.
-    what
-        What needs it here, where that is not what it is usually for.
-    """
+    """Raise ConfigurationError that says what to install for ``what``, unless all packages of an extra are there."""
     if name not in EXTRAS:
         raise unknown_name("extra", name, EXTRAS)
     missing = [module for module in EXTRAS[name].modules if find_spec(module) is None]

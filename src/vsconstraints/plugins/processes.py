@@ -10,8 +10,7 @@ import sys
 import threading
 from contextlib import suppress
 
-PR_SET_PDEATHSIG = 1
-"""Of Linux' prctl: the signal that a process gets when its parent ends."""
+PR_SET_PDEATHSIG = 1  # of Linux' prctl: the signal that a process gets when its parent ends
 
 
 def end_with(parent: int) -> None:
@@ -22,8 +21,7 @@ def end_with(parent: int) -> None:
         if os.getppid() != parent:
             os._exit(1)
     # on other systems, or where prctl is not allowed; this waits while compiled code keeps the interpreter busy
-    starter = multiprocessing.parent_process()
-    if starter is not None:
+    if (starter := multiprocessing.parent_process()) is not None:
         threading.Thread(target=_end_after, args=(starter,), daemon=True).start()
 
 

@@ -19,23 +19,16 @@ Files = dict[str, str]
 INSTALLED = ("site-packages", "dist-packages")
 """Folders of installed packages: their versions stand for their files, those of own parts apart."""
 
+_PYTHON = (sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib"))
+_FOLDERS = (*_PYTHON, os.path.dirname(os.path.dirname(__file__)), "/proc", "/sys", "/dev")
+_ZIP = f"python{sys.version_info[0]}{sys.version_info[1]}.zip"
 LIBRARIES = (
-    *(
-        os.path.join(os.path.realpath(folder), "")
-        for folder in (
-            *(sysconfig.get_paths()[name] for name in ("stdlib", "platstdlib")),
-            os.path.dirname(os.path.dirname(__file__)),
-            "/proc",
-            "/sys",
-            "/dev",
-        )
-    ),
-    *(entry for entry in sys.path if entry.endswith(f"python{sys.version_info[0]}{sys.version_info[1]}.zip")),
+    *(os.path.join(os.path.realpath(folder), "") for folder in _FOLDERS),
+    *(entry for entry in sys.path if entry.endswith(_ZIP)),
 )
 """Folders whose files are nobody's own: the standard library, this package, the system's."""
 
-COMPILED = (".nbi", ".nbc")
-"""Endings of numba's caches, which are made of code that is looked at itself."""
+COMPILED = (".nbi", ".nbc")  # endings of numba's caches, which are made of code that is looked at itself
 
 _own_packages: set[str] = set()
 read_by_imports: Files = {}
@@ -57,8 +50,7 @@ def digest(path: str | Path) -> str:
 
 def digests(paths: Iterable[str | Path]) -> Files:
     """Hashes of files by their absolute paths."""
-    found = (os.path.realpath(path) for path in paths)
-    return {path: digest(path) for path in found}
+    return {path: digest(path) for path in map(os.path.realpath, paths)}
 
 
 @contextmanager
@@ -80,7 +72,7 @@ def noted() -> Iterator[Files]:
         yield files
     finally:
         _notes[:] = [another for another in _notes if another is not note]
-        for path in [path for path, found in files.items() if found and not os.path.exists(path)]:
+        for path in [path for path, content in files.items() if content and not os.path.exists(path)]:
             del files[path]
 
 
@@ -96,8 +88,8 @@ def noted_import(module: str) -> Iterator[None]:
             yield
     finally:
         sys.dont_write_bytecode = before
-        for path, found in files.items():
-            read_by_imports.setdefault(path, found)
+        for path, content in files.items():
+            read_by_imports.setdefault(path, content)
     # what was there before, for example because the program that asked for the comparison imports it
     for name, loaded in list(sys.modules.items()):
         file = getattr(loaded, "__dict__", {}).get("__file__")
@@ -114,12 +106,9 @@ def imported() -> Files:
 
 def _note(event: str, arguments: tuple[Any, ...]) -> None:
     """Audit hook; it must not raise, since that would keep the file from being opened."""
-    if event != "open" or not _notes:
+    if event != "open" or not _notes or not isinstance(arguments[0], (str, bytes, os.PathLike)):
         return
-    path, mode, flags = arguments
-    if not isinstance(path, (str, bytes, os.PathLike)):
-        return
-    notes = _notes[:]
+    (path, mode, flags), notes = arguments, _notes[:]
     _notes.clear()  # not for what is opened here
     try:
         name = os.path.realpath(os.fsdecode(path))
@@ -141,8 +130,7 @@ def _note(event: str, arguments: tuple[Any, ...]) -> None:
 
 def _own(path: str) -> bool:
     """Whether a file can belong to somebody's own part."""
-    parts = path.split(os.sep)
-    for folder, inside in pairwise(parts):
+    for folder, inside in pairwise(path.split(os.sep)):
         if folder in INSTALLED:
             return inside.removesuffix(".py") in _own_packages
     return not path.startswith(LIBRARIES)

@@ -14,7 +14,7 @@ from ..comparisons.metrics import NEGLIGIBLE
 from ..comparisons.record import run_file
 from ..comparisons.runs.machine import most_samples, process_count
 from ..comparisons.runs.pool import Failure, carry_out
-from ..errors import ConfigurationError, described
+from ..errors import described
 from ..scenarios import Scenario
 from .figures import DISTURBANCE, FIGURES, OVERVIEW, View
 from .figures.overview import shown_runs
@@ -22,7 +22,7 @@ from .groups import Group
 from .markdown import code
 from .plots import FORMATS, PNG, Figure, Formats
 from .replay import write_replay
-from .replay.runs import of_record
+from .replay.runs import run_of
 from .results import Results
 from .selection import TRIAL_SHOWN, acting_in, lane_rows, phi_rows, replayed_runs
 
@@ -227,13 +227,7 @@ def add_replays(results: Results, scenarios: Sequence[str], drawn: Mapping[str, 
         if not controllers:
             continue
         try:
-            runs = []
-            for controller in controllers:
-                record = stored.run(name, controller, TRIAL_SHOWN)
-                if record is None:
-                    file = run_file(stored.folder, name, controller, TRIAL_SHOWN)
-                    raise ConfigurationError(f"the trajectory {file.name} is missing or damaged")
-                runs.append(of_record(stored, stored.scenarios[name], controller, TRIAL_SHOWN, record))
+            runs = [run_of(stored, name, controller, TRIAL_SHOWN) for controller in controllers]
             write_replay(runs, stored.folder / REPLAYS / f"{name}.html")
         except Exception as error:  # one bad run or page must not cost the report
             drawn[name].problems.append(f"Its replay could not be made: {described(error)}.")

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from rich.cells import cell_len
 
-MAX_COLUMNS = 8
+MAX_COLUMNS = 9
 """A table with more columns is several, each of which begins with the first column."""
 
 
@@ -33,8 +33,9 @@ class Table(str):
         blocks = [
             _aligned([[line[k] for k in part] for line in (header, *lines)], sum(k < text_columns for k in part))
             for part in parts
+            if lines
         ]
-        table = super().__new__(cls, "\n\n".join(blocks) if lines else "")
+        table = super().__new__(cls, "\n\n".join(blocks))
         table.header, table.lines = header, lines
         return table
 

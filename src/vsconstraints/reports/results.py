@@ -1,61 +1,49 @@
-"""A stored comparison as reports look at it: by scenario, controller and row."""
+"""A stored comparison as reports look at it: by scenario, controller and row; and which value is the best."""
 
 from __future__ import annotations
 
+import math
 import re
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 from ..comparisons import StoredComparison
+from ..comparisons.metrics import Metric
 from ..comparisons.suite import BASELINE
 from .groups import grouped
+from .markdown import Table, bold
+from .numbers import Format, median, number, over_trials
 
 Line = Mapping[str, Any]
+Better = Literal["less", "more"] | None
 
 DIVERGED = 1.0
 """A run that does not converge and is outside by more than this share of L has diverged."""
 
 
 class Results:
-    """Lines of results.csv and constraints.csv, looked up by scenario and controller.
+    """Lines of results.csv and constraints.csv of ``stored``, looked up by scenario and controller.
 
-    Attributes
-    ----------
-    stored
-        Where they come from.
-    groups
-        The controllers that a figure shows together.
-    controllers
-        All, in the suite's order and that of the groups, tracking alone first.
-    competitors
-        All but tracking alone, which is the unconstrained baseline and is not ranked.
+    ``groups`` are controllers that a figure shows together; ``controllers`` are all, in the order of the groups, and
+    ``competitors`` all but the unconstrained baseline, which is not ranked.
     """
 
     def __init__(self, stored: StoredComparison) -> None:
+        configuration = stored.manifest["configuration"]
         self.stored = stored
-        self.groups = grouped(stored.manifest["configuration"]["controllers"])
+        self.scenarios = tuple(stored.scenarios)
+        self.trials = int(configuration.get("trials", 1))
+        self.groups = grouped(configuration["controllers"])
         self.controllers = tuple(dict.fromkeys(name for group in self.groups for name in group.controllers))
         self.competitors = tuple(name for name in self.controllers if name != BASELINE)
         self._runs: dict[tuple[str, str], list[Line]] = defaultdict(list)
         self._rows: dict[tuple[str, str], list[Line]] = defaultdict(list)
-        for line in stored.results:
+        for line in sorted(stored.results, key=lambda line: line["trial"]):
             self._runs[line["scenario"], line["controller"]].append(line)
         for line in stored.constraints:
             self._rows[line["scenario"], line["controller"]].append(line)
-        for lines in self._runs.values():
-            lines.sort(key=lambda line: line["trial"])
-
-    @property
-    def scenarios(self) -> tuple[str, ...]:
-        """Names of the scenarios, in the suite's order."""
-        return tuple(self.stored.scenarios)
-
-    @cached_property
-    def trials(self) -> int:
-        """How many trials of each run were planned."""
-        return int(self.stored.manifest["configuration"].get("trials", 1))
 
     @property
     def planned(self) -> int:
@@ -65,7 +53,7 @@ class Results:
     @property
     def finished(self) -> int:
         """How many runs are stored."""
-        return sum(len(self.runs(s, c)) for s in self.scenarios for c in self.controllers)
+        return sum(len(self.all_runs(name)) for name in self.controllers)
 
     def runs(self, scenario: str, controller: str) -> Sequence[Line]:
         """Lines of results.csv, one for each trial there is."""
@@ -83,11 +71,9 @@ class Results:
     @cached_property
     def clean_tolerant(self) -> dict[str, int]:
         """The same by the tolerant standard."""
-        return {
-            name: sum(clean(line, "violated_tolerant") for line in self.all_runs(name)) for name in self.competitors
-        }
+        return {name: sum(clean(run, "violated_tolerant") for run in self.all_runs(name)) for name in self.competitors}
 
-    @property
+    @cached_property
     def challenged_scenarios(self) -> list[str]:
         """Names of the scenarios in which controllers are ranked."""
         return [name for name in self.scenarios if self.is_ranked(name)]
@@ -97,10 +83,6 @@ class Results:
         lines = self.all_runs(controller) if scenario is None else self.runs(scenario, controller)
         flags = {bool(line.get("compiled")) for line in lines if line["duration_s"] >= 0.0}
         return " and ".join(name for compiled, name in ((True, "compiled"), (False, "NumPy")) if compiled in flags)
-
-    def statuses(self, scenario: str) -> list[list[str]]:
-        """By competitor, the status of each trial."""
-        return [[line["status"] for line in self.runs(scenario, name)] for name in self.competitors]
 
     def rows(self, scenario: str, controller: str, label: str | None = None) -> list[Line]:
         """Lines of constraints.csv, of one row or of all."""
@@ -114,9 +96,8 @@ class Results:
 
     def challenged(self, scenario: str) -> tuple[str, ...]:
         """Labels of the rows that a scenario challenges, in any trial."""
-        hit = {
-            line["constraint"] for name in self.controllers for line in self.rows(scenario, name) if line["challenged"]
-        }
+        rows = (line for name in self.controllers for line in self.rows(scenario, name))
+        hit = {line["constraint"] for line in rows if line["challenged"]}
         return tuple(label for label in self.labels(scenario) if label in hit)
 
     def is_ranked(self, scenario: str) -> bool:
@@ -130,22 +111,85 @@ def clean(line: Line, column: str = "violated") -> bool:
     return line["status"] == "converged" and not violated(line, column)
 
 
-def diverged(line: Line) -> bool:
-    """Whether a run did not converge and violated a row by more than L."""
-    return bool(line["status"] != "converged" and line["violation_depth"] > DIVERGED)
-
-
 def violated(line: Line, column: str = "violated") -> list[str]:
     """Labels of the rows that a run violated, by the strict standard or as another column has them."""
     return [label for label in str(line[column] or "").split("; ") if label]
 
 
-def tolerated(line: Line) -> list[str]:
-    """Labels of the rows that a run violated by the strict standard, and not by the tolerant one."""
-    beyond = violated(line, "violated_tolerant")
-    return [label for label in violated(line) if label not in beyond]
-
-
 def reason_kind(reason: str) -> str:
     """A reason without its numbers: runs that fail in the same way at other times and places have the same."""
     return re.sub(r"\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)
+
+
+def shown(metric: Metric, line: Line) -> float:
+    """A metric's value in a line of results.csv, in the unit in which reports show it; NaN where there is none."""
+    value = float(line[metric.column])
+    if metric.over:
+        divisor = float(line[metric.over])
+        value = value / divisor if math.isfinite(divisor) and divisor > 0.0 else math.nan
+    return metric.factor * value
+
+
+class Cell(NamedTuple):
+    """A table cell that can be the best of its column.
+
+    ``text`` is bold where it is the best. It is judged by ``value``, NaN where there is none; cells tie that show the
+    same digits, ``shown``. ``before`` is printed in front and not judged.
+    """
+
+    text: str
+    value: float = math.nan
+    shown: str = ""
+    before: str = ""
+
+    @classmethod
+    def of(cls, values: Sequence[float], show: Format = number) -> Cell:
+        """A cell of one value per trial, judged by their median."""
+        middle = median(values)
+        return cls(over_trials(values, show), middle, show(middle))
+
+
+def marked(cells: Sequence[Cell], eligible: Iterable[bool], better: Better) -> list[str]:
+    """The cells' texts: the best and all that tie with it bold, those that are not eligible in parentheses.
+
+    Nothing is bold where a cell that is not eligible is better, nor where all are alike.
+    """
+    there = [cell for cell in cells if math.isfinite(cell.value)]
+    best = ""
+    if better is not None and len({cell.shown for cell in there}) > 1:
+        best = (min if better == "less" else max)(there, key=lambda cell: cell.value).shown
+    texts = []
+    for cell, may in zip(cells, eligible, strict=True):
+        text = f"{cell.before}{bold(cell.text) if may and cell.shown == best else cell.text}"
+        aside = better is not None and len(cells) > 1 and not may and math.isfinite(cell.value)
+        texts.append(f"({text})" if aside else text)
+    return texts
+
+
+def comparable(runs: Sequence[Sequence[Line]]) -> list[bool]:
+    """Of each controller's trials of a scenario, whether all converged; nobody's if only one controller was run."""
+    several = sum(map(bool, runs)) > 1
+    return [several and bool(own) and all(run["status"] == "converged" for run in own) for own in runs]
+
+
+def judged_by(metric: Metric, lines: Sequence[Line]) -> bool:
+    """Whether runs that converged may be compared by a metric.
+
+    By all but depth and time outside only if they violate no row, by the φ band only if they never lost a sliding mode.
+    """
+    if metric.judged == "any":
+        return True
+    kept = bool(lines) and all(line["violation_depth"] == 0.0 for line in lines)
+    return kept and (metric.judged != "sliding" or all(line["sliding_lost_s"] == 0.0 for line in lines))
+
+
+def tally(texts: Sequence[str]) -> str:
+    """One text as it is, several with how often each is there."""
+    if len(texts) < 2:
+        return texts[0] if texts else "not run"
+    return ", ".join(f"{count} {text}" for text, count in Counter(texts).items())
+
+
+def columns_table(first: str, names: Sequence[str], columns: Mapping[str, Sequence[str]], text: int = 1) -> Table:
+    """A table of columns."""
+    return Table([first, *columns], zip(names, *columns.values(), strict=True), text)

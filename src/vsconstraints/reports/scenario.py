@@ -1,24 +1,32 @@
-"""What a report says of one scenario: its settings, tables of metrics and rows, and why runs failed."""
+"""Tables of one scenario of a comparison: metrics, rows, and why runs failed."""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
 from ..comparisons.metrics import METRICS
 from ..comparisons.suite import BASELINE
 from ..scenarios import Scenario
-from .best import Cell, comparable, judged_by, marked, shown
 from .markdown import Table, code, plain
 from .numbers import DASH, FORMATS, error, median, number, over_trials, percent
-from .results import Line, Results, reason_kind, tolerated, violated
+from .results import (
+    Cell,
+    Line,
+    Results,
+    columns_table,
+    comparable,
+    judged_by,
+    marked,
+    reason_kind,
+    shown,
+    tally,
+    violated,
+)
 from .selection import lane_rows
-
-DETAIL_GROUPS = ("task", "chattering", "time")
-"""Groups of metrics that have a table each in the details; that of the outcome stands above."""
 
 FINER = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/s": ("mrad/s", 1e3), "m/s": ("mm/s", 1e3)}
 """Units in which margins are printed instead of the stored ones."""
@@ -32,40 +40,25 @@ def robot_name(scenario: Scenario) -> str:
     robot = scenario.tables.get("robot")
     if isinstance(robot, dict):
         robot = robot.get("name") or PurePath(str(robot.get("urdf") or "own robot")).stem
-    return plain(str(robot)) if robot else ""
+    return plain(robot) if robot else ""
 
 
-def settings(scenario: Scenario) -> str:
-    """What the scenario's tables say about robot, time and task, as far as they do."""
+def settings(scenario: Scenario) -> list[str]:
+    """What the scenario's tables say about robot, task, deviations from the nominal case, limits and time."""
     keys = scenario.tables
-    task, robot = keys.get("task"), robot_name(scenario)
-    facts = [f"Robot: {robot}"] if robot else []
+    task, limits, target, camera, plant, disturbances = (
+        keys.get(name) for name in ("task", "limits", "target", "camera", "plant", "disturbances")
+    )
+    facts = [f"Robot: {name}"] if (name := robot_name(scenario)) else []
     if isinstance(task, dict):
         goals = task.get("goals")
         several = f", {len(goals)} goals" if isinstance(goals, list) and len(goals) > 1 else ""
-        facts.append(f"task: {plain(str(task.get('feature', '?')))}{several}")
-    facts += _deviations(keys)
-    limits = keys.get("limits")
-    if isinstance(limits, dict):
-        facts.append(f"limits: {', '.join(plain(f'{key} {value}') for key, value in limits.items())}")
-    elif limits:
-        facts.append(f"limits: those of the {plain(str(limits))}'s actuators")
-    if isinstance(keys.get("sampling_time"), (int, float)):
-        facts.append(f"T_s = {1e3 * keys['sampling_time']:g} ms")
-    if isinstance(keys.get("duration"), (int, float)):
-        facts.append(f"{keys['duration']:g} s")
-    return "; ".join(facts) + "." if facts else ""
-
-
-def _deviations(keys: Mapping[str, Any]) -> list[str]:
-    """What differs from a still target, a camera on the arm and a plant as the controllers assume it."""
-    facts = []
-    for part in (keys.get("target"), *keys.get("constraints", [])):
+        facts.append(f"task: {plain(task.get('feature', '?'))}{several}")
+    for part in (target, *keys.get("constraints", [])):
         motion = part.get("motion") if isinstance(part, dict) else None
         if isinstance(part, dict) and isinstance(motion, dict):
-            what = plain(str(part.get("name") or part.get("type") or "target"))
+            what = plain(part.get("name") or part.get("type") or "target")
             facts.append(f"the {what} moves, {'' if motion.get('known', True) else 'un'}known to the controllers")
-    camera, plant, disturbances = (keys.get(name) for name in ("camera", "plant", "disturbances"))
     if isinstance(camera, dict) and "fixed" in camera:
         facts.append("fixed camera")
     if isinstance(plant, dict):
@@ -75,133 +68,136 @@ def _deviations(keys: Mapping[str, Any]) -> list[str]:
         facts.append("position-controlled")
     if isinstance(disturbances, dict):
         facts += [plain(f"{key} {value}") for key, value in disturbances.items()]
+    if isinstance(limits, dict):
+        facts.append(f"limits: {', '.join(plain(f'{key} {value}') for key, value in limits.items())}")
+    elif limits:
+        facts.append(f"limits: those of the {plain(limits)}'s actuators")
+    if isinstance(keys.get("sampling_time"), (int, float)):
+        facts.append(f"T_s = {1e3 * keys['sampling_time']:g} ms")
+    if isinstance(keys.get("duration"), (int, float)):
+        facts.append(f"{keys['duration']:g} s")
     return facts
 
 
-def baseline_summary(results: Results, scenario: str) -> str:
-    """What unconstrained tracking does: it is not ranked, and stands in no column with those that are."""
-    lines = results.runs(scenario, BASELINE)
-    if not lines:
-        return ""
-    facts = [_status(lines), f"violated rows: {_violated(lines)}"]
+def metric_table(results: Results, scenario: str, group: str) -> Table:
+    """The metrics of a group, with one line per controller; empty if no run has a value."""
+    names = results.controllers if group == "time" else results.competitors
+    runs = [results.runs(scenario, name) for name in names]
+    columns: dict[str, list[str]] = {}
+    if group == "outcome":
+        columns = {"status": [*map(status_text, runs)], "violated rows": [*map(violated_text, runs)]}
+    if group == "time":
+        columns = {"implementation": [results.implementation(name, scenario) or DASH for name in names]}
+    text = 1 + len(columns)
+    for metric in (metric for metric in METRICS if metric.group == group and metric.header):
+        cells = [Cell.of([shown(metric, run) for run in own], FORMATS[metric.style]) for own in runs]
+        if any(math.isfinite(cell.value) for cell in cells):
+            eligible = [ok and judged_by(metric, own) for ok, own in zip(comparable(runs), runs, strict=True)]
+            columns[metric.header] = marked(cells, eligible, metric.better if results.is_ranked(scenario) else None)
+    return columns_table("controller", names if group == "outcome" or 1 + len(columns) > text else (), columns, text)
+
+
+def baseline_facts(results: Results, scenario: str) -> list[str]:
+    """What unconstrained tracking does, which is not ranked and stands in no column with those that are."""
+    runs = results.runs(scenario, BASELINE)
+    facts = [status_text(runs), f"violated rows: {violated_text(runs)}"] if runs else []
     for metric in METRICS:
-        if metric.header and metric.better and metric.group != "time" and metric.judged != "sliding":
-            text = over_trials([shown(metric, line) for line in lines], FORMATS[metric.style])
+        if runs and metric.header and metric.better and metric.group != "time" and metric.judged != "sliding":
+            text = over_trials([shown(metric, run) for run in runs], FORMATS[metric.style])
             what, _, unit = metric.header.removesuffix("]").partition(" [")
             facts += [f"{what} {text} {unit}"] if text != DASH else []
-    return f"Unconstrained tracking: {'; '.join(facts)}."
+    return facts
 
 
-def metric_table(results: Results, scenario: str, group: str) -> str:
-    """One of a scenario's tables of metrics, with one line per controller; empty if no run has a value."""
-    names = results.controllers if group == "time" else results.competitors
-    runs = {name: results.runs(scenario, name) for name in names}
-    ranked = results.is_ranked(scenario)
-    converged = comparable([[line["status"] for line in own] for own in runs.values()])
-    header, columns = ["controller"], [list(runs)]
-    if group == "outcome":
-        header += ["status", "violated rows"]
-        columns += [[_status(own) for own in runs.values()], [_violated(own) for own in runs.values()]]
-    if group == "time":
-        header.append("implementation")
-        columns.append([results.implementation(name, scenario) or DASH for name in names])
-    first = len(header)
-    for metric in METRICS:
-        if metric.group != group or not metric.header:
-            continue
-        cells = [Cell.of([shown(metric, line) for line in own], FORMATS[metric.style]) for own in runs.values()]
-        if any(math.isfinite(cell.value) for cell in cells):
-            eligible = [ok and judged_by(metric, own) for ok, own in zip(converged, runs.values(), strict=True)]
-            header.append(metric.header)
-            columns.append(marked(cells, eligible, metric.better if ranked else None))
-    lines = [list(line) for line in zip(*columns, strict=True)]
-    return Table(header, lines, first) if lines and (group == "outcome" or len(header) > first) else ""
-
-
-def challenge_table(results: Results, scenario: str) -> str:
+def challenge_table(results: Results, scenario: str) -> Table:
     """Least clearance and mean unused margin of each challenged row, one line per controller."""
-    labels = results.challenged(scenario)
-    if not labels:
-        if not results.labels(scenario):
-            return "This scenario has no constraint rows that could be scored."
-        return "Unconstrained tracking violates no row: none is challenged."
     names = results.competitors
-    converged = comparable(results.statuses(scenario))
-    header, columns = [], []
-    for label in labels:
+    baseline = [name for name in results.controllers if name == BASELINE]
+    converged = comparable([results.runs(scenario, name) for name in names])
+    columns = {}
+    for label in results.challenged(scenario):
         rows = {name: results.rows(scenario, name, label) for name in results.controllers}
         unit, factor = finer_unit(next((line["unit"] for own in rows.values() for line in own), ""))
-        header.append(f"{code(label)} [{unit}]")
-        eligible = [
-            ok and bool(rows[name]) and all(line["violation_depth"] == 0.0 for line in rows[name])
-            for ok, name in zip(converged, names, strict=True)
-        ]
-        cells = marked([_margin_cell(rows[name], factor) for name in names], eligible, "less")
-        # tracking alone has no margin while it violates the row
-        baseline = [_clearance(rows[BASELINE], factor) or DASH] if BASELINE in rows else []
-        columns.append([*baseline, *cells])
-    order = [*([BASELINE] if BASELINE in results.controllers else []), *names]
-    lines = [[name, *cells] for name, *cells in zip(order, *columns, strict=True)]
-    return Table(["challenged rows", *header], lines)
+        least = {
+            name: over_trials([factor * line["clearance_min"] for line in own], error) for name, own in rows.items()
+        }
+        cells, eligible = [], []
+        for name, ok in zip(names, converged, strict=True):
+            margin = Cell.of([factor * line["mean_unused_margin"] for line in rows[name]], error)
+            cells.append(margin._replace(before=f"{least[name]} / ") if rows[name] else Cell(DASH))
+            eligible.append(ok and bool(rows[name]) and all(line["violation_depth"] == 0.0 for line in rows[name]))
+        # the baseline has no margin while it violates the row
+        columns[f"{code(label)} [{unit}]"] = [*(least[name] for name in baseline), *marked(cells, eligible, "less")]
+    return columns_table("challenged rows", (*baseline, *names) if columns else (), columns)
 
 
-def usage_table(results: Results, scenario: str) -> str:
-    """Usage of each row that limited the arm, and for how long; empty if none did."""
+def usage_table(results: Results, scenario: str) -> Table:
+    """Usage of each row that limited the arm, and for how long."""
+
+    def cell(rows: Sequence[Line]) -> str:
+        usage, seconds = [row["usage_held"] for row in rows], median([row["held_time_s"] for row in rows])
+        return f"{over_trials(usage, percent)} / {number(seconds)} s" if math.isfinite(median(usage)) else DASH
+
     labels = lane_rows(results, scenario)
-    lines = [[name, *(_usage(results.rows(scenario, name, label)) for label in labels)] for name in results.competitors]
-    return Table(["rows that limited the arm", *map(code, labels)], lines) if labels else ""
+    return _row_table(results, scenario, "rows that limited the arm", results.competitors, labels, cell)
 
 
-def effort_table(results: Results, scenario: str) -> str:
+def effort_table(results: Results, scenario: str) -> Table:
     """The share of the acceleration limits that satisfying each row takes; empty where no limits are stated."""
-    names = results.controllers
-    shares = {
-        label: [[line["share_to_hold"] for line in results.rows(scenario, name, label)] for name in names]
-        for label in results.labels(scenario)
-    }
-    shares = {label: own for label, own in shares.items() if any(share > 0.0 for lines in own for share in lines)}
-    lines = [[name, *(over_trials(own[i], percent) for own in shares.values())] for i, name in enumerate(names)]
-    return Table(["required acceleration", *map(code, shares)], lines) if shares else ""
+    needed = {
+        row["constraint"] for name in results.controllers for row in results.rows(scenario, name)
+        if row["share_to_hold"] > 0.0
+    }  # fmt: skip
+    labels = [label for label in results.labels(scenario) if label in needed]
+
+    def cell(rows: Sequence[Line]) -> str:
+        return over_trials([row["share_to_hold"] for row in rows], percent)
+
+    return _row_table(results, scenario, "required acceleration", results.controllers, labels, cell)
 
 
-def failure_table(results: Results, scenario: str, first_violations: Mapping[tuple[str, str], float]) -> str:
-    """Runs that did not converge, or violated rows: how, why and when.
+def _row_table(
+    results: Results, scenario: str, title: str, names: Sequence[str], labels: Sequence[str], cell: Callable[..., str]
+) -> Table:
+    """One line per controller and one column per row."""
+    lines = [[name, *(cell(results.rows(scenario, name, label)) for label in labels)] for name in names if labels]
+    return Table([title, *map(code, labels)], lines)
 
-    One line per run and violated row or, where there are several trials, per controller and kind of failure.
 
-    Parameters
-    ----------
-    first_violations
-        When a controller's shown run first violates a row [s].
+def failure_table(results: Results, scenario: str, first_violations: Mapping[tuple[str, str], float]) -> Table:
+    """How, why and when runs did not converge or violated rows, of each controller by kind of failure and row.
+
+    ``first_violations`` says when a controller's shown run first violates a row [s].
     """
     lines = []
     for name in results.competitors:
         runs, rows = results.runs(scenario, name), results.rows(scenario, name)
-        kinds: dict[tuple[str, str], list[Line]] = defaultdict(list)
-        for run in runs:
-            if run["status"] != "converged":
-                kinds[run["status"], reason_kind(run["reason"])].append(run)
-        for (status, _), alike in kinds.items():
+        kinds, depths = defaultdict[Any, list[Line]](list), defaultdict[str, list[Line]](list)
+        for run in (run for run in runs if run["status"] != "converged"):
+            kinds[run["status"], reason_kind(run["reason"])].append(run)
+        for row in (row for row in rows if row["violation_depth"] > 0.0):
+            depths[row["constraint"]].append(row)
+        for alike in kinds.values():
             first = alike[0]
-            reason = plain(str(first["reason"])) or DASH
-            if len(runs) == 1 and (acting := [code(row["constraint"]) for row in rows if _acts_at_end(row, first)]):
-                reason += f"; acting in the last {AT_THE_END:g} s: {', '.join(acting)}"
-            lines.append([name, str(status or "unknown"), reason, DASH, DASH, _trials(alike, runs, first)])
-        for label in dict.fromkeys(row["constraint"] for row in rows if row["violation_depth"] > 0.0):
-            alike = [row for row in rows if row["constraint"] == label and row["violation_depth"] > 0.0]
+            reason = plain(first["reason"]) or DASH
+            late = [row for row in rows if row["last_active_s"] >= first["duration_s"] - AT_THE_END]
+            if len(runs) == 1 and late:
+                acting = ", ".join(code(row["constraint"]) for row in late)
+                reason += f"; acting in the last {AT_THE_END:g} s: {acting}"
+            trials = f"{len(alike)} of {len(runs)} ({first['trial']:.0f})"
+            lines.append([name, str(first["status"] or "unknown"), reason, DASH, DASH, trials])
+        for label, alike in depths.items():
             worst = max(alike, key=lambda row: float(row["violation_depth"]))
             unit, factor = finer_unit(worst["unit"])
             seconds = number(worst["violation_time_s"]) if worst["violation_time_s"] > 0.0 else "between samples"
-            first_s = first_violations.get((name, label)) if len(runs) == 1 else None
-            seconds += f", from {first_s:.3f}" if first_s is not None else ""
+            if len(runs) == 1 and (name, label) in first_violations:
+                seconds += f", from {first_violations[name, label]:.3f}"
             depth = f"{number(factor * worst['violation_depth'])} {unit}"
-            lines.append([name, "violates", code(label), depth, seconds, _trials(alike, runs, worst)])
-    if not lines:
-        return ""
-    header = ["controller", "failure", "reason or row", "depth", "time [s]"]
-    if results.trials > 1:
-        return Table([*header, "trials (first or worst)"], lines, 6)
-    return Table(header, [line[:-1] for line in lines], 5)
+            trials = f"{len(alike)} of {len(runs)} ({worst['trial']:.0f})"
+            lines.append([name, "violates", code(label), depth, seconds, trials])
+    header = ["controller", "failure", "reason or row", "depth", "time [s]", "trials (first or worst)"]
+    count = 6 if results.trials > 1 else 5
+    return Table(header[:count], [line[:count] for line in lines], count)
 
 
 def finer_unit(unit: str) -> tuple[str, float]:
@@ -209,54 +205,23 @@ def finer_unit(unit: str) -> tuple[str, float]:
     return FINER.get(unit, (plain(unit), 1.0))
 
 
-def _trials(alike: Sequence[Line], runs: Sequence[Line], example: Line) -> str:
-    return f"{len(alike)} of {len(runs)} ({example['trial']:.0f})"
-
-
-def _acts_at_end(row: Line, run: Line) -> bool:
-    return bool(row["trial"] == run["trial"] and row["last_active_s"] >= run["duration_s"] - AT_THE_END)
-
-
-def _usage(lines: Sequence[Line]) -> str:
-    usage, seconds = [line["usage_held"] for line in lines], median([line["held_time_s"] for line in lines])
-    return f"{over_trials(usage, percent)} / {number(seconds)} s" if math.isfinite(median(usage)) else DASH
-
-
-def _clearance(lines: Sequence[Line], factor: float) -> str:
-    """The least clearance, violations between samples included."""
-    return over_trials([factor * line["clearance_min"] for line in lines], error) if lines else ""
-
-
-def _margin_cell(lines: Sequence[Line], factor: float) -> Cell:
-    """Least clearance, and the mean unused margin, which is ranked."""
-    if not lines:
-        return Cell(DASH)
-    margin = [factor * line["mean_unused_margin"] for line in lines]
-    middle = median(margin)
-    return Cell(over_trials(margin, error), middle, error(middle), f"{_clearance(lines, factor)} / ")
-
-
-def _status(lines: Sequence[Line]) -> str:
+def status_text(runs: Sequence[Line]) -> str:
     """Status with its time where the run ended early; counts where there are several trials."""
-    if not lines:
-        return "not run"
-    if len(lines) > 1:
-        statuses = [line["status"] for line in lines]
-        return ", ".join(f"{statuses.count(status)} {status}" for status in dict.fromkeys(statuses))
-    status, end = lines[0]["status"] or "unknown", lines[0]["duration_s"]
-    early = status in ("aborted", "failed") and math.isfinite(end)
-    return f"{status} at {number(end)} s" if early else str(status)
+    if len(runs) == 1 and runs[0]["status"] in ("aborted", "failed") and math.isfinite(runs[0]["duration_s"]):
+        return f"{runs[0]['status']} at {number(runs[0]['duration_s'])} s"
+    return tally([str(run["status"] or "unknown") for run in runs])
 
 
-def _violated(lines: Sequence[Line]) -> str:
-    if not lines or all(not math.isfinite(line["violation_depth"]) for line in lines):
+def violated_text(runs: Sequence[Line]) -> str:
+    """The rows that runs violated, those only by the strict standard behind the others."""
+    if all(not math.isfinite(run["violation_depth"]) for run in runs):
         return DASH
-    slight = [label for line in lines for label in tolerated(line)]
-    names = [label for line in lines for label in violated(line, "violated_tolerant")]
-    listed = [_counted(label, names.count(label), len(lines)) for label in dict.fromkeys(names)]
-    listed += [f"{_counted(label, slight.count(label), len(lines))} ‡" for label in dict.fromkeys(slight)]
-    return ", ".join(listed) if listed else "none"
-
-
-def _counted(label: str, times: int, runs: int) -> str:
-    return f"{code(label)} ({times} of {runs})" if runs > 1 else code(label)
+    beyond = Counter(label for run in runs for label in violated(run, "violated_tolerant"))
+    slight = Counter(
+        label for run in runs for label in violated(run) if label not in violated(run, "violated_tolerant")
+    )
+    texts = []
+    for counts, mark in ((beyond, ""), (slight, " ‡")):
+        for label, times in counts.items():
+            texts.append(f"{code(label)}{f' ({times} of {len(runs)})' if len(runs) > 1 else ''}{mark}")
+    return ", ".join(texts) or "none"

@@ -100,8 +100,8 @@ class Scene3D:
 
     def axes(self, pose: Pose, length: float, radius: float) -> None:
         """Red, green and blue bars along the x, y and z axes of a frame."""
-        for axis, colour in enumerate(AXIS_COLOURS):
-            self.tube(np.array([pose.t, pose.t + length * pose.R[:, axis]]), radius, colour, sides=6)
+        for axis, colour in zip(pose.R.T, AXIS_COLOURS, strict=True):
+            self.tube(np.array([pose.t, pose.t + length * axis]), radius, colour, sides=6)
 
     def pyramid(self, base: Array, colour: str, frame: str = "", name: str = "") -> None:
         """A camera at the origin of a frame: a pyramid of glass with this base (4, 3)."""
@@ -113,9 +113,12 @@ class Scene3D:
         if len(markers) > 2:
             centre = markers.mean(axis=0)
             corners = centre + 1.25 * (markers - centre)
-            sides = list(pairwise([*corners, corners[0]]))
-            self.add(joined([_wedge(centre, a, b) for a, b in sides]), PLATE, frame, shaded=False, name="plate")
-            self.add(joined([tube(np.array(side), edge, 6) for side in sides]), INK, frame, name="edges")
+            sides = np.stack((corners, np.roll(corners, -1, axis=0)), axis=1)
+            # in small cells: a triangle in one piece would be drawn over bodies that it carries
+            steps = np.linspace(0.0, 1.0, PLATE_CELLS + 1)
+            wedges = [centre + steps[:, None, None] * (np.linspace(a, b, PLATE_CELLS + 1) - centre) for a, b in sides]
+            self.add(joined([_grid(wedge) for wedge in wedges]), PLATE, frame, shaded=False, name="plate")
+            self.add(joined([tube(side, edge, 6) for side in sides]), INK, frame, name="edges")
         self.add(joined([ball(place, marker, 10) for place in markers]), INK, frame, name="markers")
 
     def draw(self, ax: Any, view: Viewpoint, frames: Mapping[str, Placement] | None = None, whole: bool = True) -> None:
@@ -127,11 +130,11 @@ class Scene3D:
 
         corners, colours = [], []
         for part in self.parts:
-            mesh = part.mesh
+            points = part.mesh.points
             if part.frame:
                 pose, stretch = (frames or {})[part.frame]
-                mesh = Mesh(mesh.points * (1.0, 1.0, stretch), mesh.triangles).moved(pose)
-            own = mesh.points[mesh.triangles]
+                points = pose.act(points * (1.0, 1.0, stretch))
+            own = points[part.mesh.triangles]
             corners.append(own)
             colours.append(_shaded(own, part))
         if corners:
@@ -157,8 +160,7 @@ def _shaded(corners: Array, part: Part) -> Array:
     lengths = np.linalg.norm(normals, axis=1)
     facing = np.divide(np.abs(normals @ LIGHT), lengths, out=np.ones_like(lengths), where=lengths > 0.0)
     shade = 0.55 + 0.45 * np.minimum(facing, 1.0) if part.shaded else np.ones(len(corners))
-    colours = shade[:, None] * np.array(rgb(part.colour)) / 255.0
-    return np.column_stack((colours, np.full(len(corners), part.opacity)))
+    return np.column_stack((shade[:, None] * np.array(rgb(part.colour)) / 255.0, np.full(len(corners), part.opacity)))
 
 
 # --- meshes ---
@@ -176,10 +178,9 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 def _grid(points: Array) -> Mesh:
     """A surface through a grid of points (a, b, 3)."""
     a, b, _ = points.shape
-    i, j = (index.ravel() for index in np.meshgrid(np.arange(a - 1), np.arange(b - 1), indexing="ij"))
-    p, q, r, s = i * b + j, i * b + j + 1, (i + 1) * b + j + 1, (i + 1) * b + j
-    triangles = np.concatenate((np.stack((p, q, r), axis=1), np.stack((p, r, s), axis=1)))
-    return Mesh(points.reshape(-1, 3), triangles)
+    k = np.arange(a * b).reshape(a, b)
+    p, q, r, s = (corner.ravel() for corner in (k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]))
+    return Mesh(points.reshape(-1, 3), np.concatenate((np.stack((p, q, r), axis=1), np.stack((p, r, s), axis=1))))
 
 
 def ball(centre: Array, radius: float, count: int = 16) -> Mesh:
@@ -190,159 +191,101 @@ def ball(centre: Array, radius: float, count: int = 16) -> Mesh:
 
 
 def tube(points: Array, radius: float, sides: int = 12, caps: bool = True) -> Mesh:
-    """A round bar along a polyline (p, 3), its sections turned as little as possible from one point to the next."""
-    points = np.asarray(points, dtype=np.float64)
+    """A round bar along a polyline (p, 3)."""
+    along = np.gradient(np.asarray(points, dtype=np.float64), axis=0)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    # sections are turned alike: by the direction in which the line goes least
+    across = np.cross(along, np.linalg.svd(along)[2][2])
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
     angles = 2.0 * np.pi * np.arange(sides + 1) / sides
-    across: Array = np.zeros(3)
-    rings = []
-    for point, along in zip(points, np.gradient(points, axis=0), strict=True):
-        d = along / max(float(np.linalg.norm(along)), 1e-12)
-        helper = across if across @ across > 0.5 and abs(across @ d) < 0.9 else np.eye(3)[int(np.argmin(np.abs(d)))]
-        across = helper - (helper @ d) * d
-        across = across / np.linalg.norm(across)
-        rings.append(
-            point + radius * (np.outer(np.cos(angles), across) + np.outer(np.sin(angles), np.cross(d, across)))
-        )
-    ends = [points[:1].repeat(sides + 1, axis=0), points[-1:].repeat(sides + 1, axis=0)]
-    return _grid(np.array([ends[0], *rings, ends[1]] if caps else rings))
-
-
-def _wedge(apex: Array, a: Array, b: Array) -> Mesh:
-    """A triangle (corners (3,) each) in small cells: in one piece it would be drawn over bodies that it carries."""
-    along, across = np.linspace(0.0, 1.0, PLATE_CELLS + 1), np.linspace(a, b, PLATE_CELLS + 1) - apex
-    return _grid(apex + along[:, None, None] * across)
+    around = np.cos(angles)[:, None] * across[:, None] + np.sin(angles)[:, None] * np.cross(along, across)[:, None]
+    radii = np.array([0.0, *[1.0] * len(points), 0.0]) if caps else np.ones(len(points))
+    at = np.arange(len(points)) if not caps else np.array([0, *range(len(points)), len(points) - 1])
+    return _grid(np.asarray(points)[at][:, None] + radius * radii[:, None, None] * around[at])
 
 
 # --- the arm ---
 
 
-class ArmMeshes(NamedTuple):
-    """What an arm with n joints looks like: for its base and each joint (n + 1), in that joint's frame at rest.
-
-    Attributes
-    ----------
-    links, drums
-        Meshes of the links, and of drums around the axes of revolute joints.
-    remark
-        Why bars are drawn instead of the URDF's meshes.
-    """
-
-    links: tuple[Mesh, ...]
-    drums: tuple[Mesh, ...]
-    remark: str = ""
-
-
-def joint_places(robot: Robot, q: Array) -> tuple[Array, Array]:
-    """Origins of the joints and of the tip (n + 1, 3), and directions of the joints' axes (n, 3), in the base frame."""
-    model, data = robot.model, robot.model.createData()
-    pin.computeJointJacobians(model, data, q)
+def joint_poses(robot: Robot, q: Array) -> tuple[list[Pose], Array]:
+    """Poses of the base and of what each joint moves (n + 1), and directions of the joints' axes (n, 3)."""
+    data = robot.model.createData()
+    pin.computeJointJacobians(robot.model, data, q)
     J = np.asarray(data.J).reshape(6, -1)
-    axes = np.where(np.array(robot.prismatic), J[:3], J[3:]).T
-    origins = [np.array(data.oMi[i].translation) for i in range(1, model.njoints)]
-    return np.array([*origins, robot.pose(q).t]), axes
+    poses = [Pose(np.array(data.oMi[i].rotation), np.array(data.oMi[i].translation)) for i in range(robot.n + 1)]
+    return poses, np.where(np.array(robot.prismatic), J[:3], J[3:]).T
 
 
 def bars_of(robot: Robot, q: Array) -> list[Array]:
     """(p, 3) corners of a bar behind each joint: along its axis, then along the common normal to the next one."""
-    places, axes = joint_places(robot, q)
-    bars = []
-    for before, after, axis in zip(places[:-1], places[1:], axes, strict=True):
-        corners = [before]
+    poses, axes = joint_poses(robot, q)
+    places, bars = [*(pose.t for pose in poses[1:]), robot.pose(q).t], []
+    for (before, after), axis in zip(pairwise(places), axes, strict=True):
         elbow = before + float(axis @ (after - before)) * axis
+        corners = [before]
         corners += [point for point in (elbow, after) if np.linalg.norm(point - corners[-1]) > 1e-6]
         bars.append(np.array(corners))
     return bars
 
 
-def bar_meshes(robot: Robot, size: float) -> ArmMeshes:
-    """An arm as bars between the axes of its joints; ``size`` scales how thick they are.
+def bars(robot: Robot, size: float) -> list[Part]:
+    """An arm as bars between the axes of its joints, in the frames of :func:`arm_frames`; ``size`` scales their width.
 
-    What slides is thin and has no drum; an arm that begins with it has no base.
+    What slides is thin and has a rail instead of a drum; an arm that begins with it has no base.
     """
     zero, n = np.zeros(robot.n), robot.n
-    places, axes = joint_places(robot, zero)
+    poses, axes = joint_poses(robot, zero)
     radii = size * (BASE_LINK + (LAST_LINK - BASE_LINK) * np.arange(n) / n)
-    links: list[list[Mesh]] = [[] for _ in range(n + 1)]
-    drums = [joined([]) for _ in range(n + 1)]
+    parts = []
     if not robot.prismatic[0]:
-        drums[0] = tube(size * np.array([[0.0, 0.0, -0.005], [0.0, 0.0, 0.04]]), 0.09 * size, 24)
-        if np.linalg.norm(places[0]) > 1e-6:
-            links[0] = [tube(np.array([np.zeros(3), places[0]]), 0.8 * radii[0])]
+        parts.append(
+            Part(tube(size * np.array([[0, 0, -0.005], [0, 0, 0.04]]), 0.09 * size, 24), JOINT, "joint 0", name="drum")
+        )
+        if np.linalg.norm(poses[1].t) > 1e-6:
+            parts.append(Part(tube(np.array([np.zeros(3), poses[1].t]), 0.8 * radii[0]), LINK, "joint 0", name="link"))
     for i, corners in enumerate(bars_of(robot, zero), start=1):
-        radius, slides = radii[i - 1], robot.prismatic[i - 1]
-        if not slides:
-            half = 1.35 * radius * axes[i - 1]
-            drums[i] = tube(np.array([places[i - 1] - half, places[i - 1] + half]), 1.25 * radius, 14)
+        radius, slides, rest, frame = radii[i - 1], robot.prismatic[i - 1], poses[i].inverse, f"joint {i}"
         thickness = (RAIL if slides else 0.8) * radius
+        pieces = []
         for a, b in pairwise(corners):
             steps = max(2, int(np.linalg.norm(b - a) / (0.05 * size)))
-            links[i] += [tube(np.linspace(a, b, steps), thickness), ball(b, thickness, 12)]
-    rest = [pose.inverse for pose in joint_poses(robot, zero)]
-    own = tuple(joined(parts).moved(pose) for parts, pose in zip(links, rest, strict=True))
-    return ArmMeshes(own, tuple(drum.moved(pose) for drum, pose in zip(drums, rest, strict=True)))
+            pieces += [tube(np.linspace(a, b, steps), thickness), ball(b, thickness, 12)]
+        if pieces:
+            parts.append(Part(joined(pieces).moved(rest), LINK, frame, name="link"))
+        half = 1.35 * radius * axes[i - 1]
+        drum = tube(poses[i].t + np.array([-half, half]), 1.25 * radius, 14).moved(rest)
+        rail = tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), 0.004)
+        parts.append(Part(rail, LINK, f"slide {i}", name="rail") if slides else Part(drum, JOINT, frame, name="drum"))
+    return parts
 
 
-def joint_poses(robot: Robot, q: Array) -> list[Pose]:
-    """(n + 1) poses of the base and of what each joint moves."""
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, q)
-    return [Pose(np.array(data.oMi[i].rotation), np.array(data.oMi[i].translation)) for i in range(robot.n + 1)]
-
-
-def urdf_meshes(robot: Robot, size: float) -> ArmMeshes:
+def visuals(robot: Robot, size: float) -> tuple[list[Part], str]:
     """The visual meshes of a robot's URDF; bars, and a sentence that says so, where it has none or one is missing."""
     if robot.source is None:
-        return bar_meshes(robot, size)._replace(
-            remark=f"{robot.name} has no meshes: bars follow the axes of its joints."
-        )
+        return bars(robot, size), f"{robot.name} has no meshes: bars follow the axes of its joints."
     try:
         geometry = link_geometry(robot.source, "visual")
     except ConfigurationError as error:
-        return bar_meshes(robot, size)._replace(
-            remark=f"Bars follow the axes of its joints instead of meshes: {error}."
-        )
-    bodies: list[list[Mesh]] = [[] for _ in range(robot.n + 1)]
-    for part in geometry.geometryObjects:
-        mesh = mesh_of(part.geometry)
-        if mesh is not None:
-            pose = Pose(np.array(part.placement.rotation), np.array(part.placement.translation))
-            bodies[part.parentJoint].append(mesh.moved(pose))
-    if not any(bodies):
-        return bar_meshes(robot, size)._replace(remark=f"{robot.name} has no visual meshes: bars follow its axes.")
-    return ArmMeshes(tuple(joined(parts) for parts in bodies), (joined([]),) * (robot.n + 1))
+        return bars(robot, size), f"Bars follow the axes of its joints instead of meshes: {error}."
+    parts = []
+    for one in geometry.geometryObjects:
+        if (mesh := mesh_of(one.geometry)) is not None:
+            pose = Pose(np.array(one.placement.rotation), np.array(one.placement.translation))
+            parts.append(Part(mesh.moved(pose), LINK, f"joint {one.parentJoint}", name="link"))
+    if not parts:
+        return bars(robot, size), f"{robot.name} has no visual meshes: bars follow its axes."
+    return parts, ""
 
 
-def arm_frames(robot: Robot, q: Array, prefix: str = "") -> dict[str, Placement]:
+def arm_frames(robot: Robot, q: Array) -> dict[str, Placement]:
     """Frames ``joint 0`` (the base) to ``joint n``, ``tip``, and a ``slide k`` along each prismatic joint k."""
-    poses = joint_poses(robot, q)
-    frames = {f"{prefix}joint {i}": Placement(pose) for i, pose in enumerate(poses)}
-    for i, slides in enumerate(robot.prismatic, start=1):
-        if slides:
-            rest = robot.model.jointPlacements[i]
-            before = poses[robot.model.parents[i]] @ Pose(np.array(rest.rotation), np.array(rest.translation))
-            along = poses[i].t - before.t
-            length = float(np.linalg.norm(along))
-            turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along / length if length else np.eye(3)[2])
-            frames[f"{prefix}slide {i}"] = Placement(Pose(turn.matrix(), before.t), max(length, 1e-6))
-    frames[f"{prefix}tip"] = Placement(robot.pose(q))
+    poses, axes = joint_poses(robot, q)
+    frames = {f"joint {i}": Placement(pose) for i, pose in enumerate(poses)} | {"tip": Placement(robot.pose(q))}
+    for i, (axis, slides) in enumerate(zip(axes, robot.prismatic, strict=True), start=1):
+        if slides:  # the rail ends where the joint would be at zero
+            turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), -axis).matrix()
+            frames[f"slide {i}"] = Placement(Pose(turn, poses[i].t), float(q[i - 1]) or 1e-6)
     return frames
-
-
-def add_arm(
-    scene: Scene3D,
-    robot: Robot,
-    meshes: ArmMeshes,
-    colours: tuple[str, str] = (LINK, JOINT),
-    prefix: str = "",
-    **look: Any,
-) -> None:
-    """An arm whose frames are :func:`arm_frames`, in the colours of its links and drums."""
-    for i, (link, drum) in enumerate(zip(meshes.links, meshes.drums, strict=True)):
-        for mesh, colour, name in ((link, colours[0], "link"), (drum, colours[1], "drum")):
-            scene.add(mesh, colour, f"{prefix}joint {i}", name=name, **look)
-        if i and robot.prismatic[i - 1]:
-            rail = tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), 0.004)
-            scene.add(rail, colours[0], f"{prefix}slide {i}", name="rail", **look)
 
 
 # --- a setup ---
@@ -351,11 +294,11 @@ def add_arm(
 def setup_frames(setup: Setup, q: Array, t: float) -> dict[str, Placement]:
     """Where the arm's frames, the ``camera``, the ``target`` and ``obstacle k`` are at ``q`` (n,) and ``t`` [s]."""
     world = setup.scene
-    frames = arm_frames(world.robot, q)
+    frames, fixed = arm_frames(world.robot, q), world.camera.fixed
     tip = frames["tip"].pose
-    frames["camera"] = Placement(world.camera.fixed or tip @ world.camera.mount.inverse)
+    frames["camera"] = Placement(fixed or tip @ world.camera.mount.inverse)
     target = Pose.identity() if world.motion is None else world.motion.pose(t)
-    frames["target"] = Placement(tip if world.camera.fixed is not None else target)
+    frames["target"] = Placement(target if fixed is None else tip)
     for k, constraint in enumerate(setup.constraints.constraints):
         motion: Motion | None = getattr(constraint, "motion", None)
         moved = np.zeros(3)
@@ -371,12 +314,11 @@ def obstacle_meshes(setup: Setup, size: float) -> dict[int, Mesh]:
     return {k: joined(meshes) for k, meshes in found.items() if meshes}
 
 
-def add_surroundings(scene: Scene3D, setup: Setup, size: float, colour: str = OBSTACLE, frame: str = "target") -> None:
+def add_surroundings(scene: Scene3D, setup: Setup, size: float, colour: str = OBSTACLE) -> None:
     """Obstacles and the target; ``size`` is half of what is shown [m]."""
-    scale = size / REACH
     for k, mesh in obstacle_meshes(setup, size).items():
         scene.add(mesh, colour, f"obstacle {k}", opacity=GLASS, name="glass")
-    scene.target(setup.scene.markers, 0.003 * scale, 0.015 * scale, frame)
+    scene.target(setup.scene.markers, 0.003 * size / REACH, 0.015 * size / REACH, "target")
 
 
 def add_carrier(scene: Scene3D, setup: Setup, scale: float, frame: str = "tip") -> None:
@@ -389,32 +331,10 @@ def add_carrier(scene: Scene3D, setup: Setup, scale: float, frame: str = "tip") 
 
 def image_corners(camera: Camera) -> Array:
     """(4, 3) where the corners of the image are at depth 1, in the camera's frame."""
-    half = 0.5 * np.asarray(camera.size)
-    corners = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    corners = 0.5 * np.asarray(camera.size) * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     with suppress(InvalidInput):  # where the lens cannot be inverted, those of a pinhole
         corners = camera.undistort(corners)
     return np.concatenate((camera.normalised(corners), np.ones((4, 1))), axis=1)
-
-
-def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> None:
-    """Everything at an instant, with matplotlib: the arm as bars, and what its camera sees."""
-    frames, scale = setup_frames(setup, q, t), view.half / REACH
-    scene = Scene3D()
-    add_surroundings(scene, setup, view.half)
-    add_arm(scene, setup.scene.robot, _cached_bars(setup.scene.robot, scale))
-    add_carrier(scene, setup, scale)
-    scene.pyramid(0.09 * scale * image_corners(setup.scene.camera), CAMERA, "camera")
-    corners = view_corners(setup, frames["camera"].pose, q, t)
-    origin = frames["camera"].pose.t
-    for a, b in pairwise([*corners, corners[0]]):
-        for start, end in ((origin, a), (a, b)):
-            scene.tube(np.linspace(start, end, 12), 0.0022 * scale, CAMERA, 4, caps=False)
-    scene.draw(ax, view, frames)
-
-
-@lru_cache(maxsize=8)
-def _cached_bars(robot: Robot, scale: float) -> ArmMeshes:
-    return bar_meshes(robot, scale)
 
 
 def view_corners(setup: Setup, camera: Pose, q: Array, t: float) -> Array:
@@ -423,16 +343,33 @@ def view_corners(setup: Setup, camera: Pose, q: Array, t: float) -> Array:
     return camera.act(max(depth, MIN_DEPTH) * image_corners(setup.scene.camera))
 
 
+_bars = lru_cache(maxsize=8)(bars)
+
+
+def draw_setup(ax: Any, setup: Setup, q: Array, t: float, view: Viewpoint) -> None:
+    """Everything at an instant, with matplotlib: the arm as bars, and what its camera sees."""
+    frames, scale, scene = setup_frames(setup, q, t), view.half / REACH, Scene3D()
+    add_surroundings(scene, setup, view.half)
+    scene.parts += _bars(setup.scene.robot, scale)
+    add_carrier(scene, setup, scale)
+    scene.pyramid(0.09 * scale * image_corners(setup.scene.camera), CAMERA, "camera")
+    camera = frames["camera"].pose
+    corners = view_corners(setup, camera, q, t)
+    for a, b in pairwise([*corners, corners[0]]):
+        for start, end in ((camera.t, a), (a, b)):
+            scene.tube(np.linspace(start, end, 12), 0.0022 * scale, CAMERA, 4, caps=False)
+    scene.draw(ax, view, frames)
+
+
 # --- viewpoints ---
 
 
 def points_in_view(setup: Setup, q: Array, t: float) -> Array:
     """(k, 3) corners of the arm, camera, markers and the camera's view, in the base frame."""
-    robot, frames = setup.scene.robot, setup_frames(setup, q, t)
-    camera = frames["camera"].pose
-    base = [] if robot.prismatic[0] else [np.zeros((1, 3))]
-    arm = np.concatenate([*base, *bars_of(robot, q)])
-    return np.concatenate((arm, camera.t[None], setup.scene.markers_at(q, t), view_corners(setup, camera, q, t)))
+    robot, camera = setup.scene.robot, setup_frames(setup, q, t)["camera"].pose
+    base = np.zeros((0 if robot.prismatic[0] else 1, 3))
+    seen = setup.scene.markers_at(q, t), view_corners(setup, camera, q, t)
+    return np.concatenate((base, *bars_of(robot, q), camera.t[None], *seen))
 
 
 def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: float) -> Viewpoint:
@@ -441,14 +378,17 @@ def viewpoint_of(setup: Setup, instants: Sequence[tuple[Array, float]], aspect: 
     ``aspect`` is the width of the views over their height, at least 1.
     """
     points = np.concatenate([points_in_view(setup, q, t) for q, t in instants])
-    size = float(np.ptp(points, axis=0).max())
-    elevation = ELEVATION_FLAT if np.ptp(points[:, 2]) < 0.25 * size else ELEVATION
-    azimuth = max(np.arange(-90.0, 91.0, 10.0), key=lambda azimuth: _area(points @ view_axes(elevation, azimuth)))
+    flat = np.ptp(points[:, 2]) < 0.25 * np.ptp(points, axis=0).max()
+    elevation = ELEVATION_FLAT if flat else ELEVATION
+
+    def covered(azimuth: float) -> float:
+        return float(np.linalg.det(np.cov((points @ view_axes(elevation, azimuth))[:, :2].T)))
+
+    azimuth = float(max(np.arange(-90.0, 91.0, 10.0), key=covered))
     axes = view_axes(elevation, azimuth)
-    seen = points @ axes
-    middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
-    across, up = 0.5 * np.ptp(seen, axis=0)[:2]
-    return Viewpoint(axes @ middle, MARGIN * max(up, across / aspect) / IN_VIEW, elevation, float(azimuth))
+    low, high = (points @ axes).min(axis=0), (points @ axes).max(axis=0)
+    across, up, _ = 0.5 * (high - low)
+    return Viewpoint(axes @ (0.5 * (low + high)), MARGIN * max(up, across / aspect) / IN_VIEW, elevation, azimuth)
 
 
 def view_axes(elevation: float, azimuth: float) -> Array:
@@ -457,9 +397,3 @@ def view_axes(elevation: float, azimuth: float) -> Array:
     right = np.array([-np.sin(a), np.cos(a), 0.0])
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     return np.stack((right, np.cross(towards, right), towards), axis=1)
-
-
-def _area(seen: Array) -> float:
-    """How much of a picture points (k, 3) cover, whose first two coordinates are across and up."""
-    area: float = np.linalg.det(np.cov(seen[:, :2].T))
-    return area

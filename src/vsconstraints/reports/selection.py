@@ -9,7 +9,7 @@ import numpy as np
 from ..comparisons.record import RunRecord
 from ..comparisons.suite import BASELINE
 from .figures import FIGURES
-from .results import Line, Results, clean
+from .results import Results, clean
 
 MAX_FIGURES = 48
 """A suite with more figures than this shows only those of ``MAX_SCENARIOS`` scenarios."""
@@ -43,22 +43,17 @@ def shown_scenarios(results: Results) -> tuple[str, ...]:
 
 def replayed_runs(results: Results, scenario: str) -> tuple[str, ...]:
     """The controller with the deepest violation, or tracking alone; and the clean one with the greatest utilization."""
-    lines = {name: line for name in results.controllers if (line := _shown_line(results, scenario, name)) is not None}
-    competitors = [name for name in results.competitors if name in lines]
-    violating = [name for name in competitors if lines[name]["violation_depth"] > 0.0]
-    worst = max(violating, key=lambda name: float(lines[name]["violation_depth"]), default=BASELINE)
-    best = max(
-        (name for name in competitors if clean(lines[name])),
-        key=lambda name: float(np.nan_to_num(lines[name]["utilization"], nan=-1.0)),
-        default=worst,
-    )
+    lines = {
+        name: line
+        for name in results.controllers
+        for line in results.runs(scenario, name)
+        if line["trial"] == TRIAL_SHOWN and line["duration_s"] > 0.0
+    }
+    depths = {name: float(lines[name]["violation_depth"]) for name in results.competitors if name in lines}
+    used = {name: float(np.nan_to_num(lines[name]["utilization"], nan=-1.0)) for name in depths if clean(lines[name])}
+    worst = max((name for name in depths if depths[name] > 0.0), key=lambda name: depths[name], default=BASELINE)
+    best = max(used, key=lambda name: used[name], default=worst)
     return tuple(name for name in dict.fromkeys((worst, best)) if name in lines)
-
-
-def _shown_line(results: Results, scenario: str, controller: str) -> Line | None:
-    """The result of the shown trial, if it has two samples or more."""
-    lines = results.runs(scenario, controller)
-    return next((line for line in lines if line["trial"] == TRIAL_SHOWN and line["duration_s"] > 0.0), None)
 
 
 def phi_rows(results: Results, scenario: str) -> tuple[str, ...]:
@@ -96,8 +91,8 @@ def _weights(results: Results, scenario: str) -> Weights:
     challenged, weights = results.challenged(scenario), {}
     for label in results.labels(scenario):
         lines = [line for name in results.competitors for line in results.rows(scenario, name, label)]
-        violated = any(line["violation_depth"] > 0.0 for line in lines)
-        weights[label] = (label in challenged or violated, sum(line["active_time_s"] for line in lines))
+        outside = any(line["violation_depth"] > 0.0 for line in lines)
+        weights[label] = (label in challenged or outside, sum(line["active_time_s"] for line in lines))
     return weights
 
 

@@ -14,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import InvalidInput, shown
-from ..formulas import rotation
 from ..formulas.motion import angle
 from ..qp.decomposition import svd
 from ..rows import Array
@@ -69,12 +68,7 @@ class Pose:
     def from_matrix(cls, matrix: Array | Sequence[Sequence[float]]) -> Pose:
         """From a homogeneous matrix (4, 4) or (3, 4), its translation in metres.
 
-        A rotation that is one to three digits, as if typed, is taken for the nearest one.
-
-        Raises
-        ------
-        InvalidInput
-            if it is no such matrix: it says how far from a rotation it is, and which is the nearest.
+        A rotation of one to three digits, as if typed, is taken for the nearest one; InvalidInput says how far it is.
         """
         try:
             M = np.array(matrix, dtype=np.float64)
@@ -126,13 +120,7 @@ class Pose:
 
 
 def demand_rotation(R: Array) -> Array:
-    """The rotation nearest to R (3, 3), which has to be one to :data:`TYPED`.
-
-    Raises
-    ------
-    InvalidInput
-        if it is not: it says by how much, and which rotation is the nearest.
-    """
+    """The rotation nearest to R (3, 3), which must be one to :data:`TYPED`; InvalidInput says by how much it is not."""
     if np.abs(R.T @ R - np.eye(3)).max() < 1e-12 and np.linalg.det(R) > 0.0:
         return R.copy()
     U, s, Vt = svd(R)
@@ -171,14 +159,3 @@ def skew(w: Array) -> Array:
     W[..., 0, 1], W[..., 0, 2], W[..., 1, 2] = -z, y, -x
     W[..., 1, 0], W[..., 2, 0], W[..., 2, 1] = z, -y, x
     return W
-
-
-def rotation_vector(R: Array, near: Array | None = None) -> Array:
-    """θu (3,) with exp([θu]×) = R, the one closest to ``near`` (3,): see :func:`.formulas.rotation.rotation_vector`."""
-    return np.array(rotation.rotation_vector(R.tolist(), (0.0, 0.0, 0.0) if near is None else near, near is not None))
-
-
-def rotation_vector_rate(w: Array, omega: Array) -> tuple[Array, Array]:
-    """L_θu and L̇_θu (3, 3): see :func:`.formulas.rotation.rotation_vector_rate`."""
-    _, L, L_dot = rotation.rotation_vector_rate(w.tolist(), omega.tolist())
-    return np.array(L), np.array(L_dot)

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..rows import Array
-from .geometry import Pose, skew, vector
+from .geometry import Pose, vector
 
 
 @dataclass(frozen=True)
@@ -53,39 +53,27 @@ class KinematicsEvaluator:
     def __init__(
         self, model: pin.Model, data: pin.Data, tip: int, points: Sequence[RobotPoint], frames: Sequence[int]
     ) -> None:
-        self._model, self._data, self._tip = model, data, tip
-        by_frame: dict[int, list[int]] = {}
-        for i, frame in enumerate(frames):
-            by_frame.setdefault(frame, []).append(i)
-        offsets = np.array([vector(p.offset, 3, f"offset of {p.label}") for p in points]).reshape(-1, 3)
-        self._by_frame = [(frame, np.array(at), offsets[at]) for frame, at in by_frame.items()]
-        self._count, self._n = len(points), model.nv
-        self._no_acceleration = np.zeros(model.nv)
+        self._model, self._data, self._tip, self._still = model, data, tip, np.zeros(model.nv)
+        self._points = []
+        for point, frame in zip(points, map(model.frames.__getitem__, frames), strict=True):
+            offset = pin.SE3(np.eye(3), vector(point.offset, 3, f"offset of {point.label}"))
+            self._points.append((frame.parentJoint, frame.placement * offset))
 
     def __call__(self, q: Array, qd: Array) -> Kinematics:
         """Evaluate at ``q`` and ``qd`` (n,)."""
         model, data = self._model, self._data
-        pin.forwardKinematics(model, data, q, qd, self._no_acceleration)
+        own, world = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        pin.forwardKinematics(model, data, q, qd, self._still)
         pin.computeJointJacobians(model, data)
-        placement = pin.updateFramePlacement(model, data, self._tip)
+        tip = pin.updateFramePlacement(model, data, self._tip)
         # Pinocchio gives a Jacobian of one column as a vector
-        J = np.array(pin.getFrameJacobian(model, data, self._tip, pin.ReferenceFrame.LOCAL)).reshape(6, -1)
-        drift = np.array(pin.getFrameAcceleration(model, data, self._tip, pin.ReferenceFrame.LOCAL).vector)
-        points = np.empty((self._count, 3))
-        point_J = np.empty((self._count, 3, self._n))
-        point_drift = np.empty((self._count, 3))
-        for frame, at, offsets in self._by_frame:
-            frame_placement = pin.updateFramePlacement(model, data, frame)
-            arms = offsets @ frame_placement.rotation.T
-            points[at] = arms + frame_placement.translation
-            world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-            J_frame = pin.getFrameJacobian(model, data, frame, world).reshape(6, -1)
-            # v_point = v + ω × r, and so for every column of the Jacobian
-            point_J[at] = J_frame[:3] - skew(arms) @ J_frame[3:]
-            acceleration = pin.getFrameClassicalAcceleration(model, data, frame, world)
-            spin = skew(np.asarray(pin.getFrameVelocity(model, data, frame, world).angular))
-            # a_point = a + α × r + ω × (ω × r)
-            turning = skew(np.asarray(acceleration.angular)) + spin @ spin
-            point_drift[at] = np.asarray(acceleration.linear) + arms @ turning.T
-        tip = Pose(np.array(placement.rotation), np.array(placement.translation))
-        return Kinematics(q.copy(), qd.copy(), tip, J, drift, points, point_J, point_drift)
+        J = np.array(pin.getFrameJacobian(model, data, self._tip, own)).reshape(6, -1)
+        drift = np.array(pin.getFrameAcceleration(model, data, self._tip, own).vector)
+        k = len(self._points)
+        points, point_J, point_drift = np.empty((k, 3)), np.empty((k, 3, model.nv)), np.empty((k, 3))
+        for i, (joint, place) in enumerate(self._points):
+            points[i] = (data.oMi[joint] * place).translation
+            point_J[i] = pin.getFrameJacobian(model, data, joint, place, world).reshape(6, -1)[:3]
+            point_drift[i] = pin.getFrameClassicalAcceleration(model, data, joint, place, world).linear
+        pose = Pose(np.array(tip.rotation), np.array(tip.translation))
+        return Kinematics(q.copy(), qd.copy(), pose, J, drift, points, point_J, point_drift)

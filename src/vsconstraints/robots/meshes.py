@@ -24,10 +24,10 @@ def mesh_folders(urdf: Path, package_dirs: Sequence[str | Path] | None, environm
     the environment, every ``PREFIX/share`` of ``AMENT_PREFIX_PATH`` and the folders of ``ROS_PACKAGE_PATH`` with those
     in them that hold packages.
     """
-    given = urdf.resolve().parents if package_dirs is None else package_dirs
+    named = urdf.resolve().parents if package_dirs is None else package_dirs
     shares = [Path(prefix) / "share" for prefix in _paths(environment, "AMENT_PREFIX_PATH")]
     workspaces = [folder for path in _paths(environment, "ROS_PACKAGE_PATH") for folder in _holding(Path(path), DEPTH)]
-    return list(dict.fromkeys([*map(Path, given), *shares, *workspaces]))
+    return list(dict.fromkeys([*map(Path, named), *shares, *workspaces]))
 
 
 def found_mesh(name: str, urdf: Path, folders: Sequence[str | Path]) -> Path | None:
@@ -96,15 +96,19 @@ def _paths(environment: Mapping[str, str], variable: str) -> list[str]:
 
 def _holding(folder: Path, depth: int) -> Iterator[Path]:
     """The folder above a package, and every folder that may hold packages."""
-    if (folder / "package.xml").is_file() or (folder / "manifest.xml").is_file():
+    if _is_package(folder):
         yield folder.parent
         return
     yield folder
     if depth > 1:
         try:
-            inside = sorted(one for one in folder.iterdir() if one.is_dir() and not one.name.startswith("."))
+            inside = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
         except OSError:  # not there, or not for us
             return
-        for one in inside:
-            if not (one / "package.xml").is_file() and not (one / "manifest.xml").is_file():
-                yield from _holding(one, depth - 1)
+        for path in inside:
+            if not _is_package(path):
+                yield from _holding(path, depth - 1)
+
+
+def _is_package(folder: Path) -> bool:
+    return (folder / "package.xml").is_file() or (folder / "manifest.xml").is_file()

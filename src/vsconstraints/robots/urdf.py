@@ -243,10 +243,10 @@ def _completed(path: Path, content: bytes) -> UrdfFile:
     if _plain(root.tag) != "robot":
         raise ConfigurationError(f"{str(path)!r} is not a URDF: its root is <{_plain(root.tag)}>, not <robot>")
     if path.suffix == ".xacro" or _unexpanded(root):
-        made = path.name.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
-        made = made if made != path.name else f"expanded-{made}"
+        name = path.name.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
+        name = name if name != path.name else f"expanded-{name}"
         raise ConfigurationError(
-            f"{str(path)!r} is a xacro file, of which xacro makes a URDF: xacro {path} -o {path.with_name(made)} "
+            f"{str(path)!r} is a xacro file, of which xacro makes a URDF: xacro {path} -o {path.with_name(name)} "
             "(part of ROS; or pip install xacro), with the arguments that it takes as NAME:=VALUE"
         )
     for element in root.iter():
@@ -266,7 +266,7 @@ def _completed(path: Path, content: bytes) -> UrdfFile:
 
 
 def _mimics(root: ElementTree.Element) -> dict[str, Mimic]:
-    found = {}
+    mimics = {}
     for joint in root.findall("joint"):
         mimic, name = joint.find("mimic"), joint.get("name", "")
         if mimic is not None:
@@ -276,8 +276,8 @@ def _mimics(root: ElementTree.Element) -> dict[str, Mimic]:
                 raise ConfigurationError(f"the joint {name!r} mimics by no number: {error}") from error
             if not math.isfinite(factor * offset):
                 raise ConfigurationError(f"by what the joint {name!r} mimics another one must be finite")
-            found[name] = Mimic(mimic.get("joint", ""), factor, offset)
-    return found
+            mimics[name] = Mimic(mimic.get("joint", ""), factor, offset)
+    return mimics
 
 
 def _link(joint: ElementTree.Element, role: str) -> str:

@@ -61,27 +61,13 @@ class File:
 
 
 def build(
-    tables: Table,
-    where: str,
-    folder: Path,
-    deviation: np.random.Generator | None = None,
-    seed: tuple[int, ...] = (0,),
+    tables: Table, where: str, folder: Path, deviation: np.random.Generator | None = None, seed: tuple[int, ...] = (0,)
 ) -> Setup:
     """The setup that a scenario's tables describe.
 
-    Parameters
-    ----------
-    tables, where, folder
-        What the file says, the scenario's name for messages, and what paths in it are relative to.
-    deviation
-        What draws the numbers in [−1, 1], one per joint, that the start deviates by, times ``start_deviation``.
-    seed
-        Of everything random in the disturbances.
-
-    Raises
-    ------
-    ConfigurationError, InvalidInput
-        for unknown keys and unusable values; the message names them.
+    ``where`` is its name for messages; paths are relative to ``folder``; ``deviation`` draws the numbers in [−1, 1],
+    one per joint, by which the start deviates, times ``start_deviation``; ``seed`` is that of everything random in the
+    disturbances. Raises ConfigurationError or InvalidInput, which name them, for unknown keys and unusable values.
     """
     file: File = from_table(File, tables, where)
     bare = build_scene(tables, where, folder)

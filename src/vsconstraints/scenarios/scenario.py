@@ -23,14 +23,11 @@ from .build import build
 from .toml import file_named, merged, override, read_toml
 from .views import without_replaced
 
-SHIPPED = Path(__file__).parent
-"""Folder of the scenarios that come with the package."""
-
+SHIPPED = Path(__file__).parent  # folder of the scenarios that come with the package
 FILE_KEYS = ("urdf", "srdf", "file", "package_dirs", "calibration")
 """Keys whose values are paths, relative to the scenario's folder."""
 
-MAX_EXTENDED = 100
-"""Files that may extend one another."""
+MAX_EXTENDED = 100  # files that may extend one another
 
 
 @cache
@@ -40,17 +37,31 @@ def shipped_scenarios() -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class Scenario:
-    """One scenario: its name, which is its file's without the ending, and what the file says, overrides applied.
+class Described:
+    """What a file says; its name is the file's without the ending, and paths in its tables are relative to ``folder``.
 
-    Paths in ``tables`` are relative to ``folder``. Code that it names as ``module:Class`` may run if it is ``trusted``,
-    which it is not where it was read from a folder of results.
+    Code that it names as ``module:Class`` may run if it is ``trusted``: not where it was read from results.
     """
 
     name: str
     tables: dict[str, Any]
     folder: Path = Path()
     trusted: bool = True
+
+    @property
+    def title(self) -> str:
+        """Title for reports; the name if the file has none."""
+        return str(self.tables.get("title") or self.name)
+
+    @property
+    def description(self) -> str:
+        """A few sentences for reports."""
+        return str(self.tables.get("description", "")).strip()
+
+
+@dataclass(frozen=True, repr=False)
+class Scenario(Described):
+    """One scenario, overrides applied."""
 
     why_here: ClassVar[str] = "a constraint of it is defined in this session"
     """Why it can run in this process only, where that is so."""
@@ -60,20 +71,11 @@ class Scenario:
 
     @classmethod
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Scenario:
-        """A shipped scenario by its name, or one from a TOML file by its path.
+        """A shipped scenario by name, ``"case-study-6r"``, or one from a TOML file by its path, relative to ``base``.
 
-        Parameters
-        ----------
-        name_or_path
-            ``"case-study-6r"`` or ``"my/scenario.toml"``. A file with ``extends = "…"``, a name or a path, says only
-            what is different there: tables are merged, everything else is replaced. Paths in both are relative to it.
-        base
-            Folder that a relative path starts from; the current one if None.
-
-        Raises
-        ------
-        ConfigurationError
-            if there is none of that name, or the file cannot be read.
+        A file with ``extends = "…"``, a name or a path, says only what is different there: tables are merged,
+        everything else is replaced. Paths in both are relative to it. Raises ConfigurationError if there is none of
+        that name, or the file cannot be read.
         """
         path = file_named("scenario", str(name_or_path), SHIPPED, shipped_scenarios(), base)
         return cls(path.stem, _extended(path), path.parent)
@@ -92,16 +94,6 @@ class Scenario:
     def shipped(self) -> bool:
         """Whether it comes with the package."""
         return self.folder == SHIPPED
-
-    @property
-    def title(self) -> str:
-        """Title for reports; the name if the file has none."""
-        return str(self.tables.get("title") or self.name)
-
-    @property
-    def description(self) -> str:
-        """A few sentences for reports."""
-        return str(self.tables.get("description", "")).strip()
 
     @property
     def own_parts(self) -> tuple[str, ...]:
@@ -127,15 +119,10 @@ class Scenario:
         return (*files, *meshes, *module_files(self.own_parts if self.trusted else (), self.folder))
 
     def setup(self, trial: int = 0, seed: int = 0) -> Setup:
-        """What is simulated.
+        """What is simulated; VsconstraintsError if it cannot be built, or names code that is not trusted.
 
         Trial 0 starts at the file's q0; every other trial deviates from it by up to ``start_deviation`` [rad or m]
         in each joint, drawn from the seed and the trial's number and so the same for every controller.
-
-        Raises
-        ------
-        VsconstraintsError
-            if it cannot be built, names code that is not trusted, or trial or seed is no whole number from 0 on.
         """
         if not self.trusted:
             demand_data(self.name, self.tables, self.folder)

@@ -43,15 +43,10 @@ class SceneRenderer:
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        settings: ImageSettings,
-        constraints: Sequence[Constraint],
-        q0: Array,
-        seed: tuple[int, ...],
+        self, scene: Scene, settings: ImageSettings, constraints: Sequence[Constraint], q0: Array, seed: tuple[int, ...]
     ) -> None:
         self.scene, self.settings, self._constraints, self._seed = scene, settings, constraints, seed
-        curves = [one for one in constraints if isinstance(one, Occlusion)]
+        curves = [curve for curve in constraints if isinstance(curve, Occlusion)]
         self._moving = [curve for curve in curves if curve.motion is not None]
         self._still = [curve for curve in curves if curve.motion is None]
         self.seen_from = scene.camera_pose(q0).t

@@ -35,9 +35,8 @@ def intersample_clearance(setup: Setup, control: ControlStep, plant: Plant, stat
 
     Inspected are periods inside which a row may be outside, or have its least clearance of the run: those in which its
     clearance might come to zero at the rate at which it changes there (:data:`DIP`), however far from its boundary it
-    is in the samples, or in which a joint turns back inside (:data:`BACK`). Parts of a period are halved as long as,
-    at the rate seen in it, a row may be deeper outside within a part than anywhere else.
-    Samples have plant states (N, s, n) and clearances (N, m).
+    is in the samples, or in which a joint turns back inside (:data:`BACK`). Parts of a period are halved as long as, at
+    the rate seen in it, a row may be deeper outside within a part. Samples have states (N, s, n), clearances (N, m).
     """
     N, m = clearance.shape
     least = np.full((N, m), np.inf)
@@ -86,8 +85,8 @@ def _inspected(setup: Setup, states: Array, clearance: Array) -> IntArray:
     with np.errstate(invalid="ignore"):
         change = np.abs(np.diff(clearance, axis=0))
     change[~np.isfinite(change)] = np.inf
-    beside = np.pad(change, ((1, 1), (0, 0)))
-    dip = DIP[0] * np.maximum(change, np.maximum(beside[:-2], beside[2:])) + DIP[1] * length
+    neighbours = np.pad(change, ((1, 1), (0, 0)))
+    dip = DIP[0] * np.maximum(change, np.maximum(neighbours[:-2], neighbours[2:])) + DIP[1] * length
     # what is deep outside at both ends is so inside as well
     open_ = (ends > -dip) | (ends < least + dip)
     inspected = ((ends < np.clip(least, 0.0, near) + dip) & open_).any(axis=1)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..compiled import load
 from ..compiled.samples import ALONE, LAW, MOVE, STEP, Loop
-from ..compiled.structures import pack_struct
+from ..compiled.workspace import Workspace
 from ..constraints import ConstraintSet
 from ..control.evaluator import Evaluation
 from ..controllers import Controller, Tracking
@@ -47,30 +47,17 @@ def simulate(
 ) -> Trajectory:
     """Run a controller on a setup, from t = 0 to its duration or until it cannot go on.
 
-    With a time limit, a run that is not at rest at the end of its duration goes on until it is (see
-    :func:`.until_settled`). A scene that can no longer be evaluated, a controller that fails, and own parts that raise
+    With a time limit, a run that is not at rest at the end of its duration goes on until it is, see
+    :func:`.until_settled`. A scene that can no longer be evaluated, a controller that fails, and own parts that raise
     anything end the run with the status ``failed``; what was simulated until then is kept. The command of the last
-    sample is computed but not carried out. The reason also holds the remarks of :meth:`Setup.check_start` and of the
-    controller, how often another QP solver had to answer, and how often a law claimed a loss of rank that its rows do
-    not show, at which no run is stopped.
+    sample is computed but not carried out. The reason also holds ``remarks``, those of :meth:`Setup.check_start` unless
+    given, and the controller's, how often another QP solver had to answer, and how often a law claimed a loss of rank
+    that its rows do not show, at which no run is stopped.
 
-    Parameters
-    ----------
-    setup, controller
-        What is simulated, and what commands it.
-    by_public_call
-        Whether every law is asked by ``controller.command(rows, task)``, as a user's own loop does, so that the times
-        of different laws are those of the same call. Otherwise compiled laws run on the arrays of the compiled step,
-        which is faster; their commands are the same.
-    remarks
-        Those of :meth:`Setup.check_start`, which is called if None.
-    prepared
-        Of this setup, to be used again; created if None.
-
-    Raises
-    ------
-    ConfigurationError
-        if the robot cannot start (see :meth:`Setup.check_start`).
+    With ``by_public_call`` every law is asked by ``controller.command(rows, task)``, as a user's own loop does, so that
+    the times of different laws are those of the same call. Otherwise compiled laws run on the arrays of the compiled
+    step, which is faster; their commands are the same. What was ``prepared`` of this setup may be used again. Raises
+    ConfigurationError if the robot cannot start.
     """
     if remarks is None:
         remarks = setup.check_start()
@@ -84,8 +71,7 @@ def simulate(
 def score_run(setup: Setup, controller: Controller) -> RunScores:
     """As :func:`simulate`, but keep nothing of a run except its scores: what thousands of trials run on.
 
-    Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start alone. Raises as
-    :func:`simulate` does.
+    Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start alone.
     """
     remarks = setup.check_start()
     run = _Run(Prepared(setup), controller, whole=False)
@@ -144,8 +130,8 @@ class _Run:
             self.sensor.expected.write(self.control.packed.step)
         try:
             believe = self.sensor.expected if self.setup.disturbances.sensing else None
-            spoil = self.gradient_error if self.gradient_error.any else None
-            restart(controller, self.setup.Ts, lambda: self.control.model(believe, spoil))
+            wrong = self.gradient_error if self.gradient_error.any else None
+            restart(controller, self.setup.Ts, lambda: self.control.model(believe, wrong))
             loop = self._compiled_loop(by_public_call)
         except (SystemExit, GeneratorExit) as error:  # a law ends its own run, not the process
             self._end("failed", described(error))
@@ -185,7 +171,7 @@ class _Run:
                 self.bound.packed.measure(self.sensor.measured(begun, self.plant.q, self.plant.qd))
                 # without a usable image no law is called, and the arm brakes
                 self.loop.parts[3] = 0 if self.sensor.blind else self.law
-            self.samples, stage = load("closed_loop").run(self.address, begun, end, stage)
+            self.samples, stage = self.run(begun, end, stage)
             if self.pushes and self.samples > begun:
                 self.plant.follow()
             if self.samples < end:
@@ -198,18 +184,18 @@ class _Run:
             return None
         believed = bound.packed
         loop = make_loop(setup, self.plant, believed.step, true.packed.step, self.whole)
-        loop.parts[:3] = load("closed_loop").EVALUATE, believed.address, true.packed.address
+        loop.parts[:3] = believed.step.evaluate, believed.workspace.address, true.packed.workspace.address
         self.gradient_error.write(believed.step)
         if setup.disturbances.sensing and self.sensor.estimates:
             self._sensing = self.sensor.sensing(setup.samples_at_most)
-            self._sensed = pack_struct(self._sensing)
-            loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.ctypes.data
+            self._sensed = Workspace(self._sensing)
+            loop.parts[5:7] = load("sensing").OBSERVE, self._sensed.address
         law = self.controller.bind(bound.now.rows, bound.now.task, loop.answer.acted, loop.answer.qdd)
         self.compiled = law is not None and load("compiler").compiles()
-        self._laws = [pack_struct(part.arrays) for part in (alone, law) if part is not None]
-        loop.parts[4] = self._laws[0].ctypes.data
+        self._laws = [Workspace(part.arrays) for part in (alone, law) if part is not None]
+        loop.parts[4] = self._laws[0].address
         if law is not None and not by_public_call:
-            loop.parts[3] = self.law = self._laws[1].ctypes.data
+            loop.parts[3] = self.law = self._laws[1].address
             # the same rank tolerance: the law's way to its answer may lead by tracking alone
             same = law.arrays.options[0] == alone.arrays.options[0]
             answer = loop.answer._replace(slack=law.slack, alone=loop.alone if same else loop.answer.alone)
@@ -226,8 +212,7 @@ class _Run:
         # whether Python moves the robot: then, or where it renders images, it does so sample by sample
         self.pushes = self.plant.follows and self.plant.mover[0] == 0
         self.at_once = 1 if self.pushes or isinstance(self.sensor, ImageSensor) else CHUNK
-        self._packed_loop = pack_struct(loop)
-        self.address = int(self._packed_loop.ctypes.data)
+        self.run = load("closed_loop").run.bind(Workspace(loop), typed=True)
 
     def _answer(self, k: int, stage: int) -> int:
         """Do the stage that compiled code cannot do; returns the next one."""
@@ -274,14 +259,14 @@ class _Run:
         if isinstance(self.sensor, ImageSensor) and self.sensor.blind:
             self.loop.answer.qdd[:] = self.sensor.braking(self.plant.qd)
             return
-        given, times = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy()), self.loop.kept.step_time
+        asked, times = replace(rows, phi=rows.phi.copy(), Lg=rows.Lg.copy()), self.loop.kept.step_time
         called = perf_counter()
         command = self.controller.command(rows, task)
         times[k % len(times)] = perf_counter() - called
         self.loop.answer.qdd[:] = command.qdd
         self.fallbacks += bool(command.fallback)
         claimed = command.status == "rank-loss"
-        lost = claimed and loses_rank(given)
+        lost = claimed and loses_rank(asked)
         self.unfounded += claimed and not lost
         if command.status == "failed" or (lost and self.setup.on_rank_loss == "abort"):
             self._end("failed" if command.status == "failed" else "aborted", command.reason)
@@ -295,8 +280,8 @@ class _Run:
             remarks.append(
                 f"the law claimed a loss of rank in {self.unfounded} samples in which its rows have full rank"
             )
-        own = self.controller.remark(self.setup.constraints.labels)
-        return [*remarks, *self.plant.remarks(), *self.sensor.remarks(), own]
+        by_law = self.controller.remark(self.setup.constraints.labels)
+        return [*remarks, *self.plant.remarks(), *self.sensor.remarks(), by_law]
 
     def scores(self) -> RunScores:
         """Scores of the run."""
@@ -310,6 +295,7 @@ class _Run:
         t, pixels, points = np.arange(N) * setup.Ts, kept.pixels[:N], kept.points[:N]
         clearance = setup.clearance(t, q, qd, pixels, points)
         status, reason = self._outcome()
+        same = "error", "camera_error", "phi", "sigma", "active", "saturated", "rows_time", "step_time"
         return Trajectory(
             status=status,
             reason=reason,
@@ -317,24 +303,17 @@ class _Run:
             q=q,
             qd=qd,
             qdd_command=qdd,
-            error=kept.error[:N],
-            camera_error=kept.camera_error[:N],
             feature_error_px=kept.feature_error[:N],
             camera_position=kept.camera_t[:N],
             features_px=pixels,
             points=points,
             labels=setup.constraints.labels,
-            phi=kept.phi[:N],
-            sigma=kept.sigma[:N],
             clearance=clearance,
-            active=kept.active[:N],
-            saturated=kept.saturated[:N],
             share_to_hold=self.loop.scores.share_to_hold,
             between_clearance=intersample_clearance(setup, self.prepared.world, self.plant, states, clearance),
-            rows_time=kept.rows_time[:N],
-            step_time=kept.step_time[:N],
             fallbacks=self.fallbacks,
             compiled=self.compiled,
+            **{name: getattr(kept, name)[:N] for name in same},
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 
 import coal
@@ -11,7 +12,7 @@ import pinocchio as pin
 from ..constraints import Body, BodyDistance, Collision, Constraint, link_bodies
 from ..constraints.meshes import hull_points
 from ..errors import ConfigurationError
-from ..rows import Array, BoolArray
+from ..rows import Array
 from ..vision.images.settings import OpaqueName
 from ..vision.scene import Scene
 
@@ -36,80 +37,51 @@ class LinesOfSight:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        robot = scene.robot
+        self.scene, robot = scene, scene.robot
         self._data = robot.model.createData()
         carrying = int(robot.model.frames[robot.frame_id("tip")].parentJoint)
         bodies: Sequence[Body] = () if robot.source is None else link_bodies(robot)
         self.bodies = tuple(body for body in bodies if body.joint != carrying)
-
-    def near(self, q: Array, t: Array) -> BoolArray:
-        """(N,) whether any line comes into the box around any part of a link, at ``q`` (N, n) and ``t`` (N,) [s].
-
-        Where none does, nothing is hidden. All instants are looked at together: far faster than distances of solids.
-        """
-        parts = [(body.joint, placement, solid) for body in self.bodies for placement, solid in body.parts]
-        if not parts:
-            return np.zeros(len(t), dtype=np.bool_)
-        joints, placements, solids = zip(*parts, strict=True)
-        low, high = (np.array(corner)[:, None] for corner in zip(*map(_bounds, solids), strict=True))
-        model, data, tip = self.scene.robot.model, self._data, self.scene.robot.frame_id("tip")
-        tips, moved = np.empty((len(t), 4, 4)), np.empty((len(t), model.njoints, 4, 4))
-        for k, configuration in enumerate(q):
-            pin.forwardKinematics(model, data, configuration)
-            tips[k] = pin.updateFramePlacement(model, data, tip).homogeneous
-            for joint in {*joints}:
-                moved[k, joint] = data.oMi[joint].homogeneous
-        frames = moved[:, joints] @ np.array([placement.homogeneous for placement in placements])
-        origin, R = frames[..., None, :3, 3], frames[..., :3, :3]
-        eyes, markers = ((p[:, None] - origin) @ R for p in self._ends(tips, t))
-        along = markers - eyes
-        along[along == 0.0] = TINY
-        shares = np.stack(((low - SLACK - eyes) / along, (high + SLACK - eyes) / along))
-        enters, leaves = shares.min(axis=0).max(axis=-1), shares.max(axis=0).min(axis=-1)
-        crosses: BoolArray = (np.maximum(enters, 0.0) <= np.minimum(leaves, 1.0)).any(axis=(1, 2))
-        return crosses
-
-    def _ends(self, tips: Array, t: Array) -> tuple[Array, Array]:
-        """(·, 1, 3) eyes and (·, M, 3) markers in the base frame, for tips (N, 4, 4) and times (N,) [s]."""
-        scene, camera = self.scene, self.scene.camera
-        R, origin = tips[:, :3, :3].transpose(0, 2, 1), tips[:, None, :3, 3]
-        if camera.fixed is not None:
-            return camera.fixed.t[None, None], scene.markers @ R + origin
-        if scene.motion is None:
-            markers = scene.markers[None]
-        else:
-            markers = np.array([scene.motion.pose(float(now)).act(scene.markers) for now in t])
-        return camera.mount.inverse.t[None] @ R + origin, markers
+        self._parts = [(body, placement, solid) for body in self.bodies for placement, solid in body.parts]
+        for _, _, solid in self._parts:
+            solid.computeLocalAABB()
+        #: (P, 1, 3) least and greatest coordinates of each solid, in its own frame.
+        self._low = np.array([solid.aabb_local.min_ for _, _, solid in self._parts])[:, None]
+        self._high = np.array([solid.aabb_local.max_ for _, _, solid in self._parts])[:, None]
 
     def hidden(self, q: Array, t: float) -> list[tuple[int, str]]:
         """Numbers of the markers that a link hides at ``q`` (n,) and ``t`` [s], each with the first such link."""
-        if not self.bodies:
+        if not self._parts:
             return []
-        camera = self.scene.camera
+        camera, model = self.scene.camera, self.scene.robot.model
         eye = (camera.fixed or self.scene.robot.pose(q) @ camera.mount.inverse).t
-        pin.forwardKinematics(self.scene.robot.model, self._data, q)
-        names = [self._in_between(eye, marker) for marker in self.scene.markers_at(q, t)]
-        return [(number, name) for number, name in enumerate(names, start=1) if name]
+        markers = self.scene.markers_at(q, t)
+        pin.forwardKinematics(model, self._data, q)
+        places = [self._data.oMi[body.joint] * placement for body, placement, _ in self._parts]
+        R, origin = np.array([at.rotation for at in places]), np.array([at.translation for at in places])[:, None]
+        # where each line enters and leaves the box around each solid, in whose frame both are
+        begin = (eye - origin) @ R
+        along = (markers - origin) @ R - begin
+        along[along == 0.0] = TINY
+        shares = np.stack(((self._low - SLACK - begin) / along, (self._high + SLACK - begin) / along))
+        enters, leaves = shares.min(axis=0).max(axis=-1), shares.max(axis=0).min(axis=-1)
+        near = np.maximum(enters, 0.0) <= np.minimum(leaves, 1.0)
+        hidden = []
+        for i in np.flatnonzero(near.any(axis=0)):
+            # distances of solids take far longer than boxes
+            hiding = (k for k in np.flatnonzero(near[:, i]) if _crosses(eye, markers[i], self._parts[k][2], places[k]))
+            hidden += [(int(i) + 1, self._parts[k][0].name) for k in itertools.islice(hiding, 1)]
+        return hidden
 
-    def _in_between(self, eye: Array, marker: Array) -> str:
-        along = marker - eye
-        length = float(np.sqrt(along @ along))
-        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along / length).matrix()
-        line, middle = coal.Capsule(THIN, length), coal.Transform3s(turn, 0.5 * (eye + marker))
-        for body in self.bodies:
-            for placement, solid in body.parts:
-                at = self._data.oMi[body.joint] * placement
-                there = coal.Transform3s(at.rotation, at.translation)
-                if coal.distance(line, middle, solid, there, coal.DistanceRequest(), coal.DistanceResult()) <= 0.0:
-                    return body.name
-        return ""
 
-
-def _bounds(solid: coal.CollisionGeometry) -> tuple[Array, Array]:
-    """(3,) least and greatest coordinates of a solid, in its own frame."""
-    solid.computeLocalAABB()
-    return np.array(solid.aabb_local.min_), np.array(solid.aabb_local.max_)
+def _crosses(eye: Array, marker: Array, solid: coal.CollisionGeometry, at: pin.SE3) -> bool:
+    """Whether the line from eye to marker (3,) meets a solid that is placed there."""
+    along = marker - eye
+    length = float(np.sqrt(along @ along))
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along / length).matrix()
+    line, middle = coal.Capsule(THIN, length), coal.Transform3s(turn, 0.5 * (eye + marker))
+    there = coal.Transform3s(at.rotation, at.translation)
+    return bool(coal.distance(line, middle, solid, there, coal.DistanceRequest(), coal.DistanceResult()) <= 0.0)
 
 
 def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
@@ -121,7 +93,7 @@ def hidden_markers(scene: Scene, t: Array, q: Array) -> list[str]:
         return []
     first: dict[tuple[int, str], float] = {}
     glances = np.unique(np.linspace(1, len(t) - 1, GLANCES).astype(int)) if len(t) > 1 else np.empty(0, dtype=int)
-    for k in glances[lines.near(q[glances], t[glances])]:
+    for k in glances:
         for hidden in lines.hidden(q[k], float(t[k])):
             first.setdefault(hidden, float(t[k]))
     return [
@@ -139,9 +111,9 @@ class Occluders:
     def __init__(self, scene: Scene, constraints: Sequence[Constraint], kinds: Sequence[OpaqueName]) -> None:
         self.scene, self._data = scene, scene.robot.model.createData()
         self.links = _links(scene, constraints) if "links" in kinds else []
-        obstacles = [one for one in constraints if ("bodies" if isinstance(one, Collision) else "regions") in kinds]
-        self._moving = [one for one in obstacles if getattr(one, "motion", None) is not None]
-        self._still = [mesh.points for one in obstacles if one not in self._moving for mesh in one.meshes(0.0)]
+        obstacles = [each for each in constraints if ("bodies" if isinstance(each, Collision) else "regions") in kinds]
+        self._moving = [each for each in obstacles if getattr(each, "motion", None) is not None]
+        self._still = [mesh.points for each in obstacles if each not in self._moving for mesh in each.meshes(0.0)]
 
     def solids(self, q: Array, t: float) -> Iterator[Array]:
         """Each (V, 3) points in the base frame whose convex hull a solid is, at ``q`` (n,) and ``t`` [s]."""
@@ -154,8 +126,8 @@ class Occluders:
                     at = self._data.oMi[body.joint] * placement
                     yield points @ at.rotation.T + at.translation
         yield from self._still
-        for one in self._moving:
-            yield from (mesh.points for mesh in one.meshes(t))
+        for obstacle in self._moving:
+            yield from (mesh.points for mesh in obstacle.meshes(t))
 
 
 def _links(scene: Scene, constraints: Sequence[Constraint]) -> list[Body]:
@@ -167,5 +139,6 @@ def _links(scene: Scene, constraints: Sequence[Constraint]) -> list[Body]:
         except ConfigurationError:
             return []
     carrying = int(robot.model.frames[robot.frame_id("tip")].parentJoint)
-    known = (body for one in constraints if isinstance(one, BodyDistance) for pair in one.pairs for body in pair)
+    distances = (each for each in constraints if isinstance(each, BodyDistance))
+    known = (body for each in distances for pair in each.pairs for body in pair)
     return list({body.name: body for body in known if body.joint not in (0, carrying)}.values())

@@ -86,7 +86,7 @@ def hidden_at_start(scene: Scene, q0: Array, refused: bool) -> list[str]:
 
 def _in_the_image(constraints: ConstraintSet) -> list[ImageConstraint]:
     """Those that do not move."""
-    return [one for one in constraints.constraints if isinstance(one, ImageConstraint) and one.motion is None]
+    return [each for each in constraints.constraints if isinstance(each, ImageConstraint) and each.motion is None]
 
 
 def forbidden_goals(scene: Scene, constraints: ConstraintSet, task: VisualTask) -> list[str]:
@@ -109,14 +109,14 @@ def separated_markers(scene: Scene, constraints: ConstraintSet, task: VisualTask
     """
     remarks, image = [], np.asarray(scene.camera.size)
     for i in range(len(start)):
-        own = [one for one in _in_the_image(constraints) if one.markers is None or i + 1 in one.markers]
+        concerned = [each for each in _in_the_image(constraints) if each.markers is None or i + 1 in each.markers]
         # a field of view alone is convex
-        if all(isinstance(one, FieldOfView) for one in own):
+        if all(isinstance(each, FieldOfView) for each in concerned):
             continue
         places = np.array([start[i], *(goal.pixels[i] for goal in task.goals)])
-        part, size = _parts(own, places, image, COARSE)
+        part, size = _parts(concerned, places, image, COARSE)
         if not part.all() or (part != part[0]).any():
-            part, size = _parts(own, places, image, FINE)
+            part, size = _parts(concerned, places, image, FINE)
         closed = [number for number in range(1, len(part)) if part[0] and part[number] not in (0, part[0])]
         remarks += [
             f"marker {i + 1} starts in a part of the image of {size:.0f} px² that its constraints close off from "
@@ -128,11 +128,11 @@ def separated_markers(scene: Scene, constraints: ConstraintSet, task: VisualTask
 
 def _parts(constraints: Sequence[ImageConstraint], places: Array, image: Array, cell: float) -> tuple[IntArray, float]:
     """The connected part in which each place (p, 2) lies, 0 where it is forbidden, and the area of the first [px²]."""
-    bounded = any(isinstance(one, FieldOfView) for one in constraints)
+    bounded = any(isinstance(each, FieldOfView) for each in constraints)
     half = 0.5 * (1.0 if bounded else AROUND) * image + 2.0 * cell
     u, v = (np.arange(-side, side + cell, cell) for side in half)
     grid = np.stack(np.meshgrid(u, v), axis=-1)
-    allowed, around = np.all([one.sigma(grid) <= 0.0 for one in constraints], axis=0), np.ones((3, 3))
+    allowed, around = np.all([each.sigma(grid) <= 0.0 for each in constraints], axis=0), np.ones((3, 3))
     # large squares may lie on both sides of a thin obstacle: only those count that are allowed all around
     parts, _ = ndimage.label(ndimage.binary_erosion(allowed, around) if cell > FINE else allowed, around)
     column, row = np.rint((places + half) / cell).astype(int).T

@@ -21,8 +21,8 @@ def driver_class(scheme: str) -> type[Driver]:
     if scheme not in DRIVERS:
         raise unknown_name("kind of arm", scheme, DRIVERS)
     module, _, name = DRIVERS[scheme].partition(":")
-    found: type[Driver] = getattr(import_module(f".{module}", __name__), name)
-    return found
+    driver: type[Driver] = getattr(import_module(f".{module}", __name__), name)
+    return driver
 
 
 def driver_for(address: str, setup: Setup) -> Driver:

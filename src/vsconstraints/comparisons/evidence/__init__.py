@@ -8,8 +8,7 @@ from .merge import Merged, merge
 from .parquet import KEYS, ROWS, RUNS, SCENES, TABLES, TIMING, Column
 from .runner import Finished, Plan, Progress, collect
 from .stored import Evidence
-from .task import Batch, Shard
-from .worker import Part, scored
+from .work import Batch, Part, Shard, scored
 
 __all__ = [
     "KEYS",

@@ -1,4 +1,8 @@
-"""Runs on more machines than this one, by the workers of a Dask scheduler."""
+"""Runs on more machines than this one, by the workers of a Dask scheduler.
+
+A Dask worker answers each call by a process of its own, one for each of its threads (:mod:`.remote`): a call that ends
+its process, or takes too long, fails as it does on one machine, and the Dask worker goes on.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +12,16 @@ import time
 import uuid
 import warnings
 from collections import Counter, deque
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
+from typing import Any
 
 from ...errors import ConfigurationError, WorkersLost, described
 from ...plugins.extras import demand
-from ..runs.pool import DIED, Failure, OpenWorkers, unpacked
+from ..runs.pool import DIED, Failure, Key, OpenWorkers, unpacked
 from .campaign import differences, in_words
 from .remote import Call, IncompatibleWorker, Session, answered, end
-
-Key = TypeVar("Key", bound=Hashable)
 
 CONNECT = 5.0
 """How long a scheduler may take to answer [s]."""
@@ -71,7 +73,7 @@ def cluster(address: str, identity: Callable[[], Any]) -> Iterator[OpenWorkers]:
     session = Session(f"vsconstraints-{uuid.uuid4().hex[:12]}", identity, identity())
     try:
         members = _Members(client, session)
-        _demand_compatible(members, address)
+        members.demand_compatible(address)
         yield lambda function: nullcontext(_Cluster(client, address, members, function))
     finally:
         with suppress(Exception), _quiet():  # whatever has become of the cluster, this command is done with it
@@ -86,8 +88,8 @@ class _Members:
 
     def __init__(self, client: Any, session: Session) -> None:
         self._client, self.session = client, session
-        self._asked: dict[str, tuple[Any, float]] = {}
         self._there: set[str] = set()
+        self.asked: dict[str, tuple[Any, float]] = {}
         self.compatible: set[str] = set()
         self.refused: dict[str, str] = {}
 
@@ -98,23 +100,30 @@ class _Members:
             self.compatible.discard(worker)
             self.refused.pop(worker, None)
         self._there = set(there)
-        for worker in there.keys() - self.compatible - self.refused.keys() - self._asked.keys():
+        for worker in there.keys() - self.compatible - self.refused.keys() - self.asked.keys():
             future = self.submit(self.packed(Call(str, ())), [worker])
-            self._asked[worker] = future, time.monotonic() + BEGIN
-        for worker, (future, until) in list(self._asked.items()):
-            if worker not in there:
-                why = f"worker {worker} ended when it was asked what results depend on there: can vsconstraints be "
-                why += "imported there?"
-            elif future.done() or time.monotonic() > until:
-                why = self._why_not(worker, future)
-            else:
+            self.asked[worker] = future, time.monotonic() + BEGIN
+        for worker, (future, until) in list(self.asked.items()):
+            if worker in there and not future.done() and time.monotonic() <= until:
                 continue
-            del self._asked[worker]
-            if why:
+            del self.asked[worker]
+            if why := self._why_not(worker, future, worker in there):
                 self.refused[worker] = why
             else:
                 self.compatible.add(worker)
         return {worker: count for worker, count in there.items() if worker in self.compatible}
+
+    def demand_compatible(self, address: str) -> None:
+        """Raise ConfigurationError unless there are workers, and all would give the same results as this machine."""
+        threads = self.threads()
+        while self.asked:
+            time.sleep(SOON)
+            threads = self.threads()
+        for why in self.refused.values():
+            raise ConfigurationError(why)
+        if not threads:
+            start = f"start one or more on each machine with `dask worker {address}`"
+            raise ConfigurationError(f"the scheduler at {address} has no worker; {start}")
 
     def packed(self, call: Call) -> bytes:
         """A call of this session; raises whatever an own part raises when it is pickled."""
@@ -125,30 +134,29 @@ class _Members:
         key = f"{self.session.name}-{uuid.uuid4().hex}"
         return self._client.submit(answered, packed, key=key, pure=False, workers=workers)
 
-    @property
-    def waiting(self) -> bool:
-        """Whether workers have not yet answered."""
-        return bool(self._asked)
+    def refuse(self, answer: IncompatibleWorker) -> str:
+        """Send a worker nothing more, for this reason."""
+        self.compatible.discard(answer.address)
+        if isinstance(answer.identity, Failure):
+            why = f"worker {answer.address} cannot make runs: {answer.identity.reason}"
+        else:
+            what = in_words(list(differences(answer.identity, self.session.expected)))
+            why = (
+                f"worker {answer.address} would give other results: {what} (there: the worker). Install the same there"
+            )
+        self.refused[answer.address] = why
+        return why
 
-    def refuse(self, found: IncompatibleWorker) -> None:
-        """Send a worker nothing more, which has answered otherwise meanwhile."""
-        self.compatible.discard(found.address)
-        self.refused[found.address] = self._described(found)
-
-    def _why_not(self, worker: str, future: Any) -> str:
+    def _why_not(self, worker: str, future: Any, there: bool) -> str:
+        if not there:
+            asked = "what results depend on there: can vsconstraints be imported there?"
+            return f"worker {worker} ended when it was asked {asked}"
         if not future.done():
             return f"worker {worker} said nothing for {BEGIN:g} s"
-        error = future.exception()
-        if error is not None:  # for example, this package is not installed there
+        if (error := future.exception()) is not None:  # for example, this package is not installed there
             return f"worker {worker} cannot make runs: {described(error)}"
         answer = unpacked(future.result())
-        return self._described(answer) if isinstance(answer, IncompatibleWorker) else ""
-
-    def _described(self, found: IncompatibleWorker) -> str:
-        if isinstance(found.identity, Failure):
-            return f"worker {found.address} cannot make runs: {found.identity.reason}"
-        what = in_words(list(differences(found.identity, self.session.expected)))
-        return f"worker {found.address} would give other results: {what} (there: the worker). Install the same there"
+        return self.refuse(answer) if isinstance(answer, IncompatibleWorker) else ""
 
 
 class _Cluster:
@@ -181,9 +189,8 @@ class _Cluster:
                             waiting.append(key)
                 room = PER_THREAD * sum(threads.values()) - len(under_way)
                 for key in [waiting.popleft() for _ in range(min(room, len(waiting)))]:
-                    call = Call(self._function, calls[key], limits.get(key), again)
                     try:
-                        packed = self._members.packed(call)
+                        packed = self._members.packed(Call(self._function, calls[key], limits.get(key), again))
                     except Exception as error:  # own parts can raise anything when they are packed
                         yield key, Failure(f"it cannot be sent to a worker: {type(error).__name__}: {error}")
                         continue
@@ -216,7 +223,7 @@ class _Cluster:
         for why in set(self._members.refused.values()) - self._warned:
             self._warned.add(why)
             warnings.warn(f"{why}; it is given nothing", RuntimeWarning, stacklevel=3)
-        if threads or self._members.waiting:
+        if threads or self._members.asked:
             self._seen = time.monotonic()
         elif time.monotonic() - self._seen > PATIENCE:
             raise WorkersLost(
@@ -261,20 +268,6 @@ def _connected(address: str) -> Any:
         if not address.startswith("tls:"):
             advice = "start one with `dask scheduler`, and give the address that it prints"
         raise ConfigurationError(f"no Dask scheduler answers at {address}: {error}; {advice}") from error
-
-
-def _demand_compatible(members: _Members, address: str) -> None:
-    """Raise ConfigurationError unless there are workers, and all would give the same results as this machine."""
-    found = members.threads()
-    while members.waiting:
-        time.sleep(SOON)
-        found = members.threads()
-    for why in members.refused.values():
-        raise ConfigurationError(why)
-    if not found:
-        raise ConfigurationError(
-            f"the scheduler at {address} has no worker; start one or more on each machine with `dask worker {address}`"
-        )
 
 
 @contextmanager

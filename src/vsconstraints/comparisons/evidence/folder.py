@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,14 +15,12 @@ from ...scenarios.reading import from_table
 from ..record import RunRecord
 from ..runs.files import SUMS, TRAJECTORIES, add_sums, remove_changed
 from ..runs.folder import MANIFEST, Keep, Kinds, kept_lines
-from ..runs.machine import machine
 from ..runs.pool import Failure, OpenWorkers
 from ..runs.signals import deadline
 from . import parquet
 from .campaign import Campaign, Identity, differences, in_words
 from .parquet import RUNS, TABLES
-from .task import Batch, Work
-from .worker import Bench, Part, set_up
+from .work import Batch, Bench, set_up, task_of
 
 MARK = "runs"
 """The table that is written last: a shard is there when this part of it is."""
@@ -43,11 +42,10 @@ class Facts:
     @classmethod
     def of(cls, path: Path) -> Facts:
         """The footer of a shard's part; raises ConfigurationError if it cannot be read."""
+        table = parquet.facts_of(path)
         try:
-            facts: Facts = from_table(cls, parquet.facts_of(path), "its footer")
+            facts: Facts = from_table(cls, table, "its footer")
         except ConfigurationError as error:
-            if str(path) in str(error):
-                raise
             raise ConfigurationError(f"{path} cannot be read: it is no shard of a campaign ({error})") from error
         return facts
 
@@ -57,21 +55,15 @@ def shard_names(folder: Path) -> list[str]:
     return sorted(path.stem for path in (folder / MARK).glob("part-*.parquet"))
 
 
-def stored_files(folder: Path) -> list[Path]:
-    """The files that a campaign consists of, reports apart: its manifest, then those that are written once."""
-    shards = (path for table in TABLES for path in sorted((folder / table).glob("part-*.parquet")))
-    return [folder / MANIFEST, *shards, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
-
-
 def shard_file(folder: Path, table: str, name: str) -> Path:
     """Where a part of a shard is."""
     return folder / table / f"{name}.parquet"
 
 
-def write_shard(folder: Path, task: Batch, part: Part, identity: Identity) -> None:
-    """Write a task's tables; raises OSError."""
-    facts = Facts(task.family.name, task.scenes, identity, machine(), part.runs.num_rows, part.seconds)
-    write_parts(folder, task.name, {name: getattr(part, name) for name in TABLES}, facts)
+def stored_files(folder: Path) -> list[Path]:
+    """The files that a campaign consists of, reports apart: its manifest, then those that are written once."""
+    shards = (path for table in TABLES for path in sorted((folder / table).glob("part-*.parquet")))
+    return [folder / MANIFEST, *shards, *sorted((folder / TRAJECTORIES).glob("*.npz"))]
 
 
 def write_parts(folder: Path, name: str, tables: Mapping[str, Any], facts: Facts) -> None:
@@ -130,15 +122,15 @@ def _remove_unfinished(folder: Path) -> None:
     for path in list(folder.rglob("*.part")):
         path.unlink(missing_ok=True)
     remove_changed(folder, stored_files(folder)[1:])
+    whole = set()
     for name in shard_names(folder):
-        parts = [shard_file(folder, table, name) for table in TABLES]
-        if not all(path.is_file() and parquet.is_whole(path) for path in parts):
-            shard_file(folder, MARK, name).unlink(missing_ok=True)
-    marked = set(shard_names(folder))
-    for table in TABLES:
-        for path in (folder / table).glob("part-*.parquet"):
-            if path.stem not in marked:
-                path.unlink()
+        with suppress(ConfigurationError):  # one that was cut off has no footer
+            for table in TABLES:
+                parquet.line_count(shard_file(folder, table, name))
+            whole.add(name)
+    for path in stored_files(folder):
+        if path.suffix == ".parquet" and path.stem not in whole:
+            path.unlink()
 
 
 def clear(folder: Path) -> None:
@@ -169,16 +161,15 @@ def chosen(folder: Path, keep: Keep) -> list[RunKey]:
     """
     if keep == "none":
         return []
-    names = ("family", "condition", "scene", "controller", "status", "violation_depth", "duration_s")
     files = [shard_file(folder, MARK, name) for name in shard_names(folder)]
+    names = (*RunKey._fields, "status", "violation_depth", "duration_s")
     lines = parquet.read(files, RUNS, names).to_pandas().dropna(subset="duration_s")
     lines = lines.sort_values(["family", "scene", "condition", "controller"], ignore_index=True)
-    return [
-        RunKey(*(line[name] for name in RunKey._fields)) for line in kept_lines(lines.to_dict("records"), keep, KINDS)
-    ]
+    kept = kept_lines(lines.to_dict("records"), keep, KINDS)
+    return [RunKey(*(line[name] for name in RunKey._fields)) for line in kept]
 
 
-def keep_trajectories(folder: Path, keep: Keep, work: Work, workers: OpenWorkers) -> int:
+def keep_trajectories(folder: Path, keep: Keep, campaign: Campaign, limit: float | None, workers: OpenWorkers) -> int:
     """Repeat the runs whose trajectories are kept and missing, and remove those of others; how many there are then.
 
     Repeated runs are the same. Raises OSError.
@@ -193,33 +184,29 @@ def keep_trajectories(folder: Path, keep: Keep, work: Work, workers: OpenWorkers
     for path, key in wanted.items():
         if not path.exists():
             missing.setdefault((key.family, key.scene), []).append(key)
-    families = {family.name: family for family in work.campaign.families}
-    calls = {at: (work.task(families[at[0]], [at[1]]), tuple(keys)) for at, keys in missing.items()}
+    families = {family.name: family for family in campaign.families}
+    calls = {at: (task_of(campaign, families[at[0]], [at[1]], limit), keys) for at, keys in missing.items()}
     kept = len(wanted) - sum(map(len, missing.values()))
-    if not calls:
-        return kept
-    with workers(rerun) as open_workers:
-        for _, answer in open_workers.run(calls):
-            # what cannot be repeated is left out: its scores are there
-            for key, record in {} if isinstance(answer, Failure) else answer.items():
-                record.save(trajectory_file(folder, key))
-                kept += 1
+    if calls:
+        with workers(rerun) as open_workers:
+            for _, answer in open_workers.run(calls):
+                # what cannot be repeated is left out: its scores are there
+                for key, record in {} if isinstance(answer, Failure) else answer.items():
+                    record.save(trajectory_file(folder, key))
+                    kept += 1
     return kept
 
 
-def rerun(task: Batch, keys: tuple[RunKey, ...]) -> dict[RunKey, RunRecord]:
+def rerun(task: Batch, keys: list[RunKey]) -> dict[RunKey, RunRecord]:
     """Repeat runs of one scene: what workers do."""
-    found: dict[RunKey, RunRecord] = {}
+    records: dict[RunKey, RunRecord] = {}
     entries = {entry.name: entry for entry in task.controllers}
     with deadline(task.limit) as step:
         step()
         scene, _ = set_up(task, task.scenes[0])
-        if not isinstance(scene, Drawn):
-            return found
-        for condition in dict.fromkeys(key.condition for key in keys):
-            bench = Bench(scene, condition)
-            for key in keys:
-                if key.condition == condition:
-                    step()
-                    found[key] = bench.run(entries[key.controller])
-    return found
+        if isinstance(scene, Drawn):
+            benches = {condition: Bench(scene, condition) for condition in task.conditions}
+            for key in sorted(keys, key=lambda key: task.conditions.index(key.condition)):
+                step()
+                records[key] = benches[key.condition].run(entries[key.controller])
+    return records

@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...errors import ConfigurationError
 from ..runs.files import TRAJECTORIES, demand_unchanged, replaced, seal, storing, write_json
@@ -18,14 +18,14 @@ from .folder import MARK, Facts, chosen, clear, shard_file, shard_names, stored_
 from .parquet import TABLES, TIMING
 from .stored import Evidence, missing_scenes
 
-Manifests = Mapping[Path, Mapping[str, Any]]
-"""By their folders."""
-
 OWN = (
     *("shard", "command", "started", "wall_time_s", "process_time_s", "scenes", "runs", "runs_per_s"),
     *("finished", "stored_before", "trajectories", "machine"),
 )
 """Entries of a manifest that may differ from folder to folder."""
+
+COMMON = ("code", "version", "packages", "compiled", "seed", "half", "controllers")
+"""Entries of an identity that different families share."""
 
 
 @dataclass(frozen=True)
@@ -38,16 +38,17 @@ class Merged:
     remarks: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class _Source:
+class _Source(NamedTuple):
     """A shard of one of the folders."""
 
     folder: Path
     name: str
     facts: Facts
 
-    def table(self, name: str) -> Any:
-        return parquet.read([shard_file(self.folder, name, self.name)], TABLES[name])
+    def table(self, name: str, scenes: Sequence[int]) -> Any:
+        """The lines of these scenes."""
+        table, wanted = parquet.read([shard_file(self.folder, name, self.name)], TABLES[name]), set(scenes)
+        return table.filter([number in wanted for number in table["scene"].to_pylist()])
 
 
 def merge(out: Path, folders: Sequence[Path]) -> Merged:
@@ -91,25 +92,29 @@ def merge(out: Path, folders: Sequence[Path]) -> Merged:
     with held(out, "evidence"):
         clear(out)
         with storing("evidence", out):
+            counts = dict.fromkeys(TABLES, 0)
             for source, scenes in once:
-                _copy(source, scenes, out)
-            _copy_trajectories(manifests, out)
-            counts = _counts(out)
-            write_json(out / MANIFEST, _merged_manifest(manifests, counts))
+                tables = {name: source.table(name, scenes) for name in TABLES}
+                counts = {name: counts[name] + table.num_rows for name, table in tables.items()}
+                name = f"part-{source.facts.family}-{scenes[0]:07d}-{scenes[-1]:07d}"
+                facts = replace(source.facts, scenes=tuple(scenes), runs=tables[MARK].num_rows)
+                write_parts(out, name if len(scenes) < len(source.facts.scenes) else source.name, tables, facts)
+            kept = _copy_trajectories(manifests, out)
+            remarks = tuple(text for evidence in read.values() for text in evidence.remarks)
+            merged = Merged(counts["scenes"], counts[MARK], kept, remarks)
+            write_json(out / MANIFEST, _merged_manifest(list(manifests.values()), merged))
             seal(out, stored_files(out))
-    return replace(counts, remarks=tuple(text for evidence in read.values() for text in evidence.remarks))
+    return merged
 
 
-def _demand_alike(sources: Sequence[_Source], manifests: Manifests) -> None:
+def _demand_alike(sources: Sequence[_Source], manifests: Mapping[Path, Mapping[str, Any]]) -> None:
     """Raise ConfigurationError if code, settings or packages differ; machines may."""
     first: dict[str, _Source] = {}
     for source in sources:
         other = first.setdefault(source.facts.family, source)
         _demand_same(other.facts.identity, source.facts.identity, other.folder, source.folder)
-    # shards of different families have these in common
-    common = ("code", "version", "packages", "compiled", "seed", "half", "controllers")
     for source in first.values():
-        one, two = ({name: each.facts.identity.get(name) for name in common} for each in (sources[0], source))
+        one, two = ({name: each.facts.identity.get(name) for name in COMMON} for each in (sources[0], source))
         _demand_same(one, two, sources[0].folder, source.folder)
     (start, manifest), *others = manifests.items()
     for folder, other_manifest in others:
@@ -125,11 +130,11 @@ def _settings(manifest: Mapping[str, Any]) -> dict[str, Any]:
 
 def _demand_same(one: Mapping[str, Any], other: Mapping[str, Any], there: Path, here: Path) -> None:
     if one != other:
-        found = [f"{text} ({there} and {here})" for text in differences(one, other)]
-        raise ConfigurationError(f"these are not parts of one campaign: {in_words(found)}")
+        texts = [f"{text} ({there} and {here})" for text in differences(one, other)]
+        raise ConfigurationError(f"these are not parts of one campaign: {in_words(texts)}")
 
 
-def _demand_all(sources: Sequence[_Source], manifests: Manifests) -> None:
+def _demand_all(sources: Sequence[_Source], manifests: Mapping[Path, Mapping[str, Any]]) -> None:
     """Raise ConfigurationError that names shards and scenes that are missing."""
     configuration = next(iter(manifests.values()))["configuration"]
     shards = [tuple(manifest.get("shard", (1, 1))) for manifest in manifests.values()]
@@ -144,80 +149,64 @@ def _demand_all(sources: Sequence[_Source], manifests: Manifests) -> None:
 def _each_once(sources: Sequence[_Source]) -> list[tuple[_Source, list[int]]]:
     """Shards with those of their scenes that no shard before has; raises ConfigurationError where results differ."""
     owner: dict[tuple[str, int], _Source] = {}
-    todo = []
+    once = []
     for source in sources:
-        family = source.facts.family
-        twice = [number for number in source.facts.scenes if (family, number) in owner]
-        for other in {id(owner[family, number]): owner[family, number] for number in twice}.values():
-            _demand_same_results(other, source, [number for number in twice if owner[family, number] is other])
-        mine = [number for number in source.facts.scenes if (family, number) not in owner]
-        owner.update({(family, number): source for number in mine})
-        if mine:
-            todo.append((source, mine))
-    return todo
+        family, own, shared = source.facts.family, [], dict[str, tuple[_Source, list[int]]]()
+        for number in source.facts.scenes:
+            other = owner.setdefault((family, number), source)
+            if other is source:
+                own.append(number)
+            else:
+                shared.setdefault(f"{other.folder} {other.name}", (other, []))[1].append(number)
+        for other, scenes in shared.values():
+            _demand_same_results(other, source, scenes)
+        if own:
+            once.append((source, own))
+    return once
 
 
 def _demand_same_results(one: _Source, other: _Source, scenes: list[int]) -> None:
+    def alike(name: str, scenes: list[int]) -> bool:
+        columns = [column.name for column in TABLES[name] if column.name not in TIMING]
+        first, second = (source.table(name, scenes).select(columns) for source in (one, other))
+        return bool(first.equals(second))
+
     for name in TABLES:
-        tables = (_of_scenes(source.table(name), scenes) for source in (one, other))
-        first, second = (
-            table.select([column for column in table.column_names if column not in TIMING]) for table in tables
-        )
-        if not first.equals(second):
-            at = next(
-                number for number in scenes if not _of_scenes(first, [number]).equals(_of_scenes(second, [number]))
-            )
+        if not alike(name, scenes):
+            at = next(number for number in scenes if not alike(name, [number]))
             raise ConfigurationError(
                 f"scene {at} of {one.facts.family} is in {one.folder} and in {other.folder}, with different {name}: "
                 "one of them was changed, or the law is not the same from run to run"
             )
 
 
-def _of_scenes(table: Any, scenes: Sequence[int]) -> Any:
-    wanted = set(scenes)
-    return table.filter([number in wanted for number in table["scene"].to_pylist()])
-
-
-def _copy(source: _Source, scenes: list[int], out: Path) -> None:
-    """A shard, or those of its scenes that are wanted."""
-    tables = {name: source.table(name) for name in TABLES}
-    name = source.name
-    if len(scenes) < len(source.facts.scenes):
-        tables = {name: _of_scenes(table, scenes) for name, table in tables.items()}
-        name = f"part-{source.facts.family}-{scenes[0]:07d}-{scenes[-1]:07d}"
-    facts = replace(source.facts, scenes=tuple(scenes), runs=tables[MARK].num_rows)
-    write_parts(out, name, tables, facts)
-
-
-def _copy_trajectories(folders: Manifests, out: Path) -> None:
-    """Of the trajectories that the folders hold, those that are kept of the whole."""
-    keeps = {manifest_of(folder).get("keep", "none") for folder in folders} - {"none"}
-    for keep in sorted(keeps):
+def _copy_trajectories(folders: Mapping[Path, Mapping[str, Any]], out: Path) -> int:
+    """Of the trajectories that the folders hold, those that are kept of the whole; how many."""
+    count = 0
+    for keep in sorted({manifest.get("keep", "none") for manifest in folders.values()} - {"none"}):
         for key in chosen(out, keep):
             to = trajectory_file(out, key)
-            for folder in folders:
-                at = trajectory_file(folder, key)
-                if at.is_file() and not to.exists():
-                    (out / TRAJECTORIES).mkdir(exist_ok=True)
-                    with replaced(to) as part:
-                        shutil.copyfile(at, part)
+            at = next((file for folder in folders if (file := trajectory_file(folder, key)).is_file()), None)
+            if at is not None and not to.exists():
+                (out / TRAJECTORIES).mkdir(exist_ok=True)
+                with replaced(to) as part:
+                    shutil.copyfile(at, part)
+                count += 1
+    return count
 
 
-def _counts(out: Path) -> Merged:
-    names = shard_names(out)
-    scenes, runs = (
-        sum(parquet.line_count(shard_file(out, table, name)) for name in names) for table in ("scenes", MARK)
-    )
-    return Merged(scenes, runs, len(list((out / TRAJECTORIES).glob("*.npz"))))
-
-
-def _merged_manifest(manifests: Manifests, counts: Merged) -> dict[str, Any]:
+def _merged_manifest(manifests: Sequence[Mapping[str, Any]], merged: Merged) -> dict[str, Any]:
     """The first manifest, with the folders' own entries on how they were made."""
-    first = next(iter(manifests.values()))
-    parts = [{name: manifest[name] for name in OWN if name in manifest} for manifest in manifests.values()]
-    time = sum(manifest.get("process_time_s", 0.0) for manifest in manifests.values())
-    shared = {name: value for name, value in first.items() if name not in OWN}
-    own = {"version": VERSION, "merged": parts, "machine": first.get("machine", {}), "process_time_s": time}
-    # nothing was run by this command: all scenes were there before
-    done = dict.fromkeys(("scenes", "finished", "stored_before"), counts.scenes)
-    return {**shared, **own, **done, "runs": counts.runs, "trajectories": counts.trajectories, "shard": [1, 1]}
+    first = manifests[0]
+    return {
+        **{name: value for name, value in first.items() if name not in OWN},
+        "version": VERSION,
+        "merged": [{name: manifest[name] for name in OWN if name in manifest} for manifest in manifests],
+        "machine": first.get("machine", {}),
+        "process_time_s": sum(manifest.get("process_time_s", 0.0) for manifest in manifests),
+        # nothing was run by this command: all scenes were there before
+        **dict.fromkeys(("scenes", "finished", "stored_before"), merged.scenes),
+        "runs": merged.runs,
+        "trajectories": merged.trajectories,
+        "shard": [1, 1],
+    }

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -76,9 +77,7 @@ ROWS = _columns(CONSTRAINT_COLUMNS, ROW_METRICS)
 """One line for each row of a run that was challenged, active or violated: keys, then the columns of constraints.csv."""
 
 SCENES = (
-    Column("family", "text", category=True),
-    Column("half", "text", category=True),
-    Column("scene", "whole"),
+    *(column for column in KEYS if column.name in ("family", "half", "scene")),
     Column("found", "flag"),
     Column("attempts", "whole"),
     Column("rejected", "text"),
@@ -113,10 +112,9 @@ def table(columns: Sequence[Column], lines: Sequence[Mapping[str, Any]]) -> Any:
     return pa.Table.from_arrays(arrays, schema=schema(columns))
 
 
-def _cell(value: Any, kind: str) -> Any:
+def _cell(value: Any, kind: Kind) -> Any:
     if kind == "number":
-        number = float(value)
-        return number if math.isfinite(number) else None
+        return float(value) if math.isfinite(value) else None
     if kind == "text":
         # a text may hold what no encoding has
         return str(value).encode("utf-8", "backslashreplace").decode()
@@ -135,45 +133,27 @@ def write(path: Path, lines: Any, facts: Mapping[str, Any]) -> None:
         pq.write_table(lines.replace_schema_metadata({FACTS: text}), part, compression="zstd", write_page_checksum=True)
 
 
-def is_whole(path: Path) -> bool:
-    """Whether a file ends as Parquet files do: one that was cut off does not."""
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
     try:
-        pq.read_schema(path)
-    except UNREADABLE:
-        return False
-    return True
+        yield
+    except (*UNREADABLE, RecursionError) as error:
+        raise ConfigurationError(f"{path} cannot be read: {one_line(str(error)) or type(error).__name__}") from error
 
 
 def facts_of(path: Path) -> dict[str, Any]:
     """The facts in a file's footer; raises ConfigurationError that names the file if it holds none."""
-    try:
+    with _reading(path):
         facts = json.loads((pq.read_schema(path).metadata or {})[FACTS])
-    except (*UNREADABLE, RecursionError) as error:
-        raise _unreadable(path, error) from error
-    if not isinstance(facts, dict):
-        raise ConfigurationError(f"{path} cannot be read: its facts are no table")
+        if not isinstance(facts, dict):
+            raise ValueError("its facts are no table")
     return facts
 
 
 def line_count(path: Path) -> int:
     """How many lines a file claims to have; raises ConfigurationError if it cannot be read."""
-    try:
-        count: int = pq.read_metadata(path).num_rows
-    except UNREADABLE as error:
-        raise _unreadable(path, error) from error
-    return count
-
-
-def _unreadable(path: Path, error: BaseException) -> ConfigurationError:
-    return ConfigurationError(f"{path} cannot be read: {one_line(str(error)) or type(error).__name__}")
-
-
-def _demand_bounded(metadata: Any) -> None:
-    """Raise ValueError if a file claims to hold more than its lines can."""
-    groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
-    size, most = sum(group.total_byte_size for group in groups), EXPANDED * (1 + metadata.num_rows)
-    if size > most:
-        raise ValueError(f"it expands to {size} bytes, and its {metadata.num_rows} lines may take {most}")
+    with _reading(path):
+        return int(pq.read_metadata(path).num_rows)
 
 
 def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] | None = None) -> Any:
@@ -196,10 +176,13 @@ def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] 
     wanted = schema(columns)
     tables = [wanted.empty_table()]
     for path in paths:
-        try:
+        with _reading(path):
             # a file by itself: nothing is taken from the names of its folders
             with pq.ParquetFile(path, page_checksum_verification=True) as file:
-                _demand_bounded(file.metadata)
+                groups = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
+                size, most = sum(group.total_byte_size for group in groups), EXPANDED * (1 + file.metadata.num_rows)
+                if size > most:
+                    raise ValueError(f"it expands to {size} bytes, and its lines may take {most}")
                 unknown = set(file.schema_arrow.names) - known
                 lines = file.read(wanted.names).replace_schema_metadata()
             lines.validate(full=True)
@@ -207,10 +190,7 @@ def read(paths: Iterable[Path], columns: Sequence[Column], names: Sequence[str] 
                 # a file with another column in its place is damaged, not old
                 if column.added and column.name not in lines.column_names and not unknown:
                     lines = lines.append_column(column.name, pa.nulls(len(lines), _TYPES[column.kind]))
-            missing = [name for name in wanted.names if name not in lines.column_names]
-            if missing:
+            if missing := [name for name in wanted.names if name not in lines.column_names]:
                 raise ValueError(f"it has no column {missing[0]!r}; another version wrote it, which can report on it")
             tables.append(lines.select(wanted.names).cast(wanted))
-        except UNREADABLE as error:
-            raise _unreadable(path, error) from error
     return pa.concat_tables(tables)

@@ -1,8 +1,4 @@
-"""The worker side of a cluster: a Dask worker answers each call by a process of its own, one for each of its threads.
-
-A call that ends its process, or takes too long, fails as it does on one machine, and the Dask worker goes on. These
-processes import what is on the disk when the session begins, however old the worker is.
-"""
+"""The worker side of a cluster: processes that import what is on the disk when the session begins."""
 
 from __future__ import annotations
 
@@ -11,26 +7,14 @@ import os
 import pickle
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from multiprocessing.util import Finalize
 from typing import Any, NamedTuple
 
 from ..runs.pool import THREAD_VARIABLES, Pool
 
 
-@dataclass(frozen=True)
-class Session:
-    """A command that has its runs made on a cluster.
-
-    Attributes
-    ----------
-    name
-        Unique to this command.
-    identity
-        Picklable; returns what results depend on where it is called.
-    expected
-        Its answer where the command was given.
-    """
+class Session(NamedTuple):
+    """A command's unique name, what returns what results depend on, and its answer where the command was given."""
 
     name: str
     identity: Callable[[], Any]
@@ -46,27 +30,15 @@ class Call(NamedTuple):
     again: bool = True
 
 
-@dataclass(frozen=True)
-class IncompatibleWorker:
+class IncompatibleWorker(NamedTuple):
     """A worker whose results would differ, with what they depend on there, or a :class:`.Failure` if unknown."""
 
     address: str
     identity: Any
 
 
-@dataclass
-class _Process:
-    """The process of a thread, for one session, in a pool of its own."""
-
-    session: str
-    pool: Pool[Any]
-
-    def end(self, error: type[BaseException] | None = None) -> None:
-        self.pool.__exit__(error, None, None)
-
-
-_processes: dict[int, _Process] = {}
-"""By the threads of this Dask worker."""
+_pools: dict[int, tuple[str, Pool[Any]]] = {}
+"""A pool of a single process, and its session, by the threads of this Dask worker."""
 
 _lock = threading.Lock()
 _finalizers: list[Finalize] = []
@@ -75,47 +47,42 @@ _finalizers: list[Finalize] = []
 def answered(packed: bytes) -> bytes:
     """Answer a call of a session, both packed; an :class:`IncompatibleWorker` where the answer would differ."""
     session, call = pickle.loads(packed)
-    process = _process(session)
-    return pickle.dumps(process if isinstance(process, IncompatibleWorker) else _answer(process, call))
+    pool = _pool(session)
+    return pickle.dumps(pool if isinstance(pool, IncompatibleWorker) else _answer(pool, call))
 
 
 def end(session: str) -> None:
-    """End the processes of a session, whatever they are doing."""
-    for process in _take(session):
-        process.end(KeyboardInterrupt)
-
-
-def _take(session: str = "") -> list[_Process]:
-    """Forget the processes of a session, or all, to end them."""
+    """End the processes of a session, or all if it is empty, whatever they are doing."""
     with _lock:
-        return [_processes.pop(key) for key, each in list(_processes.items()) if session in ("", each.session)]
+        pools = [_pools.pop(key) for key, (name, _) in list(_pools.items()) if session in ("", name)]
+    for _, pool in pools:
+        pool.__exit__(KeyboardInterrupt, None, None)
 
 
-def _process(session: Session) -> _Process | IncompatibleWorker:
-    """The process of this thread; a new one where there is none, or one of an earlier session."""
+def _pool(session: Session) -> Pool[Any] | IncompatibleWorker:
+    """The pool of this thread; a new one where there is none, or one of an earlier session."""
     thread = threading.get_ident()
-    process = _processes.get(thread)
-    if process is not None and process.session == session.name:
-        return process
-    if process is not None:
-        process.end()
-    process = _Process(session.name, Pool(_call, 1))
+    name, pool = _pools.get(thread, ("", None))
+    if pool is not None:
+        if name == session.name:
+            return pool
+        pool.__exit__(None, None, None)
+    pool = Pool(_call, 1)
     with _lock:
         _may_have_children()
-        _processes[thread] = process
-    identity = _answer(process, Call(session.identity, ()))
+        _pools[thread] = session.name, pool
+    identity = _answer(pool, Call(session.identity, ()))
     if identity == session.expected:
-        return process
-    for each in _take(session.name):
-        each.end()
+        return pool
+    end(session.name)
     from distributed import get_worker
 
     return IncompatibleWorker(get_worker().address, identity)
 
 
-def _answer(process: _Process, call: Call) -> Any:
+def _answer(pool: Pool[Any], call: Call) -> Any:
     limits = {} if call.limit is None else {0: call.limit}
-    ((_, answer),) = process.pool.run({0: (call.function, call.arguments)}, limits, again=call.again)
+    ((_, answer),) = pool.run({0: (call.function, call.arguments)}, limits, again=call.again)
     return answer
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,20 +12,20 @@ from typing import Any, NamedTuple
 from ...compiled import prepare
 from ..runs.files import seal, storing, write_json
 from ..runs.folder import MANIFEST, Keep, demand_keep, held, manifest_of
-from ..runs.machine import loaded_versions, made_by, used_versions
+from ..runs.machine import loaded_versions, machine, made_by, used_versions
 from ..runs.pool import Failure, OpenWorkers, Workers, processes
 from ..runs.signals import INTERRUPTS, signal_of
 from ..runs.spec import BASELINE
 from .campaign import Campaign
-from .folder import clear, keep_trajectories, stored_files, what_is_there, write_shard
-from .task import Batch, Shard, Work
-from .worker import Part, failed, scored
+from .folder import Facts, clear, keep_trajectories, stored_files, what_is_there, write_parts
+from .parquet import TABLES
+from .work import Batch, Part, Shard, failed, scored, tasks_of
 
 OF_WORK = ("wall_time_s", "runs_per_s")
 """Entries of a manifest about the last command that made runs: how long it took, and its runs per second."""
 
 GRACE = 60.0
-"""A run that is alone is ended by its pool, with the reason; so much later [s] its process ends itself."""
+"""A run apart from all others is ended by its pool, with the reason; so much later [s] its process ends itself."""
 
 
 class Kind(NamedTuple):
@@ -46,10 +46,8 @@ class Progress:
         How many there are, and how many of them were done before.
     done, found, runs
         Scenes that are done, those of before included; that were found now; runs that were made now.
-    of_kind, failed
-        Runs that were made now, and those of them that failed.
-    reasons
-        Why the first of each kind failed.
+    of_kind, failed, reasons
+        Runs that were made now, those of them that failed, and why the first of each kind did.
     seconds
         Process time of these runs [s].
     """
@@ -92,10 +90,8 @@ class Finished:
     ----------
     folder, progress
         Where it is stored, and how far it is.
-    wall_time
-        [s].
-    kept
-        How many trajectories there are.
+    wall_time, kept
+        How long it took [s], and how many trajectories there are.
     interrupted
         Number of the signal that ended it; 0 if none did.
     """
@@ -118,10 +114,8 @@ class Plan:
 
     Attributes
     ----------
-    shard
-        Which part of the scenes.
-    keep
-        Whose trajectories are kept.
+    shard, keep
+        Which part of the scenes; whose trajectories are kept.
     limit
         How long a run may take [s]; by its number of samples if None.
     fresh
@@ -173,9 +167,8 @@ def collect(
         if plan.fresh:
             clear(folder)
         there = what_is_there(folder, campaign)
-        work = Work(campaign, plan.shard, plan.limit, there.scenes)
-        tasks = work.tasks()
-        for family in {task.family.name: task.family for task in tasks.values()}.values():
+        tasks = list(tasks_of(campaign, plan.shard, plan.limit, there.scenes).values())
+        for family in {task.family.name: task.family for task in tasks}.values():
             family.demand_scenes(campaign.half, campaign.seed)
         prepare()
         configuration = campaign.resolved()
@@ -192,20 +185,23 @@ def collect(
             seal(folder, stored_files(folder)[1:])
             write_json(folder / MANIFEST, manifest)
         stored = sum(map(len, there.scenes.values()))
-        progress = Progress(stored + sum(len(task.scenes) for task in tasks.values()), stored, stored)
+        progress = Progress(stored + sum(len(task.scenes) for task in tasks), stored, stored)
         on_progress(progress)
-        identities = campaign.identities()
+        identities, here = campaign.identities(), machine()
         interrupted = kept = 0
         try:
             if tasks:
                 with plan.workers(scored) as workers:
-                    for task, part in _results(tasks, workers):
+                    for i, part in results(tasks, workers):
+                        task, tables = tasks[i], {name: getattr(part, name) for name in TABLES}
+                        identity = identities[task.family.name]
+                        facts = Facts(task.family.name, task.scenes, identity, here, part.runs.num_rows, part.seconds)
                         with storing("evidence", folder):
-                            write_shard(folder, task, part, identities[task.family.name])
+                            write_parts(folder, task.name, tables, facts)
                         progress.add(task, part)
                         on_progress(progress)
             with storing("evidence", folder):
-                kept = keep_trajectories(folder, plan.keep, work, plan.workers)
+                kept = keep_trajectories(folder, plan.keep, campaign, plan.limit, plan.workers)
         except INTERRUPTS as interrupt:
             interrupted = signal_of(interrupt)
         finished = Finished(folder, progress, time.perf_counter() - started, kept, interrupted)
@@ -226,50 +222,36 @@ def collect(
         return finished
 
 
-def _results(tasks: Mapping[str, Batch], workers: Workers) -> Iterator[tuple[Batch, Part]]:
-    """The result of every task; those that no worker survives are made again by pieces when all others are done."""
-    broken = []
-    for name, answer in workers.run({name: (task,) for name, task in tasks.items()}, again=False):
-        if isinstance(answer, Failure):
-            broken.append(tasks[name])
-        else:
-            yield tasks[name], answer
-    yield from by_pieces(broken, workers)
+def results(
+    tasks: Sequence[Batch],
+    workers: Workers,
+    splits: Sequence[Callable[[Batch], list[Batch]]] = (Batch.each, Batch.singles),
+) -> Iterator[tuple[int, Part]]:
+    """The result of every task, with its number, as soon as it is there.
 
-
-Scene = tuple[int, int]
-"""Number of a task, and of a scene in it."""
-
-
-def by_pieces(tasks: Sequence[Batch], workers: Workers) -> Iterator[tuple[Batch, Part]]:
-    """Tasks scene by scene and, of scenes that no worker survives, run by run; such a run fails with the reason.
-
-    Scenes of all tasks stand in one queue, and so do the runs after them: no process waits for the last piece of a
-    task. A task comes as soon as its last scene is done.
+    Tasks that no worker survives are made again by pieces when all others are done: scene by scene and, of scenes that
+    no worker survives, run by run; such a run fails with the reason. Pieces of all tasks stand in one queue, so that no
+    process waits for the last piece of a task.
     """
-    scenes = {(i, j): scene for i, task in enumerate(tasks) for j, scene in enumerate(task.each())}
-    done: dict[Scene, Part] = {}
-    for (i, j), part in _scenes(scenes, workers):
-        done[i, j] = part
-        own = [(i, k) for k in range(len(tasks[i].scenes))]
-        if all(scene in done for scene in own):
-            yield tasks[i], Part.joined([done.pop(scene) for scene in own])
-
-
-def _scenes(scenes: Mapping[Scene, Batch], workers: Workers) -> Iterator[tuple[Scene, Part]]:
-    broken = []
-    # not repeated as a whole, with nothing beside it: it can be innocent, and its runs say so sooner
-    for key, answer in workers.run({key: (scene,) for key, scene in scenes.items()}, again=False):
-        if isinstance(answer, Failure):
-            broken.append(key)
+    last, broken = not splits, []
+    # only last pieces are repeated, with nothing beside them: before, pieces find the cause sooner
+    limits = {i: task.limit for i, task in enumerate(tasks) if last and task.limit is not None}
+    patient = {i: replace(tasks[i], limit=limit + GRACE) for i, limit in limits.items()}
+    calls = {i: (patient.get(i, task),) for i, task in enumerate(tasks)}
+    for i, answer in workers.run(calls, limits, again=last):
+        if not isinstance(answer, Failure):
+            yield i, answer
+        elif last:
+            yield i, failed(tasks[i], answer.reason)
         else:
-            yield key, answer
-    runs = {(key, i): single for key in broken for i, single in enumerate(scenes[key].singles())}
-    limits = {key: single.limit for key, single in runs.items() if single.limit is not None}
-    patient = {key: replace(runs[key], limit=limit + GRACE) for key, limit in limits.items()}
-    parts: dict[Scene, dict[int, Part]] = {key: {} for key in broken}
-    left = {key: sum(own == key for own, _ in runs) for key in broken}
-    for (key, i), answer in workers.run({run: (single,) for run, single in {**runs, **patient}.items()}, limits):
-        parts[key][i] = failed(runs[key, i], answer.reason) if isinstance(answer, Failure) else answer
-        if len(parts[key]) == left[key]:
-            yield key, Part.joined([part for _, part in sorted(parts.pop(key).items())])
+            broken.append(i)
+    if broken:
+        owners, pieces = zip(*((i, piece) for i in sorted(broken) for piece in splits[0](tasks[i])), strict=True)
+        parts: dict[int, dict[int, Part]] = {i: {} for i in broken}
+        left = Counter(owners)
+        for j, part in results(pieces, workers, splits[1:]):
+            i = owners[j]
+            parts[i][j] = part
+            left[i] -= 1
+            if not left[i]:
+                yield i, Part.joined([part for _, part in sorted(parts.pop(i).items())])

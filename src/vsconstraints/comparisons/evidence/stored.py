@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import chain, product
+from itertools import product
 from pathlib import Path
 from typing import Any, get_args
 
@@ -23,18 +23,13 @@ from ..stored import part, read_folder
 from . import parquet
 from .campaign import MAX_SCENES
 from .folder import MARK, Facts, RunKey, shard_file, shard_names, stored_files, trajectory_file
-from .parquet import TABLES
+from .parquet import KEYS, TABLES
 
 MAX_ROWS = 1000
 """Rows that a run may have in a shard."""
 
 MAX_NAMED = 5
 """Ranges of scenes that a message names."""
-
-RUN_KEYS = ["family", "condition", "half", "scene", "controller"]
-
-SAME = ("seed", "half", "code", "scenes_in")
-"""Entries that an identity and a manifest share."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +67,7 @@ class Evidence:
         # trajectories are many: each is checked where it is read
         tables = [path for path in stored_files(folder) if path.parent.name != TRAJECTORIES]
         manifest, remarks = read_folder(folder, tables, _demand_readable, trust, ("families", "controllers"))
-        demand_planned(folder, shard_names(folder), manifest)
+        _demand_planned(folder, manifest)
         return cls(folder, manifest, trust, remarks)
 
     @property
@@ -127,22 +122,21 @@ class Evidence:
     def _table(self, name: str) -> Any:
         import pandas as pd
 
-        columns = TABLES[name]
         files = [shard_file(self.folder, name, shard) for shard in shard_names(self.folder)]
-        found = parquet.read(files, columns).to_pandas()
+        table = parquet.read(files, TABLES[name]).to_pandas()
         orders: dict[str, Sequence[str]] = {
             "family": tuple(self.families),
             "condition": self.conditions,
             "controller": self.controllers,
             "status": get_args(Outcome),
         }
-        for column in columns:
+        for column in TABLES[name]:
             if column.category:
-                order = orders.get(column.name, sorted(found[column.name].unique()))
-                found[column.name] = pd.Categorical(found[column.name], order)
-        keys = [key for key in ("family", "condition", "scene", "controller") if key in found]
+                order = orders.get(column.name, sorted(table[column.name].unique()))
+                table[column.name] = pd.Categorical(table[column.name], order)
+        keys = [key for key in RunKey._fields if key in table]
         # rows of a run stay in their order
-        return found.sort_values(keys, kind="stable", ignore_index=True)
+        return table.sort_values(keys, kind="stable", ignore_index=True)
 
 
 def _demand_readable(manifest: Mapping[str, Any], where: str) -> None:
@@ -196,26 +190,6 @@ class _Family:
     tables: Table
 
 
-def demand_planned(folder: Path, names: Iterable[str], manifest: Mapping[str, Any]) -> None:
-    """Raise ConfigurationError unless all lines of these shards are what a campaign's manifest asks for.
-
-    It names the first shard of another campaign, with a scene that another one has too, or whose lines are not those of
-    its scenes: some are missing, there twice, or of other laws.
-    """
-    owner: dict[tuple[str, int], str] = {}
-    for name in names:
-        facts, *others = (Facts.of(shard_file(folder, table, name)) for table in (MARK, *TABLES))
-        path = shard_file(folder, MARK, name)
-        if any(other != facts for other in others):
-            raise ConfigurationError(f"{path} and its parts in other tables say different things of themselves")
-        for problem in chain(_foreign(facts, manifest), _wrong_lines(folder, name, facts, manifest["configuration"])):
-            raise ConfigurationError(f"{path}, a shard: {problem}; {MANIFEST} does not ask for that")
-        for scene in facts.scenes:
-            other = owner.setdefault((facts.family, scene), name)
-            if other != name:
-                raise ConfigurationError(f"{path}, a shard: {other} has scene {scene} of {facts.family}, too")
-
-
 def missing_scenes(configuration: Mapping[str, Any], shards: Iterable[Facts], wanted: range) -> str:
     """Families with those of the wanted scenes that no shard has, in words; empty if none is missing."""
     missing = {name: set(wanted) for name in configuration["families"]}
@@ -229,84 +203,91 @@ def missing_scenes(configuration: Mapping[str, Any], shards: Iterable[Facts], wa
     return f"{', '.join(lost[:MAX_NAMED])}{' and more' if len(lost) > MAX_NAMED else ''}"
 
 
-def _foreign(facts: Facts, manifest: Mapping[str, Any]) -> Iterator[str]:
-    """Entries of a footer that contradict the manifest."""
-    configuration = manifest["configuration"]
+def _demand_planned(folder: Path, manifest: Mapping[str, Any]) -> None:
+    """Raise ConfigurationError unless all lines of all shards are what the manifest asks for.
+
+    It names the first shard of another campaign, with a scene that another one has too, or whose lines are not those of
+    its scenes: some are missing, there twice, or of other laws.
+    """
+    owner: dict[tuple[str, int], str] = {}
+    for name in shard_names(folder):
+        facts, *others = (Facts.of(shard_file(folder, table, name)) for table in (MARK, *TABLES))
+        path = shard_file(folder, MARK, name)
+        if any(other != facts for other in others):
+            raise ConfigurationError(f"{path} and its parts in other tables say different things of themselves")
+        problem = _foreign(facts, manifest) or next(_wrong_lines(folder, name, facts, manifest["configuration"]), "")
+        if problem:
+            raise ConfigurationError(f"{path}, a shard: {problem}; {MANIFEST} does not ask for that")
+        for scene in facts.scenes:
+            other = owner.setdefault((facts.family, scene), name)
+            if other != name:
+                raise ConfigurationError(f"{path}, a shard: {other} has scene {scene} of {facts.family}, too")
+
+
+def _foreign(facts: Facts, manifest: Mapping[str, Any]) -> str:
+    """What of a footer contradicts the manifest; empty if nothing does."""
+    configuration, identity, scenes = manifest["configuration"], facts.identity, facts.scenes
     family = configuration["families"].get(facts.family)
     if family is None:
-        yield f"it is of the family {shown(facts.family)}"
-        return
-    scenes = facts.scenes
+        return f"it is of the family {shown(facts.family)}"
     if not scenes or list(scenes) != sorted(set(scenes)) or scenes[0] < 0 or scenes[-1] >= configuration["scenes"]:
-        yield f"its scenes are {shown(scenes)}, of {configuration['scenes']}"
-    planned = {**manifest, **configuration, "conditions": family["conditions"]}
-    identity = facts.identity
-    common = [name for name in (*SAME, "conditions") if name in identity and name in planned]
-    pairs = {name: (identity.get(name), planned.get(name)) for name in common}
-    of_family = identity.get("family")
-    pairs["family"] = (of_family.get("tables") if isinstance(of_family, dict) else None, family["tables"])
-    pairs["controllers"] = (_without_files(identity.get("controllers")), configuration["controllers"])
-    for name, (here, there) in pairs.items():
-        if here != there:
-            yield f"its runs were made with another {name}"
-
-
-def _without_files(controllers: Any) -> Any:
-    """Laws and options of an identity, without the hashes of own laws' files and the packages that they use."""
-    if not isinstance(controllers, dict):
-        return controllers
-    return {
-        name: {key: value for key, value in entry.items() if not key.startswith(("file ", "package "))}
-        if isinstance(entry, dict)
-        else entry
-        for name, entry in controllers.items()
+        return f"its scenes are {shown(scenes)}, of {configuration['scenes']}"
+    planned = {**manifest, **configuration, "conditions": family["conditions"], "family": family["tables"]}
+    stored = {**identity, "family": _inside(identity.get("family")).get("tables")}
+    # without what own laws' files hold and the packages that laws use
+    stored["controllers"] = {
+        name: {key: value for key, value in _inside(entry).items() if not key.startswith(("file ", "package "))}
+        for name, entry in _inside(identity.get("controllers")).items()
     }
+    optional = [name for name in ("seed", "half", "code", "scenes_in", "conditions") if name in stored]
+    for name in (*optional, "family", "controllers"):
+        if name in planned and stored[name] != planned[name]:
+            return f"its runs were made with another {name}"
+    return ""
+
+
+def _inside(table: Any) -> Mapping[str, Any]:
+    return table if isinstance(table, dict) else {}
 
 
 def _wrong_lines(folder: Path, name: str, facts: Facts, configuration: Mapping[str, Any]) -> Iterator[str]:
     """Problems of the lines of a shard whose footer is valid."""
-    files = {table: shard_file(folder, table, name) for table in TABLES}
-    counts = {table: parquet.line_count(path) for table, path in files.items()}
-    family, most = configuration["families"][facts.family], configuration.get("scenes_in", {})
-    conditions = {
-        scene: [name for name in family["conditions"] if scene < most.get(name, configuration["scenes"])]
-        for scene in facts.scenes
+
+    def lines(table: str, *names: str) -> list[tuple[Any, ...]]:
+        read = parquet.read([shard_file(folder, table, name)], TABLES[table], names)
+        return list(zip(*(read[name].to_pylist() for name in names), strict=True))
+
+    counts = {table: parquet.line_count(shard_file(folder, table, name)) for table in TABLES}
+    most, half = configuration.get("scenes_in", {}), configuration["half"]
+    planned = {
+        (facts.family, condition, half, scene, law)
+        for scene, condition, law in product(
+            facts.scenes, configuration["families"][facts.family]["conditions"], configuration["controllers"]
+        )
+        if scene < most.get(condition, configuration["scenes"])
     }
-    laws = list(configuration["controllers"])
-    planned = sum(map(len, conditions.values())) * len(laws)
     if counts["scenes"] != len(facts.scenes):
         yield f"it has {counts['scenes']} lines of {len(facts.scenes)} scenes"
         return
-    if counts[MARK] != facts.runs or facts.runs > planned or counts["rows"] > MAX_ROWS * facts.runs:
-        yield f"it has {counts[MARK]} runs of {facts.runs}, and {counts['rows']} rows; planned are {planned} runs"
+    if counts[MARK] != facts.runs or facts.runs > len(planned) or counts["rows"] > MAX_ROWS * facts.runs:
+        yield f"it has {counts[MARK]} runs of {facts.runs}, and {counts['rows']} rows; planned are {len(planned)} runs"
         return
-    scenes = _lines(files["scenes"], "scenes", ["family", "half", "scene", "found"])
-    own = facts.family, configuration["half"]
-    if Counter(line[:3] for line in scenes) != Counter((*own, scene) for scene in facts.scenes):
+    scenes = lines("scenes", "family", "half", "scene", "found")
+    if Counter(line[:3] for line in scenes) != Counter((facts.family, half, scene) for scene in facts.scenes):
         yield "its scenes are not those of its footer"
-    runs = _lines(files[MARK], MARK, [*RUN_KEYS, "violated"])
+    keys = [column.name for column in KEYS]
+    runs = lines(MARK, *keys, "violated")
     there = Counter(line[:-1] for line in runs)
-    allowed = {
-        (facts.family, condition, own[1], scene, law)
-        for scene, named in conditions.items()
-        for condition, law in product(named, laws)
-    }
     drawn = {scene for *_, scene, found in scenes if found}
-    needed = {key for key in allowed if key[3] in drawn}
-    for problem, keys in (
-        ("has no run", needed - there.keys()),
-        ("has a run", there.keys() - allowed),
+    for problem, wrong in (
+        ("has no run", {key for key in planned if key[3] in drawn} - there.keys()),
+        ("has a run", there.keys() - planned),
         ("has more than once", {key for key, count in there.items() if count > 1}),
     ):
-        if keys:
-            yield f"it {problem} {', '.join(map(str, min(keys, key=str)))}"
-    rows = Counter(_lines(files["rows"], "rows", [*RUN_KEYS, "constraint"]))
-    left = {(*line[:-1], label) for line in runs for label in (line[-1] or "").split("; ") if label}
-    if max(rows.values(), default=1) > 1 or not {row[:-1] for row in rows} <= there.keys() or not left <= rows.keys():
+        if wrong:
+            yield f"it {problem} {', '.join(map(str, min(wrong, key=str)))}"
+    rows = Counter(lines("rows", *keys, "constraint"))
+    violated = {(*line[:-1], label) for line in runs for label in (line[-1] or "").split("; ") if label}
+    once = max(rows.values(), default=1) == 1
+    if not (once and {row[:-1] for row in rows} <= there.keys() and violated <= rows.keys()):
         yield "its rows are not those of its runs"
-
-
-def _lines(path: Path, table: str, names: list[str]) -> list[tuple[Any, ...]]:
-    """The lines of some columns, in the order in which they are named."""
-    found = parquet.read([path], TABLES[table], names)
-    return list(zip(*(found[name].to_pylist() for name in names), strict=True))

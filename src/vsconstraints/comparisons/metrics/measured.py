@@ -28,12 +28,8 @@ TOLERANT = 1e-2
 TOLERANCES = (NEGLIGIBLE, 1e-3, TOLERANT, 2e-2, 5e-2, 1e-1)
 """Where reports show how success grows with the depth that is tolerated."""
 
-SLIDING_GAP = 10
-"""In a sliding mode φ crosses zero again and again: within this many samples, from either side."""
-
-AT_BOUNDARY = 3
-"""Samples with φ ≥ 0 from which on a row is at its boundary; fewer only touch it."""
-
+SLIDING_GAP = 10  # in a sliding mode φ crosses zero again and again: within this many samples, from either side
+AT_BOUNDARY = 3  # samples with φ ≥ 0 from which on a row is at its boundary; fewer only touch it
 STEPS = 2.0
 """While φ is no farther below zero than so many switching steps T_s u⁺, a row that acts before and after holds on."""
 
@@ -171,11 +167,12 @@ class Measured:
 
     # --- command, within the scenario's duration: a run that takes longer is not calmer for it ---
 
-    def switching_rate(self) -> float:
-        """Changes of the active set per second [Hz]; NaN for a run of one sample."""
+    @property
+    def switches(self) -> BoolArray:
+        """Whether the active set changes, from sample to sample."""
         active = self.run.active[: self.record.common]
-        changes = (active[1:] != active[:-1]).any(axis=1)
-        return float(changes.sum() / (len(changes) * self.Ts)) if len(changes) else np.nan
+        changes: BoolArray = (active[1:] != active[:-1]).any(axis=1)
+        return changes
 
     @cached_property
     def command_changes(self) -> Array:
@@ -184,15 +181,9 @@ class Measured:
         change: Array = np.sqrt((np.diff(command, axis=0) ** 2).sum(axis=1))
         return change
 
-    def variation(self) -> float:
-        """Σ‖Δq̈_c‖ per second; NaN for a run of one sample."""
-        change = self.command_changes
-        return float(change.sum() / (len(change) * self.Ts)) if len(change) else np.nan
-
-    def jerk_rms(self) -> float:
-        """Root mean square of ‖Δq̈_c‖ / T_s; NaN for a run of one sample."""
-        change = self.command_changes
-        return float(np.sqrt((change**2).mean()) / self.Ts) if len(change) else np.nan
+    def per_second(self, changes: Array | BoolArray) -> float:
+        """Sum of changes from sample to sample per second; NaN for a run of one sample."""
+        return float(changes.sum() / (len(changes) * self.Ts)) if len(changes) else np.nan
 
     # --- time ---
 

@@ -68,15 +68,16 @@ METRICS = (
     Metric("sliding_lost_s", Measured.sliding_lost, "sliding lost [s]", judged="sliding",
            added=3, definition=f"Time in which a row's φ stays at or above zero for more than {SLIDING_GAP} samples "
            "in a row and gets beyond T_s u⁺."),
-    Metric("switching_rate_hz", Measured.switching_rate, "switching rate [Hz]",
+    Metric("switching_rate_hz", lambda m: m.per_second(m.switches), "switching rate [Hz]",
            definition="How often per second of the scenario's duration the set of rows that act changes.",
            overall="switching rate [Hz]"),
-    Metric("acceleration_variation", Measured.variation, "acceleration variation [rad/s³]",
+    Metric("acceleration_variation", lambda m: m.per_second(m.command_changes), "acceleration variation [rad/s³]",
            definition="Total variation of the commanded acceleration per second, Σ‖Δq̈_c‖ / duration: of the scenario's "
            "duration, which all runs share, not of the time that a run takes beyond it.",
            overall="acceleration variation [rad/s³]",
            finding=("Least chattering (acceleration variation)", "rad/s³")),
-    Metric("jerk_rms", Measured.jerk_rms, "RMS jerk [rad/s³]",
+    Metric("jerk_rms", lambda m: over(m.command_changes, lambda change: np.sqrt((change**2).mean()) / m.Ts),
+           "RMS jerk [rad/s³]",
            definition="Root mean square of ‖Δq̈_c‖ / T_s, over the scenario's duration."),
     Metric("step_time_median_us", lambda m: over(m.step_times, np.median), "call, median [µs]", None,
            "Wall time of the call controller.command(rows, task) [µs], the same call for every law, shipped or own, "
@@ -164,9 +165,7 @@ TERMS = {
 }
 """Words that definitions use."""
 
-RUN = ("suite", "scenario", "controller", "trial")
-"""Columns of both files that say which run it is."""
-
+RUN = ("suite", "scenario", "controller", "trial")  # columns of both files that say which run it is
 STORED = tuple(sorted((metric for metric in METRICS if metric.value is not None), key=lambda metric: metric.added))
 RESULT_COLUMNS = (*RUN, *(metric.column for metric in STORED))
 CONSTRAINT_COLUMNS = (*RUN, *(metric.column for metric in ROW_METRICS))

@@ -48,6 +48,11 @@ class Failure:
 
     reason: str
 
+    @classmethod
+    def of(cls, error: BaseException, what: str = "") -> Failure:
+        """From what was raised."""
+        return cls(f"{what}{type(error).__name__}: {error}")
+
 
 class Workers(Protocol):
     """What calls one function elsewhere: a :class:`Pool`, or a cluster."""
@@ -63,21 +68,14 @@ OpenWorkers = Callable[[Callable[..., Any]], AbstractContextManager[Workers]]
 
 
 class Pool(Generic[Answer]):
-    """Calls one function in several processes.
+    """Calls one function in several processes, which are started when they are needed.
 
     A call that raises, or whose answer cannot be sent, is answered by a :class:`Failure` with the reason. If a process
     dies, its call is made once more when all others are done and nothing else runs; another process takes over the
     others. A call that takes longer than its limit is ended with its process.
 
     Processes end with the pool, at once if the ``with`` block is left by an exception, and with the process that
-    started them, for whatever reason that ends.
-
-    Parameters
-    ----------
-    function
-        What is called; a function of a module, so that other processes can import it.
-    processes
-        Maximum number of processes; they are started when they are needed.
+    started them, for whatever reason that ends. The function is one of a module, which other processes can import.
     """
 
     def __init__(self, function: Callable[..., Answer], processes: int) -> None:
@@ -125,14 +123,17 @@ class Pool(Generic[Answer]):
             if not waiting and not self._busy():
                 waiting.append(suspects.popleft())
                 repeated.add(waiting[0])
-            self._start_missing(len(waiting))
+            while len(self._workers) < min(self._max_processes, self._busy() + len(waiting)):
+                # listed before it starts: it ends with the pool even if its start is interrupted
+                self._workers.append(worker := _Worker())
+                worker.start(self._function)
             for worker in self._workers:
                 if waiting and worker.ready and worker.key is None:
                     key = waiting.popleft()
                     try:
                         worker.begin(key, pickle.dumps(calls[key]), limits.get(key, math.inf))
                     except Exception as error:  # user code can raise anything when it is pickled
-                        yield key, Failure(f"it cannot be sent to a process: {type(error).__name__}: {error}")
+                        yield key, Failure.of(error, "it cannot be sent to a process: ")
             nearest = min((worker.remaining() for worker in self._workers), default=CHECK)
             wait([worker.connection for worker in self._workers], max(0.0, min(CHECK, nearest)))
             for worker in list(self._workers):
@@ -155,13 +156,6 @@ class Pool(Generic[Answer]):
 
     def _busy(self) -> int:
         return sum(worker.key is not None for worker in self._workers)
-
-    def _start_missing(self, waiting: int) -> None:
-        while len(self._workers) < min(self._max_processes, self._busy() + waiting):
-            worker = _Worker()
-            # listed first: it ends with the pool even if its start is interrupted
-            self._workers.append(worker)
-            worker.start(self._function)
 
     def _dismiss(self, worker: _Worker) -> None:
         self._workers.remove(worker)
@@ -219,7 +213,7 @@ def unpacked(packed: bytes) -> Any:
     try:
         return pickle.loads(packed)
     except Exception as error:  # user code can raise anything when it is unpickled
-        return Failure(f"the answer cannot be read: {type(error).__name__}: {error}")
+        return Failure.of(error, "the answer cannot be read: ")
 
 
 class _Worker:
@@ -298,8 +292,8 @@ def _answer(function: Callable[..., object], packed: bytes) -> bytes:
     try:
         answer = function(*pickle.loads(packed))
     except BaseException as error:  # even SystemExit: this is where one call ends and the others begin
-        answer = Failure(f"{type(error).__name__}: {error}")
+        answer = Failure.of(error)
     try:
         return pickle.dumps(answer)
     except Exception as error:  # user code can raise anything when it is pickled
-        return pickle.dumps(Failure(f"the answer cannot be sent: {type(error).__name__}: {error}"))
+        return pickle.dumps(Failure.of(error, "the answer cannot be sent: "))

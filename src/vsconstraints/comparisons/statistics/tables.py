@@ -29,8 +29,7 @@ from .judged import (
 )
 from .rates import mcnemar, median, paired, rate
 
-BY = ("family", "condition")
-"""Scenes that have these in common are looked at together."""
+BY = ("family", "condition")  # scenes that have these in common are looked at together
 
 
 def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidence: float = 0.95) -> Any:
@@ -41,10 +40,10 @@ def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidenc
     """
     if outcome not in OUTCOMES:
         raise unknown_name("outcome", outcome, OUTCOMES)
-    lines = []
-    for group, own in _groups(runs.assign(flag=OUTCOMES[outcome].flag(checked(runs, by))), (*by, LAW)):
-        found = rate(own["flag"].to_numpy(bool), confidence)
-        lines.append((*group, found.count, found.of, found.share, found.low, found.high))
+    flagged, lines = runs.assign(flag=OUTCOMES[outcome].flag(checked(runs, by))), []
+    for group, own in _groups(flagged, (*by, LAW)):
+        result = rate(own["flag"].to_numpy(bool), confidence)
+        lines.append((*group, result.count, result.of, result.share, result.low, result.high))
     return _frame((*by, LAW, "count", "of", "share", "low", "high"), lines)
 
 
@@ -62,10 +61,9 @@ def medians(runs: Any, metric: str, by: Sequence[str] = BY, confidence: float = 
 
 
 class Costs(NamedTuple):
-    """What profiles and ranks are made of.
+    """One line per scene, one column per law: less is better, ∞ for a run that does not count (pandas.DataFrame).
 
-    ``table`` is a pandas.DataFrame, one line per scene, one column per law: less is better, ∞ for a run that does not
-    count. ``left_out`` counts scenes without a line: a law has not run there, or has no value though its run counts.
+    ``left_out`` counts scenes without a line: a law has not run there, or has no value though its run counts.
     """
 
     table: Any
@@ -75,8 +73,8 @@ class Costs(NamedTuple):
 def costs(runs: Any, metric: str) -> Costs:
     """A metric as costs, of all scenes of ``runs``; of a metric of which more is better, less its value."""
     judged = judged_metric(metric)
-    found = values(checked(runs, (), judged), judged)
-    each = _by_law(runs, SCENE, (found if judged.better == "less" else -found).where(counts(runs, judged), np.inf))
+    result = values(checked(runs, (), judged), judged)
+    each = _by_law(runs, SCENE, (result if judged.better == "less" else -result).where(counts(runs, judged), np.inf))
     whole = each.dropna()
     return Costs(whole, len(each) - len(whole))
 
@@ -121,23 +119,23 @@ class Comparison(NamedTuple):
 
 
 def _by_outcome(a: Array, b: Array, better: Better, confidence: float) -> Comparison:
-    found = mcnemar(a, b, confidence)
-    gain = (found.difference if found.n else 0.0) * (1.0 if better == "more" else -1.0)
-    scenes = found.n, found.n, found.only_a, found.only_b, found.only_a + found.only_b
-    return Comparison._make((*scenes, *found[:3], *[math.nan] * 3, (1.0 + gain) / 2.0, found.p))
+    result = mcnemar(a, b, confidence)
+    gain = (result.difference if result.n else 0.0) * (1.0 if better == "more" else -1.0)
+    scenes = result.n, result.n, result.only_a, result.only_b, result.only_a + result.only_b
+    return Comparison._make((*scenes, *result[:3], *[math.nan] * 3, (1.0 + gain) / 2.0, result.p))
 
 
 def _by_metric(a: Array, b: Array, better: Better, least: float, confidence: float) -> Comparison:
     one, other = ~np.isnan(a), ~np.isnan(b)
     both = one & other
-    found = paired(a, b, better=better, least=least, confidence=confidence)
+    result = paired(a, b, better=better, least=least, confidence=confidence)
     ratios = [math.nan] * 3
     if both.any() and min(a[both].min(), b[both].min()) >= 0.0:
         with np.errstate(over="ignore"):  # a ratio beyond 1e308 is infinite
             logarithms = paired(a, b, "log-ratio", better=better, least=least, confidence=confidence)[:3]
             ratios = np.exp(logarithms).tolist()
-    scenes = len(a), found.n, int((one & ~other).sum()), int((other & ~one).sum()), found.wins + found.losses
-    return Comparison._make((*scenes, *found[:3], *ratios, found.effect, found.p))
+    scenes = len(a), result.n, int((one & ~other).sum()), int((other & ~one).sum()), result.wins + result.losses
+    return Comparison._make((*scenes, *result[:3], *ratios, result.effect, result.p))
 
 
 def compare_laws(
@@ -160,14 +158,13 @@ def compare_laws(
 
     Parameters
     ----------
-    runs
-        One line per run: the columns :data:`.judged.SCENE`, ``controller``, ``status``, ``violated`` and the metric's.
+    runs, by
+        One line per run: the columns :data:`.judged.SCENE`, ``controller``, ``status``, ``violated`` and the metric's;
+        those that define groups.
     metric
         One of :func:`.judged.judged_metrics` or of :data:`.judged.OUTCOMES`.
     reference
         Law that is b in every pair.
-    by
-        Columns that define groups.
     least
         Values that are no more than this apart are equal; :func:`.judged.resolution` if not given.
     confidence
@@ -176,12 +173,11 @@ def compare_laws(
     Returns
     -------
     pandas.DataFrame
-        ``by``, metric, a, b; scenes (that both ran), paired (that are compared), only_a, only_b, differ (of the scenes
-        that are compared, those in which the two are not equal); difference, low, high: of the rates, or the median of
-        a − b, as stored, over the scenes in which they differ; ratio, ratio_low, ratio_high: the same of a/b (empty of
-        outcomes and where values are negative); effect: chance that a is better on a scene, equal values counting half;
-        p (of McNemar's test, or of the sign test), p_corrected; verdict: what is said of a against b,
-        :func:`.judged.verdict`, which is that p_corrected is at most 1 − confidence.
+        ``by``, metric, a, b; scenes that both ran, paired: that are compared, only_a, only_b, differ: in which the two
+        are not equal; difference, low, high: of the rates, or the median of a − b, as stored, over the scenes in which
+        they differ; ratio, ratio_low, ratio_high: the same of a/b (empty of outcomes and where values are negative);
+        effect: chance that a is better on a scene, equal values counting half; p (of McNemar's test, or of the sign
+        test), p_corrected; verdict: :func:`.judged.verdict`, which is that p_corrected is at most 1 − confidence.
     """
     checked_confidence(confidence)
     judged = None if metric in OUTCOMES else judged_metric(metric)
@@ -204,10 +200,10 @@ def compare_laws(
         level = simultaneous(confidence, tests)
         for a, b, one, other in pairs:
             if judged is None:
-                found = _by_outcome(one, other, better, level)
+                result = _by_outcome(one, other, better, level)
             else:
-                found = _by_metric(one, other, better, resolution(judged) if least is None else least, level)
-            said = verdict(found.low, found.high, n=found.paired, better=better)
-            corrected = min(found.p * tests, 1.0) if found.paired >= MIN_SCENES else 1.0
-            lines.append((*group, metric, a, b, *found, corrected, said))
+                result = _by_metric(one, other, better, resolution(judged) if least is None else least, level)
+            judgement = verdict(result.low, result.high, n=result.paired, better=better)
+            corrected = min(result.p * tests, 1.0) if result.paired >= MIN_SCENES else 1.0
+            lines.append((*group, metric, a, b, *result, corrected, judgement))
     return _frame((*by, "metric", "a", "b", *Comparison._fields, "p_corrected", "verdict"), lines)

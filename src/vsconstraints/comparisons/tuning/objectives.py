@@ -31,11 +31,8 @@ OBJECTIVES = (
 
 REFERENCE = tuple(objective.worst for objective in OBJECTIVES)
 
-STILL_MOVING = ("slow", "unfinished")
-"""Statuses of runs that are still moving when time is up."""
-
-ROUNDING = 1e-12
-"""Distances that differ by less, relatively, are the same."""
+STILL_MOVING = ("slow", "unfinished")  # statuses of runs that are still moving when time is up
+ROUNDING = 1e-12  # distances that differ by less, relatively, are the same
 
 Point = tuple[float, ...]
 """A value of each objective."""

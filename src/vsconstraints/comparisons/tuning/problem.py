@@ -14,7 +14,7 @@ from ...errors import ConfigurationError, shown
 from ...scenarios.families import Drawn, Family
 from ..evidence import Campaign
 from ..evidence.campaign import of_code, of_controllers, of_family
-from ..evidence.worker import Bench
+from ..evidence.work import Bench
 from ..metrics import score
 from ..runs.machine import module_versions, process_count, run_limit
 from ..runs.pool import Failure, Pool, carry_out
@@ -26,8 +26,7 @@ Options = dict[str, Any]
 Evaluate = Callable[[Sequence[ControllerSpec]], list[Judged]]
 """Judges settings, all on the same runs."""
 
-TRAINING = "training"
-"""The only half of a family that tuning sees; the other is for judging the result."""
+TRAINING = "training"  # the only half of a family that tuning sees; the other is for judging the result
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,7 @@ from .problem import Evaluate, Options, Problem, Searched, evaluating
 JOURNAL, TUNED = "journal.jsonl", "tuned.toml"
 EVALUATIONS, HYPERVOLUMES = "evaluations.parquet", "hypervolumes.parquet"
 
-EXCESS = "excess"
-"""Attribute of a trial: by how much its constraint is exceeded; not at all if it is not positive."""
+EXCESS = "excess"  # attribute of a trial: by how much its constraint is exceeded; not at all if it is not positive
 
 Setting = tuple[str, str]
 """A law's name, and its options as JSON."""

@@ -21,7 +21,7 @@ from ...reports.plots import (
     symbol,
     zero_line,
 )
-from ...reports.scene3d import Placement, Scene3D, Viewpoint, add_arm, bar_meshes, setup_frames
+from ...reports.scene3d import Placement, Scene3D, Viewpoint, bars, setup_frames
 from ...robots.geometry import Pose
 from ...rows import Array
 from ..claims.case_study import BORDERS, EVENTS, RANGE, SPEED, SPHERE, at_once, phases, switch_sample
@@ -138,7 +138,7 @@ def system(case: Run, k: int) -> tuple[Scene3D, dict[str, Placement]]:
     """The arm and what its camera sees in a sample, the target's plate with its markers, and the sphere."""
     world, q, sphere = case.setup.scene, case.trajectory.q[k], case.constraint(SPHERE)
     scene = Scene3D()
-    add_arm(scene, world.robot, bar_meshes(world.robot, 1.0))
+    scene.parts += bars(world.robot, 1.0)
     scene.target(world.markers, 0.003, 0.012)
     _add_sphere(scene, sphere, 20)
     view = np.array([[x, y, 0.08] for x, y in ((-0.05, -0.05), (0.05, -0.05), (0.05, 0.05), (-0.05, 0.05))])

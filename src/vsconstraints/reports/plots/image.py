@@ -35,7 +35,7 @@ GRID_STEP = 2.0
 """Of the grid on which the forbidden side is found [px]; the boundary line on top of its edge is exact."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Plane:
     """The image plane of a camera, and what constrains markers in it.
 
@@ -66,11 +66,6 @@ class Plane:
             return plane
         first, last = np.flatnonzero(seen)[[0, -1]]
         return replace(plane, times=tuple(every[np.unique(np.round(np.linspace(first, last, MOMENTS)).astype(int))]))
-
-    @classmethod
-    def at(cls, setup: Setup, t: float) -> Plane:
-        """That of a setup with what moves in it where it is at time ``t`` [s]."""
-        return replace(cls.of(setup), times=(t,))
 
     def moved(self, t: float) -> list[Array]:
         """Polylines (p, 2) of the boundaries that move, at a time [px]."""

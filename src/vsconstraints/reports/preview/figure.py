@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from ...rows import Array
-from ..plots import FAINT, INK, WIDTH, Figure, Sheet, shortened, symbol
-from ..plots.image import Plane
+from ..plots.image import OUTSIDE, START, Plane, numbered
+from ..plots.marks import symbol
+from ..plots.sheet import WIDTH, Figure, Sheet
+from ..plots.style import INK, shortened
 from ..scene3d import draw_setup, viewpoint_of
-from .moments import Moment, Row
+from .moments import Row
 from .preview import Preview
 
-COLUMNS = 3
-LEFT, GAP, TITLE = 0.62, 0.16, 0.3
+COLUMNS, LEFT, GAP, TITLE = 3, 0.62, 0.16, 0.3
 MAX_ROWS, MIN_ROWS = 12, 4
 """Rows that are shown: up to the first, but of those far from their boundary no more than the second."""
 
@@ -25,41 +25,25 @@ UNKNOWN_HEIGHT = 0.35
 CHARACTERS, LINES = 115, 12
 """Of the warnings in the figure."""
 
-ROW = 0.19
-"""Height of a row [in]."""
-
-LABELS, CELL, NEAREST = 1.95, 1.36, 1.8
-"""Room for the rows' labels, for what a column says of them in a moment, and where they are nearest [in]."""
+ROW, LABELS, CELL, NEAREST = 0.19, 1.95, 1.36, 1.8
+"""Height of a row, and room for the rows' labels, for what a column says of them, and where they are nearest [in]."""
 
 MAX_USAGE = 1.15
 """Greatest usage that is shown; what is beyond stands at the edge."""
 
-OUTSIDE = "#B00020"
-NUMBERED = symbol("o", "white", size=10.5)
 STARTED, GOAL, EARLIER = symbol("o", "white", size=8.5), symbol("*", INK, size=5.2), symbol("*", "white", size=5.2)
 
 
 def draw_preview(preview: Preview) -> Sheet:
-    """Image and arm at the start and at each goal, then the rows nearest to their boundary."""
-    sheet = Sheet(left=LEFT)
-    columns = min(len(preview.moments), COLUMNS)
-    width = (WIDTH - LEFT - 0.08 - GAP * (columns - 1)) / columns
-    width = min(width, 3.6)
-    sheet.text(LEFT, sheet.at + 0.16, _headline(preview), fontsize=10, fontweight="bold")
+    """Image and arm at the start and at each goal, then the rows nearest to their boundary, and what is wrong."""
+    sheet, columns = Sheet(left=LEFT), min(len(preview.moments), COLUMNS)
+    width = min((WIDTH - LEFT - 0.08 - GAP * (columns - 1)) / columns, 3.6)
+    headline = f"{shortened(preview.name, 50)}: {shortened(preview.setup.scene.robot.name, 40)}"
+    sheet.text(LEFT, sheet.at + 0.16, headline, fontsize=10, fontweight="bold")
     sheet.at += 0.2
     _images(sheet, preview, columns, width)
     _space(sheet, preview, columns, width)
     _rows(sheet, preview)
-    _warnings(sheet, preview)
-    return sheet
-
-
-def _headline(preview: Preview) -> str:
-    return f"{shortened(preview.name, 50)}: {shortened(preview.setup.scene.robot.name, 40)}"
-
-
-def _warnings(sheet: Sheet, preview: Preview) -> None:
-    """What is wrong, in as many lines as it takes, up to a number."""
     lines = [line for warning in preview.warnings for line in wrap(f"! {warning}", CHARACTERS, subsequent_indent="   ")]
     if len(lines) > LINES:
         lines = [*lines[: LINES - 1], "… and more, see the text"]
@@ -67,44 +51,28 @@ def _warnings(sheet: Sheet, preview: Preview) -> None:
         sheet.text(LEFT, sheet.at + 0.12, line, fontsize=8, color=OUTSIDE)
         sheet.at += 0.16
     sheet.at += 0.08 if lines else 0.0
+    return sheet
 
 
 def _images(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
-    planes = [Plane.at(preview.setup, moment.t) for moment in preview.moments]
-    height = width * planes[0].half[1] / planes[0].half[0]
+    plane = Plane.of(preview.setup)
     grid: dict[str, Any] = {"width": width, "gap": GAP, "above": TITLE, "labels": ("u [px]", "v [px], downwards")}
+    height = width * plane.half[1] / plane.half[0]
     panels = sheet.panels(len(preview.moments), columns, height=height, **grid, same_y=True)
-    for ax, plane, moment in zip(panels, planes, preview.moments, strict=True):
+    for ax, moment in zip(panels, preview.moments, strict=True):
+        plane.times = (moment.t,)
         plane.draw(ax, labels=False)
-        _markers(ax, moment, plane.half)
+        if len(moment.pixels) > 1 and np.isfinite(moment.pixels).all():
+            ax.plot(*np.concatenate((moment.pixels, moment.pixels[:1])).T, color="#909090", linewidth=0.9, zorder=3.5)
+        numbered(ax, moment.pixels, within=plane.half)
         ax.set_title(moment.name, loc="left", color=INK, fontweight="bold", pad=4)
-        colour = OUTSIDE if moment.problems else FAINT
-        ax.set_title(_verdict(moment), loc="right", color=colour, fontsize=8, pad=4)
-    entries = [NUMBERED | {"label": "marker 1, 2, …"}]
-    if any((np.abs(moment.pixels) > planes[0].half).any() for moment in preview.moments):
-        entries.append(NUMBERED | {"label": "marker beyond", "markeredgecolor": OUTSIDE})
-    entries += [*planes[0].entries(forbidden="forbidden to markers")]
-    sheet.legend(entries, 4)
-
-
-def _markers(ax: Any, moment: Moment, half: Array) -> None:
-    """Markers with their numbers; those beyond what is shown stand at its edge, in red."""
-    known = moment.pixels[np.isfinite(moment.pixels).all(axis=1)]
-    if len(known) == len(moment.pixels) > 1:
-        ax.plot(*np.concatenate((known, known[:1])).T, color="#909090", linewidth=0.9, zorder=3.5)
-    for i, (u, v) in enumerate(moment.pixels):
-        if np.isfinite(u):
-            at = np.clip((u, v), -half, half)
-            colour = INK if (at == (u, v)).all() else OUTSIDE
-            ax.plot(*at, **{**NUMBERED, "markeredgecolor": colour}, zorder=6.0 + 0.01 * i, clip_on=False)
-            place = {"ha": "center", "va": "center_baseline"}
-            ax.text(*at, str(i + 1), fontsize=8, color=colour, zorder=6.005 + 0.01 * i, **place)
-
-
-def _verdict(moment: Moment) -> str:
-    """In a few words, what is wrong."""
-    count = len(moment.problems)
-    return "" if count == 0 else "1 warning" if count == 1 else f"{count} warnings"
+        if count := len(moment.problems):
+            text = "1 warning" if count == 1 else f"{count} warnings"
+            ax.set_title(text, loc="right", color=OUTSIDE, fontsize=8, pad=4)
+    entries = [START | {"label": "marker 1, 2, …"}]
+    if any((np.abs(moment.pixels) > plane.half).any() for moment in preview.moments):
+        entries.append(START | {"label": "marker beyond", "markeredgecolor": OUTSIDE})
+    sheet.legend([*entries, *plane.entries(forbidden="forbidden to markers")], 4)
 
 
 def _space(sheet: Sheet, preview: Preview, columns: int, width: float) -> None:
@@ -135,61 +103,50 @@ def _rows(sheet: Sheet, preview: Preview) -> None:
         sheet.text(LEFT, sheet.at + 0.1, "No rows, and no limits of joints.")
         sheet.at += 0.3
         return
-    moments = list(range(len(preview.moments)))
-    listed = moments if len(moments) <= COLUMNS else []
-    cells = CELL * len(listed) or NEAREST
-    top, height = sheet.at + 0.38, ROW * len(shown)
-    ax = sheet.axes(LABELS, top, WIDTH - LABELS - cells - 0.2, height)
-    ax.set_xlim(-0.04, MAX_USAGE + 0.03)
-    ax.set_ylim(len(shown) - 0.5, -0.5)
-    band_at = {"color": "#F6DADA", "linewidth": 0.0, "zorder": 0.5}
-    ax.axvspan(1.0, MAX_USAGE + 0.03, **band_at)
-    middle = 0.5 * (1.0 + MAX_USAGE + 0.03), 0.5 * (len(shown) - 1)
-    ax.text(*middle, "outside", fontsize=7.5, color=OUTSIDE, rotation=90, ha="center", va="center", zorder=1.0)
-    ax.axvline(1.0, color=INK, linewidth=0.9, zorder=1.6)
-    ax.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
-    ax.set_yticks(range(len(shown)), [shortened(row.label, 32) for row in shown])
-    ax.tick_params(axis="y", length=0.0, labelsize=7.5)
-    ax.set_xlabel("usage of the allowed range: 1 is the boundary", labelpad=2)
+    names = [moment.name for moment in preview.moments]
+    marks = [STARTED, *[EARLIER] * (len(names) - 2), *[GOAL] * (len(names) > 1)]
+    each = len(names) <= COLUMNS
+    cells = CELL * len(names) if each else NEAREST
+    top, where = sheet.at + 0.38, WIDTH - cells - 0.1
+    _usage(sheet.axes(LABELS, top, where - 0.1 - LABELS, ROW * len(shown)), shown, marks)
+    if each:
+        for k, (name, mark) in enumerate(zip(names, marks, strict=True)):
+            sheet.legend([mark | {"label": name}], 1, (where + k * CELL - 0.08, top - 0.22))
+    else:
+        entries = [STARTED | {"label": names[0]}, EARLIER | {"label": "earlier goals"}, GOAL | {"label": names[-1]}]
+        sheet.legend(entries, 3, (LABELS, top - 0.22))
     for y, row in enumerate(shown):
-        _row(ax, preview, y, row)
-    where = WIDTH - cells - 0.1
-    for column, k in enumerate(listed):
-        entry = _mark(preview, k) | {"label": preview.moments[k].name}
-        sheet.legend([entry], 1, (where + column * CELL - 0.08, top - 0.22))
-        for y, row in enumerate(shown):
-            _cell(sheet, where + column * CELL, top + ROW * (y + 0.5), row.text(k), row.usage[k] > 1.0)
-    if not listed:
-        marks = [_mark(preview, k) | {"label": preview.moments[k].name} for k in (0, -1)]
-        marks.insert(1, EARLIER | {"label": "earlier goals"})
-        sheet.legend(marks, 3, (LABELS, top - 0.22))
-        for y, row in enumerate(shown):
-            k = int(np.nanargmax(row.usage))
-            text = f"{preview.moments[k].name}: {row.text(k)}"
-            _cell(sheet, where, top + ROW * (y + 0.5), text, row.usage[k] > 1.0)
-    sheet.at = top + height + 0.45
+        for column, k in enumerate(range(len(names)) if each else [int(np.nanargmax(row.usage))]):
+            text, colour = row.text(k) if each else f"{names[k]}: {row.text(k)}", OUTSIDE if row.usage[k] > 1.0 else INK
+            place = where + column * CELL, top + ROW * (y + 0.5)
+            sheet.text(*place, text, fontsize=7.5, color=colour, va="center")
+    sheet.at = top + ROW * len(shown) + 0.45
     if any(row.limit for row in shown):
         note = "limit[…]: the robot's own range, about which there is no row"
         sheet.text(LABELS, sheet.at + 0.12, note, fontsize=7.5)
         sheet.at += 0.16
 
 
-def _cell(sheet: Sheet, left: float, top: float, text: str, outside: bool) -> None:
-    sheet.text(left, top, text, fontsize=7.5, color=OUTSIDE if outside else INK, va="center")
-
-
-def _mark(preview: Preview, k: int) -> dict[str, Any]:
-    return STARTED if k == 0 else GOAL if k in (-1, len(preview.moments) - 1) else EARLIER
-
-
-def _row(ax: Any, preview: Preview, y: int, row: Row) -> None:
-    usage = np.clip(row.usage, 0.0, MAX_USAGE)
-    ax.plot([0.0, MAX_USAGE], [y, y], color="#E3E3E3", linewidth=0.6, zorder=1.0)
-    known = usage[np.isfinite(usage)]
-    ax.plot([known.min(), known.max()], [y, y], color="#909090", linewidth=1.4, zorder=2.0)
-    for k, u in enumerate(usage):
-        if np.isfinite(u):
-            ax.plot(u, y, **_mark(preview, k), zorder=4.0, clip_on=False)
+def _usage(ax: Any, shown: list[Row], marks: list[dict[str, Any]]) -> None:
+    """How much of the allowed range rows use in each moment, which has a mark."""
+    end = MAX_USAGE + 0.03
+    ax.set_xlim(-0.04, end)
+    ax.set_ylim(len(shown) - 0.5, -0.5)
+    ax.axvspan(1.0, end, color="#F6DADA", linewidth=0.0, zorder=0.5)
+    turned: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "center", "zorder": 1.0}
+    ax.text(0.5 * (1.0 + end), 0.5 * (len(shown) - 1), "outside", fontsize=7.5, color=OUTSIDE, **turned)
+    ax.axvline(1.0, color=INK, linewidth=0.9, zorder=1.6)
+    ax.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
+    ax.set_yticks(range(len(shown)), [shortened(row.label, 32) for row in shown])
+    ax.tick_params(axis="y", length=0.0, labelsize=7.5)
+    ax.set_xlabel("usage of the allowed range: 1 is the boundary", labelpad=2)
+    for y, row in enumerate(shown):
+        usage = np.clip(row.usage, 0.0, MAX_USAGE)
+        ax.plot([0.0, MAX_USAGE], [y, y], color="#E3E3E3", linewidth=0.6, zorder=1.0)
+        ax.plot([np.nanmin(usage), np.nanmax(usage)], [y, y], color="#909090", linewidth=1.4, zorder=2.0)
+        for u, mark in zip(usage, marks, strict=True):
+            if np.isfinite(u):
+                ax.plot(u, y, **mark, zorder=4.0, clip_on=False)
 
 
 FIGURE = Figure(

@@ -5,35 +5,26 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterable, Sequence
-from html import escape
 from io import BytesIO
-from itertools import groupby, pairwise
+from itertools import groupby
 from pathlib import Path
-from string import Template
 from typing import Any
 
+import jinja2
 import numpy as np
-from contourpy import FillType, contour_generator
+from markupsafe import Markup
 
 from ... import __version__
 from ...comparisons.runs.files import replaced
-from ...constraints import ImageConstraint
 from ...plugins.extras import demand
 from ...rows import Array
-from ...simulation import Setup
 from ..plots.image import Plane
 from ..scene3d import draw_setup
-from .constraint_highlights import Frames, things_of
-from .runs import ReplayRun, check_same_scene, looks_of
+from .runs import Frames, ReplayRun, check_same_scene, colours_of, things_of
 from .space import common_viewpoint, space_of
-
-HERE = Path(__file__).parent
 
 PICTURE = (6.4, 4.8)
 """Of the arm, for browsers that cannot draw it [in]."""
-
-GRID = 4.0
-"""Of the grid on which the forbidden side is found [px]."""
 
 MAX_ROWS = 14
 """Rows that are listed for a run: those that are highlighted longest."""
@@ -43,19 +34,8 @@ PLAYED = ("period", "frames", "half", "moving", "goals", "runs")
 
 
 def write_replay(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -> list[str]:
-    """Write the page of :func:`replay_html` to a file; returns what a reader should know, sentence by sentence.
-
-    Raises
-    ------
-    ConfigurationError
-        if the extra ``replay`` is not installed, or the runs cannot be shown together.
-    OSError
-        if the file cannot be written.
-    """
-    demand("replay")
-    check_same_scene(runs)
-    frames = Frames.of(runs)
-    html, remarks = _page(runs, frames, title)
+    """Write the page of :func:`replay_html` to a file; returns what a reader should know, sentence by sentence."""
+    html, remarks = _page(runs, title)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     with replaced(path) as part:
@@ -64,51 +44,37 @@ def write_replay(runs: Sequence[ReplayRun], path: Path | str, title: str = "") -
 
 
 def replay_html(runs: Sequence[ReplayRun], title: str = "") -> str:
-    """One HTML file in which runs of one scene are seen in motion, in any browser and without network.
+    """One HTML file in which up to four runs of one scene are seen in motion, in any browser and without network.
 
     Arms stand in one space, the first opaque and others transparent; image planes with the constraints that are
-    highlighted stand beside each other. ``#t=3.2`` behind the file's address opens it at that time.
-
-    Parameters
-    ----------
-    runs
-        Up to :data:`~vsconstraints.reports.replay.runs.MAX_RUNS`, of one robot, camera and target.
-    title
-        Above the page; that of the scenario if not given.
-
-    Raises
-    ------
-    ConfigurationError
-        if the extra ``replay`` is not installed, or the runs cannot be shown together.
+    highlighted stand beside each other. ``#t=3.2`` behind the file's address opens it at that time. The scenario's
+    title stands above if none is given. Raises ConfigurationError if the extra ``replay`` is not installed, or the runs
+    cannot be shown together.
     """
+    return _page(runs, title)[0]
+
+
+def _page(runs: Sequence[ReplayRun], title: str) -> tuple[str, list[str]]:
     demand("replay")
     check_same_scene(runs)
-    return _page(runs, Frames.of(runs), title)[0]
-
-
-def _page(runs: Sequence[ReplayRun], frames: Frames, title: str) -> tuple[str, list[str]]:
-    space, data = space_of(runs, frames), image_data(runs, frames)
+    frames = Frames.of(runs)
+    (space, bars), data = space_of(runs, frames), image_data(runs, frames)
     ends = [f"{run.law}: {run.trajectory.status}, {run.trajectory.reason}." for run in runs if run.trajectory.reason]
-    remarks = [text for text in (*ends, *space.remarks, frames.remark(runs)) if text]
-    template = Template((HERE / "page.html").read_text(encoding="utf-8"))
-    text = template.substitute(
-        title=escape(title or runs[0].title or "Replay"),
-        laws=escape(", ".join(run.law for run in runs)),
+    remarks = [text for text in (*ends, bars, frames.remark(runs)) if text]
+    folder = jinja2.FileSystemLoader(Path(__file__).parent)
+    pages = jinja2.Environment(loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    pages.filters |= {"path": _path, "bars": _bars, "tracks": _tracks, "json": _json}
+    text = pages.get_template("page.html").render(
+        title=title or runs[0].title or "Replay",
+        laws=", ".join(run.law for run in runs),
         version=__version__,
-        style=(HERE / "page.css").read_text(encoding="utf-8"),
-        script=(HERE / "page.js").read_text(encoding="utf-8"),
-        remarks=escape(" ".join(remarks)),
+        remarks=" ".join(remarks),
         picture=base64.b64encode(picture_of(runs)).decode(),
-        panels="".join(panel_html(data, run) for run in data["runs"]),
-        data=_in_html({name: value for name, value in data.items() if name in PLAYED}),
-        space=_in_html(space.html),
+        data=data,
+        played={name: data[name] for name in PLAYED},
+        space=space,
     )
     return text, remarks
-
-
-def _in_html(data: Any) -> str:
-    """Data as JSON that may stand within a script of HTML."""
-    return json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
 
 
 def picture_of(runs: Sequence[ReplayRun]) -> bytes:
@@ -119,151 +85,96 @@ def picture_of(runs: Sequence[ReplayRun]) -> bytes:
     run = runs[0]
     k = len(run.trajectory.t) // 2
     figure = Figure(figsize=PICTURE, dpi=100, facecolor="white")
-    canvas = FigureCanvasAgg(figure)
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
     draw_setup(ax, run.setup, run.trajectory.q[k], float(run.trajectory.t[k]), common_viewpoint(runs))
     file = BytesIO()
-    canvas.print_png(file)
+    FigureCanvasAgg(figure).print_png(file)
     return file.getvalue()
-
-
-# --- image planes ---
 
 
 def image_data(runs: Sequence[ReplayRun], frames: Frames) -> dict[str, Any]:
     """Everything that is drawn beside the arm, in pixels from the image's centre and one entry per frame."""
-    setup, looks = runs[0].setup, looks_of(runs)
+    setup = runs[0].setup
     plane = Plane.of(setup)
     w, h = 0.5 * plane.size[0], 0.5 * plane.size[1]
+    moving = []
+    for constraint, motion, _ in plane.drifting:
+        if lines := constraint.boundary(plane.size, frames.t):
+            low, high = np.concatenate(lines).min(axis=0) - 1.0, np.concatenate(lines).max(axis=0) + 1.0
+            area = Plane(plane.size, (constraint,)).forbidden_within(0.5 * (low + high), 0.5 * (high - low))
+            still = {"lines": _rounded(lines), "forbidden": _rounded(area)}
+            moving.append(still | {"moved": _rounded([motion.displacement(frames.t)])[0]})
+    outline = np.array([[-w, -h], [w, -h], [w, h], [-w, h]]) if plane.outline is None else plane.outline
     return {
         "period": round(frames.period, 6),
         "frames": len(frames.t),
-        "half": _rounded(plane.half),
-        "outline": [[-w, -h], [w, -h], [w, h], [-w, h]] if plane.outline is None else _rounded(plane.outline),
-        "forbidden": _forbidden(plane),
-        "lines": [_rounded(line) for line in plane.lines],
-        "moving": _moving(setup, frames),
-        "goals": [{"from": goal.from_time, "pixels": _rounded(goal.pixels)} for goal in setup.task.goals],
-        "runs": [_run(run, frames, looks[run.law].colour) for run in runs],
+        "half": _rounded([plane.half])[0],
+        "outline": _rounded([outline]),
+        "forbidden": _rounded(plane.forbidden),
+        "lines": _rounded(plane.lines),
+        "moving": moving,
+        "goals": [{"from": goal.from_time, "pixels": _rounded([goal.pixels])[0]} for goal in setup.task.goals],
+        "runs": [_run(run, frames, colour) for run, colour in zip(runs, colours_of(runs), strict=True)],
     }
 
 
 def _run(run: ReplayRun, frames: Frames, colour: str) -> dict[str, Any]:
-    trajectory, samples, states = run.trajectory, frames.samples(run), frames.states(run)
-    things = things_of(run)
+    trajectory, samples, states, things = run.trajectory, frames.samples(run), frames.states(run), things_of(run)
     markers = []
     for i in range(trajectory.features_px.shape[1]):
         own = [r for r, thing in enumerate(things) if thing == ("marker", i + 1)]
         markers.append("".join(map(str, states[:, own].max(axis=1, initial=0))))
     shown = [int(i) for i in np.argsort(-(states > 0).sum(axis=0), kind="stable") if states[:, i].any()]
-    listed = sorted(shown[:MAX_ROWS])
+    pixels = trajectory.features_px[samples].reshape(len(samples), -1)
+    pixels, error = _rounded([pixels, trajectory.feature_error_px[samples]])
     return {
         "law": run.law,
         "colour": colour,
         "status": trajectory.status,
         "reason": trajectory.reason,
         "end": float(trajectory.t[-1]),
-        "pixels": _rounded(trajectory.features_px[samples].reshape(len(samples), -1)),
-        "error": _rounded(trajectory.feature_error_px[samples]),
+        "pixels": pixels,
+        "error": error,
         "markers": markers,
-        "rows": [{"label": trajectory.labels[i], "states": "".join(map(str, states[:, i]))} for i in listed],
-        "more": len(shown) - len(listed),
+        "rows": [
+            {"label": trajectory.labels[i], "states": "".join(map(str, states[:, i]))} for i in sorted(shown[:MAX_ROWS])
+        ],
+        "more": max(len(shown) - MAX_ROWS, 0),
         "quiet": len(trajectory.labels) - len(shown),
     }
 
 
-def _forbidden(plane: Plane) -> list[Any]:
-    """Outlines of what is forbidden to markers and stands still, holes among them."""
-    if not plane.constraints:
-        return []
-    u, v = (np.arange(-half, half + GRID, GRID) for half in plane.half)
-    return _filled(u, v, plane.depth(u, v))
+def _rounded(arrays: Iterable[Array]) -> list[Any]:
+    """Numbers of each array to a tenth, None for what is not finite."""
+    lists = []
+    for values in arrays:
+        finite = np.where(np.isfinite(values), np.round(values, 1) + 0.0, np.nan).astype(object)
+        finite[finite != finite] = None
+        lists.append(finite.tolist())
+    return lists
 
 
-def _filled(u: Array, v: Array, depth: Array) -> list[Any]:
-    """Outlines of where a depth (b, a) on a grid of u (a,) and v (b,) is above zero."""
-    generator = contour_generator(u, v, depth, fill_type=FillType.OuterOffset)
-    every = zip(*generator.filled(0.0, np.inf), strict=True)
-    return [_rounded(points[a:b]) for points, ends in every for a, b in pairwise(np.asarray(ends, dtype=np.int64))]
+# --- filters of the template ---
 
 
-def _moving(setup: Setup, frames: Frames) -> list[dict[str, Any]]:
-    """Boundaries that move: as they are at the start, what of them is forbidden, and by how much they have moved."""
-    size = Plane.of(setup).size
-    found = []
-    for constraint in setup.constraints.constraints:
-        if not isinstance(constraint, ImageConstraint) or constraint.motion is None:
-            continue
-        lines = constraint.boundary(size, frames.t)
-        if lines:
-            every = np.concatenate(lines)
-            ends = zip(every.min(axis=0), every.max(axis=0), strict=True)
-            u, v = (np.linspace(low - 1.0, high + 1.0, 100) for low, high in ends)
-            depth = np.clip(constraint.sigma(np.stack(np.meshgrid(u, v), axis=-1)), -0.1, 0.1)
-            moved = np.array([constraint.motion.displacement(float(t)) for t in frames.t])
-            own = {"lines": [_rounded(line) for line in lines], "forbidden": _filled(u, v, depth)}
-            found.append({**own, "moved": _rounded(moved)})
-    return found
+def _json(data: Any) -> Markup:
+    """Data as JSON that may stand within a script of HTML."""
+    return Markup(json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"))
 
 
-def _rounded(values: Array) -> Any:
-    """Numbers to a tenth, None for what is not finite."""
-    finite = np.where(np.isfinite(values), np.round(values, 1) + 0.0, np.nan).astype(object)
-    finite[finite != finite] = None
-    return finite.tolist()
+def _path(lines: Iterable[Any], close: bool = False) -> str:
+    """Polylines (p, 2) as the data of one path of SVG; points that are not known are left out."""
+    known = [[f"{u:g},{v:g}" for u, v in line if u is not None] for line in lines]
+    return "".join(f"M{'L'.join(points)}{'Z' if close else ''}" for points in known if points)
 
 
-# --- as SVG ---
+def _tracks(pixels: Sequence[Sequence[Any]]) -> list[list[tuple[Any, Any]]]:
+    """Of pixels (F, 2M) the track of each marker."""
+    columns = list(zip(*pixels, strict=True))
+    return [list(zip(u, v, strict=True)) for u, v in zip(columns[::2], columns[1::2], strict=True)]
 
 
-def panel_html(data: dict[str, Any], run: dict[str, Any]) -> str:
-    """A run's image plane and its list of constraints; the script moves what is in it."""
-    u, v = data["half"]
-    still = [_path(data["forbidden"], "forbidden", close=True), _path(data["lines"], "boundary")]
-    still.append(_path([data["outline"]], "sensor", close=True))
-    pixels = np.array(run["pixels"], dtype=np.float64).reshape(len(run["pixels"]), -1, 2)
-    still += [_path([track.tolist()], "ahead") for track in np.moveaxis(pixels, 1, 0)]
-    for one in data["moving"]:
-        areas, lines = _path(one["forbidden"], "forbidden", close=True), _path(one["lines"], "boundary")
-        still.append(f'<g class="moving">{areas}{lines}</g>')
-    for goal in data["goals"]:
-        stars = "".join(f'<text class="goal" x="{a}" y="{b}">★</text>' for a, b in goal["pixels"])
-        still.append(f'<g class="goals">{stars}</g>')
-    tracks = "".join('<path class="track" vector-effect="non-scaling-stroke"/>' for _ in run["markers"])
-    starts = "".join(f'<circle class="start" cx="{a}" cy="{b}"/>' for a, b in pixels[0])
-    disc = '<circle class="highlight"/><circle class="disc"/>'
-    markers = "".join(f'<g class="marker">{disc}<text>{i + 1}</text></g>' for i in range(len(run["markers"])))
-    rest = [f"{run['more']} more that are active"] if run["more"] else []
-    if run["quiet"]:
-        rest.append("1 row that is never active" if run["quiet"] == 1 else f"{run['quiet']} rows that are never active")
-    others = f'<li class="rest">and {", ".join(rest)}</li>' if rest else ""
-    colour = f'style="--law: {run["colour"]}"'
-    return (
-        f'<article {colour}><h2>{escape(run["law"])}<span title="{escape(run["reason"])}"></span></h2>'
-        f'<svg class="plane" viewBox="{-u} {-v} {2 * u} {2 * v}">{"".join(still)}{tracks}{starts}{markers}</svg>'
-        f"<ul>{''.join(_row_html(row, data['frames']) for row in run['rows'])}{others}</ul></article>"
-    )
-
-
-def _row_html(row: dict[str, Any], count: int) -> str:
-    head, bracket, rest = row["label"].partition("[")
-    bars, at = [], 0
-    for state, run in groupby(row["states"]):
-        width = len(list(run))
-        if state != "0":
-            bars.append(f'<rect class="s{state}" x="{at}" width="{width}" height="1"/>')
-        at += width
-    # a long name goes on in the next line before its bracket
-    name = f'<code title="{escape(row["label"])}">{escape(head)}<wbr>{escape(bracket + rest)}</code>'
-    lane = f'<svg class="lane" viewBox="0 0 {count} 1" preserveAspectRatio="none">{"".join(bars)}'
-    return f'<li><span class="state"></span>{name}{lane}<line class="now" y2="1"/></svg></li>'
-
-
-def _path(lines: Iterable[Any], kind: str, close: bool = False) -> str:
-    """Polylines (p, 2) as one path; points that are not finite are left out."""
-    texts = []
-    for line in lines:
-        points = [f"{u:g},{v:g}" for u, v in line if u is not None and u == u]
-        if points:
-            texts.append(f"M{'L'.join(points)}{'Z' if close else ''}")
-    return f'<path class="{kind}" vector-effect="non-scaling-stroke" d="{"".join(texts)}"/>'
+def _bars(states: str) -> list[tuple[str, int, int]]:
+    """State, first frame and number of frames of each span in which a row is not inactive."""
+    runs = [(state, len(list(run))) for state, run in groupby(states)]
+    return [(state, sum(n for _, n in runs[:k]), count) for k, (state, count) in enumerate(runs) if state != "0"]

@@ -1,39 +1,54 @@
-"""The runs of a replay: several of one scene, each with the name of its law, and how a command line names them."""
+"""The runs of a replay: several of one scene, what of them is shown and highlighted when, and how they are named."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from ...comparisons import ControllerSpec, RunRecord, RunSpec, StoredComparison
+from ...comparisons.metrics import NEGLIGIBLE
+from ...comparisons.record import run_file
 from ...comparisons.run import perform
 from ...controllers import CONTROLLERS
 from ...errors import ConfigurationError, unknown_name
+from ...rows import Array
 from ...scenarios import Scenario
 from ...simulation import Setup, Trajectory
-from ..plots import Look, looks
+from ..plots import looks
+
+RATE, MAX_FRAMES = 25.0, 300
+"""Frames per second of time, unless that makes more frames than so many."""
+
+INACTIVE, ACTIVE, VIOLATED = 0, 1, 2
+"""States of a constraint's row."""
+
+HIGHLIGHTS = {ACTIVE: "#F0A202", VIOLATED: "#D1102A"}
+"""Their colours."""
+
+States = npt.NDArray[np.uint8]
+Thing = tuple[str, int] | None
+"""What a row is about: a marker, a joint or an obstacle, with its number; None if it is none of them."""
 
 MAX_RUNS = 4
 """More than so many beside each other cannot be distinguished."""
 
+HOW = (
+    "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or the file of a stored run, "
+    "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz"
+)
+"""What names a run."""
+
 
 @dataclass(frozen=True)
 class ReplayRun:
-    """A run to be seen.
-
-    Attributes
-    ----------
-    law
-        What results call the controller: several of a replay differ by it.
-    setup, trajectory
-        What was simulated, and what it left.
-    title
-        Of the scenario.
-    """
+    """A run to be seen, by the name of its law, which differs from the others', and the title of its scenario."""
 
     law: str
     setup: Setup
@@ -45,64 +60,131 @@ def check_same_scene(runs: Sequence[ReplayRun]) -> None:
     """Raise ConfigurationError unless there is something to see in each of these runs, and all are of one scene."""
     if not 0 < len(runs) <= MAX_RUNS:
         raise ConfigurationError(f"a replay shows 1 to {MAX_RUNS} runs, not {len(runs)}")
-    first = runs[0].setup.scene
+    first, names = runs[0].setup, [run.law for run in runs]
     for run in runs:
         if len(run.trajectory.t) < 2:
             why = f": {run.trajectory.reason}" if run.trajectory.reason else ""
             raise ConfigurationError(f"the run of {run.law} left no trajectory that could be replayed{why}")
         scene = run.setup.scene
         alike = (
-            scene.robot.n == first.robot.n
-            and scene.robot.name == first.robot.name
-            and scene.camera.size == first.camera.size
-            and np.array_equal(scene.markers, first.markers)
-            and run.setup.constraints.labels == runs[0].setup.constraints.labels
+            (scene.robot.n, scene.robot.name) == (first.scene.robot.n, first.scene.robot.name)
+            and scene.camera.size == first.scene.camera.size
+            and np.array_equal(scene.markers, first.scene.markers)
+            and run.setup.constraints.labels == first.constraints.labels
         )
         if not alike:
             raise ConfigurationError(
                 f"the runs of {runs[0].law} and {run.law} are of different scenes: a replay shows one robot, camera, "
                 "target and the same rows"
             )
-    names = [run.law for run in runs]
-    for name in names:
-        if names.count(name) > 1:
-            raise ConfigurationError(f"two of the runs are called {name!r}: give each its own name")
+        if names.count(run.law) > 1:
+            raise ConfigurationError(f"two of the runs are called {run.law!r}: give each its own name")
 
 
-def looks_of(runs: Sequence[ReplayRun]) -> dict[str, Look]:
-    """How each law is drawn, by its name."""
-    return looks([run.law for run in runs])
+def colours_of(runs: Sequence[ReplayRun]) -> list[str]:
+    """Those of their laws."""
+    return [look.colour for look in looks([run.law for run in runs]).values()]
+
+
+# --- in time ---
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Instants t (F,), ``period`` apart [s], from the start to the end of the longest run."""
+
+    t: Array
+    period: float
+
+    @classmethod
+    def of(cls, runs: Sequence[ReplayRun], rate: float = RATE, most: int = MAX_FRAMES) -> Frames:
+        """Those of runs: so many a second, or so many in all if that is fewer."""
+        end = max(float(run.trajectory.t[-1]) for run in runs)
+        period = max(1.0 / rate, end / (most - 1))
+        return cls(period * np.arange(int(np.ceil(end / period - 1e-9)) + 1), period)
+
+    def samples(self, run: ReplayRun) -> npt.NDArray[np.int64]:
+        """(F,) the sample of a run that each instant shows: the last one until then; its last one when it is over."""
+        shown = np.searchsorted(run.trajectory.t, self.t + 1e-9, side="right") - 1
+        return np.maximum(shown, 0).astype(np.int64)
+
+    def states(self, run: ReplayRun) -> States:
+        """(F, m) the state of each row between one instant and the next: a single sample is enough to show it.
+
+        A run that is over shows none: nothing after the frame that is the first to show its last sample.
+        """
+        every, first = states(run), self.samples(run)
+        shown = np.maximum.reduceat(every, first, axis=0)
+        shown[1:][first[:-1] == len(every) - 1] = INACTIVE
+        return shown
+
+    def remark(self, runs: Sequence[ReplayRun]) -> str:
+        """What of the runs is shown, in a sentence."""
+        samples = max(len(run.trajectory.t) for run in runs)
+        rule = "a constraint is highlighted if it is active or violated in any sample up to the next one shown"
+        return f"{len(self.t)} of {samples} samples are shown; {rule}." if samples > len(self.t) else ""
+
+
+def states(run: ReplayRun) -> States:
+    """(N, m) the state of each row at each sample."""
+    length = RunRecord.of(run.setup, run.trajectory, "").length
+    outside = np.minimum(run.trajectory.clearance, run.trajectory.between_clearance) < -NEGLIGIBLE * length
+    return np.where(outside, VIOLATED, np.where(run.trajectory.active, ACTIVE, INACTIVE)).astype(np.uint8)
+
+
+class Highlight(NamedTuple):
+    """Something in space that is highlighted: a ``marker`` or a ``joint``, counted from 1, or an ``obstacle``.
+
+    An obstacle's number is the place of its constraint in the list; ``run`` is 0 for what runs share; ``states`` (F,)
+    are those in each frame.
+    """
+
+    what: str
+    number: int
+    run: int
+    states: States
+
+
+def highlights_of(runs: Sequence[ReplayRun], frames: Frames) -> list[Highlight]:
+    """Everything that is highlighted at all; markers and obstacles by the rows of any run."""
+    found: dict[tuple[str, int, int], States] = {}
+    for k, run in enumerate(runs):
+        for thing, own in zip(things_of(run), frames.states(run).T, strict=True):
+            if thing is not None and own.any():
+                carried = thing[0] == "marker" and run.setup.scene.camera.fixed is not None
+                key = (*thing, k if thing[0] == "joint" or carried else 0)
+                found[key] = np.maximum(found.get(key, INACTIVE), own).astype(np.uint8)
+    return [Highlight(*key, own) for key, own in found.items()]
+
+
+def things_of(run: ReplayRun) -> list[Thing]:
+    """(m,) what each row is about."""
+    constraints, scene = run.setup.constraints, run.setup.scene
+    counts = {"marker": len(scene.markers), "joint": scene.robot.n}
+    solid = [bool(constraint.meshes(0.0, 1.0)) for constraint in constraints.constraints]
+    owners = [k for k, (_, count, _) in enumerate(constraints.blocks()) for _ in range(count)]
+    things: list[Thing] = []
+    for label, owner in zip(constraints.labels, owners, strict=True):
+        named = re.search(r"(marker|joint) (\d+)\]", label)
+        if solid[owner]:
+            things.append(("obstacle", owner))
+        else:
+            known = named is not None and int(named[2]) <= counts[named[1]]
+            things.append((named[1], int(named[2])) if named is not None and known else None)
+    return things
 
 
 # --- by name ---
-
-HOW = (
-    "SCENARIO:CONTROLLER or SCENARIO:CONTROLLER:TRIAL, which is simulated now, or the file of a stored run, "
-    "FOLDER/trajectories/SCENARIO--CONTROLLER--TRIAL.npz"
-)
-"""What names a run."""
 
 
 def select_run(
     run: str, seed: int = 0, trust: bool = False, on_remark: Callable[[str], None] = lambda remark: None
 ) -> ReplayRun:
-    """The run that a text names: one that is stored, or one that is simulated now.
+    """The run that a text names, see :data:`HOW`: one that is stored, or one that is simulated now.
 
-    Parameters
-    ----------
-    run
-        See :data:`HOW`.
-    seed
-        Of trials that are simulated.
-    trust
-        Whether own constraints that a folder of results names may run: without them its scenario cannot be shown.
-    on_remark
-        Called with what a reader should know of what is stored.
-
-    Raises
-    ------
-    VsconstraintsError
-        if it names none, or what is named cannot be read, built or simulated.
+    ``seed`` is that of trials that are simulated; own constraints that a folder of results names run only with
+    ``trust``, and without them its scenario cannot be shown; ``on_remark`` is called with what a reader should know of
+    what is stored. Raises VsconstraintsError if the text names no run, or it cannot be read, built or simulated.
     """
     return stored(Path(run), trust, on_remark) if run.endswith(".npz") else simulated(run, seed)
 
@@ -111,9 +193,8 @@ def stored(file: Path, trust: bool = False, on_remark: Callable[[str], None] = l
     """A run of a comparison, from the file of its trajectory; raises ConfigurationError if it is none or damaged."""
     parts = file.stem.split("--")
     if file.parent.name != "trajectories" or len(parts) != 3 or not parts[2].isdecimal():
-        raise ConfigurationError(
-            f"{file} is no trajectory of a comparison: FOLDER/trajectories/SCENARIO--LAW--TRIAL.npz"
-        )
+        form = "FOLDER/trajectories/SCENARIO--LAW--TRIAL.npz"
+        raise ConfigurationError(f"{file} is no trajectory of a comparison: {form}")
     scenario, law, trial = parts[0], parts[1], int(parts[2])
     if not file.is_file():
         raise unknown_name("trajectory", file.name, (one.name for one in file.parent.glob("*.npz")))
@@ -124,20 +205,20 @@ def stored(file: Path, trust: bool = False, on_remark: Callable[[str], None] = l
         raise unknown_name(f"scenario of {comparison.folder}", scenario, comparison.scenarios)
     if law not in comparison.controllers:
         raise unknown_name(f"controller of {comparison.folder}", law, comparison.controllers)
-    record = comparison.run(scenario, law, trial)
+    return run_of(comparison, scenario, law, trial)
+
+
+def run_of(comparison: StoredComparison, scenario: str, law: str, trial: int) -> ReplayRun:
+    """A run of a comparison that has been read; raises ConfigurationError where its trajectory cannot be."""
+    loaded, record = comparison.scenarios[scenario], comparison.run(scenario, law, trial)
     if record is None:
-        raise ConfigurationError(f"{file} cannot be read: it is damaged, or of another version")
-    return of_record(comparison, comparison.scenarios[scenario], law, trial, record)
-
-
-def of_record(comparison: StoredComparison, scenario: Scenario, law: str, trial: int, record: RunRecord) -> ReplayRun:
-    """A run of a comparison that has been read."""
-    seed = int(comparison.manifest["configuration"].get("seed", 0))
+        file = run_file(comparison.folder, scenario, law, trial).name
+        raise ConfigurationError(f"the trajectory {file} cannot be read: it is missing, damaged, or of another version")
     with chdir("."):  # own parts may change the working directory
-        setup = scenario.setup(trial, seed)
+        setup = loaded.setup(trial, int(comparison.manifest["configuration"].get("seed", 0)))
     if record.trajectory.labels and record.trajectory.labels != setup.constraints.labels:
-        raise ConfigurationError(f"the stored run of {law} on {scenario.name} has other rows than its scenario")
-    return ReplayRun(_named(law, trial), setup, record.trajectory, scenario.title)
+        raise ConfigurationError(f"the stored run of {law} on {scenario} has other rows than its scenario")
+    return ReplayRun(_named(law, trial), setup, record.trajectory, loaded.title)
 
 
 def simulated(run: str, seed: int = 0) -> ReplayRun:

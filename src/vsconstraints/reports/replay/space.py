@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from io import StringIO
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -15,35 +15,27 @@ from ...rows import Array
 from ..plots.style import paler, rgb
 from ..scene3d import (
     REACH,
-    ArmMeshes,
     Part,
     Placement,
     Scene3D,
     Viewpoint,
-    add_arm,
     add_carrier,
     add_surroundings,
     ball,
     image_corners,
-    joined,
-    joint_places,
     joint_poses,
     obstacle_meshes,
     points_in_view,
     setup_frames,
     tube,
-    urdf_meshes,
     view_axes,
     viewpoint_of,
+    visuals,
 )
-from .constraint_highlights import HIGHLIGHTS, Frames, Highlight, highlights_of
-from .runs import ReplayRun, looks_of
+from .runs import HIGHLIGHTS, Frames, Highlight, ReplayRun, colours_of, highlights_of
 
-OBSTACLE = "#8FA3BF"
-"""Colour of what is not highlighted."""
-
-OTHERS = 0.45
-"""Opacity of the arms other than the first, which stand in the same place."""
+OBSTACLE, OTHERS = "#8FA3BF", 0.45
+"""Colour of obstacles that are not highlighted, and opacity of the arms other than the first, in the same place."""
 
 INSET = 1.5e-3
 """By how much an arm's surface is within that of the arm before it, for an arm of :data:`.REACH` [m].
@@ -65,46 +57,43 @@ UNCHANGED = 1e-6
 """What moves less from frame to frame is not sent again."""
 
 
-class Space(NamedTuple):
-    """Viser's page, and what is different from what one would expect in it."""
-
-    html: str
-    remarks: list[str]
-
-
-def space_of(runs: Sequence[ReplayRun], frames: Frames) -> Space:
-    """Viser's page of runs, all of them in one space: all arms but the first are transparent."""
+def space_of(runs: Sequence[ReplayRun], frames: Frames) -> tuple[str, str]:
+    """Viser's page of runs, all of them in one space, and a remark on what is different from what one would expect."""
     import viser
 
     with redirect_stdout(StringIO()):  # it prints its address
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
             viewpoint = common_viewpoint(runs)
-            _set_camera(server, runs, viewpoint)
+            eye, camera = standpoint(runs, viewpoint), server.initial_camera
+            away = float(np.linalg.norm(eye - viewpoint.centre))
+            camera.position, camera.look_at, camera.up = tuple(eye), tuple(viewpoint.centre), (0.0, 0.0, 1.0)
+            camera.fov, camera.near, camera.far = FIELD_OF_VIEW, 0.01 * away, 100.0 * away
+            server.scene.set_up_direction("+z")
             scene, remark = scene_of(runs, viewpoint.half / REACH)
-            return Space(_recorded(server, scene, runs, frames, viewpoint.half), [remark] if remark else [])
+            return _recorded(server, scene, runs, frames, viewpoint.half), remark
         finally:
             server.stop()
 
 
 def scene_of(runs: Sequence[ReplayRun], scale: float) -> tuple[Scene3D, str]:
     """Arms, cameras, target and obstacles of runs, in the frames of :func:`frames_of`; and a remark."""
-    scene, setup, looks = Scene3D(), runs[0].setup, looks_of(runs)
-    fixed, n = setup.scene.camera.fixed is not None, setup.scene.robot.n
-    meshes = urdf_meshes(setup.scene.robot, scale)
-    links = coarse([joined([link, drum]) for link, drum in zip(meshes.links, meshes.drums, strict=True)])
-    for k, run in enumerate(runs):
-        colour, smaller = looks[run.law].colour, (1.0 - 0.03 * k) * scale
-        own = ArmMeshes(tuple(inset(link, k * INSET * scale) for link in links), (joined([]),) * (n + 1))
-        opacity = OTHERS if k else 1.0
-        add_arm(scene, setup.scene.robot, own, (paler(colour), paler(colour)), f"{k} ", opacity=opacity)
+    scene, setup = Scene3D(), runs[0].setup
+    fixed = setup.scene.camera.fixed is not None
+    arm, remark = visuals(setup.scene.robot, scale)
+    meshes = coarse([part.mesh for part in arm])
+    for k, colour in enumerate(colours_of(runs)):
+        smaller, look = (1.0 - 0.03 * k) * scale, {"opacity": OTHERS if k else 1.0}
+        for i, (part, mesh) in enumerate(zip(arm, meshes, strict=True)):
+            own = inset(mesh, k * INSET * scale)
+            scene.add(own, paler(colour), f"{k} {part.frame}", name=f"{part.name} {i}", **look)
         add_carrier(scene, setup, smaller, f"{k} tip")
         if k == 0 or not fixed:
             scene.pyramid(0.16 * smaller * image_corners(setup.scene.camera), colour, f"{k} camera", name="camera")
         if k and fixed:
             scene.target(setup.scene.markers, 0.003 * scale, 0.013 * scale, f"{k} target")
     add_surroundings(scene, setup, scale * REACH, OBSTACLE)
-    return scene, meshes.remark
+    return scene, remark
 
 
 def frames_of(runs: Sequence[ReplayRun], q: Sequence[Array], t: float) -> dict[str, Placement]:
@@ -115,28 +104,29 @@ def frames_of(runs: Sequence[ReplayRun], q: Sequence[Array], t: float) -> dict[s
 
 
 def _recorded(server: Any, scene: Scene3D, runs: Sequence[ReplayRun], frames: Frames, half: float) -> str:
-    nodes = Nodes(server.scene)
+    nodes, samples = Nodes(server.scene), [frames.samples(run) for run in runs]
     for part in scene.parts:
         nodes.add(part)
     covers = []
     for highlight in highlights_of(runs, frames):
         mesh, frame = _cover(highlight, runs, half)
-        opacity = 0.85 if highlight.what == "marker" else 0.6
-        own = {
-            state: nodes.add(Part(mesh, colour, frame, opacity, name=f"{highlight.what} {highlight.number} {state}"))
-            for state, colour in HIGHLIGHTS.items()
-        }
-        covers.append((highlight.states, own))
-    samples = [frames.samples(run) for run in runs]
-    _add_paths(server.scene, runs, samples)
+        for state, colour in HIGHLIGHTS.items():
+            name = f"{highlight.what} {highlight.number} {state}"
+            part = Part(mesh, colour, frame, 0.85 if highlight.what == "marker" else 0.6, name=name)
+            covers.append((highlight.states == state, nodes.add(part)))
+    for k, (run, at, colour) in enumerate(zip(runs, samples, colours_of(runs), strict=True)):
+        name = "tip" if run.setup.scene.camera.fixed is not None else "camera"
+        places = [setup_frames(run.setup, run.trajectory.q[i], 0.0)[name].pose.t for i in np.unique(at)]
+        if len(places) > 1:
+            pieces = np.stack((places[:-1], places[1:]), axis=1)
+            server.scene.add_line_segments(f"/{k} path", pieces, rgb(colour), thickness=2.0, thickness_units="screen")
     serializer = server.get_scene_serializer()
     for k, t in enumerate(frames.t):
         q = [run.trajectory.q[at[k]] for run, at in zip(runs, samples, strict=True)]
         nodes.place(frames_of(runs, q, float(t)))
-        for states, own in covers:
-            for state, handle in own.items():
-                if k == 0 or (states[k] == state) != (states[k - 1] == state):
-                    handle.visible = bool(states[k] == state)
+        for shown, handle in covers:
+            if k == 0 or shown[k] != shown[k - 1]:
+                handle.visible = bool(shown[k])
         serializer.insert_sleep(frames.period)
     html: str = serializer.as_html()
     return html
@@ -148,8 +138,8 @@ class Nodes:
     def __init__(self, scene: Any) -> None:
         self.scene = scene
         self.frames: dict[str, Any] = {}
-        self.stretched: dict[str, list[Any]] = {}
-        self.sent: dict[str, Array] = {}
+        self.rails: dict[str, Any] = {}
+        self.sent: dict[tuple[str, str], Array] = {}
 
     def add(self, part: Part) -> Any:
         """A part; returns its handle."""
@@ -161,56 +151,41 @@ class Nodes:
         shadows = {"side": "double", "cast_shadow": False, "receive_shadow": False}
         name = f"/{part.frame}/{part.name}"
         handle = self.scene.add_mesh_simple(name, points, part.mesh.triangles, **look, **shadows)
-        if part.name == "rail":
-            self.stretched.setdefault(part.frame, []).append(handle)
+        if part.name.startswith("rail"):
+            self.rails[part.frame] = handle
         return handle
 
     def place(self, placements: dict[str, Placement]) -> None:
         """Put frames where they are; nothing is sent of those that have not moved."""
         for name, frame in self.frames.items():
             pose, stretch = placements[name]
-            self._set(f"{name} position", frame, "position", pose.t)
-            self._set(f"{name} wxyz", frame, "wxyz", quaternion(pose.R))
-            for handle in self.stretched.get(name, ()):
-                self._set(f"{name} scale", handle, "scale", np.array([1.0, 1.0, stretch]))
-
-    def _set(self, key: str, handle: Any, attribute: str, value: Array) -> None:
-        before = self.sent.get(key)
-        if before is None or np.abs(value - before).max() > UNCHANGED:
-            self.sent[key] = value
-            setattr(handle, attribute, tuple(value.tolist()))
+            wanted = [(frame, "position", pose.t), (frame, "wxyz", quaternion(pose.R))]
+            if name in self.rails:
+                wanted.append((self.rails[name], "scale", np.array([1.0, 1.0, stretch])))
+            for handle, attribute, value in wanted:
+                before = self.sent.get((name, attribute))
+                if before is None or np.abs(value - before).max() > UNCHANGED:
+                    self.sent[name, attribute] = value
+                    setattr(handle, attribute, tuple(value.tolist()))
 
 
 def quaternion(R: Array) -> Array:
     """(4,) the unit quaternion of a rotation (3, 3), its scalar part first."""
-    x, y, z, w = pin.Quaternion(R).coeffs()
-    return np.round(np.array([w, x, y, z]), 6)
+    wxyz: Array = np.round(np.roll(pin.Quaternion(R).coeffs(), 1), 6)
+    return wxyz
 
 
 def _cover(highlight: Highlight, runs: Sequence[ReplayRun], half: float) -> tuple[Mesh, str]:
     """What covers a thing that is highlighted, and the frame it is fixed to."""
-    setup, scale = runs[highlight.run].setup, half / REACH
-    number, run = highlight.number, highlight.run
-    if highlight.what == "marker":
+    what, number, run, _ = highlight
+    setup, scale = runs[run].setup, half / REACH
+    if what == "marker":
         return ball(setup.scene.markers[number - 1], 0.021 * scale, 12), f"{run} target" if run else "target"
-    if highlight.what == "obstacle":
+    if what == "obstacle":
         return obstacle_meshes(setup, 1.01 * half)[number], f"obstacle {number}"
-    robot = setup.scene.robot
-    rest = np.zeros(robot.n)
-    axis = joint_poses(robot, rest)[number].R.T @ joint_places(robot, rest)[1][number - 1]
-    ends = np.array([-axis, axis]) * 0.05 * scale
-    return tube(ends, (0.062 - 0.002 * run) * scale, 20), f"{run} joint {number}"
-
-
-def _add_paths(scene: Any, runs: Sequence[ReplayRun], samples: Sequence[Any]) -> None:
-    """Where the camera of each run, or the tip before a fixed one, goes."""
-    for k, (run, at) in enumerate(zip(runs, samples, strict=True)):
-        name = "tip" if run.setup.scene.camera.fixed is not None else "camera"
-        places = [setup_frames(run.setup, run.trajectory.q[i], 0.0)[name].pose.t for i in np.unique(at)]
-        if len(places) > 1:
-            pieces = np.stack((places[:-1], places[1:]), axis=1)
-            colour = rgb(looks_of(runs)[run.law].colour)
-            scene.add_line_segments(f"/{k} path", pieces, colour, thickness=2.0, thickness_units="screen")
+    poses, axes = joint_poses(setup.scene.robot, np.zeros(setup.scene.robot.n))
+    axis = 0.05 * scale * poses[number].R.T @ axes[number - 1]
+    return tube(np.array([-axis, axis]), (0.062 - 0.002 * run) * scale, 20), f"{run} joint {number}"
 
 
 # --- meshes for a browser ---
@@ -230,16 +205,14 @@ def inset(mesh: Mesh, depth: float) -> Mesh:
 
 def coarse(meshes: list[Mesh]) -> list[Mesh]:
     """The same with fewer triangles where there are too many: points that are close to each other become one."""
-    cell, made = MERGED, meshes
-    while sum(len(mesh.triangles) for mesh in made) > MAX_TRIANGLES:
-        made = [_merged(mesh, cell) for mesh in meshes]
+    cell, fewer = MERGED, meshes
+    while sum(len(mesh.triangles) for mesh in fewer) > MAX_TRIANGLES:
+        fewer = [_merged(mesh, cell) for mesh in meshes]
         cell *= 1.4
-    return made
+    return fewer
 
 
 def _merged(mesh: Mesh, cell: float) -> Mesh:
-    if not len(mesh.points):
-        return mesh
     _, first, own = np.unique(np.round(mesh.points / cell), axis=0, return_index=True, return_inverse=True)
     triangles = np.asarray(own).reshape(-1)[mesh.triangles]
     a, b, c = triangles.T
@@ -251,11 +224,8 @@ def _merged(mesh: Mesh, cell: float) -> Mesh:
 
 def instants_of(runs: Sequence[ReplayRun]) -> list[tuple[Array, float]]:
     """Joint coordinates (n,) and times [s] from the starts of runs to their ends."""
-    return [
-        (run.trajectory.q[k], float(run.trajectory.t[k]))
-        for run in runs
-        for k in np.linspace(0, len(run.trajectory.t) - 1, INSTANTS).astype(int)
-    ]
+    every = [(run.trajectory, np.linspace(0, len(run.trajectory.t) - 1, INSTANTS).astype(int)) for run in runs]
+    return [(trajectory.q[k], float(trajectory.t[k])) for trajectory, at in every for k in at]
 
 
 def common_viewpoint(runs: Sequence[ReplayRun]) -> Viewpoint:
@@ -272,18 +242,6 @@ def standpoint(runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> Array:
     axes = view_axes(viewpoint.elevation, viewpoint.azimuth)
     points = np.concatenate([points_in_view(runs[0].setup, q, t) for q, t in instants_of(runs)])
     across, up, towards = ((points - viewpoint.centre) @ axes).T
-    h = np.tan(0.5 * FIELD_OF_VIEW)
-    distance = np.max(towards + (np.maximum(np.abs(across) / NARROWEST, np.abs(up)) + ROOM * viewpoint.half) / h)
-    eye: Array = viewpoint.centre + distance * axes[:, 2]
+    needed = np.maximum(np.abs(across) / NARROWEST, np.abs(up)) + ROOM * viewpoint.half
+    eye: Array = viewpoint.centre + np.max(towards + needed / np.tan(0.5 * FIELD_OF_VIEW)) * axes[:, 2]
     return eye
-
-
-def _set_camera(server: Any, runs: Sequence[ReplayRun], viewpoint: Viewpoint) -> None:
-    """From where the page is seen at first."""
-    eye = standpoint(runs, viewpoint)
-    away = float(np.linalg.norm(eye - viewpoint.centre))
-    camera = server.initial_camera
-    camera.position, camera.look_at = tuple(eye), tuple(viewpoint.centre)
-    camera.up, camera.fov = (0.0, 0.0, 1.0), FIELD_OF_VIEW
-    camera.near, camera.far = 0.01 * away, 100.0 * away
-    server.scene.set_up_direction("+z")

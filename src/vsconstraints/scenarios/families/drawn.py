@@ -21,28 +21,15 @@ from ..scenario import Scenario
 class Drawn:
     """A scene, the same for all laws and all conditions; or the counts of why there is none.
 
-    Attributes
-    ----------
-    family, number, half, seed
-        Which one it is.
-    folder, trusted
-        What paths in its tables are relative to, and whether code that they name may run.
-    tables
-        The scenario's tables by condition; empty if no attempt was accepted.
-    values
-        What was drawn, by dotted keys; under ``conditions`` what a condition adds; joint coordinates that were placed.
-    rejected, refusal
-        How many attempts were rejected before this one, by reason; what the last of them was rejected for, in words.
-    challenged
-        Labels of the rows that tracking alone violates in the nominal condition.
-    share_to_hold
-        The greatest over rows, of tracking alone under the family's limits of actuators: above 1, no law could have
-        satisfied a row from where tracking alone first meets its boundary. NaN without limits.
-    least_time, duration
-        In which the arm can be at rest at its goal under the same limits, whatever the law, NaN where that is not
-        known; and of the longest run [s].
-    noise
-        Seed of everything random in its disturbances: another one for every scene, the same for all laws.
+    ``tables`` are the scenario's by condition, empty if no attempt was accepted. ``values`` is what was drawn, by
+    dotted keys; under ``conditions`` what a condition adds; joint coordinates that were placed. ``rejected`` counts
+    attempts before this one by reason; ``refusal`` says what the last of them was rejected for. ``challenged`` labels
+    the rows that tracking alone violates in the nominal condition. ``noise`` is the seed of everything random in its
+    disturbances: another one for every scene, the same for all laws.
+
+    Under the family's limits of actuators (NaN where that is not known) ``share_to_hold`` is the greatest over rows, of
+    tracking alone: above 1, no law could have satisfied a row from where tracking alone first meets its boundary. In
+    ``least_time`` [s] the arm can be at rest at its goal, whatever the law; ``duration`` [s] is of the longest run.
     """
 
     family: str

@@ -14,7 +14,7 @@ from ...errors import ConfigurationError, VsconstraintsError, shown, unknown_nam
 from ...plugins.classes import beside
 from ...simulation import Setup, until_settled
 from ..reading import Table, demand_table
-from ..scenario import Scenario, demand_data
+from ..scenario import Described, Scenario, demand_data
 from ..toml import file_named, read_toml
 from .attempts import (
     Reason,
@@ -29,24 +29,16 @@ from .attempts import (
 from .drawing import Streams, demand_no_placement, drawn, merged, parsed
 from .drawn import Drawn, Summary, reasons
 
-SHIPPED = Path(__file__).parent
-"""Folder of the families that come with the package."""
-
+SHIPPED = Path(__file__).parent  # folder of the families that come with the package
 NOMINAL, LIMITED = "nominal", "limited"
 """The condition that every family has, and the one whose limits tell what any law could do."""
 
-HALVES = ("training", "held-out")
-"""Scenes that settings may be sought on, and those that are for judging only."""
-
+HALVES = ("training", "held-out")  # scenes that settings may be sought on, and those that are for judging only
 OWN_KEYS = ("title", "description", "extends", "conditions", "attempts")
 """Keys of a family's file that are no scenario's, or are said by it for all its scenes."""
 
-TOGETHER = "conditions"
-"""Key of a condition that names others, whose draws it has all together."""
-
-ATTEMPTS = 200
-"""Attempts at one scene, if a family says nothing else."""
-
+TOGETHER = "conditions"  # key of a condition that names others, whose draws it has all together
+ATTEMPTS = 200  # attempts at one scene, if a family says nothing else
 REFUSALS = 10
 """Attempts whose build is refused in the same words, after which a scene is given up: whatever is drawn, it will be."""
 
@@ -58,16 +50,8 @@ def families() -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class Family:
-    """A family of scenes: what its file says, over what that extends; its name is the file's without the ending.
-
-    ``folder`` and ``trusted`` are as of :class:`vsconstraints.scenarios.Scenario`.
-    """
-
-    name: str
-    tables: Table
-    folder: Path
-    trusted: bool = True
+class Family(Described):
+    """A family of scenes: what its file says, over what that extends."""
 
     @classmethod
     def load(cls, name_or_path: str | Path, base: Path | None = None) -> Family:
@@ -88,16 +72,6 @@ class Family:
         # everything is read once, so that it fails here
         _ = family._parsed, family._overrides, family._parts, family.attempts
         return family
-
-    @property
-    def title(self) -> str:
-        """Title for reports; the name if the file has none."""
-        return str(self.tables.get("title") or self.name)
-
-    @property
-    def description(self) -> str:
-        """A few sentences for reports."""
-        return str(self.tables.get("description", "")).strip()
 
     @property
     def conditions(self) -> tuple[str, ...]:
@@ -147,25 +121,11 @@ class Family:
         return self.set_up(number, half, seed)[0]
 
     def set_up(self, number: int, half: str = "held-out", seed: int = 0) -> tuple[Drawn, Mapping[str, Setup]]:
-        """One scene, and what is simulated in each of its conditions: it was set up to be looked at.
+        """One scene by its number, from 0, and its setups by condition, the same that :meth:`Drawn.setup` gives.
 
-        Parameters
-        ----------
-        number, seed
-            Which one, from 0, and the seed of all scenes.
-        half
-            ``"training"`` or ``"held-out"``: scenes of one half have nothing in common with those of the other.
-
-        Returns
-        -------
-        tuple
-            The :class:`Drawn`, not ``found`` if as many attempts as the family allows were rejected, or no build can
-            succeed; and its setups by condition, the same that :meth:`Drawn.setup` gives.
-
-        Raises
-        ------
-        ConfigurationError
-            if there is no such half, or number or seed are negative.
+        Scenes of the halves ``"training"`` and ``"held-out"`` have nothing in common. The scene is not ``found`` if as
+        many attempts as the family allows were rejected, or no build can succeed. Raises ConfigurationError if there is
+        no such half, or number or seed are negative.
         """
         if half not in HALVES:
             raise unknown_name("half", half, HALVES)

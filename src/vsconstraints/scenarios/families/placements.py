@@ -16,15 +16,10 @@ from ...vision.motion import Motion
 from ...vision.scene import Scene
 from ..reading import Table, checked, from_table
 
-POSE_TOLERANCE = 1e-9
-"""Error of a pose, ‖(m, rad)‖, that counts as none."""
-
+POSE_TOLERANCE = 1e-9  # error of a pose, ‖(m, rad)‖, that counts as none
 MAX_STEPS = 60
-MAX_STEP = 0.5
-"""Of any joint [rad or m], so that the steps stay near where the linearisation holds."""
-
-DAMPING = 0.02
-"""Share of the squared error by which singular directions are damped: none is left at the solution."""
+MAX_STEP = 0.5  # of any joint [rad or m], so that the steps stay near where the linearisation holds
+DAMPING = 0.02  # share of the squared error by which singular directions are damped: none is left at the solution
 
 
 class Ends(NamedTuple):
@@ -100,12 +95,7 @@ def look_at(
 
 
 def tip_path(
-    place: Place,
-    share: float,
-    aside: Vector3 = (0.0, 0.0, 0.0),
-    after: float = 0.0,
-    goal: int = 1,
-    link: str = "tip",
+    place: Place, share: float, aside: Vector3 = (0.0, 0.0, 0.0), after: float = 0.0, goal: int = 1, link: str = "tip"
 ) -> list[float]:
     """A point (3,) in the base frame [m] beside the straight line from where the tip starts to where it is at a goal.
 

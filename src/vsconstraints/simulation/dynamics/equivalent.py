@@ -29,17 +29,14 @@ class Equivalent:
             return cls(np.empty(0), np.zeros(n), np.empty((0, n)))
         Ts = run.t[1] - run.t[0]
         applied, command = np.diff(run.qd, axis=0) / Ts, run.qdd_command[:-1]
-        best, left, found = np.full(n, np.inf), applied - command, np.zeros(n)
+        best, left, lags = np.full(n, np.inf), applied - command, np.zeros(n)
         for lag in LAGS:
             rest = applied - lagged(command, lag, float(Ts))
             squares = (rest**2).sum(axis=0)
             better = squares < best
-            best, left, found = (
-                np.where(better, squares, best),
-                np.where(better, rest, left),
-                np.where(better, lag, found),
-            )
-        return cls(run.t[:-1], found, left)
+            best, left = np.where(better, squares, best), np.where(better, rest, left)
+            lags = np.where(better, lag, lags)
+        return cls(run.t[:-1], lags, left)
 
     @property
     def rms(self) -> Array:

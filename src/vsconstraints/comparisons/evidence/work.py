@@ -1,0 +1,295 @@
+"""The unit of work: a batch of scenes with all its conditions and controllers, and the tables of its runs."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import chdir
+from dataclasses import dataclass, replace
+from itertools import groupby, zip_longest
+from math import ceil
+from typing import Any
+
+from ...errors import ConfigurationError, described
+from ...plugins.classes import beside
+from ...scenarios.families import Drawn, Family
+from ...simulation import Prepared, Setup, simulate, until_settled
+from ..experiment import Entries
+from ..metrics import Score, score
+from ..record import RunRecord
+from ..runs.machine import run_limit
+from ..runs.signals import INTERRUPTS, deadline
+from ..runs.spec import BASELINE, ControllerSpec
+from . import parquet
+from .campaign import Campaign
+from .parquet import TABLES
+
+RUNS_OF_TASK = 600
+"""Maximum number of runs of a task, unless a scene has more: what an interrupt loses, and a file that is written.
+
+At 20 ms a run they take 12 s; 10,000 scenes of each of seven families with seven laws in three conditions are 2,500
+shards of some hundred kilobytes each. No result depends on it.
+"""
+
+MIN_TASKS = 16
+"""Minimum number of tasks of a family, so that there is work for several processes."""
+
+Lines = dict[str, list[dict[str, Any]]]
+"""Lines by table, each with its values by column."""
+
+
+@dataclass(frozen=True)
+class Shard:
+    """The part of a campaign's scenes that one of several machines takes: ``number`` of ``of``, from 1."""
+
+    number: int = 1
+    of: int = 1
+
+    @classmethod
+    def parsed(cls, text: str) -> Shard:
+        """The shard that ``i/n`` means; raises ConfigurationError."""
+        number, slash, of = text.partition("/")
+        if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
+            raise ConfigurationError(f"--shard takes i/n with i from 1 to n, such as 2/4, not {text!r}")
+        return cls(int(number), int(of))
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.of}"
+
+    def scenes(self, count: int) -> range:
+        """Consecutive numbers of its scenes, of ``count`` in all."""
+        return range((self.number - 1) * count // self.of, self.number * count // self.of)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """All that a worker needs, so that it can be sent anywhere.
+
+    Attributes
+    ----------
+    family, scenes, half, seed
+        Where the scenes are drawn from, and their numbers.
+    conditions, controllers
+        Each scene is run in every condition with every controller, the unconstrained baseline first.
+    limit
+        How long one step, drawing a scene or one run, may take until the worker's process is ended [s].
+    single
+        The only controller whose runs are requested; None for all, and the line of each scene.
+    """
+
+    family: Family
+    scenes: tuple[int, ...]
+    conditions: tuple[str, ...]
+    controllers: Entries
+    half: str
+    seed: int
+    limit: float | None = None
+    single: str | None = None
+
+    @property
+    def name(self) -> str:
+        """Of its shard: family, first and last scene."""
+        return f"part-{self.family.name}-{self.scenes[0]:07d}-{self.scenes[-1]:07d}"
+
+    def each(self) -> list[Batch]:
+        """One task for each scene."""
+        return [replace(self, scenes=(number,)) for number in self.scenes]
+
+    def singles(self) -> list[Batch]:
+        """One task for each run, the last one for the lines of the scenes without any."""
+        runs = [
+            replace(self, conditions=(condition,), single=entry.name)
+            for condition in self.conditions
+            for entry in self.controllers
+        ]
+        return [*runs, replace(self, conditions=())]
+
+
+def task_of(campaign: Campaign, family: Family, scenes: Sequence[int], limit: float | None = None) -> Batch:
+    """The task of these scenes of a family, which are run in the same conditions.
+
+    ``limit`` is that of :class:`Batch`, by the number of samples of a run if None.
+    """
+    limit = limit or run_limit(family.tables)
+    conditions = campaign.conditions_of(family, scenes[0])
+    return Batch(family, tuple(scenes), conditions, campaign.controllers, campaign.half, campaign.seed, limit)
+
+
+def tasks_of(
+    campaign: Campaign,
+    shard: Shard | None = None,
+    limit: float | None = None,
+    there: Mapping[str, set[int]] | None = None,
+) -> dict[str, Batch]:
+    """A campaign's tasks by their names, families in turn, so that a family of slow scenes is not left for the end.
+
+    Parameters
+    ----------
+    campaign, shard
+        Whose scenes, and which of them.
+    limit
+        See :func:`task_of`.
+    there
+        Numbers of the scenes that are done already, by family.
+    """
+    scenes = (shard or Shard()).scenes(campaign.scenes)
+
+    def of_family(family: Family) -> list[Batch]:
+        runs = len(campaign.conditions_of(family)) * len(campaign.controllers)
+        size = max(1, min(RUNS_OF_TASK // runs, ceil(len(scenes) / MIN_TASKS)))
+        done = (there or {}).get(family.name, set())
+        missing = (number for number in scenes if number not in done)
+        alike = groupby(missing, key=lambda number: (number // size, campaign.conditions_of(family, number)))
+        return [task_of(campaign, family, list(batch), limit) for _, batch in alike]
+
+    in_turn = zip_longest(*map(of_family, campaign.families))
+    return {task.name: task for tasks in in_turn for task in tasks if task is not None}
+
+
+@dataclass(frozen=True)
+class Part:
+    """The result of a task: Arrow tables of runs, of their rows, and of scenes, and how long it took [s]."""
+
+    runs: Any
+    rows: Any
+    scenes: Any
+    seconds: float
+
+    @classmethod
+    def of(cls, lines: Lines, seconds: float) -> Part:
+        """From lines by table."""
+        return cls(**{name: parquet.table(columns, lines[name]) for name, columns in TABLES.items()}, seconds=seconds)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Part]) -> Part:
+        """All of them as one, in their order."""
+        tables = {name: parquet.joined([getattr(part, name) for part in parts]) for name in TABLES}
+        return cls(**tables, seconds=sum(part.seconds for part in parts))
+
+
+def scored(task: Batch) -> Part:
+    """Draw the scenes of a task, run every controller on each in every condition, and score the runs.
+
+    All controllers see the same scene with the same disturbances and noise. A run that fails in any way becomes a line
+    with its reason; what ends the process is left to the caller.
+    """
+    begun = time.perf_counter()
+    lines: Lines = {name: [] for name in TABLES}
+    with deadline(task.limit) as step:
+        for number in task.scenes:
+            step()
+            scene, setups = set_up(task, number)
+            if task.single is None:
+                lines["scenes"].append(_scene_line(task, number, scene))
+            if isinstance(scene, str) or not scene.found:
+                continue
+            for condition in task.conditions:
+                bench, baseline = Bench(scene, condition, setups.get(condition)), None
+                for entry in task.controllers:
+                    if task.single in (None, entry.name) or entry.name == BASELINE:
+                        step()
+                        record = bench.run(entry)
+                        baseline = record if entry.name == BASELINE else baseline
+                        if task.single in (None, entry.name):
+                            _add(lines, task, (number, condition, entry.name), _scored(record, baseline))
+    return Part.of(lines, time.perf_counter() - begun)
+
+
+def failed(task: Batch, reason: str) -> Part:
+    """The result of a task of one scene, or of one run of it, that no process survives."""
+    lines: Lines = {name: [] for name in TABLES}
+    (number,) = task.scenes
+    if task.single is None:
+        lines["scenes"].append(_scene_line(task, number, reason))
+    else:
+        key = number, task.conditions[0], task.single
+        _add(lines, task, key, score(RunRecord.failed(reason, ""), None))
+    return Part.of(lines, 0.0)
+
+
+def set_up(task: Batch, number: int) -> tuple[Drawn | str, Mapping[str, Setup]]:
+    """A scene and its setups by condition; the reason if drawing it raised something, which only own parts do."""
+    try:
+        with chdir("."), beside(task.family.folder):
+            return task.family.set_up(number, task.half, task.seed)
+    except Exception as error:  # own constraints can raise anything: the scene is listed with the reason
+        return described(error), {}
+
+
+def _add(lines: Lines, task: Batch, key: tuple[int, str, str], run: Score) -> None:
+    scene, condition, controller = key
+    keys = {"family": task.family.name, "condition": condition, "half": task.half, "scene": scene}
+    keys["controller"] = controller
+    lines["runs"].append({**keys, **run.result})
+    lines["rows"] += [
+        {**keys, **row}
+        for row in run.constraints
+        if row["challenged"] or row["violation_depth"] > 0.0 or row["active_time_s"] > 0.0
+    ]
+
+
+def _scene_line(task: Batch, number: int, scene: Drawn | str) -> dict[str, Any]:
+    if isinstance(scene, str):
+        # nothing else is known of a scene that could not be drawn
+        scene = Drawn(task.family.name, number, task.half, task.seed, task.family.folder, rejected={scene: 1})
+    return {
+        "family": task.family.name,
+        "half": task.half,
+        "scene": number,
+        "found": scene.found,
+        "attempts": scene.attempts,
+        "rejected": _json(scene.rejected),
+        "challenged": "; ".join(scene.challenged),
+        "share_to_hold": scene.share_to_hold,
+        "values": _json(scene.values),
+        "least_time_s": scene.least_time,
+        "duration_s": scene.duration,
+    }
+
+
+def _json(data: Any) -> str:
+    return json.dumps(dict(data), ensure_ascii=False, default=lambda value: value.tolist())
+
+
+def _scored(record: RunRecord, baseline: RunRecord | None) -> Score:
+    try:
+        return score(record, baseline)
+    except Exception as error:  # arrays of own parts can be anything
+        return score(RunRecord.failed(f"the run cannot be scored: {described(error)}", ""), None)
+
+
+class Bench:
+    """One scene in one condition, on which controllers are run one after the other.
+
+    The setup, which may be there already, is used again after runs of the package's own laws, which leave nothing in
+    it. Own laws and constraints may, and so may what fails: after these it is made anew.
+    """
+
+    def __init__(self, scene: Drawn, condition: str, setup: Setup | None = None) -> None:
+        self._scene, self._condition, self._setup = scene, condition, setup
+        self._ready: tuple[Prepared, list[str]] | None = None
+
+    def run(self, entry: ControllerSpec) -> RunRecord:
+        """A run; whatever goes wrong becomes a failed one with its reason."""
+        try:
+            # own parts may change the working directory, and import what lies beside them whenever they like
+            with chdir("."), beside(self._scene.folder, entry.folder):
+                own_parts = bool(self._scene.scenario(self._condition).own_parts)
+                prepared, remarks = self._ready or self._prepare(own_parts)
+                self._ready = None
+                run = simulate(prepared.setup, entry.make(), remarks=remarks, prepared=prepared)
+                record = RunRecord.of(prepared.setup, run, "")
+        except INTERRUPTS:
+            raise
+        except BaseException as error:  # even SystemExit: this is where one run ends and the others begin
+            return RunRecord.failed(described(error), "")
+        if record.trajectory.status != "failed" and ":" not in entry.law and not own_parts:
+            self._ready = prepared, remarks
+        return record
+
+    def _prepare(self, own_parts: bool) -> tuple[Prepared, list[str]]:
+        setup, self._setup = self._setup, None
+        setup = until_settled(self._scene.setup(self._condition) if setup is None or own_parts else setup)
+        remarks = setup.check_start()
+        return Prepared(setup), remarks

@@ -1,0 +1,95 @@
+"""Demands: what rows ask of the acceleration, L_gφ q̈ ≤ c, each by an elementwise formula.
+
+One half of a law; :mod:`vsconstraints.controllers.resolver` is the other. A new demand is a formula, a class with its
+options, and a line in :data:`vsconstraints.controllers.demands.DEMANDS`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
+
+from ..errors import InvalidInput, shown
+from .ranges import Part, positive
+
+USES: dict[str, str] = {
+    "Lf": "L_fφ",
+    "sigma": "σ",
+    "sigma_dot": "σ̇",
+    "K": "K",
+    "tracked": "L_gφ q̈ of tracking",
+    "norm": "‖L_gφ‖",
+    "norm_1": "‖L_gφ‖₁",
+    "effort": "‖q̈‖ of tracking",
+    "last_rate": "L_gφ q̈ of the last sample",
+    "period": "T_s",
+}
+"""What a demand may use beside φ, u⁺ and the scale: fields of :class:`vsconstraints.formulas.row.Row`, as printed."""
+
+
+@dataclass(frozen=True)
+class Demand(Part, ABC):
+    """What the rows ask of the acceleration, L_gφ q̈ ≤ c, with c = ∞ for a row that asks for nothing.
+
+    A frozen dataclass: its fields are the parameters of :attr:`formula`, positive numbers.
+
+    Attributes
+    ----------
+    name
+        In reports.
+    formula
+        c of a :class:`vsconstraints.formulas.row.Row` and the parameters, in units of φ per second; marked by
+        :func:`vsconstraints.formulas.formula`. With memory, a tuple of c and what is to be remembered.
+    uses
+        Which of :data:`USES` the formula uses.
+    remembers
+        Initial memory of each row, one float each; ``row.memory`` has what the formula returned last.
+    relative
+        Whether the formula gives by how much c is above L_gφ q̈ of tracking, which it then need not use.
+    everywhere
+        Whether resolvers with equalities impose L_gφ q̈ = c wherever a row demands something; if not, only where the
+        tracking command exceeds c.
+    owner
+        What messages call it; its name if empty.
+    """
+
+    name: ClassVar[str]
+    formula: ClassVar[Callable[..., Any]]
+    uses: ClassVar[tuple[str, ...]] = ()
+    remembers: ClassVar[tuple[float, ...]] = ()
+    relative: ClassVar[bool] = False
+    everywhere: ClassVar[bool] = False
+    owner: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            number = positive(getattr(self, each.name))
+            least, limit = each.metadata.get("at_least", 0.0), each.metadata.get("below", float("inf"))
+            if number is None:
+                raise self.refusal(each.name)
+            if number < least:
+                raise self.refusal(each.name, f"at least {least:g}")
+            if number >= limit:
+                raise self.refusal(each.name, f"less than {limit:g}")
+            object.__setattr__(self, each.name, number)
+
+    def refusal(self, name: str, wanted: str = "positive") -> Exception:
+        """What is raised for a parameter that is not as wanted."""
+        return InvalidInput(f"{name} of {self.owner or self.name} must be {wanted}, not {shown(getattr(self, name))}")
+
+    @property
+    def parameters(self) -> tuple[float, ...]:
+        """The parameters, in the order in which the formula takes them."""
+        return tuple(getattr(self, each.name) for each in fields(self))
+
+    @property
+    def sees_tracking(self) -> bool:
+        """Whether the formula uses the tracking command."""
+        return "tracked" in self.uses or "effort" in self.uses
+
+    @property
+    def tracks(self) -> bool:
+        """Whether c depends on the tracking command."""
+        return self.relative or self.sees_tracking
