@@ -21,7 +21,7 @@ from .timing import UNIT, Array, Subject, Times, compare, in_turn
 TEXT = """
 The same samples of the case study, state in, command out, in several forms taken in turn. *Appendix B* is the paper's
 algorithm in plain NumPy with two pseudoinverses (`benchmarks/appendix_b.py`). Some milliseconds of NumPy lie between
-two calls of a compiled form, which finds the processor's caches empty: it takes longer here than among its equals above.
+two calls of a compiled form, which finds the caches empty: it takes longer here than among its equals above.
 
 The second table shows where the time goes: parts of one step, at one sample of the case study with three rows made
 active.

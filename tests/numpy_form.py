@@ -10,6 +10,7 @@ import numpy as np
 
 from vsconstraints.compiled import load
 from vsconstraints.constraints import ConstraintSet, Manipulability, PerformanceFunnel, RowBlock
+from vsconstraints.constraints.manipulability import ROWS_OF
 from vsconstraints.control import ControlStep
 from vsconstraints.formulas.features import image_motion, pose_error, pose_rates
 from vsconstraints.formulas.innovation import MEMORY, image_innovation, slip
@@ -34,8 +35,9 @@ def believed(scene: Scene, state: State, camera: Pose | None = None, seen: tuple
     """The state as a controller believes it: it knows the target's motion only if told, and measures as it does."""
     J, twist, drift = state.camera_J, state.camera_twist, state.camera_drift
     if scene.motion is not None and not scene.motion.known:
-        still = Scene(scene.robot, scene.camera, scene.markers, scene.points)
-        _, twist, drift = still._relative_motion(state.robot, state.t)
+        still = Scene(scene.robot, scene.camera, scene.markers_at(state.robot.q, state.t))
+        there = still.evaluate(state.t, state.robot.q, state.robot.qd)
+        twist, drift = there.camera_twist, there.camera_drift
     pixels, Z = seen or (state.pixels.position, state.depth)
     P = np.concatenate((scene.camera.normalised(pixels) * Z[:, None], Z[:, None]), axis=1)
     x, y, x_dot, y_dot, x_ddot, y_ddot = image_motion(P.T, twist[:3], twist[3:], drift[:3], drift[3:])
@@ -48,9 +50,9 @@ def believed(scene: Scene, state: State, camera: Pose | None = None, seen: tuple
 
 def remounted(scene: Scene, state: State) -> State:
     """The state of the same scene with another mount, its camera's pose and motion as they are with this one."""
-    J, twist, drift = scene._relative_motion(state.robot, state.t)
-    camera = scene._camera(state.robot.tip, state.t)
-    return replace(state, camera=camera, camera_J=J, camera_twist=twist, camera_drift=drift)
+    there = scene.evaluate(state.t, state.robot.q, state.robot.qd)
+    names = "camera", "camera_J", "camera_twist", "camera_drift"
+    return replace(state, **{name: getattr(there, name) for name in names})
 
 
 def measured_state(measured: Measurement, scene: Scene, state: State, correction: Array) -> State:
@@ -198,19 +200,20 @@ def evaluate_task(task: VisualTask, state: State) -> tuple[Task, Array]:
 def block(constraint: Any, state: State, points: slice) -> RowBlock:
     """The rows of one constraint."""
     if isinstance(constraint, PerformanceFunnel):
-        goal, seen = constraint.goals[goal_at(constraint._begins, state.t)], state.pixels
+        goal = constraint.goals[goal_at([goal.from_time for goal in constraint.goals], state.t)]
+        seen, form = state.pixels, constraint.compiled_form(None, points)  # type: ignore[arg-type]
         if constraint.of_image:
             error, J = (seen.position - goal.pixels).ravel(), seen.J.reshape(-1, seen.J.shape[2])
             velocity, drift = seen.velocity.ravel(), seen.drift.ravel()
         else:
             error, J, velocity, drift, _ = feature_motion(CameraPose(), state, goal, None)
-        at, side = constraint._both, constraint._side
+        at, side = form.which, form.offsets
         width, rate, bend = funnel(state.t - goal.from_time, constraint.final, constraint.decay)
         return constraint.block(
             side * error[at] - width, side * velocity[at] - rate, side[:, None] * J[at], side * drift[at] - bend
         )
     if isinstance(constraint, Manipulability):
-        qd, factor, at = state.robot.qd, -1.0 / constraint.w_scale, constraint._rows
+        qd, factor, at = state.robot.qd, -1.0 / constraint.w_scale, ROWS_OF[constraint.part]
         derivatives = load("manipulability_rows").derivatives
         w, slope, bent = derivatives(state.robot.J, qd, at.start, at.stop - at.start)
         g, sigma = factor * slope[None, :], np.array([(constraint.minimum - w) / constraint.w_scale])
@@ -250,8 +253,8 @@ class Evaluated:
 def define(step: ControlStep, state: State) -> Evaluated:
     """Rows and task of a step from a state, which may be a believed one; the step itself stays as it is."""
     rows, sigma = evaluate_rows(step.constraints, state)
-    limits = step._limits
-    if limits is not None:
+    limits = step.packed.step.limits
+    if step.packed.size.limited:
         rows.qdd_min, rows.qdd_max = joint_box(state.robot.q, state.robot.qd, step.last_command, limits)
     task, error = evaluate_task(step.visual_task, state)
     seen = state.pixels.position, state.robot.points, state.camera.R, state.camera.t
