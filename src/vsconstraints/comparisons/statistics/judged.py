@@ -12,11 +12,9 @@ from ...errors import ConfigurationError, InvalidInput, shown, unknown_name
 from ...rows import Array, BoolArray
 from ..metrics import METRICS, Metric
 
-Better = Literal["less", "more"]
-"""Which values are better."""
+Better = Literal["less", "more"]  #: which values are better
 
-Verdict = Literal["better", "worse", "not distinguishable", "too few"]
-"""What is said of a against b."""
+Verdict = Literal["better", "worse", "not distinguishable", "too few"]  #: what is said of a against b
 
 MIN_SCENES = 6
 """Paired comparisons of fewer scenes are said to be too few: an exact two-sided test of n pairs never gives less than
@@ -25,7 +23,7 @@ MIN_SCENES = 6
 SCENE = ("family", "condition", "half", "scene")
 """Columns that say which scene a run is of, and what went otherwise than assumed in it."""
 
-LAW = "controller"  # the column that says which law
+LAW = "controller"  #: the column that says which law
 
 
 def checked_confidence(confidence: float) -> float:

@@ -19,8 +19,7 @@ CONTINUITY = 1.0
 """Taken off |only a − only b|, which comes in steps (Edwards 1948). Without it the test of few scenes that often differ
 rejects up to twice as often as it says."""
 
-Kind = Literal["difference", "log-ratio"]
-"""a − b, or ln(a/b)."""
+Kind = Literal["difference", "log-ratio"]  #: a − b, or ln(a/b)
 
 
 @dataclass(frozen=True)
