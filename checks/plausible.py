@@ -51,7 +51,7 @@ def innovations(setup: Setup, run: Trajectory) -> dict[str, Array]:
     corrections = {name: np.zeros((M, 2)) for name in FAULTS}
     found: dict[str, list[Array]] = {name: [] for name in FAULTS}
     for k in range(len(run.t)):
-        t, seen = float(run.t[k]), sensor._image(run.features_px[k])
+        t, seen = float(run.t[k]), sensor.image(run.features_px[k])
         first = seen if first is None else first
         if k % EVERY:
             continue

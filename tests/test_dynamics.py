@@ -378,7 +378,7 @@ def test_an_exact_arm_disturbs_nothing_and_a_wrong_model_does() -> None:
 
 def test_the_figure_of_the_disturbance_is_for_arms_with_mass_alone() -> None:
     there, plain = case(duration=0.3, mass_factor=1.2), Scenario.load("case-study-6r").setup()
-    record = SimpleNamespace(trajectory=simulate(there, HierarchicalQP()))
+    record = SimpleNamespace(trajectory=simulate(there, HierarchicalQP()), goal_begins=there.goal_begins)
     view = View(there, {"hierarchical-qp": record}, ["hierarchical-qp"])  # type: ignore[dict-item]
     assert draw_disturbance(view) is not None
     assert draw_disturbance(replace(view, setup=plain)) is None

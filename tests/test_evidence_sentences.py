@@ -24,8 +24,7 @@ from vsconstraints.reports.evidence.findings import (
     reversals,
     tuning_gain,
 )
-from vsconstraints.reports.evidence.formatting import CONDITIONS, Share, condition_text, percentage
-from vsconstraints.reports.evidence.ranking import ranking
+from vsconstraints.reports.evidence.ranking import CONDITIONS, Share, condition_text, percentage, ranking
 from vsconstraints.reports.evidence.report import claims_of
 
 Successes = Mapping[str, Mapping[str, str]]

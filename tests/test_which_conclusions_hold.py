@@ -19,8 +19,9 @@ from made_evidence import drawn_runs, frame, made, run
 from vsconstraints.comparisons.evidence import Evidence
 from vsconstraints.comparisons.statistics import detectable, simultaneous
 from vsconstraints.reports.evidence.dataset import Dataset
-from vsconstraints.reports.evidence.ranking import MEASURES, PairVerdict
+from vsconstraints.reports.evidence.ranking import PairVerdict
 from vsconstraints.reports.evidence.robustness import (
+    MEASURES,
     conclusion_tables,
     conclusions,
     power_table,

@@ -33,13 +33,11 @@ watch()
 
 
 class Guardian:
-    """Stops an arm from a process of its own, unless heartbeats come at least that often.
+    """Stops an arm from a process of its own, unless heartbeats come at least every ``patience`` [s].
 
     It has its own connection to the arm and nothing in common with this process, whose end it sees as silence. Signals
-    of the terminal do not reach it.
-
-    ``stop`` is of :meth:`.Driver.stopper`, ``patience`` for how long it may hear nothing [s]. Raises
-    ConfigurationError if the process cannot be started, or cannot use ``stop``.
+    of the terminal do not reach it. ``stop`` is of :meth:`.Driver.stopper`. Raises ConfigurationError if the process
+    cannot be started, or cannot use it.
     """
 
     def __init__(self, stop: Callable[[], None], patience: float) -> None:

@@ -62,15 +62,9 @@ class Job:
 def run_on_arm(job: Job) -> tuple[Setup, ArmLog]:
     """Run a law on an arm for the scenario's duration, or until anything is wrong; the arm is at rest at the end.
 
-    Returns the setup with the start that the arm had, and the log.
-
-    Raises
-    ------
-    ConfigurationError
-        before anything moves: if the arm stands elsewhere or moves, cannot start there, or its accelerations are not
-        limited; if images would be rendered where time is real.
-    ArmError
-        if the arm cannot be reached.
+    Returns the setup with the start that the arm had, and the log. Before anything moves, raises ArmError if the arm
+    cannot be reached, and ConfigurationError if it stands elsewhere or moves, cannot start there, or its accelerations
+    are not limited; if images would be rendered where time is real.
     """
     driver, setup = job.driver, job.setup
     envelope = Envelope.of(setup.scene.robot, setup.limits, setup.Ts)

@@ -121,8 +121,7 @@ class Punctuality:
 
 def punctuality(log: ArmLog) -> Punctuality:
     """How punctual the law's own periods were."""
-    own = ~log.braking if len(log.periods) else np.empty(0, dtype=np.bool_)
-    late, busy = (log.column(name)[own] for name in ("late", "busy"))
+    late, busy = (log.column(name)[~log.braking] for name in ("late", "busy"))
     return Punctuality(late, busy, log.missed, log.Ts)
 
 

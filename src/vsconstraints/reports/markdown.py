@@ -33,8 +33,9 @@ class Table(str):
         blocks = [
             _aligned([[line[k] for k in part] for line in (header, *lines)], sum(k < text_columns for k in part))
             for part in parts
+            if lines
         ]
-        table = super().__new__(cls, "\n\n".join(blocks) if lines else "")
+        table = super().__new__(cls, "\n\n".join(blocks))
         table.header, table.lines = header, lines
         return table
 

@@ -8,13 +8,11 @@ from .geometry import vector
 
 
 class OrderFilter:
-    """Integrates commanded accelerations to joint speeds and positions, exactly for a zero-order hold.
+    """Integrates commanded accelerations to joint speeds and positions, exactly for a zero-order hold of T_s [s].
 
-    The discontinuous q̈_c of a sliding mode becomes a continuous q̇_c and a smooth q_c, which position-controlled arms
-    take.
-
-    It begins where the robot stands, q (n,), and how fast it moves, q̇ (n,); T_s [s]. Now it has come to :attr:`q`, q_c,
-    and :attr:`qd`, q̇_c. Raises InvalidInput if a number is not finite, sizes differ, or T_s is not positive.
+    The discontinuous q̈_c of a sliding mode becomes a continuous q̇_c, ``qd`` (n,), and a smooth q_c, ``q`` (n,), which
+    position-controlled arms take; they begin where the robot stands and how fast it moves. Raises InvalidInput if a
+    number is not finite, sizes differ, or T_s is not positive.
     """
 
     def __init__(self, q: object, qd: object, Ts: float) -> None:

@@ -101,26 +101,12 @@ class Robot:
         name: str = "robot",
         limits: ActuatorLimits = NO_LIMITS,
     ) -> Robot:
-        """From standard Denavit–Hartenberg parameters, as in Tables 1–3.
+        """From standard Denavit–Hartenberg parameters (n, 4): rows of θ offset [rad], d [m], a [m], α [rad].
 
-        Link i is placed by Rz(θ) Tz(d) Tx(a) Rx(α), with θ = q_i + the table's θ offset (for a prismatic joint
-        d = q_i + the table's d). The link frames are called ``link 1`` … ``link n``; the last one is the tip.
-
-        Parameters
-        ----------
-        dh
-            (n, 4) rows of θ offset [rad], d [m], a [m], α [rad].
-        prismatic
-            Numbers of the prismatic joints, counted from 1.
-        q_min, q_max, qd_max
-            (n,) limits; infinite if not given.
-        name, limits
-            For reports, and what the actuators can do.
-
-        Raises
-        ------
-        InvalidInput
-            if the table or a limit has a wrong shape or is not a number.
+        Link i is placed by Rz(θ) Tz(d) Tx(a) Rx(α), with θ = q_i + the table's θ offset; for a joint whose number, from
+        1, is in ``prismatic``, d = q_i + the table's d. The link frames are called ``link 1`` … ``link n``; the last is
+        the tip. Ranges and speeds (n,) are infinite if not given. Raises InvalidInput if the table or a limit has a
+        wrong shape or is not a number.
         """
         model, frame = _read_dh(dh, prismatic, name)
         low, high, speed = (
@@ -142,6 +128,9 @@ class Robot:
     ) -> Robot:
         """From a URDF file; joint ranges, speeds and efforts are the file's, ``limits`` what is known beside them.
 
+        Raises ConfigurationError if the file is missing or not a URDF, if several links may be the tip and none is
+        named, or if a link or a joint is unknown or of a kind an arm does not have.
+
         Parameters
         ----------
         urdf
@@ -156,12 +145,6 @@ class Robot:
         package_dirs
             Folders that ``package://`` paths of meshes start from; all folders above the file if not given. Those that
             ``AMENT_PREFIX_PATH`` and ``ROS_PACKAGE_PATH`` name follow them.
-
-        Raises
-        ------
-        ConfigurationError
-            if the file is missing or not a URDF, if several links may be the tip and none is named, or if a link or a
-            joint is unknown or of a kind an arm does not have.
         """
         arm = read_urdf(urdf, tip, locked or {}, package_dirs)
         if limits.effort is None and np.isfinite(arm.effort).any():

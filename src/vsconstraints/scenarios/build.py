@@ -61,11 +61,7 @@ class File:
 
 
 def build(
-    tables: Table,
-    where: str,
-    folder: Path,
-    deviation: np.random.Generator | None = None,
-    seed: tuple[int, ...] = (0,),
+    tables: Table, where: str, folder: Path, deviation: np.random.Generator | None = None, seed: tuple[int, ...] = (0,)
 ) -> Setup:
     """The setup that a scenario's tables describe.
 

@@ -35,9 +35,8 @@ def intersample_clearance(setup: Setup, control: ControlStep, plant: Plant, stat
 
     Inspected are periods inside which a row may be outside, or have its least clearance of the run: those in which its
     clearance might come to zero at the rate at which it changes there (:data:`DIP`), however far from its boundary it
-    is in the samples, or in which a joint turns back inside (:data:`BACK`). Parts of a period are halved as long as,
-    at the rate seen in it, a row may be deeper outside within a part than anywhere else.
-    Samples have plant states (N, s, n) and clearances (N, m).
+    is in the samples, or in which a joint turns back inside (:data:`BACK`). Parts of a period are halved as long as, at
+    the rate seen in it, a row may be deeper outside within a part. Samples have states (N, s, n), clearances (N, m).
     """
     N, m = clearance.shape
     least = np.full((N, m), np.inf)

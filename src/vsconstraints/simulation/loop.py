@@ -47,30 +47,17 @@ def simulate(
 ) -> Trajectory:
     """Run a controller on a setup, from t = 0 to its duration or until it cannot go on.
 
-    With a time limit, a run that is not at rest at the end of its duration goes on until it is (see
-    :func:`.until_settled`). A scene that can no longer be evaluated, a controller that fails, and own parts that raise
+    With a time limit, a run that is not at rest at the end of its duration goes on until it is, see
+    :func:`.until_settled`. A scene that can no longer be evaluated, a controller that fails, and own parts that raise
     anything end the run with the status ``failed``; what was simulated until then is kept. The command of the last
-    sample is computed but not carried out. The reason also holds the remarks of :meth:`Setup.check_start` and of the
-    controller, how often another QP solver had to answer, and how often a law claimed a loss of rank that its rows do
-    not show, at which no run is stopped.
+    sample is computed but not carried out. The reason also holds ``remarks``, those of :meth:`Setup.check_start` unless
+    given, and the controller's, how often another QP solver had to answer, and how often a law claimed a loss of rank
+    that its rows do not show, at which no run is stopped.
 
-    Parameters
-    ----------
-    setup, controller
-        What is simulated, and what commands it.
-    by_public_call
-        Whether every law is asked by ``controller.command(rows, task)``, as a user's own loop does, so that the times
-        of different laws are those of the same call. Otherwise compiled laws run on the arrays of the compiled step,
-        which is faster; their commands are the same.
-    remarks
-        Those of :meth:`Setup.check_start`, which is called if None.
-    prepared
-        Of this setup, to be used again; created if None.
-
-    Raises
-    ------
-    ConfigurationError
-        if the robot cannot start (see :meth:`Setup.check_start`).
+    With ``by_public_call`` every law is asked by ``controller.command(rows, task)``, as a user's own loop does, so that
+    the times of different laws are those of the same call. Otherwise compiled laws run on the arrays of the compiled
+    step, which is faster; their commands are the same. What was ``prepared`` of this setup may be used again. Raises
+    ConfigurationError if the robot cannot start.
     """
     if remarks is None:
         remarks = setup.check_start()
@@ -84,8 +71,7 @@ def simulate(
 def score_run(setup: Setup, controller: Controller) -> RunScores:
     """As :func:`simulate`, but keep nothing of a run except its scores: what thousands of trials run on.
 
-    Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start alone. Raises as
-    :func:`simulate` does.
+    Where step and law are compiled, so is the whole loop. Lines of sight are checked at the start alone.
     """
     remarks = setup.check_start()
     run = _Run(Prepared(setup), controller, whole=False)

@@ -157,6 +157,15 @@ class Sensor:
         scratch = Scratch(np.empty(64 * M + 256), np.zeros(1, dtype=np.int64))
         return Sensing(self.images(samples), lenses, scratch)
 
+    def image(self, ideal: Array) -> Array:
+        """(M, 2) the measured pixels that can be used in the next sample, as the control has them, of the true ones."""
+        seen = self.scene.camera.distort(ideal)
+        images, k = self._images, self.sample
+        if images is None or k >= self._covered:
+            images = self.images(2 * k + 1)
+        self.sample += 1
+        return ideal_pixels(self.camera, images.held[usable(images, k, seen)].copy())
+
     def observe(self, state: State) -> State:
         """What is believed of the next sample's state; the state itself where nothing is disturbed.
 
@@ -167,12 +176,7 @@ class Sensor:
         settings = self.disturbances
         if not settings.sensing:
             return self.scene.believed(state)
-        seen = self.scene.camera.distort(state.pixels.position)
-        images, k = self._images, self.sample
-        if images is None or k >= self._covered:
-            images = self.images(2 * k + 1)
-        self.sample += 1
-        pixels = ideal_pixels(self.camera, images.held[usable(images, k, seen)].copy())
+        pixels = self.image(state.pixels.position)
         camera, Z = state.camera, state.depth
         if self.estimates:
             camera = estimated_pose(self.believed.markers, self.camera.normalised(pixels), state.camera)

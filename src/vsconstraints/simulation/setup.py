@@ -214,17 +214,12 @@ class Setup:
         return self.constraints.clearance(Trace(t, q, qd, pixels, points, self.scene.camera.size, self.scene))
 
     def check_start(self) -> list[str]:
-        """Raise if the robot cannot start; return what a reader of the results should know, one sentence each.
+        """What a reader of the results should know, one sentence each; raises ConfigurationError if there is no start.
 
-        A constraint violated at the start is no error, unless it is a funnel: every controller is built to come back.
-        Nor is a goal that puts markers where a constraint forbids them, which no controller can reach.
-
-        Raises
-        ------
-        ConfigurationError
-            if a joint is outside its range, a marker is behind the camera, outside the image, or hidden by the
-            robot's own links as far as the robot has collision geometry, an error outside its funnel, or the rows
-            cannot be evaluated.
+        That is: a joint is outside its range, a marker behind the camera, outside the image, or hidden by the robot's
+        own links as far as it has collision geometry, an error outside its funnel, or the rows cannot be evaluated. Any
+        other constraint violated at the start is no error: every controller is built to come back. Nor is a goal that
+        puts markers where a constraint forbids them, which no controller can reach.
         """
         robot = self.scene.robot
         outside = robot.outside_ranges(self.q0)

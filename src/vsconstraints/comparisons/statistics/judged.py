@@ -44,34 +44,35 @@ def checked_name(what: str, name: object, candidates: Any) -> None:
 def array(values: ArrayLike, name: str) -> Any:
     """Numbers or booleans of any shape."""
     try:
-        found = np.asarray(values)
-        return found if found.dtype == np.bool_ else found.astype(float)
+        column = np.asarray(values)
+        return column if column.dtype == np.bool_ else column.astype(float)
     except (TypeError, ValueError) as error:
         raise InvalidInput(f"{name} must hold numbers only: {error}") from error
 
 
 def line(values: ArrayLike, name: str) -> Any:
     """(n,) numbers or booleans."""
-    found = array(values, name)
-    if found.ndim != 1:
-        raise InvalidInput(f"{name} must be of shape (scenes,), not {found.shape}")
-    return found
+    column = array(values, name)
+    if column.ndim != 1:
+        raise InvalidInput(f"{name} must be of shape (scenes,), not {column.shape}")
+    return column
 
 
 def flags(values: ArrayLike, name: str = "flags") -> BoolArray:
     """(n,) booleans; numbers have to be 0 or 1."""
-    found = line(values, name)
-    if found.dtype != np.bool_ and not np.isin(found, (0, 1)).all():
+    column = line(values, name)
+    if column.dtype != np.bool_ and not np.isin(column, (0, 1)).all():
         raise InvalidInput(f"{name} must be true or false in every scene; give only scenes in which that is known")
-    return np.asarray(found, dtype=np.bool_)
+    return np.asarray(column, dtype=np.bool_)
 
 
 def numbers(values: ArrayLike, name: str) -> Array:
     """(n,) floats; NaN stands for a run that does not count, and nothing may be infinite."""
-    found: Array = line(values, name).astype(float)
-    if np.isinf(found).any():
-        raise InvalidInput(f"{name} holds {shown(found[np.isinf(found)][0])}: NaN stands for a run that does not count")
-    return found
+    column: Array = line(values, name).astype(float)
+    if np.isinf(column).any():
+        infinite = shown(column[np.isinf(column)][0])
+        raise InvalidInput(f"{name} holds {infinite}: NaN stands for a run that does not count")
+    return column
 
 
 def pair(a: Any, b: Any) -> None:
@@ -161,10 +162,10 @@ def counts(runs: Any, metric: Metric) -> Any:
 
 def values(runs: Any, metric: Metric) -> Any:
     """The metric of each run, as stored; NaN where the run has none or does not count."""
-    found = runs[metric.column].astype(float)
+    column = runs[metric.column].astype(float)
     if metric.over:
-        found = found / runs[metric.over].astype(float)
-    return found.where(counts(runs, metric) & np.isfinite(found))
+        column = column / runs[metric.over].astype(float)
+    return column.where(counts(runs, metric) & np.isfinite(column))
 
 
 def resolution(metric: Metric) -> float:

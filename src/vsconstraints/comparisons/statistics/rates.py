@@ -93,8 +93,8 @@ class Paired(NamedTuple):
 
 def rate(values: ArrayLike, confidence: float = 0.95) -> Rate:
     """How often a flag is set, (n,) booleans, one a scene. Of no scene the rate may be anything, from 0 to 1."""
-    found = flags(values)
-    return rate_of(int(found.sum()), len(found), confidence)
+    column = flags(values)
+    return rate_of(int(column.sum()), len(column), confidence)
 
 
 def rate_of(count: int, of: int, confidence: float = 0.95) -> Rate:
@@ -114,9 +114,9 @@ def mcnemar(a: ArrayLike, b: ArrayLike, confidence: float = 0.95) -> PairedRates
     The test (McNemar 1947, Edwards 1948) and the interval (Tango 1998) are one: the score test of a difference δ, at
     δ = 0 and turned round.
     """
-    one, other = flags(a, "a"), flags(b, "b")
-    pair(one, other)
-    n, only_a, only_b = len(one), int((one & ~other).sum()), int((other & ~one).sum())
+    first, second = flags(a, "a"), flags(b, "b")
+    pair(first, second)
+    n, only_a, only_b = len(first), int((first & ~second).sum()), int((second & ~first).sum())
     differing = only_a + only_b
     score = (abs(only_a - only_b) - CONTINUITY) / math.sqrt(differing) if differing else 0.0
     p = min(2.0 * float(norm.sf(score)), 1.0)
@@ -216,16 +216,16 @@ def paired(
     """
     checked_name("kind", kind, Kind)
     checked_name("direction", better, Better)
-    one, other = numbers(a, "a"), numbers(b, "b")
-    pair(one, other)
-    both = ~(np.isnan(one) | np.isnan(other))
-    one, other = one[both], other[both]
-    differences = one - other if kind == "difference" else log_ratios(one, other)
-    middle = median(differences[np.abs(one - other) > least], confidence)
-    less, more = int((other - one > least).sum()), int((one - other > least).sum())
+    first, second = numbers(a, "a"), numbers(b, "b")
+    pair(first, second)
+    both = ~(np.isnan(first) | np.isnan(second))
+    first, second = first[both], second[both]
+    differences = first - second if kind == "difference" else log_ratios(first, second)
+    middle = median(differences[np.abs(first - second) > least], confidence)
+    less, more = int((second - first > least).sum()), int((first - second > least).sum())
     wins, losses = (less, more) if better == "less" else (more, less)
-    value = middle.median if middle.n or not len(one) else 0.0
-    return Paired(value, middle.low, middle.high, len(one), wins, losses, sign_test(wins, losses), len(both))
+    value = middle.median if middle.n or not len(first) else 0.0
+    return Paired(value, middle.low, middle.high, len(first), wins, losses, sign_test(wins, losses), len(both))
 
 
 def log_ratios(a: Array, b: Array) -> Array:

@@ -42,8 +42,8 @@ def rates(runs: Any, outcome: str = "success", by: Sequence[str] = BY, confidenc
         raise unknown_name("outcome", outcome, OUTCOMES)
     flagged, lines = runs.assign(flag=OUTCOMES[outcome].flag(checked(runs, by))), []
     for group, own in _groups(flagged, (*by, LAW)):
-        found = rate(own["flag"].to_numpy(bool), confidence)
-        lines.append((*group, found.count, found.of, found.share, found.low, found.high))
+        result = rate(own["flag"].to_numpy(bool), confidence)
+        lines.append((*group, result.count, result.of, result.share, result.low, result.high))
     return _frame((*by, LAW, "count", "of", "share", "low", "high"), lines)
 
 
@@ -73,8 +73,8 @@ class Costs(NamedTuple):
 def costs(runs: Any, metric: str) -> Costs:
     """A metric as costs, of all scenes of ``runs``; of a metric of which more is better, less its value."""
     judged = judged_metric(metric)
-    found = values(checked(runs, (), judged), judged)
-    each = _by_law(runs, SCENE, (found if judged.better == "less" else -found).where(counts(runs, judged), np.inf))
+    result = values(checked(runs, (), judged), judged)
+    each = _by_law(runs, SCENE, (result if judged.better == "less" else -result).where(counts(runs, judged), np.inf))
     whole = each.dropna()
     return Costs(whole, len(each) - len(whole))
 
@@ -119,23 +119,23 @@ class Comparison(NamedTuple):
 
 
 def _by_outcome(a: Array, b: Array, better: Better, confidence: float) -> Comparison:
-    found = mcnemar(a, b, confidence)
-    gain = (found.difference if found.n else 0.0) * (1.0 if better == "more" else -1.0)
-    scenes = found.n, found.n, found.only_a, found.only_b, found.only_a + found.only_b
-    return Comparison._make((*scenes, *found[:3], *[math.nan] * 3, (1.0 + gain) / 2.0, found.p))
+    result = mcnemar(a, b, confidence)
+    gain = (result.difference if result.n else 0.0) * (1.0 if better == "more" else -1.0)
+    scenes = result.n, result.n, result.only_a, result.only_b, result.only_a + result.only_b
+    return Comparison._make((*scenes, *result[:3], *[math.nan] * 3, (1.0 + gain) / 2.0, result.p))
 
 
 def _by_metric(a: Array, b: Array, better: Better, least: float, confidence: float) -> Comparison:
     one, other = ~np.isnan(a), ~np.isnan(b)
     both = one & other
-    found = paired(a, b, better=better, least=least, confidence=confidence)
+    result = paired(a, b, better=better, least=least, confidence=confidence)
     ratios = [math.nan] * 3
     if both.any() and min(a[both].min(), b[both].min()) >= 0.0:
         with np.errstate(over="ignore"):  # a ratio beyond 1e308 is infinite
             logarithms = paired(a, b, "log-ratio", better=better, least=least, confidence=confidence)[:3]
             ratios = np.exp(logarithms).tolist()
-    scenes = len(a), found.n, int((one & ~other).sum()), int((other & ~one).sum()), found.wins + found.losses
-    return Comparison._make((*scenes, *found[:3], *ratios, found.effect, found.p))
+    scenes = len(a), result.n, int((one & ~other).sum()), int((other & ~one).sum()), result.wins + result.losses
+    return Comparison._make((*scenes, *result[:3], *ratios, result.effect, result.p))
 
 
 def compare_laws(
@@ -200,10 +200,10 @@ def compare_laws(
         level = simultaneous(confidence, tests)
         for a, b, one, other in pairs:
             if judged is None:
-                found = _by_outcome(one, other, better, level)
+                result = _by_outcome(one, other, better, level)
             else:
-                found = _by_metric(one, other, better, resolution(judged) if least is None else least, level)
-            said = verdict(found.low, found.high, n=found.paired, better=better)
-            corrected = min(found.p * tests, 1.0) if found.paired >= MIN_SCENES else 1.0
-            lines.append((*group, metric, a, b, *found, corrected, said))
+                result = _by_metric(one, other, better, resolution(judged) if least is None else least, level)
+            judgement = verdict(result.low, result.high, n=result.paired, better=better)
+            corrected = min(result.p * tests, 1.0) if result.paired >= MIN_SCENES else 1.0
+            lines.append((*group, metric, a, b, *result, corrected, judgement))
     return _frame((*by, "metric", "a", "b", *Comparison._fields, "p_corrected", "verdict"), lines)

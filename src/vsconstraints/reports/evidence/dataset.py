@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -13,12 +12,13 @@ from ...comparisons import RunRecord
 from ...comparisons.evidence import Evidence
 from ...comparisons.runs.spec import BASELINE
 from ...comparisons.statistics.judged import OUTCOMES
-from ...controllers import Controller, make_controller
+from ...controllers import make_controller
 from ...errors import unknown_name
 from ...plugins.classes import untrusted
 from ...simulation import Setup, simulate, until_settled
+from ..drawing import picture
 from ..groups import required_information
-from ..plots import PNG, Formats
+from ..plots import PNG, Figure, Formats
 from ..plots.style import TUNED
 
 if TYPE_CHECKING:
@@ -30,27 +30,24 @@ SCENE = ["family", "scene"]
 """Columns that identify a scene: controllers are compared on the same ones."""
 
 
-@dataclass(eq=False)
 class Dataset:
     """Evidence as the parts of the report need it.
 
-    Attributes
-    ----------
-    evidence
-        What a campaign left.
-    tuning
-        The folder of the tuning, if there is one to show.
-    figures
-        Whether figures are drawn.
-    formats
-        In which they are written.
+    ``tuning`` is the folder of the tuning, if there is one to show; ``figures`` whether figures are drawn, in
+    ``formats``. ``laws``, ``conditions`` and ``families`` are those that have runs, in the campaign's order.
     """
 
-    evidence: Evidence
-    tuning: Path | None = None
-    figures: bool = True
-    formats: Formats = PNG
-    _cache: dict[Any, Any] = field(default_factory=dict, repr=False)
+    def __init__(
+        self, evidence: Evidence, tuning: Path | None = None, figures: bool = True, formats: Formats = PNG
+    ) -> None:
+        self.evidence, self.tuning, self.figures, self.formats = evidence, tuning, figures, formats
+        self.folder, self.manifest = evidence.folder, evidence.manifest
+        self.configuration: dict[str, Any] = dict(evidence.manifest["configuration"])
+        self._cache: dict[Hashable, Any] = {}
+        self.laws = _ordered(evidence.controllers, self.runs["controller"])
+        self.conditions = _ordered(("nominal", *evidence.conditions), self.runs["condition"])
+        self.families = _ordered(tuple(self.configuration["families"]), self.runs["family"])
+        self.tuned = {name: name + TUNED for name in self.laws if name + TUNED in self.laws}
 
     def once(self, key: Hashable, compute: Callable[[], Value]) -> Value:
         """What several parts need, computed for the first of them and kept by its key."""
@@ -59,20 +56,9 @@ class Dataset:
         value: Value = self._cache[key]
         return value
 
-    @property
-    def folder(self) -> Path:
-        """Where the evidence is, and where the report goes."""
-        return self.evidence.folder
-
-    @property
-    def manifest(self) -> Mapping[str, Any]:
-        """What was run, when, where and by which command."""
-        return self.evidence.manifest
-
-    @property
-    def configuration(self) -> Mapping[str, Any]:
-        """The campaign, resolved."""
-        return dict(self.manifest["configuration"])
+    def picture(self, figure: Figure, *needed: object) -> str:
+        """A figure with its caption; empty where no figures are wanted."""
+        return picture(figure, self.folder / "figures", self.formats, *needed) if self.figures else ""
 
     @cached_property
     def runs(self) -> pd.DataFrame:
@@ -92,25 +78,14 @@ class Dataset:
         return plain
 
     @cached_property
-    def laws(self) -> tuple[str, ...]:
-        """Controllers that have runs, without tracking alone, in the campaign's order."""
-        return _ordered(self.evidence.controllers, self.runs["controller"])
-
-    @cached_property
-    def conditions(self) -> tuple[str, ...]:
-        """Conditions that have runs, in the campaign's order, the one without disturbances first."""
-        return _ordered(("nominal", *self.evidence.conditions), self.runs["condition"])
-
-    @cached_property
-    def families(self) -> tuple[str, ...]:
-        """Families that have runs, in the campaign's order."""
-        return _ordered(tuple(self.configuration["families"]), self.runs["family"])
-
-    @cached_property
     def required(self) -> dict[str, tuple[str, ...] | None]:
         """What each controller requires beside rows and task; None for an own one, whose code says it."""
         entries = self.configuration["controllers"]
         return {name: required_information(name, entries.get(name, {})) for name in self.laws}
+
+    def of_law(self, law: str) -> pd.DataFrame:
+        """All runs of a controller."""
+        return self.runs[self.runs["controller"] == law]
 
     def among(self, condition: str, families: Sequence[str] | None = None) -> pd.DataFrame:
         """Runs in a condition, of some families or of all."""
@@ -131,22 +106,16 @@ class Dataset:
         working = set(runs[~runs["status"].isin(["failed", "aborted"])]["controller"])
         return tuple(law for law in self.laws if law in working) or self.laws
 
-    def families_of(self, condition: str) -> tuple[str, ...]:
-        """Families that have runs in a condition."""
-        there = set(self.among(condition)["family"])
-        return tuple(name for name in self.families if name in there)
-
-    @property
-    def tuned(self) -> dict[str, str]:
-        """Names of tuned controllers, by those of the untuned ones, where both have runs."""
-        return {name: name + TUNED for name in self.laws if name + TUNED in self.laws}
+    def families_of(self, *conditions: str) -> list[str]:
+        """Families that have runs in all of these conditions."""
+        there = [set(self.among(condition)["family"]) for condition in conditions]
+        return [name for name in self.families if all(name in one for one in there)]
 
 
 def _ordered(planned: Sequence[str], present: pd.Series) -> tuple[str, ...]:
     """Names that are present: those that were planned in that order, then the others."""
-    there = list(dict.fromkeys(present))
-    names = dict.fromkeys([*(name for name in planned if name in there), *sorted(there)])
-    return tuple(names)
+    there = set(present)
+    return tuple(dict.fromkeys([*(name for name in planned if name in there), *sorted(there)]))
 
 
 def replay(
@@ -154,29 +123,12 @@ def replay(
 ) -> RunRecord:
     """Draw a scene of a campaign again and run a controller on it: the same run, with its whole trajectory.
 
-    Parameters
-    ----------
-    folder
-        The campaign's.
-    family, scene, condition, controller
-        Which run, as tables of the campaign name it.
-    trust
-        Whether code that the campaign names as ``module:Class`` may run.
-
-    Raises
-    ------
-    ConfigurationError
-        if there is no evidence in the folder, it has no such family, scene, condition or controller, or the run needs
-        code that is not trusted.
+    Family, scene, condition and controller are named as in the tables of the campaign in ``folder``; with ``trust``,
+    code that the campaign names as ``module:Class`` may run. Raises ConfigurationError if there is no evidence in the
+    folder, it has no such run, or the run needs code that is not trusted.
     """
     evidence = Evidence.load(Path(folder), trust)
-    setup = setup_of(evidence, family, scene, condition)
-    return rerun(evidence, setup, controller)
-
-
-def rerun(evidence: Evidence, setup: Setup, controller: str) -> RunRecord:
-    """A controller run on a setup."""
-    return RunRecord.of(setup, simulate(setup, controller_of(evidence, controller)), "")
+    return rerun(evidence, setup_of(evidence, family, scene, condition), controller)
 
 
 def setup_of(evidence: Evidence, family: str, scene: int, condition: str) -> Setup:
@@ -186,12 +138,13 @@ def setup_of(evidence: Evidence, family: str, scene: int, condition: str) -> Set
     return until_settled(evidence.drawn(family, scene).setup(condition))
 
 
-def controller_of(evidence: Evidence, name: str) -> Controller:
-    """A controller with the options of the campaign."""
+def rerun(evidence: Evidence, setup: Setup, controller: str) -> RunRecord:
+    """A controller run on a setup, with the options of the campaign."""
     entries = evidence.manifest["configuration"]["controllers"]
-    if name not in entries:
-        raise unknown_name("controller", name, entries)
-    law, options = str(entries[name].get("type", name)), {k: v for k, v in entries[name].items() if k != "type"}
+    if controller not in entries:
+        raise unknown_name("controller", controller, entries)
+    options = dict(entries[controller])
+    law = str(options.pop("type", controller))
     if ":" in law and not evidence.trusted:
-        raise untrusted(f"controller {name}", [law])
-    return make_controller(law, options)
+        raise untrusted(f"controller {controller}", [law])
+    return RunRecord.of(setup, simulate(setup, make_controller(law, options)), "")

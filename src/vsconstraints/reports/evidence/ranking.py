@@ -2,80 +2,144 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
-from math import inf, isfinite
 from typing import Any, NamedTuple
 
-from ...comparisons.statistics import compare_laws, distinguishable, mcnemar, rate, simultaneous
+from ...comparisons.statistics import Rate, compare_laws, distinguishable, mcnemar, rate, simultaneous
 from ...comparisons.statistics.judged import MIN_SCENES, judged_metric
 from ...rows.readable import counted
-from ..numbers import number
+from ..markdown import bold, enumeration, first_names, plain
+from ..numbers import DASH, number
 from .dataset import Dataset
-from .formatting import Share, percentage
+
+CONDITIONS = {
+    "nominal": "Without disturbances",
+    "disturbed": "With disturbances",
+    "limited": "Under the arms' own limits",
+    "calibrated": "With calibration errors",
+    "dynamics": "On arms with mass",
+    "images": "By images",
+    "images-and-dynamics": "By images and on arms with mass",
+}
+"""What conditions are called at the beginning of a sentence."""
+
+MAX_NAMES = 4
+"""A sentence names no more controllers than this."""
 
 
-@dataclass(frozen=True)
-class Pair:
-    """Two controllers on the same scenes.
+def condition_text(condition: str, inside: bool = False) -> str:
+    """The beginning of a sentence on a condition, or the same inside a sentence."""
+    text = CONDITIONS.get(condition, f"In the condition {plain(condition)}")
+    return text[0].lower() + text[1:] if inside else text
 
-    Attributes
-    ----------
-    difference
-        Share of the first less that of the second, and its interval: simultaneous for all pairs of the condition, 95 %.
-    n
-        Scenes.
-    """
 
-    difference: Share
-    n: int
+def scenes_text(scenes: int, families: int) -> str:
+    """How many scenes, of how many families."""
+    return f"{counted(scenes, 'scene')} of {counted(families, 'family', 'families')}"
+
+
+def names_text(names: Sequence[str]) -> str:
+    """The names, or the first of them and how many more there are."""
+    return enumeration(first_names(names, MAX_NAMES))
+
+
+class Share(NamedTuple):
+    """A share from 0 to 1, or a difference of two, and its interval; printed in per cent."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, rate: Rate) -> Share:
+        """The share of a rate."""
+        return cls(rate.share, rate.low, rate.high)
 
     @property
-    def distinguishable(self) -> bool:
-        """Whether they differ significantly."""
-        return distinguishable(self.difference.low, self.difference.high, self.n)
+    def complement(self) -> Share:
+        """How often it does not happen."""
+        return Share(1.0 - self.value, 1.0 - self.high, 1.0 - self.low)
 
-    def reversed(self) -> Pair:
-        """The second against the first."""
-        share = self.difference
-        return Pair(Share(-share.value, -share.high, -share.low), self.n)
+    @property
+    def reversed(self) -> Share:
+        """The difference the other way round."""
+        return Share(-self.value, -self.high, -self.low)
+
+    @property
+    def digits(self) -> int:
+        """Decimals: as many as the interval can resolve, and no more."""
+        half = 50.0 * (self.high - self.low)
+        return min(max(math.ceil(-math.log10(half / 3.0)), 0), 4) if math.isfinite(half) and half > 0.0 else 1
+
+    @property
+    def percent(self) -> str:
+        """The value without its unit."""
+        return percentage(self.value, self.digits)
+
+    @property
+    def interval(self) -> str:
+        """The interval without a unit."""
+        # a dash before or behind a negative number would be read as a sign
+        between = " to " if self.low < 0.0 else "–"
+        return f"{percentage(self.low, self.digits)}{between}{percentage(self.high, self.digits)}"
+
+    @property
+    def cell(self) -> str:
+        """``93.0 (91.2–94.6)``, for tables in per cent."""
+        return f"{self.percent} ({self.interval})" if math.isfinite(self.value) else DASH
+
+    @property
+    def text(self) -> str:
+        """``93.0 % (91.2–94.6 %)``."""
+        return f"{self.percent} % ({self.interval} %)"
+
+    def numbers(self, name: str, low: str = "low", high: str = "high", law: str = "") -> dict[str, float]:
+        """The three numbers by these names, of a controller if one is named."""
+        of = f"[{law}]" if law else ""
+        return {name + of: self.value, low + of: self.low, high + of: self.high}
 
 
-@dataclass(frozen=True)
-class Ranking:
+def percentage(share: float, digits: int) -> str:
+    """A share in per cent; never 0 or 100 where it is not, and without decimals where it is."""
+    if not math.isfinite(share):
+        return DASH
+    if share in (0.0, 1.0):
+        return f"{100.0 * share:.0f}"
+    while digits < 6 and abs(float(f"{100.0 * share:.{digits}f}")) in (0.0, 100.0):
+        digits += 1
+    return f"{100.0 * share:.{digits}f}".replace("-", "−")
+
+
+class Ranking(NamedTuple):
     """Controllers in a condition, the best first.
 
-    Attributes
-    ----------
-    condition
-        Its name.
-    laws
-        Names, by their rates; of equal ones in the campaign's order.
-    shares
-        How often each succeeds, in scenes that all of them ran.
-    pairs
-        Of every two, the one that comes first in ``laws`` against the other.
-    scenes, families
-        How many.
+    ``shares`` say how often each succeeds, in scenes that all of them ran; ``differences`` by how much each of two
+    does more often than the other, with 95 % intervals simultaneous for all pairs of the condition.
     """
 
     condition: str
     laws: tuple[str, ...]
     shares: Mapping[str, Share]
-    pairs: Mapping[tuple[str, str], Pair]
+    differences: Mapping[tuple[str, str], Share]
     scenes: int
     families: int
+
+    @property
+    def scenes_text(self) -> str:
+        """How many scenes of how many families."""
+        return scenes_text(self.scenes, self.families)
 
     @property
     def too_few(self) -> bool:
         """Whether there are too few scenes for any difference to be significant."""
         return self.scenes < MIN_SCENES
 
-    def pair(self, first: str, second: str) -> Pair:
-        """One controller against another."""
-        pair = self.pairs.get((first, second))
-        return self.pairs[second, first].reversed() if pair is None else pair
+    def significant(self, first: str, second: str) -> bool:
+        """Whether two controllers differ significantly."""
+        _, low, high = self.differences[first, second]
+        return distinguishable(low, high, self.scenes)
 
     @property
     def leader(self) -> str:
@@ -83,9 +147,14 @@ class Ranking:
         return self.laws[0]
 
     @property
+    def hopeless(self) -> bool:
+        """Whether no controller ever succeeds."""
+        return self.shares[self.leader].value == 0.0
+
+    @property
     def front(self) -> tuple[str, ...]:
         """The leader, and all that do not differ significantly from it."""
-        return tuple(law for law in self.laws if law == self.leader or not self.pairs[self.leader, law].distinguishable)
+        return tuple(law for law in self.laws if law == self.leader or not self.significant(self.leader, law))
 
     @property
     def next(self) -> str | None:
@@ -95,92 +164,49 @@ class Ranking:
     def among(self, laws: Iterable[str]) -> Ranking:
         """Some of the controllers only; their intervals stay simultaneous for all pairs."""
         chosen = set(laws)
-        kept = tuple(law for law in self.laws if law in chosen)
-        pairs = {names: pair for names, pair in self.pairs.items() if chosen.issuperset(names)}
-        shares = {law: self.shares[law] for law in kept}
-        return Ranking(self.condition, kept, shares, pairs, self.scenes, self.families)
+        return self._replace(laws=tuple(law for law in self.laws if law in chosen))
+
+    def cell(self, law: str, complement: bool = False) -> str:
+        """How often one succeeds, or does not: bold if significantly the best, ≈ if not significantly worse."""
+        share = self.shares[law]
+        text = (share.complement if complement else share).cell
+        if len(self.laws) < 2 or law not in self.laws or law not in self.front or (self.hopeless and not complement):
+            return text
+        return bold(text) if len(self.front) == 1 else f"≈ {text}"
+
+    @property
+    def named_front(self) -> str:
+        """Those in front with their shares, or the first of them and how many more there are."""
+        texts = first_names(self.front, MAX_NAMES)
+        return enumeration([f"{bold(law)} {self.shares[law].text}" if law in self.shares else law for law in texts])
 
 
 def ranking(
     dataset: Dataset, condition: str, column: str = "success", families: Sequence[str] | None = None
 ) -> Ranking:
     """How often a column is true for each controller, in the scenes of a condition that all of them ran."""
-    key = condition, column, None if families is None else tuple(families)
-    return dataset.once(key, lambda: _ranked(dataset, condition, column, families))
 
+    def ranked() -> Ranking:
+        flags = dataset.paired(condition, column, families).astype(bool)
+        arrays = {law: flags[law].to_numpy() for law in flags.columns}
+        # sorting keeps the order of equal ones
+        laws = tuple(sorted(arrays, key=lambda law: -int(arrays[law].sum()))) if len(flags) else ()
+        pairs = list(combinations(laws, 2))
+        level = simultaneous(0.95, len(pairs))
+        differences = {(a, b): Share(*mcnemar(arrays[a], arrays[b], level)[:3]) for a, b in pairs}
+        differences |= {(b, a): share.reversed for (a, b), share in differences.items()}
+        shares = {law: Share.of(rate(arrays[law])) for law in laws}
+        return Ranking(condition, laws, shares, differences, len(flags), len(set(flags.index.get_level_values(0))))
 
-def _ranked(dataset: Dataset, condition: str, column: str, families: Sequence[str] | None) -> Ranking:
-    flags = dataset.paired(condition, column, families).astype(bool)
-    arrays = {law: flags[law].to_numpy() for law in flags.columns}
-    # sorting keeps the order of equal ones
-    laws = tuple(sorted(arrays, key=lambda law: -int(arrays[law].sum()))) if len(flags) else ()
-    names = list(combinations(laws, 2))
-    level = simultaneous(0.95, len(names))
-    tests = {(a, b): mcnemar(arrays[a], arrays[b], level) for a, b in names}
-    pairs = {two: Pair(Share(test.difference, test.low, test.high), test.n) for two, test in tests.items()}
-    shares = {law: Share.of(rate(arrays[law])) for law in laws}
-    families_there = len(set(flags.index.get_level_values("family")))
-    return Ranking(condition, laws, shares, pairs, len(flags), families_there)
-
-
-class Measure(NamedTuple):
-    """What two controllers are compared by.
-
-    Attributes
-    ----------
-    name
-        Of an outcome or a metric of :mod:`vsconstraints.comparisons.statistics`.
-    words, title
-        Its name in sentences and headings.
-    margin
-        Equivalence margin: the smallest reversal that would matter, as a difference or a ratio.
-    more
-        Whether more is better.
-    ratio
-        Whether values are compared by their ratio, and not by their difference, in per cent.
-    """
-
-    name: str
-    words: str
-    title: str
-    margin: float
-    more: bool = False
-    ratio: bool = False
-
-    def excludes(self, pair: PairVerdict) -> bool:
-        """Whether an interval excludes that the first controller is worse by the margin or more."""
-        return pair.low > -self.margin if self.more else pair.high < self.margin
-
-    @property
-    def margin_text(self) -> str:
-        """The margin, for a table's cell."""
-        return f"× {number(self.margin)}" if self.ratio else counted(round(100.0 * self.margin), "point")
-
-
-MEASURES = (
-    Measure("success", "success", "Success", 0.1, more=True),
-    Measure("violation", "violation", "Violation", 0.1),
-    Measure("utilization", "space", "Utilization, where both succeed", 0.01, more=True),
-    Measure("acceleration_variation", "chattering", "Acceleration variation, where both succeed", 1.25, ratio=True),
-)
-"""What conclusions are about. The margins are a choice: half of what separates neighbors in the study of all families
-by success and violation, a hundredth of the space, a quarter of the variation."""
+    return dataset.once((condition, column, None if families is None else tuple(families)), ranked)
 
 
 class PairVerdict(NamedTuple):
     """One controller against another by a measure, in one condition.
 
-    Attributes
-    ----------
-    difference, low, high
-        Of the rates, or the median of the difference or ratio of values over the scenes in which they differ: the
-        first controller's against the other's. The interval is simultaneous for all pairs.
-    p
-        Corrected for all pairs.
-    scenes, differ
-        How many are compared, and in how many of them the two differ.
-    verdict
-        ``better``, ``worse``, ``not distinguishable`` or ``too few``.
+    ``difference`` with the ends of its interval, simultaneous for all pairs, is that of the rates, or the median of
+    the difference or ratio over the scenes in which the two differ; ``p`` is corrected for all pairs; ``scenes`` are
+    compared, and in ``differ`` of them they differ. ``verdict``: better, worse, not distinguishable or too few.
     """
 
     difference: float
@@ -193,11 +219,9 @@ class PairVerdict(NamedTuple):
 
     def as_data(self) -> dict[str, Any]:
         """For files: what is not finite is None."""
-        return {name: None if isinstance(v, float) and not isfinite(v) else v for name, v in self._asdict().items()}
-
-    def text(self, measure: Measure) -> str:
-        """The difference, for a table's cell."""
-        return f"× {number(self.difference)}" if measure.ratio else f"{percentage(self.difference, 1)} %"
+        return {
+            name: None if isinstance(v, float) and not math.isfinite(v) else v for name, v in self._asdict().items()
+        }
 
 
 PairVerdicts = dict[tuple[str, str], PairVerdict]
@@ -209,27 +233,16 @@ def pairwise_verdicts(runs: Any, metric: str, *, ratio: bool = False) -> PairVer
     verdicts: PairVerdicts = {}
     for line in compare_laws(runs, metric, by=()).itertuples():
         ends = (line.ratio, line.ratio_low, line.ratio_high) if ratio else (line.difference, line.low, line.high)
-        swapped = [1.0 / end if end else inf for end in ends] if ratio else [-end for end in ends]
+        middle, high, low = [1.0 / end if end else math.inf for end in ends] if ratio else [-end for end in ends]
         against = {"better": "worse", "worse": "better"}.get(line.verdict, line.verdict)
         same = line.p_corrected, line.paired, line.differ
         verdicts[line.a, line.b] = PairVerdict(*ends, *same, line.verdict)
-        verdicts[line.b, line.a] = PairVerdict(swapped[0], swapped[2], swapped[1], *same, against)
+        verdicts[line.b, line.a] = PairVerdict(middle, low, high, *same, against)
     return verdicts
 
 
-@dataclass(frozen=True)
-class Best:
-    """The best of some controllers by a metric, on the scenes in which all of them succeed.
-
-    Attributes
-    ----------
-    laws
-        The best, and those that do not differ significantly from it.
-    pairs
-        Every controller against every other one.
-    scenes
-        How many scenes there are.
-    """
+class Best(NamedTuple):
+    """The best of some controllers by a metric with its ties, all pairs, and how many scenes were compared."""
 
     laws: tuple[str, ...]
     pairs: PairVerdicts
@@ -238,17 +251,27 @@ class Best:
 
 def best_by(dataset: Dataset, condition: str, laws: Sequence[str], metric: str, ratio: bool = False) -> Best | None:
     """The best by the median of a metric over scenes in which all of these succeed; None where there are none."""
-    runs = dataset.among(condition)
-    runs = runs[runs["controller"].isin(list(laws))]
     values = dataset.paired(condition, metric)[list(laws)].astype(float)
     clean = dataset.paired(condition, "success").astype(bool)[list(laws)].all(axis=1) & values.notna().all(axis=1)
     values = values[clean]
     if len(laws) < 2 or values.empty:
         return None
-    scenes = set(values.index)
-    chosen = runs[[key in scenes for key in zip(runs["family"], runs["scene"], strict=True)]]
+    runs = dataset.among(condition)
+    chosen = runs["controller"].isin(list(laws)) & runs.set_index(["family", "scene"]).index.isin(values.index)
     medians = values.median()
     first = str(medians.idxmin() if judged_metric(metric).better == "less" else medians.idxmax())
-    pairs = pairwise_verdicts(chosen, metric, ratio=ratio)  # of all: the same scenes say which is first
-    ties = (law for law in laws if law != first and pairs[first, law].verdict != "better")
-    return Best((first, *ties), pairs, len(values))
+    pairs = pairwise_verdicts(runs[chosen], metric, ratio=ratio)  # of all: the same scenes say which is first
+    return Best(
+        (first, *(law for law in laws if law != first and pairs[first, law].verdict != "better")), pairs, len(values)
+    )
+
+
+def gap(pair: PairVerdict, factor: float = 1.0) -> str:
+    """A median difference with its interval; ≈ in front where it is not significant."""
+    if not pair.scenes:
+        return DASH
+    middle, low, high = (factor * value for value in pair[:3])
+    tie = "" if pair.verdict in ("better", "worse") else "≈ "
+    known = math.isfinite(low) and math.isfinite(high) and low != high
+    between = " to " if low < 0.0 else "–"
+    return f"{tie}{number(middle)}{f' ({number(low)}{between}{number(high)})' if known else ''}"

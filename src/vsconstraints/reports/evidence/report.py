@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...comparisons.evidence import Evidence
 from ...comparisons.metrics import DEFINITIONS, NEGLIGIBLE, TOLERANT
@@ -14,18 +13,16 @@ from ...comparisons.runs.files import replaced
 from ...comparisons.statistics import costs, profile, ranks
 from ...errors import ConfigurationError, StorageError
 from ...rows.readable import counted
-from ..drawing import picture
 from ..markdown import plain
 from ..numbers import DASH, number, of_length
 from ..page import facts_table, render, write_pages
-from ..plots import PNG, Figure, Formats
+from ..plots import PNG, Formats
 from . import tables
 from .dataset import Dataset
-from .failures import TRACKS, example_table, failure_table, replay_example, scene_figures, worst_figure
+from .failures import TRACKS, scene_figures, worst_figures
 from .figures import CRITICAL_DIFFERENCE, FRONTS, PROFILES, Diagram, Panel
 from .findings import Finding, always_failing, findings, reversals, tuning_gain
-from .formatting import condition_text, scenes_text
-from .ranking import ranking
+from .ranking import condition_text, ranking, scenes_text
 from .robustness import conclusion_tables, conclusions, power_table, powers, robustness_findings
 
 CLAIMS = "claims.json"
@@ -41,27 +38,21 @@ DEFINED = (
 )
 """Metrics whose definitions the report repeats."""
 
-PROFILED: tuple[tuple[str, str], ...] = (
-    ("acceleration_variation", "variation"),
-    ("settling_time_s", "settling time"),
-)
+PROFILED = {"acceleration_variation": "variation", "settling_time_s": "settling time"}
 """Metrics of the profiles, all positive, and their names; ranks are by the first."""
+
+ACROSS = ("turned", "tuned", "nowhere")
+"""Kinds of findings on several conditions, each a line of its own."""
+
+HIDDEN = (*ACROSS, "holds", "tolerant", "violations")
+"""Kinds of findings not in the line of a condition: those across conditions, and those that a table shows."""
 
 OnWritten = Callable[[int, int], None]
 """Called with how many parts of a report are there, and how many there will be."""
 
 
-@dataclass(frozen=True)
-class Claims:
-    """What the first screen claims.
-
-    Attributes
-    ----------
-    findings
-        In their order.
-    table
-        The numbers of the headline table's lines, unrounded.
-    """
+class Claims(NamedTuple):
+    """What the first screen claims: the findings in their order, and the headline table's numbers, unrounded."""
 
     findings: tuple[Finding, ...] = ()
     table: tuple[dict[str, Any], ...] = ()
@@ -87,30 +78,20 @@ def write_evidence_report(
     on_written: OnWritten = lambda done, total: None,
     on_remark: Callable[[str], None] = lambda remark: None,
 ) -> Path:
-    """Write report.md, details.md, both as report.html, figures and claims.json from the evidence in a folder.
+    """Write report.md, details.md, both as report.html, figures and claims.json from a campaign; returns report.md.
 
     Parameters
     ----------
-    folder
-        Where a campaign is stored.
-    figures
-        Whether to draw figures; without them, those that are there stay as they are, and the report shows none.
+    figures, formats
+        Whether to draw figures, without which those that are there stay as they are and the report shows none, and in
+        which formats; the report shows the first.
     tuning
         Folder of the tuning that tuned settings come from; ``tuning`` in the campaign's folder if not given.
-    formats
-        In which figures are written; the report shows the first.
     trust
         Whether laws and constraints that the campaign names as ``module:Class`` are imported, to make single runs again
         that figures show; else nothing that the folder names is run, and the report says which runs these are.
-    on_written
-        Called with how many parts are there, and how many there will be.
-    on_remark
-        Called with warnings on what is stored: see :class:`Evidence`.
-
-    Returns
-    -------
-    Path
-        Where the report is.
+    on_written, on_remark
+        Called with how many parts are there and how many there will be; and with warnings on what is stored.
 
     Raises
     ------
@@ -136,18 +117,17 @@ def write_evidence_report(
 def write_report_of(dataset: Dataset, on_written: OnWritten = lambda done, total: None) -> Path:
     """Write the report of evidence that has been read."""
     claims = claims_of(dataset)
-    parts: dict[str, Callable[[Dataset], Any]] = {"headline": lambda _: _headline(dataset, claims), "scenes": _scenes}
+    parts: dict[str, Callable[[Dataset], Any]] = {"headline": lambda _: _headline(dataset, claims)}
     if claims.findings:
-        parts |= {"robustness": _robustness, "quality": _quality, "failures": _failures, "tuning": _tuning}
-    context: dict[str, Any] = dict.fromkeys(("robustness", "quality", "failures", "tuning"))
+        parts |= {"quality": _quality, "failures": _failures, "tuning": _tuning}
+    context: dict[str, Any] = dict.fromkeys(("quality", "failures", "tuning"))
     for done, (name, part) in enumerate(parts.items()):
         on_written(done, len(parts))
         context[name] = part(dataset)
     on_written(len(parts), len(parts))
     report = dataset.folder / "report.md"
-    text = render("evidence.md", dataset=dataset, machine_table=_machine(dataset), **context)
     try:
-        write_pages(report, text)
+        write_pages(report, render("evidence.md", dataset=dataset, **context))
         with replaced(dataset.folder / CLAIMS) as file:
             file.write_text(json.dumps(claims.as_data(dataset), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
@@ -164,108 +144,90 @@ def claims_of(dataset: Dataset) -> Claims:
     every = [finding for own in by_condition.values() for finding in own]
     every += [*reversals(dataset), *robustness_findings(dataset), *([gain] if gain else []), *always_failing(dataset)]
     rankings = [ranking(dataset, condition) for condition in by_condition]
-    laws = [*rankings[0].laws, *(law for law in dataset.laws if law not in rankings[0].laws)]
+    laws = dict.fromkeys((*rankings[0].laws, *dataset.laws))
     return Claims(tuple(every), tuple(tables.headline_numbers(dataset, rankings, law) for law in laws))
 
 
 def _headline(dataset: Dataset, claims: Claims) -> dict[str, Any]:
-    """Title, question, findings, headline table and what to choose."""
+    """What is in every report."""
     configuration = dataset.configuration
-    count = int(dataset.evidence.scenes["found"].sum())
-    conditions = [one for one in dataset.conditions if ranking(dataset, one).scenes]
-    rankings = [ranking(dataset, condition) for condition in conditions]
+    rankings = [one for condition in dataset.conditions if (one := ranking(dataset, condition)).scenes]
     by_condition = [
-        " ".join(one.text for one in claims.findings if one.condition == condition and one.about not in HIDDEN)
-        for condition in conditions
+        " ".join(one.text for one in claims.findings if one.condition == ranked.condition and one.about not in HIDDEN)
+        for ranked in rankings
     ]
     return {
-        "title": plain(str(configuration.get("title") or "Evidence")),
-        "question": plain(str(configuration.get("question") or "")),
-        "scenes": scenes_text(count, len(dataset.families)),
+        "title": plain(configuration.get("title") or "Evidence"),
+        "question": plain(configuration.get("question") or ""),
+        "scenes": scenes_text(int(dataset.evidence.scenes["found"].sum()), len(dataset.families)),
         "what": f"{counted(len(dataset.laws), 'controller')}, {counted(len(dataset.conditions), 'condition')}",
         "findings": [*by_condition, *(one.text for one in claims.findings if one.about in ACROSS)],
-        "table": tables.headline_table(dataset, rankings, claims.table) if claims.table else "",
+        "table": tables.headline_table(dataset, rankings, claims.table),
         "selection": tables.selection_table(dataset),
-        "information": tables.information_table(dataset),
+        "power": power_table(dataset),
+        "conclusions": conclusion_tables(dataset),
         "conditions": [
             {
                 "title": condition_text(one.condition),
-                "scenes": scenes_text(one.scenes, one.families),
+                "scenes": one.scenes_text,
                 "success": tables.success_table(dataset, one.condition),
                 "tolerance": tables.tolerance_table(dataset, one.condition),
                 "families": tables.family_tables(dataset, one.condition),
             }
             for one in rankings
         ],
+        "information": tables.information_table(dataset),
+        "scene_table": tables.scenes_table(dataset),
+        "scene_facts": tables.scene_facts(dataset),
         "strict": of_length(NEGLIGIBLE),
         "tolerant": of_length(TOLERANT),
         "definitions": {name: DEFINITIONS[name] for name in DEFINED if name in DEFINITIONS},
+        "machine": _machine(dataset),
     }
-
-
-ACROSS = ("turned", "tuned", "nowhere")
-"""Kinds of findings on several conditions, each a line of its own."""
-
-HIDDEN = (*ACROSS, "holds", "tolerant", "violations")
-"""Kinds of findings not in the line of a condition: those across conditions, and those that a table shows."""
-
-
-def _robustness(dataset: Dataset) -> dict[str, Any]:
-    return {"power": power_table(dataset), "conclusions": conclusion_tables(dataset)}
 
 
 def _quality(dataset: Dataset) -> dict[str, Any]:
     """Figures of all conditions, and one table for each."""
-    if len(dataset.laws) < 2:
-        return {"figures": [], "tables": []}
-    panels, diagrams = [], []
-    for metric, words in PROFILED:
-        several = []
-        for condition in dataset.conditions:
+    panels: list[list[Panel]] = []
+    diagrams = []
+    for metric, words in PROFILED.items():
+        panels.append([])
+        for condition in dataset.conditions if len(dataset.laws) > 1 else ():
             cost = costs(dataset.among(condition), metric).table
             cost = cost[[law for law in dataset.laws if law in cost.columns]]
-            if not len(cost):
-                continue
-            values = cost.to_numpy(float)
-            several.append(Panel(f"{words}, {condition}", tuple(cost.columns), profile(values)))
-            if metric == PROFILED[0][0]:
-                diagrams.append(Diagram(condition_text(condition), tuple(cost.columns), ranks(values)))
-        panels.append(several)
+            if len(cost):
+                values, laws = cost.to_numpy(float), tuple(cost.columns)
+                panels[-1].append(Panel(f"{words}, {condition}", laws, profile(values)))
+                if len(panels) == 1:
+                    diagrams.append(Diagram(condition_text(condition), laws, ranks(values)))
+    shown = (PROFILES, panels), (CRITICAL_DIFFERENCE, diagrams)
     return {
-        "figures": [_picture(dataset, PROFILES, panels, dataset.laws),
-                    _picture(dataset, CRITICAL_DIFFERENCE, diagrams, dataset.laws)],
-        "tables": [text for condition in dataset.conditions if (text := tables.quality_table(dataset, condition))],
-    }  # fmt: skip
+        "figures": [text for figure, data in shown if (text := dataset.picture(figure, data, dataset.laws))],
+        "tables": [table for condition in dataset.conditions if (table := tables.quality_table(dataset, condition))],
+    }
 
 
 def _failures(dataset: Dataset) -> dict[str, Any]:
     return {
-        "table": failure_table(dataset),
-        "examples": example_table(dataset),
-        "code": replay_example(dataset),
-        "figure": worst_figure(dataset),
+        "table": tables.failure_table(dataset),
+        "examples": tables.example_table(dataset),
+        "first": next((one["worst"] for one in tables.example_failures(dataset).values()), None),
+        "figures": worst_figures(dataset),
         "scenes": scene_figures(dataset),
         "reading": TRACKS.reading,
     }
 
 
 def _tuning(dataset: Dataset) -> dict[str, Any]:
-    evaluations = tables.evaluations_of(dataset)
-    found: dict[str, Any] = {"table": tables.tuning_table(dataset), "fronts": "", "figure": ""}
+    evaluations, found = (
+        tables.evaluations_of(dataset),
+        {"table": tables.tuning_table(dataset), "fronts": "", "figure": ""},
+    )
     if evaluations is not None:
         laws = list(dict.fromkeys(evaluations["law"].astype(str)))
         found["fronts"] = tables.fronts_table(dataset, evaluations)
-        found["figure"] = _picture(dataset, FRONTS, evaluations, laws)
+        found["figure"] = dataset.picture(FRONTS, evaluations, laws)
     return found
-
-
-def _scenes(dataset: Dataset) -> dict[str, Any]:
-    return {"table": tables.scenes_table(dataset), "facts": tables.scene_facts(dataset)}
-
-
-def _picture(dataset: Dataset, figure: Figure, shown: Any, laws: Sequence[str]) -> str:
-    """A figure, where figures are wanted."""
-    return picture(figure, dataset.folder / "figures", dataset.formats, shown, laws) if dataset.figures else ""
 
 
 def _machine(dataset: Dataset) -> str:
@@ -275,7 +237,7 @@ def _machine(dataset: Dataset) -> str:
     facts = {
         "half, seed": f"{configuration.get('half', DASH)}, {configuration.get('seed', DASH)}",
         "wall time [s]": None if wall is None else number(float(wall)),
-        "runs": str(runs),
+        "runs": runs,
         "runs per second": None if per_second is None else number(float(per_second)),
     }
     return facts_table(manifest, **facts)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import isfinite
 from statistics import median
 from typing import Any, NamedTuple
@@ -10,34 +9,55 @@ from typing import Any, NamedTuple
 from ...comparisons.statistics import detectable, simultaneous
 from ...rows.readable import counted
 from ..markdown import Table, bold, enumeration
-from ..numbers import DASH
+from ..numbers import DASH, number
 from .dataset import SCENE, Dataset
-from .findings import Finding
-from .formatting import MAX_NAMES, condition_text, percentage, scenes_text
-from .ranking import MEASURES, Measure, PairVerdict, PairVerdicts, pairwise_verdicts
+from .findings import Finding, text_of
+from .ranking import MAX_NAMES, PairVerdict, PairVerdicts, condition_text, pairwise_verdicts, percentage, scenes_text
 
-HOLDS, REVERSED, INCONCLUSIVE = "holds", "reversed", "inconclusive"
+OUTCOMES = ("holds", "reversed", "inconclusive")
 """Same significant ordering in the other condition; opposite significant ordering; no significant difference."""
 
 POWER = 0.8
 """With which a reversal of the reported size would have been detected."""
 
 
-class Conclusion(NamedTuple):
-    """One controller is better than another in the first condition; and the outcome in another condition.
+class Measure(NamedTuple):
+    """What two controllers are compared by: an outcome or a metric, its name in sentences and in headings.
 
-    Attributes
-    ----------
-    measure
-        By what.
-    better, worse
-        The controllers.
-    condition
-        The other one.
-    outcome
-        One of :data:`HOLDS`, :data:`REVERSED`, :data:`INCONCLUSIVE`.
-    first, other
-        The two compared in each of the two conditions.
+    ``margin`` is the smallest reversal that would matter, as a difference or, with ``ratio``, a ratio; ``more``
+    whether more is better.
+    """
+
+    name: str
+    words: str
+    title: str
+    margin: float
+    more: bool = False
+    ratio: bool = False
+
+    def excludes(self, pair: PairVerdict) -> bool:
+        """Whether an interval excludes that the first controller is worse by the margin or more."""
+        return pair.low > -self.margin if self.more else pair.high < self.margin
+
+    def text(self, pair: PairVerdict) -> str:
+        """The difference, for a table's cell."""
+        return f"× {number(pair.difference)}" if self.ratio else f"{percentage(pair.difference, 1)} %"
+
+
+MEASURES = (
+    Measure("success", "success", "Success", 0.1, more=True),
+    Measure("violation", "violation", "Violation", 0.1),
+    Measure("utilization", "space", "Utilization, where both succeed", 0.01, more=True),
+    Measure("acceleration_variation", "chattering", "Acceleration variation, where both succeed", 1.25, ratio=True),
+)
+"""What conclusions are about. The margins are a choice: half of what separates neighbors in the study of all families
+by success and violation, a hundredth of the space, a quarter of the variation."""
+
+
+class Conclusion(NamedTuple):
+    """One controller is better than another in the first condition; and the outcome in another ``condition``.
+
+    ``first`` and ``other`` compare the two in each of these conditions.
     """
 
     measure: Measure
@@ -55,33 +75,23 @@ class Conclusion(NamedTuple):
 
     def as_data(self) -> dict[str, Any]:
         """For files."""
-        return {
-            "measure": self.measure.name,
-            "better": self.better,
-            "worse": self.worse,
-            "condition": self.condition,
-            "outcome": self.outcome,
-            "reversal_excluded": self.excluded,
-            "standard": "strict",
-            "first": self.first.as_data(),
-            "other": self.other.as_data(),
-        }
+        more = {"reversal_excluded": self.excluded, "standard": "strict"}
+        pairs = {"first": self.first.as_data(), "other": self.other.as_data()}
+        return {**self._asdict(), "measure": self.measure.name, **more, **pairs}
+
+    @property
+    def cell(self) -> str:
+        """The outcome and, unless inconclusive, the difference in the other condition."""
+        word = bold(self.outcome) if self.outcome == "reversed" else self.outcome
+        return word if self.outcome == "inconclusive" else f"{word}, {self.measure.text(self.other)}"
 
 
 class Power(NamedTuple):
-    """Which reversals would have been detected, by a measure in a condition.
+    """Which reversals would have been detected, by a measure in a condition with so many conclusions.
 
-    Attributes
-    ----------
-    measure, condition
-        By what, and where.
-    conclusions
-        How many there are.
-    scenes
-        On which a pair is compared: median over the conclusions.
-    detectable
-        Share of scenes by which the controller that was ahead must fall behind the other one, to be detected with
-        :data:`POWER` (:func:`.detectable`); of success and violation the difference of rates. Infinite where none is.
+    ``scenes`` are those on which a pair is compared: median over the conclusions. ``detectable`` is the share of scenes
+    by which the controller that was ahead must fall behind the other one, to be detected with :data:`POWER`
+    (:func:`.detectable`); of success and violation the difference of rates. Infinite where none is.
     """
 
     measure: str
@@ -92,34 +102,37 @@ class Power(NamedTuple):
 
     def as_data(self) -> dict[str, Any]:
         """For files: what is not finite is None."""
-        return {**self._asdict(), "detectable": self.detectable if isfinite(self.detectable) else None}
+        return {**self._asdict(), "detectable": self.detectable if self.detected else None}
+
+    @property
+    def detected(self) -> bool:
+        """Whether any reversal is detectable."""
+        return isfinite(self.detectable)
 
     @property
     def text(self) -> str:
         """The least detectable reversal, for a sentence or a cell."""
-        return f"{percentage(self.detectable, 0)} points" if isfinite(self.detectable) else "none"
+        return f"{percentage(self.detectable, 0)} points" if self.detected else "none"
 
 
 def conclusions(dataset: Dataset) -> tuple[Conclusion, ...]:
     """All conclusions of the first condition in each of the others, in the families that both have."""
-    return dataset.once(
-        "conclusions",
-        lambda: tuple(
-            one for other in dataset.conditions[1:] for measure in MEASURES for one in _of(dataset, measure, other)
-        ),
-    )
 
+    def computed() -> tuple[Conclusion, ...]:
+        every, (first, *others) = [], dataset.conditions or ("",)
+        for condition in others:
+            for measure in MEASURES:
+                before, after = (
+                    _verdicts(dataset, first, condition, measure),
+                    _verdicts(dataset, condition, first, measure),
+                )
+                for (a, b), one in before.items():
+                    if one.verdict == "better" and (a, b) in after:
+                        outcome = {"better": "holds", "worse": "reversed"}.get(after[a, b].verdict, "inconclusive")
+                        every.append(Conclusion(measure, a, b, condition, outcome, one, after[a, b]))
+        return tuple(every)
 
-def _of(dataset: Dataset, measure: Measure, condition: str) -> list[Conclusion]:
-    first = dataset.conditions[0]
-    before = _verdicts(dataset, _runs(dataset, first, condition), measure)
-    after = _verdicts(dataset, _runs(dataset, condition, first), measure)
-    became = {"better": HOLDS, "worse": REVERSED}
-    return [
-        Conclusion(measure, *pair, condition, became.get(after[pair].verdict, INCONCLUSIVE), one, after[pair])
-        for pair, one in before.items()
-        if one.verdict == "better" and pair in after
-    ]
+    return dataset.once("conclusions", computed)
 
 
 def powers(dataset: Dataset) -> tuple[Power, ...]:
@@ -129,7 +142,7 @@ def powers(dataset: Dataset) -> tuple[Power, ...]:
         for measure in MEASURES:
             own = [one.other for one in conclusions(dataset) if (one.condition, one.measure) == (condition, measure)]
             if own:
-                after = _verdicts(dataset, _runs(dataset, condition, dataset.conditions[0]), measure)
+                after = _verdicts(dataset, condition, dataset.conditions[0], measure)
                 tests = sum(one.verdict != "too few" for one in after.values()) // 2
                 scenes = median(one.scenes for one in own)
                 differing = median(one.differ / one.scenes for one in own if one.scenes) if scenes else 0.0
@@ -140,14 +153,14 @@ def powers(dataset: Dataset) -> tuple[Power, ...]:
 
 def _runs(dataset: Dataset, condition: str, other: str) -> Any:
     """Runs in a condition of the families that are in the other one too, of controllers that work in both."""
-    common = [name for name in dataset.families_of(condition) if name in dataset.families_of(other)]
     working = set(dataset.working(condition)) & set(dataset.working(other))
-    runs = dataset.among(condition, common)
+    runs = dataset.among(condition, dataset.families_of(condition, other))
     return runs[runs["controller"].isin(working)]
 
 
-def _verdicts(dataset: Dataset, runs: Any, measure: Measure) -> PairVerdicts:
+def _verdicts(dataset: Dataset, condition: str, other: str, measure: Measure) -> PairVerdicts:
     """As :func:`pairwise_verdicts`, once for the same runs."""
+    runs = _runs(dataset, condition, other)
     columns = ["condition", *SCENE, "controller"]
     key = "pairs", measure.name, frozenset(runs[columns].itertuples(index=False, name=None))
     return dataset.once(key, lambda: pairwise_verdicts(runs, measure.name, ratio=measure.ratio))
@@ -155,73 +168,65 @@ def _verdicts(dataset: Dataset, runs: Any, measure: Measure) -> PairVerdicts:
 
 def robustness_findings(dataset: Dataset) -> list[Finding]:
     """For each further condition, how many conclusions hold there, and which are reversed."""
-    return [
-        _finding(dataset, condition, own)
-        for condition in dataset.conditions[1:]
-        if (own := [one for one in conclusions(dataset) if one.condition == condition])
-    ]
+    several = []
+    for condition in dataset.conditions[1:]:
+        own = [one for one in conclusions(dataset) if one.condition == condition]
+        if not own:
+            continue
+        counts = _counts(own)
+        runs = _runs(dataset, condition, dataset.conditions[0])
+        scenes, families = len(runs[SCENE].drop_duplicates()), len(set(runs["family"]))
+        numbers: dict[str, float] = {"conclusions": len(own), **counts, "scenes": scenes, "families": families}
+        named = [f"{c.better} before {c.worse} by {c.measure.words}" for c in own if c.outcome == "reversed"]
+        named = [*named[:MAX_NAMES], *([f"{len(named) - MAX_NAMES} more"] if len(named) > MAX_NAMES else [])]
+        power = next((one for one in powers(dataset) if (one.condition, one.measure) == (condition, "success")), None)
+        if power and power.detected:
+            numbers["detectable"] = power.detectable
+        text = text_of(
+            "holds",
+            condition=condition_text(condition, inside=True),
+            conclusions=counted(len(own), "conclusion"),
+            counts=counts,
+            scenes=scenes_text(scenes, families),
+            named=enumeration(named),
+            power=power,
+            power_level=percentage(POWER, 0),
+        )
+        several.append(Finding(text, "holds", condition, (), numbers))
+    return several
 
 
-def _finding(dataset: Dataset, condition: str, own: Sequence[Conclusion]) -> Finding:
-    outcomes = {name: [one for one in own if one.outcome == name] for name in (HOLDS, REVERSED, INCONCLUSIVE)}
-    numbers: dict[str, float] = {"conclusions": len(own), **{name: len(each) for name, each in outcomes.items()}}
-    excluded = sum(one.excluded for one in outcomes[INCONCLUSIVE])
-    runs = _runs(dataset, condition, dataset.conditions[0])
-    scenes, families = len(runs[SCENE].drop_duplicates()), len(set(runs["family"]))
-    numbers |= {"reversal_excluded": excluded, "scenes": scenes, "families": families}
-    text = (
-        f"Robustness, {condition_text(condition, inside=True)}: of {counted(len(own), 'conclusion')} on pairs of "
-        f"controllers, {len(outcomes[HOLDS])} hold, {len(outcomes[REVERSED])} are reversed and "
-        f"{len(outcomes[INCONCLUSIVE])} are inconclusive, {excluded} of which exclude a reversal by the equivalence "
-        f"margin ({scenes_text(scenes, families)})."
-    )
-    if outcomes[REVERSED]:
-        named = [f"{one.better} before {one.worse} by {one.measure.words}" for one in outcomes[REVERSED]]
-        more = [f"{len(named) - MAX_NAMES} more"] if len(named) > MAX_NAMES else []
-        text += f" Reversed: {enumeration([*named[:MAX_NAMES], *more])}."
-    power = next((one for one in powers(dataset) if (one.condition, one.measure) == (condition, "success")), None)
-    if power is not None and isfinite(power.detectable):
-        text += f" A reversal of success is detectable with {percentage(POWER, 0)} % power from {power.text} on."
-        numbers["detectable"] = power.detectable
-    elif power is not None:
-        text += f" No reversal of success is detectable with {percentage(POWER, 0)} % power."
-    return Finding(text, "holds", condition, (), numbers)
+def _counts(own: list[Conclusion]) -> dict[str, int]:
+    """How many conclusions have each outcome, and how many inconclusive ones exclude a reversal by the margin."""
+    excluded = sum(one.excluded for one in own if one.outcome == "inconclusive")
+    return {**{name: sum(one.outcome == name for one in own) for name in OUTCOMES}, "reversal_excluded": excluded}
 
 
-def power_table(dataset: Dataset) -> str:
+def power_table(dataset: Dataset) -> Table:
     """One line per condition and measure: the outcomes of its conclusions, and the reversals it could detect."""
-    measures = {measure.name: measure for measure in MEASURES}
-    lines = []
+    measures, lines = {measure.name: measure for measure in MEASURES}, []
     for power in powers(dataset):
-        key, measure = (power.condition, power.measure), measures[power.measure]
-        own = [one for one in conclusions(dataset) if (one.condition, one.measure.name) == key]
-        counts = [sum(one.outcome == outcome for one in own) for outcome in (HOLDS, REVERSED, INCONCLUSIVE)]
-        excluded = sum(one.excluded for one in own if one.outcome == INCONCLUSIVE)
-        cells = [*map(str, (*counts, excluded)), measure.margin_text, f"{power.scenes:g}", power.text]
+        measure = measures[power.measure]
+        own = [one for one in conclusions(dataset) if (one.condition, one.measure) == (power.condition, measure)]
+        margin = f"× {number(measure.margin)}" if measure.ratio else counted(round(100.0 * measure.margin), "point")
+        cells = [*map(str, _counts(own).values()), margin, f"{power.scenes:g}", power.text]
         lines.append([f"{measure.words}, {power.condition}", *cells])
     header = ["", "hold", "reversed", "inconclusive", "reversal excluded", "margin", "scenes", "detectable from"]
-    return Table(header, lines) if lines else ""
+    return Table(header, lines)
 
 
-def conclusion_tables(dataset: Dataset) -> dict[str, str]:
+def conclusion_tables(dataset: Dataset) -> dict[str, Table]:
     """By the title of a measure, every conclusion and its outcome in the other conditions; empty if there is none."""
     first, *others = dataset.conditions or ("",)
     tables = {}
     for measure in MEASURES:
-        own = {(one.better, one.worse, one.condition): one for one in conclusions(dataset) if one.measure == measure}
+        pairs: dict[tuple[str, str], dict[str, Conclusion]] = {}
+        for one in conclusions(dataset):
+            if one.measure == measure:
+                pairs.setdefault((one.better, one.worse), {})[one.condition] = one
         lines = []
-        for pair in dict.fromkeys((better, worse) for better, worse, _ in own):
-            each = [own.get((*pair, condition)) for condition in others]
-            before = next(one.first.text(measure) for one in each if one is not None)
-            lines.append([*pair, before, *map(_cell, each)])
-        tables[measure.title] = Table(["better", "worse", first, *others], lines, 2) if lines else ""
+        for pair, own in pairs.items():
+            cells = [own[condition].cell if condition in own else DASH for condition in others]
+            lines.append([*pair, measure.text(next(iter(own.values())).first), *cells])
+        tables[measure.title] = Table(["better", "worse", first, *others], lines, 2)
     return tables
-
-
-def _cell(one: Conclusion | None) -> str:
-    if one is None:
-        return DASH
-    if one.outcome == INCONCLUSIVE:
-        return one.outcome
-    word = bold(one.outcome) if one.outcome == REVERSED else one.outcome
-    return f"{word}, {one.other.text(one.measure)}"

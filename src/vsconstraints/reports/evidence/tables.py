@@ -1,11 +1,11 @@
-"""The tables of the report of evidence: selection, success, quality, cost, tuning and scenes."""
+"""The tables of the report of evidence: selection, success, quality, cost, failures, tuning and scenes."""
 
 from __future__ import annotations
 
 import json
 from collections import Counter
 from collections.abc import Sequence
-from math import ceil, isfinite
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,39 +17,41 @@ from ...comparisons.statistics import rate
 from ...errors import ConfigurationError, one_line
 from ...rows.readable import counted
 from ..groups import information_text
-from ..markdown import Table, bold, enumeration, plain
+from ..markdown import Table, bold, code, enumeration, plain
 from ..numbers import DASH, median, number, of_length
+from ..results import reason_kind
+from ..scenario import finer_unit
 from .dataset import Dataset
-from .formatting import Share, condition_text, names_text, percentage
-from .ranking import PairVerdict, Ranking, best_by, pairwise_verdicts, ranking
+from .ranking import Ranking, Share, best_by, condition_text, gap, names_text, pairwise_verdicts, percentage, ranking
 
 if TYPE_CHECKING:
     import pandas as pd
 
-MAX_COLUMNS = 7
-"""Of the headline table."""
+MAX_COLUMNS, MAX_FAMILIES, MAX_REASONS = 7, 6, 3
+"""Columns of the headline table, families in a table, and reasons in a cell."""
 
-MAX_FAMILIES = 6
-"""A table shows no more families than this."""
+MIN_SHARE = 0.02
+"""Failures of fewer of a controller's failed runs than this are not named."""
 
-MAX_REASONS = 3
-
-AIMS: tuple[tuple[str, str], ...] = (
-    ("lowest command variation", "acceleration_variation"),
-    ("shortest settling time", "settling_time_s"),
-    ("highest utilization", "utilization"),
-)
+AIMS = {
+    "lowest command variation": "acceleration_variation",
+    "shortest settling time": "settling_time_s",
+    "highest utilization": "utilization",
+}
 """What distinguishes controllers that succeed equally often, and the metric that measures it."""
 
 FAILED_STATUSES = (("slow",), ("trapped",), ("unfinished",), ("failed", "aborted"))
 """How runs end that do not converge; those of a column together."""
+
+ORDER = {"converged": 0, "slow": 1, "unfinished": 2, "trapped": 3, "aborted": 4, "failed": 5}
+"""Of statuses, the worst last."""
 
 EVALUATIONS, HYPERVOLUMES = "evaluations.parquet", "hypervolumes.parquet"
 
 
 def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) -> dict[str, Any]:
     """The unrounded numbers of the headline table's line of a controller."""
-    runs = dataset.runs[dataset.runs["controller"] == law]
+    runs = dataset.of_law(law)
     clean = runs[(runs["condition"] == dataset.conditions[0]) & runs["success"]]
     return {
         "law": law,
@@ -59,7 +61,7 @@ def headline_numbers(dataset: Dataset, rankings: Sequence[Ranking], law: str) ->
     }
 
 
-def headline_table(dataset: Dataset, rankings: Sequence[Ranking], numbers: Sequence[dict[str, Any]]) -> str:
+def headline_table(dataset: Dataset, rankings: Sequence[Ranking], numbers: Sequence[dict[str, Any]]) -> Table:
     """One line per controller, the best in the first condition on top, in at most :data:`MAX_COLUMNS` columns."""
     laws = [str(line["law"]) for line in numbers]
     conditions = rankings[: MAX_COLUMNS - 2]
@@ -68,50 +70,29 @@ def headline_table(dataset: Dataset, rankings: Sequence[Ranking], numbers: Seque
     if room >= 1:
         columns["required information"] = [information_text(dataset.required[law]) for law in laws]
     for one in conditions:
-        columns[f"{condition_text(one.condition, inside=True)} [%]"] = success_cells(one, laws)
+        title = f"{condition_text(one.condition, inside=True)} [%]"
+        columns[title] = [one.cell(law) if law in one.laws else DASH for law in laws]
     if room >= 2:
         columns["variation [rad/s³]"] = [number(line["variation"]) for line in numbers]
     columns["call [µs]"] = [number(line["call"]) for line in numbers]
-    lines = [list(line) for line in zip(*columns.values(), strict=True)]
-    return Table(list(columns), lines, 2 if room >= 1 else 1)
+    return Table(list(columns), zip(*columns.values(), strict=True), 2 if room >= 1 else 1)
 
 
-def success_cells(ranked: Ranking, laws: Sequence[str]) -> list[str]:
-    """How often each succeeds: bold if significantly the best, ≈ if not significantly worse than the best."""
-    marked = ranked.front if ranked.shares and ranked.shares[ranked.leader].value else ()
-    return [_marked(ranked, marked, law, ranked.shares[law].cell) if law in ranked.laws else DASH for law in laws]
-
-
-def _marked(ranked: Ranking, front: Sequence[str], law: str, text: str) -> str:
-    if len(ranked.laws) < 2 or law not in front:
-        return text
-    return bold(text) if len(front) == 1 else f"≈ {text}"
-
-
-def _violation_cell(dataset: Dataset, kept: Ranking, law: str) -> str:
-    working = kept.among(dataset.working(kept.condition))
-    return _marked(working, working.front, law, kept.shares[law].complement.cell)
-
-
-def selection_table(dataset: Dataset) -> str:
+def selection_table(dataset: Dataset) -> Table:
     """For each condition the best by success and violations and, among the most successful, by further aims."""
-    header = ["condition", "most successful", f"at {of_length(TOLERANT)}", "fewest violations"]
+    header = ["condition", "most successful", f"at {of_length(TOLERANT)}", "fewest violations", *AIMS]
     lines = []
     for condition in dataset.conditions:
         ranked = ranking(dataset, condition)
-        if not ranked.scenes:
-            continue
-        cells = []
-        for one in (ranked, ranking(dataset, condition, "tolerant success")):
-            cells.append("none" if one.shares[one.leader].value == 0.0 else _front_cell(one))
-        cells.append(_front_cell(ranking(dataset, condition, "kept").among(dataset.working(condition))))
-        for _, metric in AIMS:
-            never = ranked.shares[ranked.leader].value == 0.0
-            best = None if never else best_by(dataset, condition, ranked.front, metric)
-            cells.append(DASH if best is None else _names_cell(best.laws))
-        lines.append([condition_text(condition), *cells])
-    header += [aim for aim, _ in AIMS]
-    return Table(header, lines, len(header)) if lines else ""
+        if ranked.scenes:
+            both = (ranked, ranking(dataset, condition, "tolerant success"))
+            cells = ["none" if one.hopeless else _front_cell(one) for one in both]
+            cells.append(_front_cell(ranking(dataset, condition, "kept").among(dataset.working(condition))))
+            for metric in AIMS.values():
+                best = None if ranked.hopeless else best_by(dataset, condition, ranked.front, metric)
+                cells.append(_names_cell(best.laws) if best else DASH)
+            lines.append([condition_text(condition), *cells])
+    return Table(header, lines, len(header))
 
 
 def _front_cell(ranked: Ranking) -> str:
@@ -123,132 +104,161 @@ def _names_cell(laws: Sequence[str]) -> str:
     return bold(laws[0]) if len(laws) == 1 else names_text(laws)
 
 
-def success_table(dataset: Dataset, condition: str) -> str:
+def success_table(dataset: Dataset, condition: str) -> Table:
     """Success and violations in all families together, and how other runs ended."""
     ranked, tolerant, kept = (ranking(dataset, condition, name) for name in ("success", "tolerant success", "kept"))
-    runs = dataset.among(condition)
-    lines = []
+    kept, runs, lines = kept.among(dataset.working(condition)), dataset.among(condition), []
     for law in ranked.laws:
         statuses = runs[runs["controller"] == law]["status"]
         endings = [str(int(statuses.isin(ending).sum())) for ending in FAILED_STATUSES]
-        cells = *success_cells(ranked, [law]), *success_cells(tolerant, [law]), _violation_cell(dataset, kept, law)
-        lines.append([law, *cells, *endings])
+        lines.append([law, ranked.cell(law), tolerant.cell(law), kept.cell(law, complement=True), *endings])
     return Table(["law", "success", f"at {of_length(TOLERANT)}", "violated", *map(" or ".join, FAILED_STATUSES)], lines)
 
 
-def tolerance_table(dataset: Dataset, condition: str) -> str:
+def tolerance_table(dataset: Dataset, condition: str) -> Table:
     """How often each controller succeeds at each tolerance, and violates by the tolerant standard."""
-    least, kept = dataset.paired(condition, "tolerance"), ranking(dataset, condition, "tolerant kept")
-    lines = []
+    least = dataset.paired(condition, "tolerance").astype(float)
+    kept, lines = ranking(dataset, condition, "tolerant kept").among(dataset.working(condition)), []
     for law in ranking(dataset, condition).laws:
-        shares = [percentage(float((least[law].astype(float) <= each).mean()), 1) for each in TOLERANCES]
-        lines.append([law, *shares, _violation_cell(dataset, kept, law)])
+        shares = [percentage(float((least[law] <= each).mean()), 1) for each in TOLERANCES]
+        lines.append([law, *shares, kept.cell(law, complement=True)])
     return Table(["law", *(f"{100.0 * each:g} %" for each in TOLERANCES), f"violated at {of_length(TOLERANT)}"], lines)
 
 
-def family_tables(dataset: Dataset, condition: str) -> str:
-    """Success and violations in each family; several tables where there are many families."""
-    families = dataset.families_of(condition)
-    if len(families) < 2:
-        return ""
-    parts = []
-    for what, column in (("Success", "success"), ("Violated", "kept")):
+def family_tables(dataset: Dataset, condition: str) -> list[tuple[str, Table]]:
+    """Success and violations in each of several families; several tables where there are many families."""
+    families, parts, working = dataset.families_of(condition), [], dataset.working(condition)
+    for what, column in (("Success", "success"), ("Violated", "kept")) if len(families) > 1 else ():
         for names in np.array_split(np.array(families), ceil(len(families) / MAX_FAMILIES)):
             each = [ranking(dataset, condition, column, [name]) for name in names.tolist()]
             lines = []
             for law in dataset.laws:
-                cells = [DASH] * len(each)
-                for k, one in enumerate(each):
-                    if law in one.laws and column == "success":
-                        cells[k] = success_cells(one, [law])[0]
-                    elif law in one.laws:
-                        cells[k] = _violation_cell(dataset, one, law)
+                cells = [
+                    (one.cell(law) if what == "Success" else one.among(working).cell(law, complement=True))
+                    if law in one.laws else DASH
+                    for one in each
+                ]  # fmt: skip
                 lines.append([law, *cells])
-            parts.append(f"{what} in each family, in per cent:\n\n{Table(['law', *names.tolist()], lines)}")
-    return "\n\n".join(parts)
+            parts.append((what, Table(["law", *names.tolist()], lines)))
+    return parts
 
 
-def quality_table(dataset: Dataset, condition: str) -> str:
+def quality_table(dataset: Dataset, condition: str) -> Table:
     """Each controller against the most successful one, on the scenes in which both succeed."""
-    ranked = ranking(dataset, condition)
-    if len(ranked.laws) < 2 or ranked.shares[ranked.leader].value == 0.0:
-        return ""
+    ranked, lines = ranking(dataset, condition), []
+    if len(ranked.laws) < 2 or ranked.hopeless:
+        return Table([], [])
     runs = dataset.among(condition)
-    verdicts = [
-        pairwise_verdicts(runs, metric, ratio=metric == "acceleration_variation")
-        for metric in ("acceleration_variation", "settling_time_s", "utilization")
-    ]
-    lines = []
+    verdicts = [pairwise_verdicts(runs, metric, ratio="variation" in metric) for metric in AIMS.values()]
     for law in ranked.laws[1:]:
         variation, settling, space = (pairs[law, ranked.leader] for pairs in verdicts)
-        lines.append([law, str(variation.scenes), _difference(variation), _difference(settling),
-                      _difference(space, 100.0)])  # fmt: skip
+        lines.append([law, str(variation.scenes), gap(variation), gap(settling), gap(space, 100.0)])
     first = f"{condition_text(condition)}, against {ranked.leader}"
     return Table([first, "scenes", "variation, ×", "settling, + s", "utilization, + %"], lines)
 
 
-def _difference(pair: PairVerdict, factor: float = 1.0) -> str:
-    """A median with its interval; ≈ in front where it is not significant."""
-    if not pair.scenes:
-        return DASH
-    middle, low, high = (factor * value for value in (pair.difference, pair.low, pair.high))
-    tie = "" if pair.verdict in ("better", "worse") else "≈ "
-    if not (isfinite(low) and isfinite(high)) or low == high:
-        return f"{tie}{number(middle)}"
-    return f"{tie}{number(middle)} ({number(low)}{' to ' if low < 0.0 else '–'}{number(high)})"
-
-
-def information_table(dataset: Dataset) -> str:
+def information_table(dataset: Dataset) -> Table:
     """Type, options, required information, implementation and call time of each controller."""
-    entries = dataset.configuration["controllers"]
     lines = []
     for law in dataset.laws:
-        entry = entries.get(law, {})
-        options = [(key, number(value) if isinstance(value, float) else value) for key, value in entry.items()]
-        text = plain(", ".join(f"{key} = {value}" for key, value in options if key != "type"))
-        kind = str(entry.get("type", law))
-        own = dataset.runs[dataset.runs["controller"] == law]
-        cells = [DASH if kind == law else plain(kind), text or "defaults", information_text(dataset.required[law])]
-        call = median([float(value) for value in own["step_time_median_us"]])
-        lines.append([law, *cells, _implementation(own["compiled"].astype(bool)), number(call)])
+        entry = dict(dataset.configuration["controllers"].get(law, {}))
+        kind = str(entry.pop("type", law))
+        options = (f"{key} = {number(value) if isinstance(value, float) else value}" for key, value in entry.items())
+        own = dataset.of_law(law)
+        share, call = own["compiled"].astype(bool).mean(), median(own["step_time_median_us"].astype(float).tolist())
+        compiled = {1.0: "compiled", 0.0: "NumPy"}.get(share, f"compiled in {100.0 * share:.0f} %, else NumPy")
+        lines.append([law, DASH if kind == law else plain(kind), plain(", ".join(options)) or "defaults",
+                      information_text(dataset.required[law]), compiled, number(call)])  # fmt: skip
     return Table(["law", "type", "options", "required information", "implementation", "call [µs]"], lines, 5)
 
 
-def _implementation(compiled: pd.Series) -> str:
-    if not len(compiled):
-        return DASH
-    share = float(compiled.mean())
-    return "compiled" if share == 1.0 else "NumPy" if share == 0.0 else f"compiled in {100.0 * share:.0f} %, else NumPy"
+def failure_table(dataset: Dataset) -> Table:
+    """How many runs of each controller were no success, and the most frequent ways to fail."""
+    lines = []
+    for law in dataset.laws:
+        own = dataset.of_law(law)
+        bad = own[~own["success"]]
+        columns = (bad[name].fillna("").astype(str) for name in ("status", "violated", "reason"))
+        kinds = Counter(_failure_kind(*run) for run in zip(*columns, strict=True))
+        named = [(kind, n) for kind, n in kinds.most_common(MAX_REASONS) if n >= MIN_SHARE * len(bad)]
+        rest = len(bad) - sum(n for _, n in named)
+        texts = [f"{kind} {percentage(n / len(bad), 0)} %" for kind, n in [*named, ("others", rest)] if n]
+        lines.append([law, f"{len(bad)} of {len(own)}", "; ".join(texts) or DASH])
+    return Table(["law", "runs without success", "how"], lines, 3)
 
 
-def tuning_table(dataset: Dataset) -> str:
+def _failure_kind(status: str, violated: str, reason: str) -> str:
+    """The kinds of rows a run violated or, if none, how it ended."""
+    if status == "failed":
+        return f"failed: {plain(reason_kind(reason))}" if reason else status
+    kinds = enumeration(sorted({plain(label.partition("[")[0]) for label in violated.split("; ") if label}))
+    return f"{kinds} violated" if kinds else f"{status}, no row violated"
+
+
+def example_failures(dataset: Dataset) -> dict[str, dict[str, Any]]:
+    """By controller that fails, its typical (median) and worst run without success, by depth and ending."""
+    examples = {}
+    for law in dataset.laws:
+        runs = dataset.of_law(law)
+        runs = runs[~runs["success"]]
+        depth, ending = runs["violation_depth"].astype(float).fillna(0.0), runs["status"].map(ORDER).fillna(len(ORDER))
+        ordered = runs.assign(depth=depth, ending=ending).sort_values(["depth", "ending"], kind="stable")
+        if len(runs):
+            examples[law] = {"typical": ordered.iloc[(len(ordered) - 1) // 2], "worst": ordered.iloc[-1]}
+    return examples
+
+
+def example_table(dataset: Dataset) -> Table:
+    """The typical and the worst failure of each controller."""
+    lines = []
+    for law, examples in example_failures(dataset).items():
+        for name, run in examples.items():
+            where = f"{run['family']} {run['scene']}, {run['condition']}"
+            lines.append([law, name, where, str(run["status"]), _reason(dataset, run)])
+    return Table(["law", "failure", "scene", "status", "reason"], lines, 5)
+
+
+def _reason(dataset: Dataset, run: Any) -> str:
+    """Why a run was no success, and which row it violated by how much."""
+    parts = [plain(run["reason"])] if run["reason"] else []
+    rows = dataset.evidence.rows
+    for name in ("family", "condition", "scene", "controller"):
+        rows = rows[rows[name] == run[name]]
+    rows = rows[rows["violation_depth"] > 0.0]
+    if len(rows):
+        worst = rows.loc[rows["usage_max"].astype(float).idxmax()]
+        unit, factor = finer_unit(str(worst["unit"]))
+        more = f" and {counted(len(rows) - 1, 'other row')}" if len(rows) > 1 else ""
+        depth = number(factor * float(worst["violation_depth"]))
+        parts.append(f"violates {code(str(worst['constraint']))} by {depth} {unit}{more}")
+    elif run["violated"]:
+        parts.append(f"violates {plain(run['violated'])}")
+    return "; ".join(parts) or "the goal is not reached, no row is violated"
+
+
+def tuning_table(dataset: Dataset) -> Table:
     """Default against tuned settings on the campaign's scenes."""
     lines = []
     for condition in dataset.conditions:
         ranked = ranking(dataset, condition)
         for law, name in dataset.tuned.items():
             if {law, name} <= set(ranked.laws):
-                pair = ranked.pair(name, law)
+                gain = ranked.differences[name, law].cell
                 cells = ranked.shares[law].cell, ranked.shares[name].cell
-                difference = pair.difference.cell if pair.distinguishable else f"≈ {pair.difference.cell}"
-                lines.append([condition_text(condition), law, *cells, difference])
-    return Table(["condition", "law", "default", "tuned", "difference"], lines, 2) if lines else ""
+                lines.append(
+                    [condition_text(condition), law, *cells, "≈ " * (not ranked.significant(name, law)) + gain]
+                )
+    return Table(["condition", "law", "default", "tuned", "difference"], lines, 2)
 
 
 def evaluations_of(dataset: Dataset) -> pd.DataFrame | None:
-    """The evaluations of the tuning; None if there is none to show.
-
-    Raises
-    ------
-    ConfigurationError
-        if they cannot be read.
-    """
+    """The evaluations of the tuning, None if there is none to show; raises ConfigurationError if unreadable."""
     if dataset.tuning is None or not (dataset.tuning / EVALUATIONS).is_file():
         return None
     return _read(dataset.tuning / EVALUATIONS, {"law", "chosen", "options", "feasible"})
 
 
-def fronts_table(dataset: Dataset, evaluations: pd.DataFrame) -> str:
+def fronts_table(dataset: Dataset, evaluations: pd.DataFrame) -> Table:
     """What tuning evaluated for each controller, how well, and the setting that was chosen."""
     path = (dataset.tuning or Path()) / HYPERVOLUMES
     volumes = _read(path, {"law", "hypervolume"}) if path.is_file() else None
@@ -258,7 +268,9 @@ def fronts_table(dataset: Dataset, evaluations: pd.DataFrame) -> str:
         chosen = own[own["chosen"].astype(bool)]
         options = plain(str(chosen["options"].iloc[0]).strip("{}").replace('"', "")) if len(chosen) else DASH
         feasible = int(own["feasible"].astype(bool).sum())
-        lines.append([law, str(len(own)), str(feasible), _volume(volumes, law), options or "default"])
+        volume = [] if volumes is None else volumes[volumes["law"] == law]["hypervolume"].astype(float).tolist()
+        spread = f" ({number(min(volume))}–{number(max(volume))})" if len(volume) > 1 else ""
+        lines.append([law, str(len(own)), str(feasible), number(median(volume)) + spread, options or "default"])
     return Table(["law", "evaluations", "feasible", "hypervolume", "chosen setting"], lines)
 
 
@@ -274,60 +286,36 @@ def _read(path: Path, columns: set[str]) -> pd.DataFrame:
     return data
 
 
-def _volume(volumes: pd.DataFrame | None, law: str) -> str:
-    if volumes is None:
-        return DASH
-    own: Any = volumes[volumes["law"] == law]["hypervolume"].astype(float)
-    if own.empty:
-        return DASH
-    middle = number(float(own.median()))
-    return middle if len(own) == 1 else f"{middle} ({number(float(own.min()))}–{number(float(own.max()))})"
-
-
-def scenes_table(dataset: Dataset) -> str:
+def scenes_table(dataset: Dataset) -> Table:
     """How many scenes of each family were drawn, what was rejected and why, and which no controller could solve."""
-    every = dataset.evidence.scenes
     lines = []
-    for family in dict.fromkeys(every["family"].astype(str)):
-        own = every[every["family"] == family]
+    for family, own in dataset.evidence.scenes.groupby("family", sort=False, observed=True):
         rejected: Counter[str] = Counter()
         for text in own["rejected"]:
             rejected.update(json.loads(text or "{}"))
-        attempts = int(own["attempts"].sum())
+        attempts, common = int(own["attempts"].sum()), rejected.most_common(MAX_REASONS)
+        common += [("others", rejected.total() - sum(n for _, n in common))]
+        reasons = ", ".join(f"{plain(reason)} {percentage(n / attempts, 0)}" for reason, n in common if n) or "none"
         known = own["share_to_hold"].astype(float).dropna()
         beyond = Share.of(rate((known > 1.0).to_numpy())).cell if len(known) else DASH
-        lines.append([family, str(int(own["found"].sum())), str(attempts), _reasons(rejected, attempts), beyond])
+        lines.append([str(family), str(int(own["found"].sum())), str(attempts), reasons, beyond])
     return Table(["family", "scenes", "attempts", "rejected, in % of the attempts", "beyond limits [%]"], lines)
 
 
-def _reasons(rejected: Counter[str], attempts: int) -> str:
-    if not rejected:
-        return "none"
-    common = rejected.most_common(MAX_REASONS)
-    texts = [f"{plain(reason)} {percentage(n / attempts, 0)}" for reason, n in common]
-    others = sum(rejected.values()) - sum(n for _, n in common)
-    return ", ".join([*texts, *([f"others {percentage(others / attempts, 0)}"] if others else [])])
-
-
-def scene_facts(dataset: Dataset) -> list[str]:
+def scene_facts(dataset: Dataset) -> dict[str, Any]:
     """Scenes that were not found, rows that tracking alone violates, and scenes that nobody can finish in time."""
     every = dataset.evidence.scenes
-    facts = []
-    missing = every[~every["found"].astype(bool)]["family"].astype(str).value_counts()
-    for family, count in missing.items():
-        facts.append(f"{plain(str(family))}: {counted(int(count), 'scene')} not found, every attempt was rejected.")
     found = every[every["found"].astype(bool)]
     kinds: Counter[str] = Counter()
     for text in found["challenged"].astype(str):
         kinds.update({label.partition("[")[0] for label in text.split("; ") if label})
-    if kinds:
-        texts = [f"{plain(kind)} in {percentage(n / len(found), 0)} %" for kind, n in kinds.most_common()]
-        facts.append(f"Rows that unconstrained tracking violates: {enumeration(texts)} of the scenes.")
     known = every[every["least_time_s"].notna()]
-    if len(known):
-        late = int((known["least_time_s"] > known["duration_s"]).sum())
-        facts.append(
-            f"No controller can arrive in time in {late} of {counted(len(known), 'scene')} with a known least time: "
-            "rest to rest at the goal's joint coordinates, each joint as fast as its limits allow."
-        )
-    return facts
+    missing = every[~every["found"].astype(bool)]["family"].astype(str).value_counts()
+    return {
+        "missing": {plain(family): counted(int(count), "scene") for family, count in missing.items()},
+        "violated": enumeration(
+            [f"{plain(kind)} in {percentage(n / len(found), 0)} %" for kind, n in kinds.most_common()]
+        ),
+        "late": int((known["least_time_s"] > known["duration_s"]).sum()),
+        "known": counted(len(known), "scene") if len(known) else "",
+    }

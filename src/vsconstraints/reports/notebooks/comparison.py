@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,7 @@ from ..numbers import FORMATS, over_trials
 from ..results import Results, shown
 from ..selection import lane_rows, phi_rows
 from ..summary import FIRST, outcome
-from .display import Plots, paragraph, table, table_of
+from .display import Plots, table, table_of
 from .display import progress as progress_shown
 from .inputs import AnyScenario, Laws, scenarios_of, specs_of
 from .notebook_run import NotebookRun, ReplayPage
@@ -76,8 +77,6 @@ def compare(
     ConfigurationError
         if a law or a scenario cannot be used, two have the same name, or trials would all be the same run. A law that
         fails costs its own runs, whose status is then ``failed``.
-    KeyboardInterrupt
-        if it is interrupted.
     """
     specs, notes = specs_of(laws)
     suite = Suite(NAME, "Comparison from a session", scenarios_of(scenarios), specs, trials, seed).checked()
@@ -94,8 +93,7 @@ def compare(
         if finished.interrupted:
             raise KeyboardInterrupt
         stored = StoredComparison.load(folder, trust=True)
-        # a setup cannot be read back
-        stored.scenarios.update(own)
+        stored.scenarios.update(own)  # a setup cannot be read back
         comparison = Comparison(stored, (*notes, *suite.remarks()))
     except BaseException:
         if out is None:
@@ -108,14 +106,9 @@ def compare(
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """Laws on scenarios, tracking alone among them.
+    """Laws on scenarios, tracking alone among them: a ``stored`` folder as ``vsconstraints compare`` writes it.
 
-    Attributes
-    ----------
-    stored
-        Its folder: what it holds is what ``vsconstraints compare`` writes.
-    notes
-        What a reader should know.
+    ``notes`` are what a reader should know.
     """
 
     stored: StoredComparison
@@ -134,6 +127,10 @@ class Comparison:
     @cached_property
     def _lines(self) -> Results:
         return Results(self.stored)
+
+    @property
+    def _seed(self) -> int:
+        return int(self.stored.manifest["configuration"].get("seed", 0))
 
     @property
     def scenarios(self) -> tuple[str, ...]:
@@ -162,10 +159,7 @@ class Comparison:
     def run(self, law: str, scenario: str | None = None, trial: int = 0) -> NotebookRun:
         """A run by the name of its law, on a scenario that need not be named if there is but one.
 
-        Raises
-        ------
-        ConfigurationError
-            if there is none, with candidates.
+        Raises ConfigurationError if there is none, with candidates.
         """
         if law not in self.laws:
             raise unknown_name("law", law, self.laws)
@@ -174,8 +168,7 @@ class Comparison:
             raise ConfigurationError(f"there is no trial {trial}: there are {self._lines.trials}, counted from 0")
         record, baseline = (self._record(name, one, trial) for one in (law, BASELINE))
         found = self.stored.scenarios[name]
-        setup = found.setup(trial, int(self.stored.manifest["configuration"].get("seed", 0)))
-        return NotebookRun(setup, record, law, name, found.title, found.folder, baseline)
+        return NotebookRun(found.setup(trial, self._seed), record, law, name, found.title, found.folder, baseline)
 
     def _record(self, scenario: str, law: str, trial: int) -> RunRecord:
         record = self.stored.run(scenario, law, trial)
@@ -186,11 +179,10 @@ class Comparison:
 
     def plot(self, scenario: str | None = None) -> Plots:
         """The figures of a scenario, all laws in each: ``comparison.plot("ur5-fov").rows()``; the first trial."""
-        name, seed = self._scenario(scenario), int(self.stored.manifest["configuration"].get("seed", 0))
-        runs = {law: self.stored.run(name, law) for law in self.laws}
-        drawn = {law: run for law, run in runs.items() if run is not None and len(run.trajectory.t) > 1}
+        name = self._scenario(scenario)
+        runs = {law: run for law in self.laws if (run := self.stored.run(name, law)) and len(run.trajectory.t) > 1}
         rows = {"phi_rows": phi_rows(self._lines, name), "lane_rows": lane_rows(self._lines, name)}
-        return Plots(View(self.stored.scenarios[name].setup(0, seed), drawn, self.laws, **rows))
+        return Plots(View(self.stored.scenarios[name].setup(0, self._seed), runs, self.laws, **rows))
 
     def replay(
         self, laws: Sequence[str] = (), scenario: str | None = None, *, trial: int = 0, path: str | Path | None = None
@@ -228,4 +220,4 @@ class Comparison:
                 lines.append((scenario, law, outcome(results, scenario, law), *scores))
         header = ("scenario", "law", "outcome", *(one.header for one in metrics))
         legend = "† a row was violated; ‡ none was, but one was outside within the sampling band."
-        return table(header, lines) + "".join(paragraph(text) for text in (legend, *self.notes))
+        return table(header, lines) + "".join(f"<p>{escape(text)}</p>" for text in (legend, *self.notes))

@@ -32,16 +32,9 @@ Laws = AnyLaw | Iterable[AnyLaw] | Mapping[str, AnyLaw]
 
 @dataclass(frozen=True)
 class InstanceSpec(ControllerSpec):
-    """A law that is given as an instance.
+    """A law that is given as an instance: ``packed`` is what any process makes it of, empty if none can.
 
-    Attributes
-    ----------
-    packed
-        What any process makes it of; empty if none can.
-    instance
-        The law itself, where it is used as it is.
-    sources
-        The file that its class is defined in, if there is one.
+    ``instance`` is then the law itself; ``files`` is the one that its class is defined in, if there is one.
     """
 
     packed: bytes = b""
@@ -70,10 +63,7 @@ class InstanceSpec(ControllerSpec):
 def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
     """Laws as a comparison takes them, and sentences about those that only this process can run.
 
-    Raises
-    ------
-    ConfigurationError
-        if one is no law, has no name, or two have the same.
+    Raises ConfigurationError if one is no law, has no name, or two have the same.
     """
     if isinstance(laws, Controller | str | type):
         laws = [laws]
@@ -83,10 +73,8 @@ def specs_of(laws: Laws) -> tuple[tuple[ControllerSpec, ...], tuple[str, ...]]:
     names = [name for name, _ in named]
     for name in names:
         if names.count(name) > 1:
-            raise ConfigurationError(
-                f"two laws have the name {name!r}; give each its own, as in "
-                f'{{"{name} 1": …, "{name} 2": …}} instead of a list'
-            )
+            how = f'{{"{name} 1": …, "{name} 2": …}} instead of a list'
+            raise ConfigurationError(f"two laws have the name {name!r}; give each its own, as in {how}")
     specs = [spec_of(law, name) for name, law in named]
     return tuple(spec for spec, _ in specs), tuple(note for _, note in specs if note)
 
@@ -121,18 +109,13 @@ def instance_of(law: Controller | type[Controller]) -> Controller:
 
 def own_spec(law: Controller, name: str, packed: bytes = b"") -> InstanceSpec:
     """An instance, from what any process makes it of, or as it is."""
-    kind = type(law)
+    kind, instance = type(law), None if packed else law
     file = getattr(sys.modules.get(kind.__module__), "__file__", None)
     # what is used as it is may be another one each time
-    which = hashlib.sha256(packed).hexdigest()[:16] if packed else uuid.uuid4().hex
-    return InstanceSpec(
-        name,
-        f"{kind.__module__}:{kind.__qualname__}",
-        {"instance": which},
-        packed=packed,
-        instance=None if packed else law,
-        sources=(Path(file),) if file else (),
-    )
+    options = {"instance": hashlib.sha256(packed).hexdigest()[:16] if packed else uuid.uuid4().hex}
+    sources = (Path(file),) if file else ()
+    law_name = f"{kind.__module__}:{kind.__qualname__}"
+    return InstanceSpec(name, law_name, options, packed=packed, instance=instance, sources=sources)
 
 
 def _name(law: object) -> str:
@@ -148,9 +131,8 @@ def _name(law: object) -> str:
 
 
 def _no_law(value: object) -> ConfigurationError:
-    return ConfigurationError(
-        f"a law is a name, module:Class, or a class or an instance of a Controller, not {shown(value)}"
-    )
+    kinds = "a name, module:Class, or a class or an instance of a Controller"
+    return ConfigurationError(f"a law is {kinds}, not {shown(value)}")
 
 
 def _options(law: Controller) -> dict[str, Any] | None:
@@ -171,10 +153,9 @@ def _options(law: Controller) -> dict[str, Any] | None:
             options[parameter.name] = value
     try:
         json.dumps(options)
-        same = repr(make_controller(kind.name, options)) == repr(law)
+        return options if repr(make_controller(kind.name, options)) == repr(law) else None
     except (TypeError, ValueError, VsconstraintsError):
         return None
-    return options if same else None
 
 
 def _packed(law: Controller) -> tuple[bytes, str]:
@@ -206,6 +187,8 @@ class SetupScenario(Scenario):
     """A setup made in Python, where a scenario is asked for; it has no trials, and no other process can make it."""
 
     made: Setup | None = None
+    why_here = "it is a Setup, which is made in this session"
+    in_session = True
 
     @classmethod
     def of(cls, setup: Setup) -> SetupScenario:
@@ -215,9 +198,6 @@ class SetupScenario(Scenario):
         times = {"sampling_time": setup.Ts, "duration": setup.duration}
         return cls(name, {"title": setup.scene.robot.name, **times, "setup": uuid.uuid4().hex}, made=setup)
 
-    why_here = "it is a Setup, which is made in this session"
-    in_session = True
-
     def setup(self, trial: int = 0, seed: int = 0) -> Setup:
         """The setup; raises ConfigurationError for other trials than the first."""
         assert self.made is not None
@@ -226,19 +206,16 @@ class SetupScenario(Scenario):
         return self.made
 
 
-def scenario_of(scenario: AnyScenario) -> Scenario:
-    """The scenario; raises ConfigurationError, with candidates, if there is none."""
-    if isinstance(scenario, Scenario):
-        return scenario
-    if isinstance(scenario, Setup):
-        return SetupScenario.of(scenario)
-    if not isinstance(scenario, str | Path):
-        raise ConfigurationError(f"a scenario is a name, a path, a Scenario or a Setup, not {shown(scenario)}")
-    return Scenario.load(scenario)
-
-
-def scenarios_of(scenario: AnyScenario | Iterable[AnyScenario]) -> tuple[Scenario, ...]:
-    """One or several."""
-    if isinstance(scenario, Scenario | Setup | str | Path) or not isinstance(scenario, Iterable):
-        return (scenario_of(scenario),)
-    return tuple(scenario_of(one) for one in scenario)
+def scenarios_of(scenarios: AnyScenario | Iterable[AnyScenario]) -> tuple[Scenario, ...]:
+    """One or several; raises ConfigurationError, with candidates, if there is no such scenario."""
+    if isinstance(scenarios, Scenario | Setup | str | Path) or not isinstance(scenarios, Iterable):
+        scenarios = [scenarios]
+    found: list[Scenario] = []
+    for one in scenarios:
+        if isinstance(one, Setup):
+            found.append(SetupScenario.of(one))
+        elif isinstance(one, Scenario | str | Path):
+            found.append(one if isinstance(one, Scenario) else Scenario.load(one))
+        else:
+            raise ConfigurationError(f"a scenario is a name, a path, a Scenario or a Setup, not {shown(one)}")
+    return tuple(found)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 from contextlib import chdir
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +24,8 @@ from ...simulation import simulate
 from ..figures import View
 from ..numbers import DASH, FORMATS
 from ..results import shown
-from .display import Plots, frame_of, page_within, paragraph, picture, rows_shown, table, table_of
-from .inputs import AnyLaw, AnyScenario, instance_of, own_spec, scenario_of, spec_of
+from .display import Plots, frame_of, rows_shown, table, table_of
+from .inputs import AnyLaw, AnyScenario, instance_of, own_spec, scenarios_of, spec_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,23 +33,17 @@ if TYPE_CHECKING:
 SHOWN = ("outcome", "task", "chattering")
 """Groups of metrics that a run shows of itself."""
 
+PICTURE_DPI, PAGE_HEIGHT = 75, 640
+"""Of a small picture, as wide as a notebook's column with some 50 kB; and height of a page within another one [px]."""
+
 
 @dataclass(frozen=True, repr=False)
 class NotebookRun(Run):
     """A run that draws, scores and replays itself.
 
-    Attributes
-    ----------
-    setup, record
-        What was run, and what it left.
-    law, scenario
-        What figures and tables call them.
-    title
-        Of the scenario.
-    folder
-        Where own parts of the scenario lie; None if it is not known.
-    stored_baseline
-        Tracking alone, where it has been run already.
+    ``setup`` and ``record`` are what was run and what it left; ``law`` and ``scenario`` what figures and tables call
+    them; ``folder`` is where own parts of the scenario lie, if that is known; ``stored_baseline`` is tracking alone,
+    where it has been run already.
     """
 
     law: str = ""
@@ -92,19 +88,9 @@ class NotebookRun(Run):
         return Plots(View(self.setup, runs, tuple(known), **rows_shown(self.score)))
 
     def replay(self, *others: NotebookRun, path: str | Path | None = None) -> ReplayPage | Path:
-        """The run in motion: shown in a notebook or, with a path, written to a file for any browser.
+        """The run in motion, with others of the same scene: shown in a notebook or, with a path, written to a file.
 
-        Parameters
-        ----------
-        others
-            Runs of the same scene to be seen together with it.
-        path
-            Where to write the page.
-
-        Raises
-        ------
-        ConfigurationError
-            if the extra ``replay`` is not installed, or the runs are not of the same scene.
+        Raises ConfigurationError if the extra ``replay`` is not installed, or the runs are not of the same scene.
         """
         from ..replay import ReplayRun, replay_html, write_replay
 
@@ -125,27 +111,26 @@ class NotebookRun(Run):
     def _repr_html_(self) -> str:
         """What a notebook shows: a picture of the tracks, and the scores."""
         result = self.score.result
-        head = f"<p><b>{escape(self.law)}</b> on {escape(self.title or self.scenario)}: {escape(result['status'])}"
-        parts = [f"{head}{escape('. ' + result['reason']) if result['reason'] else ''}</p>"]
+        reason = f". {result['reason']}" if result["reason"] else ""
+        ended = escape(f"{self.title or self.scenario}: {result['status']}{reason}")
+        parts = [f"<p><b>{escape(self.law)}</b> on {ended}</p>"]
         if len(self.t) > 1 and self.trajectory.features_px.size:
-            parts.append(picture(self.plot.tracks(), f"Tracks of the markers under {self.law}"))
-        said = [(one.header, FORMATS[one.style](shown(one, result))) for one in METRICS if one.header]
-        groups = {one.header: one.group for one in METRICS}
-        lines = [(header, text) for header, text in said if groups[header] in SHOWN and text != DASH]
-        parts += [table(("", ""), lines)] if lines else []
-        parts.append(paragraph(f"Violated rows: {result['violated'] or 'none'}."))
-        return "".join(parts)
+            file = BytesIO()
+            self.plot.tracks().savefig(file, format="png", dpi=PICTURE_DPI)
+            data = base64.b64encode(file.getvalue()).decode()
+            parts.append(
+                f'<img alt="Tracks of the markers under {escape(self.law)}" src="data:image/png;base64,{data}">'
+            )
+        metrics = [one for one in METRICS if one.header and one.group in SHOWN]
+        cells = [(one.header, FORMATS[one.style](shown(one, result))) for one in metrics]
+        if lines := [cell for cell in cells if cell[1] != DASH]:
+            parts.append(table(("", ""), lines))
+        return "".join([*parts, f"<p>Violated rows: {escape(result['violated'] or 'none')}.</p>"])
 
 
 @dataclass(frozen=True)
 class ReplayPage:
-    """A replay as a page of its own.
-
-    Attributes
-    ----------
-    html
-        The page, which needs no network.
-    """
+    """A replay as a page of its own, which needs no network."""
 
     html: str
 
@@ -154,7 +139,7 @@ class ReplayPage:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the page itself."""
-        return page_within(self.html)
+        return f'<iframe srcdoc="{escape(self.html)}" style="width:100%;height:{PAGE_HEIGHT}px;border:0"></iframe>'
 
     def save(self, path: str | Path) -> Path:
         """Write it to a file for any browser."""
@@ -165,26 +150,16 @@ class ReplayPage:
 def run(scenario: AnyScenario, law: AnyLaw, *, trial: int = 0, seed: int = 0) -> NotebookRun:
     """Simulate a law on a scenario, in this process.
 
-    Parameters
-    ----------
-    scenario
-        The name of a shipped one, a path, a :class:`.Scenario`, or a :class:`.Setup` made in Python.
-    law
-        An instance, a class, a registered name, or ``module:Class``.
-    trial, seed
-        Where it starts, see :meth:`.Scenario.setup`; a setup says that itself.
-
-    Raises
-    ------
-    ConfigurationError
-        if there is no such scenario or law, or the robot cannot start. A law that fails ends the run, whose status is
-        then ``failed``.
+    ``scenario`` is the name of a shipped one, a path, a :class:`.Scenario`, or a :class:`.Setup` made in Python;
+    ``law`` an instance, a class, a registered name, or ``module:Class``; ``trial`` and ``seed`` say where it starts,
+    see :meth:`.Scenario.setup`, which a setup says itself. Raises ConfigurationError if there is no such scenario or
+    law, or the robot cannot start. A law that fails ends the run, whose status is then ``failed``.
     """
     if not isinstance(law, str):
         law = instance_of(law)
     spec, _ = spec_of(law)
     if isinstance(law, Controller):
         spec = own_spec(law, spec.name)
-    loaded = scenario_of(scenario)
+    (loaded,) = scenarios_of([scenario])
     finished = perform(RunSpec(loaded, spec, trial=trial, seed=seed), by_public_call=True, to_the_goal=True)
     return NotebookRun(finished.setup, finished.record, spec.name, loaded.name, loaded.title, loaded.folder)

@@ -95,12 +95,7 @@ def look_at(
 
 
 def tip_path(
-    place: Place,
-    share: float,
-    aside: Vector3 = (0.0, 0.0, 0.0),
-    after: float = 0.0,
-    goal: int = 1,
-    link: str = "tip",
+    place: Place, share: float, aside: Vector3 = (0.0, 0.0, 0.0), after: float = 0.0, goal: int = 1, link: str = "tip"
 ) -> list[float]:
     """A point (3,) in the base frame [m] beside the straight line from where the tip starts to where it is at a goal.
 

@@ -39,8 +39,7 @@ class Payload:
 
     def __post_init__(self) -> None:
         for name in ("mass", "radius"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise InvalidInput(f"plant.payload: {name} must be zero or more, not {shown(getattr(self, name))}")
+            _demand(f"plant.payload: {name}", getattr(self, name), least=0.0)
         vector(self.centre, 3, "plant.payload: centre")
 
     def inertia(self) -> pin.Inertia:
@@ -58,8 +57,7 @@ class Rods:
 
     def __post_init__(self) -> None:
         for name in ("mass_per_length", "radius"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise InvalidInput(f"plant.rods: {name} must be positive, not {shown(getattr(self, name))}")
+            _demand(f"plant.rods: {name}", getattr(self, name))
 
     def inertia(self, end: Array) -> pin.Inertia:
         """Of the rod from the origin to ``end`` (3,) [m]."""
@@ -83,8 +81,8 @@ class Friction:
 
     def __post_init__(self) -> None:
         for name in ("viscous", "coulomb", "static"):
-            _demand(f"friction: {name}", getattr(self, name), least=0.0)
-        _demand("friction: stribeck_speed", self.stribeck_speed)
+            _demand(f"plant: friction: {name}", getattr(self, name), least=0.0)
+        _demand("plant: friction: stribeck_speed", self.stribeck_speed)
 
     def arrays(self, n: int) -> tuple[Array, Array, Array, Array]:
         """(n,) f_v, f_c, f_s and v_s; raises InvalidInput if static friction is less than Coulomb's."""
@@ -140,9 +138,9 @@ class ArmDynamics:
                 f"plant: substeps must be a whole number from 1 to {MAX_SUBSTEPS}, not {shown(self.substeps)}"
             )
         for name in ("bandwidth", "mass_factor", "effort", "speed"):
-            _demand(name, getattr(self, name))
+            _demand(f"plant: {name}", getattr(self, name))
         for name in ("payload_factor", "dead_time", "lag", "rotor_inertia"):
-            _demand(name, getattr(self, name), least=0.0)
+            _demand(f"plant: {name}", getattr(self, name), least=0.0)
         if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():
             raise InvalidInput(f"plant: gravity must be 3 finite numbers, not {shown(self.gravity)}")
 
@@ -204,4 +202,4 @@ def _demand(name: str, value: Number | None, least: float | None = None) -> None
     enough = (numbers > 0.0 if least is None else numbers >= least).all()
     if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all() or not enough:
         bound = "positive" if least is None else "zero or more"
-        raise InvalidInput(f"plant: {name} must be {bound}, not {shown(value)}")
+        raise InvalidInput(f"{name} must be {bound}, not {shown(value)}")
